@@ -1,0 +1,31 @@
+"""What the planner raises. A failed plan is data; a broken call raises one of these."""
+
+from __future__ import annotations
+
+
+class PlannerError(Exception):
+    """Root of everything the planner raises on purpose."""
+
+
+class InputError(PlannerError):
+    """An input that cannot be used.
+
+    Attributes:
+        code: Short stable word for programs, for example ``not-adjacent``.
+        where: Where in the input it was found ("line 4", "cells 41 and 42"), or None.
+        detail: One plain sentence: what was found, what was expected, what to do.
+    """
+
+    def __init__(self, code: str, detail: str, *, where: str | None = None) -> None:
+        super().__init__(f"{where}: {detail}" if where else detail)
+        self.code = code
+        self.where = where
+        self.detail = detail
+
+
+class TimelineError(PlannerError):
+    """A timeline on disk that is missing, damaged, or used in the wrong order."""
+
+
+class SimulationError(PlannerError):
+    """A simulation that cannot be set up or that left the numbers it can trust."""

@@ -1,0 +1,1 @@
+"""Compiled inner loops. Everything here takes and gives plain arrays."""

@@ -1,0 +1,116 @@
+"""Modules: one polyhedron with its joint frames. Geometry is data, not code."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def _frozen(values: object) -> Array:
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Module:
+    """One kind of module and the joint that ties it to the next.
+
+    The pose of module ``i + 1`` follows from that of module ``i`` (lengths in pitches)::
+
+        T[i+1] = T[i] · Trans(anchor) · Rot(axis_1, q_1) … Rot(axis_K, q_K) · turn · Trans(offset)
+
+    Attributes:
+        name: ``cube`` or ``tetrahedron``.
+        vertices: (V, 3) corners of the full-size hull, in the module's frame.
+        face_normals: (A, 3) unit normals of the hull's faces, one of each parallel pair.
+        edge_directions: (E, 3) unit directions of the hull's edges, one of each parallel set.
+        anchor: (3,) centre of the outgoing joint in this module's frame.
+        axes: (K, 3) hinge axes of the joint, outermost (nearest this module) first.
+        turn: (3, 3) fixed rotation from the joint's frame to the next module's frame.
+        offset: (3,) centre of the next module seen from the joint, in the next module's frame.
+        hinge_names: K suffixes for the hinges, in the order of ``axes``.
+        rigid_links: How many links at the start of a chain carry no joint.
+        angle_limit_rad: Each hinge moves within plus and minus this angle.
+        folded_angles_rad: Angles a hinge can have in a folded lattice configuration.
+        one_hinge_when_folded: True when at most one hinge of a joint is bent in the lattice.
+    """
+
+    name: str
+    vertices: Array
+    face_normals: Array
+    edge_directions: Array
+    anchor: Array
+    axes: Array
+    turn: Array
+    offset: Array
+    hinge_names: tuple[str, ...]
+    rigid_links: int
+    angle_limit_rad: float
+    folded_angles_rad: Array
+    one_hinge_when_folded: bool
+
+    @property
+    def hinges_per_joint(self) -> int:
+        """K, the number of hinges of one joint."""
+        return len(self.hinge_names)
+
+    @cached_property
+    def radius(self) -> float:
+        """Distance from the centre to the farthest corner, in pitches."""
+        return float(np.linalg.norm(self.vertices, axis=1).max())
+
+    def hinge_count(self, modules: int) -> int:
+        """Number of hinge angles of a chain of ``modules`` modules."""
+        return self.hinges_per_joint * max(0, modules - 1 - self.rigid_links)
+
+    def joint_names(self, modules: int) -> tuple[str, ...]:
+        """Names of the hinge angles, module by module: ``joint_<module>[_<hinge>]``."""
+        return tuple(
+            f"joint_{module}_{hinge}" if hinge else f"joint_{module}"
+            for module in range(self.rigid_links, modules - 1)
+            for hinge in self.hinge_names
+        )
+
+
+CUBE: Final = Module(
+    name="cube",
+    vertices=_frozen([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]),
+    face_normals=_frozen(np.eye(3)),
+    edge_directions=_frozen(np.eye(3)),
+    anchor=_frozen([0.0, 0.0, 0.0]),
+    axes=_frozen([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]),
+    turn=_frozen(np.eye(3)),
+    offset=_frozen([1.0, 0.0, 0.0]),
+    hinge_names=("z", "y"),
+    rigid_links=1,
+    angle_limit_rad=float(np.deg2rad(92.0)),
+    folded_angles_rad=_frozen(np.deg2rad([-90.0, 0.0, 90.0])),
+    one_hinge_when_folded=True,
+)
+"""Cubes, each link of length 1, a universal joint (hinges z, then y) at each cube's centre."""
+
+MODULES: Final[dict[str, Module]] = {CUBE.name: CUBE}
+
+
+def module_named(name: str) -> Module:
+    """The module of that name.
+
+    Raises:
+        InputError: ``unknown-module`` when there is none.
+    """
+    try:
+        return MODULES[name]
+    except KeyError:
+        known = ", ".join(sorted(MODULES))
+        raise InputError(
+            "unknown-module", f"got the module {name!r}, expected one of: {known}."
+        ) from None

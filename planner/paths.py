@@ -1,0 +1,111 @@
+"""Paths: the order in which a chain visits the cells of a lattice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from planner.errors import InputError
+
+LARGEST_COORDINATE: Final = 1_000_000
+FEWEST_CELLS: Final = 3
+DEFAULT_PITCH_M: Final = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Path:
+    """A Hamiltonian path on cubic cells.
+
+    Attributes:
+        name: What people call the shape.
+        cells: (n, 3) int64, read-only; consecutive cells share a face, none comes twice.
+        pitch_m: Distance of neighbouring cells in metres.
+    """
+
+    name: str
+    cells: NDArray[np.int64]
+    pitch_m: float = DEFAULT_PITCH_M
+
+    @classmethod
+    def from_cells(
+        cls, cells: ArrayLike, *, name: str = "path", pitch_m: float = DEFAULT_PITCH_M
+    ) -> Path:
+        """Checks cells and makes a path of them.
+
+        Args:
+            cells: (n, 3) whole numbers in the order of the chain.
+            name: What people call the shape.
+            pitch_m: Distance of neighbouring cells in metres.
+
+        Raises:
+            InputError: Naming the cells that break the rule.
+        """
+        raw = np.asarray(cells)
+        if raw.ndim != 2 or raw.shape[1] != 3 or raw.dtype.kind not in "iuf":
+            raise InputError(
+                "not-cells",
+                f"got an array of shape {raw.shape} and type {raw.dtype}, expected (n, 3) whole "
+                "numbers: one cell a row.",
+            )
+        if not 0.0 < pitch_m <= 1000.0:
+            raise InputError(
+                "bad-pitch", f"got a pitch of {pitch_m} m, expected more than 0 and at most 1000."
+            )
+        _check_numbers(raw)
+        whole = raw.astype(np.int64)
+        _check_order(whole)
+        whole.setflags(write=False)
+        return cls(name=name, cells=whole, pitch_m=float(pitch_m))
+
+    def __len__(self) -> int:
+        return len(self.cells)
+
+
+def _check_numbers(raw: NDArray[np.generic]) -> None:
+    values = raw.astype(np.float64)
+    for bad, code, what in (
+        (~np.isfinite(values), "not-finite", "a finite whole number"),
+        (values != np.round(values), "not-whole", "a whole number"),
+        (
+            np.abs(values) > LARGEST_COORDINATE,
+            "too-far",
+            f"at most {LARGEST_COORDINATE} in size; move the shape to the origin",
+        ),
+    ):
+        if bad.any():
+            row, column = (int(i) for i in np.argwhere(bad)[0])
+            raise InputError(
+                code,
+                f"got {values[row, column]:g} for {'xyz'[column]}, expected {what}.",
+                where=f"cell {row}",
+            )
+
+
+def _check_order(cells: NDArray[np.int64]) -> None:
+    if len(cells) < FEWEST_CELLS:
+        raise InputError(
+            "too-few-cells",
+            f"got {len(cells)} cell{'' if len(cells) == 1 else 's'}, expected at least "
+            f"{FEWEST_CELLS}: a shorter chain has no joint.",
+        )
+    seen: dict[tuple[int, ...], int] = {}
+    for index, cell in enumerate(map(tuple, cells.tolist())):
+        if cell in seen:
+            raise InputError(
+                "repeated-cell",
+                f"cells {seen[cell]} and {index} are both at {cell}; a path visits each cell once.",
+                where=f"cells {seen[cell]} and {index}",
+            )
+        seen[cell] = index
+    steps = np.abs(np.diff(cells, axis=0)).sum(axis=1)
+    if (steps != 1).any():
+        index = int(np.argmax(steps != 1))
+        raise InputError(
+            "not-adjacent",
+            f"cells {index} and {index + 1} are {int(steps[index])} apart; consecutive cells must "
+            "share a face.",
+            where=f"cells {index} and {index + 1}",
+        )

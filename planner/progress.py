@@ -1,0 +1,39 @@
+"""Progress of a long computation, told as it goes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Progress:
+    """How far a stage has come.
+
+    Attributes:
+        stage: One of ``planner.stages.STAGES``.
+        fraction: 0 to 1, an honest guess.
+        steps: Simulation steps so far.
+        steps_per_second: Simulation steps a second of wall time, lately.
+        message: A few plain words.
+    """
+
+    stage: str
+    fraction: float
+    steps: int = 0
+    steps_per_second: float = 0.0
+    message: str = ""
+
+
+Report = Callable[[Progress], None]
+Cancelled = Callable[[], bool]
+
+
+def silent(progress: Progress) -> None:
+    """Reports to nobody."""
+    del progress
+
+
+def never() -> bool:
+    """Nobody cancels."""
+    return False
