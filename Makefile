@@ -1,0 +1,59 @@
+# foldback: `make run` shows it, `make test` checks it. Python 3.11+ and make are all it needs.
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+MAKEFLAGS += --no-builtin-rules
+
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+# The first interpreter that starts and is new enough; 3.11 to 3.13 are tried ones.
+PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python python3.14; do \
+	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
+	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
+
+.PHONY: help run test lint format bench constraints clean chromium
+
+help: ## What there is to make
+	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
+
+$(STAMP): pyproject.toml constraints.txt
+	@if [ -z "$(PYTHON)" ]; then \
+		echo "foldback needs Python 3.11 or newer with its venv module, and found none." >&2; \
+		echo "Install it (Debian: apt install python3 python3-venv) or name it: make run PYTHON=/path/to/python3" >&2; \
+		exit 1; fi
+	@test -x $(BIN)/python || { echo "Making $(VENV) with $(PYTHON) …"; "$(PYTHON)" -m venv $(VENV); }
+	@echo "Installing foldback and its dependencies into $(VENV), once …"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+		--constraint constraints.txt --editable '.[dev]'
+	@touch $@
+
+run: $(STAMP) ## Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR)
+	@exec $(BIN)/foldback serve --first-shape wrench_160
+
+chromium: $(STAMP)
+	@$(BIN)/python tests/browser/ensure_chromium.py
+
+test: $(STAMP) chromium ## Run all tests, the browser's too
+	@$(BIN)/python -m pytest -q
+
+lint: $(STAMP) ## Style and types
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/pyright
+
+format: $(STAMP) ## Let ruff put the code in order
+	@$(BIN)/ruff check --fix --quiet .
+	@$(BIN)/ruff format .
+
+bench: $(STAMP) ## The figures: a table, and JSON in out/
+	@$(BIN)/python -m tests.benchmarks
+
+constraints: $(STAMP) ## Write constraints.txt from what is installed
+	@{ echo "# Versions that are tested together; \`make constraints\` writes this file."; \
+	   $(BIN)/python -m pip freeze --disable-pip-version-check --exclude-editable \
+	   | grep -v -e ' @ ' -e '^-' ; } > constraints.txt.new && mv constraints.txt.new constraints.txt
+	@touch $(STAMP)
+
+clean: ## Remove what was made; folds in data/ stay
+	rm -rf $(VENV) build dist out .pytest_cache .ruff_cache
