@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.kinematics import Poses, forward_kinematics
 from planner.modules import CUBE, Module
+from planner.overlap import first_close_pair
 from planner.paths import DEFAULT_PITCH_M, FEWEST_CELLS, Path
 from planner.rotations import wxyz_from_matrix
 
@@ -88,8 +89,8 @@ class Chain:
             InputError: Angles that are not numbers or not within the joints' range, or a folded
                 configuration in which modules overlap.
         """
-        folded = np.asarray(angles_rad, dtype=np.float64).reshape(-1)
-        return cls._checked(
+        folded = np.array(angles_rad, dtype=np.float64).reshape(-1)
+        chain = cls._checked(
             name=name,
             module=module,
             folded=folded,
@@ -97,10 +98,19 @@ class Chain:
             wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
             pitch_m=pitch_m,
         )
+        check_overlap(chain)
+        return chain
 
     @classmethod
     def _checked(
-        cls, *, name: str, module: Module, folded: Array, position: Array, wxyz: Array, pitch_m: float
+        cls,
+        *,
+        name: str,
+        module: Module,
+        folded: Array,
+        position: Array,
+        wxyz: Array,
+        pitch_m: float,
     ) -> Chain:
         if len(folded) == 0 or len(folded) % module.hinges_per_joint:
             raise InputError(
@@ -170,6 +180,30 @@ class Chain:
         )
 
 
+def check_overlap(chain: Chain) -> None:
+    """Refuses a chain whose folded modules lie in one another.
+
+    Two modules overlap for certain when their centres are closer than twice the radius of the
+    ball that fits into one; that is what is tested.
+
+    Raises:
+        InputError: ``overlap``, naming the first two modules along the chain.
+    """
+    positions = chain.folded_poses.positions
+    closest = 2.0 * chain.module.inner_radius * OVERLAP_TOLERANCE
+    pair = first_close_pair(positions, closest)
+    if pair is not None:
+        i, j = pair
+        distance = float(np.linalg.norm(positions[i] - positions[j]))
+        raise InputError(
+            "overlap",
+            f"modules {i} and {j} overlap in the folded configuration: their centres are "
+            f"{distance:.3g} apart, expected at least {closest:.3g} pitches; change the angles "
+            "of the joints between them.",
+            where=f"modules {i} and {j}",
+        )
+
+
 def _frame_along(direction: Array) -> Array:
     """A right-handed lattice frame (3, 3) whose x axis is a unit lattice direction."""
     axis = int(np.argmax(np.abs(direction)))
@@ -178,4 +212,4 @@ def _frame_along(direction: Array) -> Array:
     return np.column_stack([direction, side, np.cross(direction, side)])
 
 
-__all__ = ["FEWEST_CELLS", "Chain"]
+__all__ = ["FEWEST_CELLS", "Chain", "check_overlap"]

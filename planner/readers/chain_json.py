@@ -1,0 +1,71 @@
+"""``foldback-chain/1``: the folded configuration of a chain, joint by joint."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+
+from planner.chain import Chain
+from planner.errors import InputError
+from planner.modules import Module, module_named
+from planner.paths import DEFAULT_PITCH_M
+from planner.readers.fields import number_field, text_field
+from planner.readers.limits import Source, quote, too_many
+
+
+def read_chain(document: dict[str, Any], source: Source) -> Chain:
+    """A chain from a ``foldback-chain/1`` object. Keys that it does not know are left alone.
+
+    Raises:
+        InputError: Naming the key, the joint, or the modules that overlap.
+    """
+    kind = document.get("module", "cube")
+    if not isinstance(kind, str):
+        raise InputError("wrong-type", f"got {quote(kind)}, expected a text.", where="module")
+    module = module_named(quote(kind))
+    angles_deg = _angles(document, module, source)
+    return Chain.from_angles(
+        module,
+        np.deg2rad(angles_deg),
+        name=text_field(document, "name") or source.name or "chain",
+        pitch_m=number_field(document, "pitch_m", DEFAULT_PITCH_M),
+    )
+
+
+def _angles(document: dict[str, Any], module: Module, source: Source) -> list[float]:
+    joints = document.get("joint_angles_deg")
+    if not isinstance(joints, list) or not joints:
+        found = "nothing" if "joint_angles_deg" not in document else quote(joints)
+        raise InputError(
+            "wrong-type",
+            f"got {found}, expected a list of {_joint_words(module)}, one for each joint.",
+            where="joint_angles_deg",
+        )
+    rows = cast("list[Any]", joints)
+    if len(rows) + 1 + module.rigid_links > source.most_cells:
+        raise too_many(len(rows) + 1 + module.rigid_links, source.most_cells, "modules")
+    angles: list[float] = []
+    for index, row in enumerate(rows):
+        values = cast("list[Any]", row) if isinstance(row, list) else [row]
+        if len(values) != module.hinges_per_joint:
+            raise InputError(
+                "wrong-count",
+                f"got {quote(row)}, expected {_joint_words(module)} in degrees.",
+                where=f"joint {index}",
+            )
+        for value in values:
+            if type(value) is not int and type(value) is not float:
+                raise InputError(
+                    "not-a-number",
+                    f"got {quote(value)}, expected an angle in degrees.",
+                    where=f"joint {index}",
+                )
+            angles.append(float(value))
+    return angles
+
+
+def _joint_words(module: Module) -> str:
+    if module.hinges_per_joint == 1:
+        return "angles"
+    return f"[{', '.join(module.hinge_names)}]"

@@ -1,0 +1,107 @@
+"""CSV: one cell a line, separated by commas, semicolons or tabs, with or without a header."""
+
+from __future__ import annotations
+
+import csv
+from typing import Final
+
+from planner.errors import InputError
+from planner.paths import Path
+from planner.readers.limits import Source, quote, too_many
+from planner.readers.text import COMMENT, cells_array, coordinate, is_number
+
+DELIMITERS: Final = (";", ",", "\t")
+AXES: Final = ("x", "y", "z")
+
+
+def is_csv(text: str) -> bool:
+    """Whether the first line of data holds a separator of CSV files."""
+    return _delimiter(_first_line(text)) is not None
+
+
+def read_csv(text: str, source: Source) -> Path:
+    """A path from CSV. A header that names x, y and z picks those columns.
+
+    Raises:
+        InputError: Naming the line.
+    """
+    delimiter = _delimiter(_first_line(text)) or ","
+    reader = csv.reader(text.splitlines(), delimiter=delimiter, skipinitialspace=True)
+    columns: tuple[int, ...] | None = None
+    rows: list[list[float]] = []
+    try:
+        for fields in reader:
+            line = reader.line_num
+            if not any(f.strip() for f in fields) or fields[0].lstrip().startswith(COMMENT):
+                continue
+            if columns is None:
+                columns = _header(fields)
+                if columns is not None:
+                    continue
+                columns = (0, 1, 2)
+                _check_width(fields, 3, line)
+            if columns == (0, 1, 2):
+                fields = _without_empty_tail(fields)
+                _check_width(fields, 3, line)
+            else:
+                _check_reach(fields, columns, line)
+            rows.append(
+                [coordinate(fields[c], a, line) for c, a in zip(columns, AXES, strict=True)]
+            )
+            if len(rows) > source.most_cells:
+                raise too_many(len(rows), source.most_cells)
+    except csv.Error as error:
+        raise InputError(
+            "bad-csv", f"{error}; expected three whole numbers.", where=f"line {reader.line_num}"
+        ) from error
+    return Path.from_cells(cells_array(rows), name=source.name or "path")
+
+
+def _first_line(text: str) -> str:
+    for line in text.splitlines():
+        if line.strip() and not line.lstrip().startswith(COMMENT):
+            return line
+    return ""
+
+
+def _delimiter(line: str) -> str | None:
+    for delimiter in DELIMITERS:
+        if delimiter in line.strip():
+            return delimiter
+    return None
+
+
+def _header(fields: list[str]) -> tuple[int, ...] | None:
+    """Columns of x, y, z when the fields are words; None when they are data."""
+    if any(is_number(f) for f in fields):
+        return None
+    words = [f.strip().strip('"').casefold() for f in fields]
+    if all(a in words for a in AXES):
+        return tuple(words.index(a) for a in AXES)
+    if len(words) == 3 and all(words):
+        return (0, 1, 2)
+    return None
+
+
+def _without_empty_tail(fields: list[str]) -> list[str]:
+    return fields[:-1] if len(fields) == 4 and not fields[-1].strip() else fields
+
+
+def _check_width(fields: list[str], expected: int, line: int) -> None:
+    if len(_without_empty_tail(fields)) != expected:
+        raise InputError(
+            "wrong-count",
+            f"got {len(fields)} field{'' if len(fields) == 1 else 's'} "
+            f"({quote(', '.join(fields[:6]))}), expected x, y, z; with more columns, name them in "
+            "a header line.",
+            where=f"line {line}",
+        )
+
+
+def _check_reach(fields: list[str], columns: tuple[int, ...], line: int) -> None:
+    if len(fields) <= max(columns):
+        raise InputError(
+            "wrong-count",
+            f"got {len(fields)} fields, expected at least {max(columns) + 1} as in the header.",
+            where=f"line {line}",
+        )

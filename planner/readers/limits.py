@@ -1,0 +1,67 @@
+"""Limits that every reader keeps, and what readers say of what they found."""
+
+from __future__ import annotations
+
+import unicodedata
+from dataclasses import dataclass
+from typing import Final
+
+from planner.errors import InputError
+
+MOST_CELLS: Final = 200_000
+LONGEST_NAME: Final = 80
+BYTES_A_CELL: Final = 96
+SPARE_BYTES: Final = 65_536
+LONGEST_QUOTE: Final = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """What a reader is told of the file besides its content.
+
+    Attributes:
+        name: What to call the shape when the file does not say; may be empty.
+        most_cells: More cells, or modules, are refused.
+    """
+
+    name: str
+    most_cells: int = MOST_CELLS
+
+
+def clean_name(name: str) -> str:
+    """A name fit to be shown: no control characters, single spaces, not too long."""
+    spaced = "".join(" " if c.isspace() else c for c in name[: 20 * LONGEST_NAME])
+    shown = "".join(c for c in spaced if unicodedata.category(c)[0] != "C")
+    words = " ".join(shown.split())
+    return words if len(words) <= LONGEST_NAME else words[: LONGEST_NAME - 1].rstrip() + "…"
+
+
+def quote(found: object) -> str:
+    """What was found, short enough and clean enough for a message."""
+    text = found if isinstance(found, str) else repr(found)
+    shown = "".join(c if c.isprintable() else "·" for c in text[: LONGEST_QUOTE + 1])
+    return f"{shown[:LONGEST_QUOTE]}…" if len(text) > LONGEST_QUOTE else shown
+
+
+def check_size(data: bytes, most_cells: int) -> None:
+    """Refuses empty files and files too large to hold ``most_cells`` cells.
+
+    Raises:
+        InputError: ``empty`` or ``too-large``.
+    """
+    if not data:
+        raise InputError("empty", "got an empty file, expected cells or joint angles.")
+    most = SPARE_BYTES + BYTES_A_CELL * most_cells
+    if len(data) > most:
+        raise InputError(
+            "too-large",
+            f"got {len(data)} bytes, expected at most {most}, enough for {most_cells} cells.",
+        )
+
+
+def too_many(found: int, most: int, what: str = "cells") -> InputError:
+    """The refusal of more cells than the limit."""
+    return InputError(
+        "too-many-cells",
+        f"got {found} {what}, expected at most {most}; use a coarser shape.",
+    )

@@ -1,0 +1,85 @@
+"""NumPy's .npy: an (N, 3) array of whole numbers, its header checked before its data is touched."""
+
+from __future__ import annotations
+
+import io
+import math
+import warnings
+from typing import Any, Final
+
+import numpy as np
+from numpy.lib import format as npy_format
+
+from planner.errors import InputError
+from planner.paths import Path
+from planner.readers.limits import Source, too_many
+
+MAGIC: Final = b"\x93NUMPY"
+LONGEST_HEADER: Final = 4096
+
+
+def is_npy(data: bytes) -> bool:
+    """Whether the bytes begin as .npy files do."""
+    return data.startswith(MAGIC)
+
+
+def read_npy(data: bytes, source: Source) -> Path:
+    """A path from an (N, 3) array; never runs anything that a pickle holds.
+
+    Raises:
+        InputError: For other shapes and types, and for damaged and truncated files.
+    """
+    shape, fortran, dtype, start = _header(data)
+    if dtype.hasobject:
+        raise InputError(
+            "wrong-type", "got an array of Python objects, expected whole numbers (N, 3)."
+        )
+    if dtype.kind not in "iuf" or dtype.itemsize > 8:
+        hint = "; a grid of voxels has no order to follow" if dtype.kind == "b" else ""
+        raise InputError(
+            "wrong-type", f"got an array of {dtype}, expected whole numbers (N, 3){hint}."
+        )
+    if len(shape) != 2 or shape[1] != 3:
+        raise InputError(
+            "wrong-shape", f"got an array of shape {shape}, expected (N, 3): one cell a row."
+        )
+    if shape[0] > source.most_cells:
+        raise too_many(shape[0], source.most_cells)
+    expected = math.prod(shape) * dtype.itemsize
+    found = len(data) - start
+    if found != expected:
+        code, word = ("truncated", "fewer") if found < expected else ("damaged", "more")
+        raise InputError(
+            code,
+            f"got {found} bytes of data, {word} than the {expected} that its header announces; "
+            "save the file again.",
+        )
+    flat = np.frombuffer(data, dtype=dtype, offset=start)
+    with np.errstate(all="ignore"):
+        cells = flat.reshape(shape, order="F" if fortran else "C").astype(
+            np.float64 if dtype.kind == "f" else dtype.newbyteorder("=")
+        )
+    return Path.from_cells(cells, name=source.name or "path")
+
+
+def _header(data: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any], int]:
+    stream = io.BytesIO(data)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            version = npy_format.read_magic(stream)
+            read_header = {
+                (1, 0): npy_format.read_array_header_1_0,
+                (2, 0): npy_format.read_array_header_2_0,
+            }[version]
+            shape, fortran, dtype = read_header(stream, max_header_size=LONGEST_HEADER)
+    except Exception as error:
+        # NumPy evaluates the header as a Python literal, which fails in many ways when damaged.
+        raise InputError(
+            "damaged",
+            "the header of this .npy file cannot be read; save the array again with numpy.save.",
+            where="header",
+        ) from error
+    if any(n < 0 for n in shape):
+        raise InputError("damaged", f"got the shape {shape}, expected (N, 3).", where="header")
+    return shape, bool(fortran), dtype, stream.tell()

@@ -1,0 +1,62 @@
+"""``foldback-path/1`` and bare lists of cells."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.paths import DEFAULT_PITCH_M, Path
+from planner.readers.fields import number_field, text_field
+from planner.readers.limits import Source, quote, too_many
+
+
+def read_path(document: dict[str, Any], source: Source) -> Path:
+    """A path from a ``foldback-path/1`` object. Keys that it does not know are left alone.
+
+    Raises:
+        InputError: Naming the key or the cell.
+    """
+    rows = document.get("cells")
+    if not isinstance(rows, list):
+        found = "nothing" if "cells" not in document else quote(rows)
+        raise InputError("wrong-type", f"got {found}, expected a list of [x, y, z].", where="cells")
+    return path_from_rows(
+        cast("list[Any]", rows),
+        source,
+        name=text_field(document, "name"),
+        pitch_m=number_field(document, "pitch_m", DEFAULT_PITCH_M),
+        where="cells",
+    )
+
+
+def path_from_rows(
+    rows: list[Any], source: Source, *, name: str, where: str, pitch_m: float = DEFAULT_PITCH_M
+) -> Path:
+    """A path from parsed JSON rows.
+
+    Raises:
+        InputError: Naming the cell.
+    """
+    if len(rows) > source.most_cells:
+        raise too_many(len(rows), source.most_cells)
+    if not rows:
+        raise InputError("empty", "got no cells, expected at least three.", where=where)
+    for index, row in enumerate(rows):
+        if not isinstance(row, list) or len(cast("list[Any]", row)) != 3:
+            raise InputError(
+                "wrong-count",
+                f"got {quote(row)}, expected [x, y, z].",
+                where=f"cell {index}",
+            )
+        for value, axis in zip(cast("list[Any]", row), "xyz", strict=True):
+            if type(value) is not int and type(value) is not float:
+                raise InputError(
+                    "not-a-number",
+                    f"got {quote(value)} for {axis}, expected a whole number.",
+                    where=f"cell {index}",
+                )
+    return Path.from_cells(
+        np.array(rows, dtype=np.float64), name=name or source.name or "path", pitch_m=pitch_m
+    )
