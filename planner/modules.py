@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,8 @@ class Module:
         rigid_links: How many links at the start of a chain carry no joint.
         angle_limit_rad: Each hinge moves within plus and minus this angle.
         folded_angles_rad: Angles a hinge can have in a folded lattice configuration.
-        one_hinge_when_folded: True when at most one hinge of a joint is bent in the lattice.
+        inertia: (3,) principal moments of the full-size hull with mass 1, along the frame's axes.
+        geom: How a simulation draws the hull: ``box`` or the convex ``mesh`` of its corners.
     """
 
     name: str
@@ -56,7 +57,14 @@ class Module:
     rigid_links: int
     angle_limit_rad: float
     folded_angles_rad: Array
-    one_hinge_when_folded: bool
+    inertia: Array
+    geom: Literal["box", "mesh"]
+
+    @cached_property
+    def inner_radius(self) -> float:
+        """Radius of the ball about the centre that fits into the hull, in pitches."""
+        reach = self.vertices @ self.face_normals.T
+        return float(np.minimum(reach.max(axis=0), -reach.min(axis=0)).min())
 
     @property
     def hinges_per_joint(self) -> int:
@@ -94,7 +102,8 @@ CUBE: Final = Module(
     rigid_links=1,
     angle_limit_rad=float(np.deg2rad(92.0)),
     folded_angles_rad=_frozen(np.deg2rad([-90.0, 0.0, 90.0])),
-    one_hinge_when_folded=True,
+    inertia=_frozen([1.0 / 6.0, 1.0 / 6.0, 1.0 / 6.0]),
+    geom="box",
 )
 """Cubes, each link of length 1, a universal joint (hinges z, then y) at each cube's centre."""
 

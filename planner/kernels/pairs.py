@@ -1,0 +1,147 @@
+"""Pairs of modules that are near each other, and the forces between them, compiled."""
+# pyright: reportUntypedFunctionDecorator=false
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Pairs = NDArray[np.int64]
+
+BRUTE_FORCE_BELOW = 200
+"""Under this many points comparing all of them is faster than a grid."""
+
+
+@njit(cache=True)
+def _hash(x: int, y: int, z: int, mask: int) -> int:
+    return (x * 73856093 ^ y * 19349663 ^ z * 83492791) & mask
+
+
+@njit(cache=True)
+def near_pairs(points: Array, cutoff: float, apart: int) -> Pairs:
+    """Pairs (i, j), i < j, closer than ``cutoff`` and at least ``apart`` apart along the chain.
+
+    A hashed grid of cells as wide as the cutoff: cost grows linearly with the points.
+
+    Args:
+        points: (n, 3).
+        cutoff: Largest distance.
+        apart: Least j − i.
+
+    Returns:
+        (P, 2) indices, ordered by i.
+    """
+    n = points.shape[0]
+    found = np.empty((max(16, 8 * n), 2), dtype=np.int64)
+    count = 0
+    limit = cutoff * cutoff
+    if n < BRUTE_FORCE_BELOW:
+        for i in range(n):
+            for j in range(i + apart, n):
+                dx = points[i, 0] - points[j, 0]
+                dy = points[i, 1] - points[j, 1]
+                dz = points[i, 2] - points[j, 2]
+                if dx * dx + dy * dy + dz * dz < limit:
+                    if count == found.shape[0]:
+                        larger = np.empty((2 * count, 2), dtype=np.int64)
+                        larger[:count] = found
+                        found = larger
+                    found[count, 0] = i
+                    found[count, 1] = j
+                    count += 1
+        return found[:count].copy()
+    size = 16
+    while size < 2 * n:
+        size *= 2
+    mask = size - 1
+    head = np.full(size, -1, dtype=np.int64)
+    following = np.empty(n, dtype=np.int64)
+    cells = np.empty((n, 3), dtype=np.int64)
+    for i in range(n):
+        for c in range(3):
+            cells[i, c] = np.int64(np.floor(points[i, c] / cutoff))
+    for i in range(n - 1, -1, -1):
+        slot = _hash(cells[i, 0], cells[i, 1], cells[i, 2], mask)
+        following[i] = head[slot]
+        head[slot] = i
+    for i in range(n):
+        for ox in range(-1, 2):
+            for oy in range(-1, 2):
+                for oz in range(-1, 2):
+                    cx = cells[i, 0] + ox
+                    cy = cells[i, 1] + oy
+                    cz = cells[i, 2] + oz
+                    j = head[_hash(cx, cy, cz, mask)]
+                    while j >= 0:
+                        if (
+                            j >= i + apart
+                            and cells[j, 0] == cx
+                            and cells[j, 1] == cy
+                            and cells[j, 2] == cz
+                        ):
+                            dx = points[i, 0] - points[j, 0]
+                            dy = points[i, 1] - points[j, 1]
+                            dz = points[i, 2] - points[j, 2]
+                            if dx * dx + dy * dy + dz * dz < limit:
+                                if count == found.shape[0]:
+                                    larger = np.empty((2 * count, 2), dtype=np.int64)
+                                    larger[:count] = found
+                                    found = larger
+                                found[count, 0] = i
+                                found[count, 1] = j
+                                count += 1
+                        j = following[j]
+    return found[:count].copy()
+
+
+@njit(cache=True)
+def repulsion(points: Array, pairs: Pairs, gain: float, out: Array) -> None:
+    """Adds eq. 3 of the paper to ``out`` (n, 3): gain / distance², away from each other."""
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        dx = points[i, 0] - points[j, 0]
+        dy = points[i, 1] - points[j, 1]
+        dz = points[i, 2] - points[j, 2]
+        square = max(dx * dx + dy * dy + dz * dz, 1e-6)
+        scale = gain / (square * np.sqrt(square))
+        out[i, 0] += scale * dx
+        out[i, 1] += scale * dy
+        out[i, 2] += scale * dz
+        out[j, 0] -= scale * dx
+        out[j, 1] -= scale * dy
+        out[j, 2] -= scale * dz
+
+
+@njit(cache=True)
+def largest_approach_speed(
+    points: Array, velocities: Array, spins: Array, pairs: Pairs, radius: float
+) -> float:
+    """The largest speed at which surface points of near pairs move against each other.
+
+    Bounded by the relative velocity of the centres as seen from one of them, plus the relative
+    spin times the radius.
+    """
+    worst = 0.0
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        rx = points[j, 0] - points[i, 0]
+        ry = points[j, 1] - points[i, 1]
+        rz = points[j, 2] - points[i, 2]
+        wx = 0.5 * (spins[i, 0] + spins[j, 0])
+        wy = 0.5 * (spins[i, 1] + spins[j, 1])
+        wz = 0.5 * (spins[i, 2] + spins[j, 2])
+        vx = velocities[j, 0] - velocities[i, 0] - (wy * rz - wz * ry)
+        vy = velocities[j, 1] - velocities[i, 1] - (wz * rx - wx * rz)
+        vz = velocities[j, 2] - velocities[i, 2] - (wx * ry - wy * rx)
+        sx = spins[j, 0] - spins[i, 0]
+        sy = spins[j, 1] - spins[i, 1]
+        sz = spins[j, 2] - spins[i, 2]
+        speed = np.sqrt(vx * vx + vy * vy + vz * vz) + radius * np.sqrt(
+            sx * sx + sy * sy + sz * sz
+        )
+        worst = max(worst, speed)
+    return worst

@@ -1,0 +1,105 @@
+"""Velocities of all modules from the velocities of the hinges and the root, compiled."""
+# pyright: reportUntypedFunctionDecorator=false
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from planner.kernels.kinematics import axis_rotation, multiply
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True)
+def cross(a: Array, b: Array, out: Array) -> None:
+    """Writes the cross product of two (3,) vectors into ``out``."""
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True)
+def relative_spin(rotation: Array, axes: Array, angles: Array, rates: Array, out: Array) -> None:
+    """Writes the angular velocity that one joint's hinges give the next module, in the world."""
+    frame = rotation.copy()
+    hinge = np.empty((3, 3))
+    work = np.empty((3, 3))
+    out[:] = 0.0
+    for k in range(axes.shape[0]):
+        for r in range(3):
+            for c in range(3):
+                out[r] += frame[r, c] * axes[k, c] * rates[k]
+        axis_rotation(axes[k], angles[k], hinge)
+        multiply(frame, hinge, work)
+        frame[:, :] = work
+
+
+@njit(cache=True)
+def chain_velocities(
+    angles: Array,
+    rates: Array,
+    rigid_links: int,
+    anchor: Array,
+    axes: Array,
+    root: int,
+    root_velocity: Array,
+    root_spin: Array,
+    positions: Array,
+    rotations: Array,
+    velocities: Array,
+    spins: Array,
+) -> None:
+    """Writes (n, 3) linear and angular velocities in the world's frame.
+
+    The poses must be those of ``chain_poses`` for the same angles.
+    """
+    n = positions.shape[0]
+    hinges = axes.shape[0]
+    spin = np.zeros(3)
+    arm = np.empty(3)
+    turn = np.empty(3)
+    pivot = np.empty(3)
+    velocities[root] = root_velocity
+    spins[root] = root_spin
+    for i in range(root, n - 1):
+        j = (i - rigid_links) * hinges
+        if j >= 0:
+            relative_spin(rotations[i], axes, angles[j : j + hinges], rates[j : j + hinges], spin)
+        else:
+            spin[:] = 0.0
+        for r in range(3):
+            pivot[r] = positions[i, r]
+            for c in range(3):
+                pivot[r] += rotations[i, r, c] * anchor[c]
+        for r in range(3):
+            spins[i + 1, r] = spins[i, r] + spin[r]
+            arm[r] = pivot[r] - positions[i, r]
+        cross(spins[i], arm, turn)
+        for r in range(3):
+            velocities[i + 1, r] = velocities[i, r] + turn[r]
+            arm[r] = positions[i + 1, r] - pivot[r]
+        cross(spins[i + 1], arm, turn)
+        for r in range(3):
+            velocities[i + 1, r] += turn[r]
+    for i in range(root - 1, -1, -1):
+        j = (i - rigid_links) * hinges
+        if j >= 0:
+            relative_spin(rotations[i], axes, angles[j : j + hinges], rates[j : j + hinges], spin)
+        else:
+            spin[:] = 0.0
+        for r in range(3):
+            pivot[r] = positions[i, r]
+            for c in range(3):
+                pivot[r] += rotations[i, r, c] * anchor[c]
+        for r in range(3):
+            spins[i, r] = spins[i + 1, r] - spin[r]
+            arm[r] = pivot[r] - positions[i + 1, r]
+        cross(spins[i + 1], arm, turn)
+        for r in range(3):
+            velocities[i, r] = velocities[i + 1, r] + turn[r]
+            arm[r] = positions[i, r] - pivot[r]
+        cross(spins[i], arm, turn)
+        for r in range(3):
+            velocities[i, r] += turn[r]

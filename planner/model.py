@@ -1,0 +1,225 @@
+"""MuJoCo models of a chain, built through MjSpec: the single tree and the segments.
+
+Lengths are in pitches and a module has mass 1. Bodies and geoms are named ``module_<i>``, hinges as
+in ``Chain.joint_names``. In both models every hinge coordinate of MuJoCo *is* the hinge angle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.modules import Module
+from planner.rotations import wxyz_from_matrix
+
+Array = NDArray[np.float64]
+SEGMENT_MODULES: Final = 8
+"""Modules of a segment: 5 to 12 cost about the same, 32 ten times as much."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Material:
+    """What the joints and surfaces of a simulated chain are like (pitch 1, module mass 1).
+
+    Attributes:
+        geom_size: Collision hull as a fraction of the full module.
+        stiffness: Hinge spring towards straight.
+        armature: Rotor inertia added to every hinge.
+        damping: Hinge damping; leave 0 in segments, it would break their welds.
+        friction: Sliding friction of contacts; 0 makes them frictionless.
+        contact_time_constant: ``solref[0]`` of contacts.
+    """
+
+    geom_size: float = 0.99
+    stiffness: float = 0.0
+    armature: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
+    contact_time_constant: float = 0.03
+
+
+def base_spec() -> Any:
+    """An empty spec with the options that both models share: no gravity, no automatic reset."""
+    spec = mujoco.MjSpec()
+    spec.option.gravity = [0.0, 0.0, 0.0]
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    # Modules 0 and 1 of a cube chain are one rigid piece, and the filter would drop contacts of
+    # what hangs on either of them. Consecutive modules are exempted one by one instead.
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+    spec.compiler.autolimits = True
+    spec.compiler.degree = False
+    return spec
+
+
+def add_module_mesh(spec: Any, module: Module, size: float) -> None:
+    """Adds the hull of a module that is not a box, at the given size, as the mesh ``module``."""
+    if module.geom == "mesh":
+        mesh = spec.add_mesh()
+        mesh.name = "module"
+        mesh.uservert = (module.vertices * size).ravel().tolist()
+
+
+def add_module_geom(body: Any, module: Module, index: int, material: Material) -> None:
+    """Gives a body the collision hull of module ``index``; its mass is set apart."""
+    options: dict[str, Any] = {
+        "name": f"module_{index}",
+        "mass": 0.0,
+        "condim": 3 if material.friction > 0 else 1,
+        "friction": [max(material.friction, 1e-5), 0.0, 0.0],
+        "solref": [material.contact_time_constant, 1.0],
+        "solimp": [0.95, 0.99, 0.005, 0.5, 2.0],
+        "margin": 0.0,
+    }
+    if module.geom == "box":
+        half = float(np.abs(module.vertices).max()) * material.geom_size
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[half] * 3, **options)
+    else:
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="module", **options)
+
+
+def set_inertia(body: Any, module: Module, mass: float) -> None:
+    """Gives a body the inertia of a module of that mass."""
+    body.explicitinertial = True
+    body.mass = mass
+    body.ipos = [0.0, 0.0, 0.0]
+    body.inertia = (module.inertia * mass).tolist()
+
+
+def add_next_body(parent: Any, chain: Chain, index: int, name: str, material: Material) -> Any:
+    """Adds the body of module ``index`` to that of module ``index − 1``, with its hinges."""
+    module = chain.module
+    body = parent.add_body()
+    body.name = name
+    body.pos = (module.anchor + module.turn @ module.offset).tolist()
+    body.quat = wxyz_from_matrix(module.turn).tolist()
+    for name_, axis in zip(hinge_names(chain, index - 1), module.axes, strict=False):
+        _add_hinge(body, name_, -module.offset, module.turn.T @ axis, module, material)
+    return body
+
+
+def add_previous_body(parent: Any, chain: Chain, index: int, name: str, material: Material) -> Any:
+    """Adds the body of module ``index`` to that of module ``index + 1``, with its hinges."""
+    module = chain.module
+    body = parent.add_body()
+    body.name = name
+    body.pos = (-module.offset - module.turn.T @ module.anchor).tolist()
+    body.quat = wxyz_from_matrix(module.turn.T).tolist()
+    hinges = hinge_names(chain, index)
+    for name_, axis in zip(hinges[::-1], module.axes[::-1], strict=False):
+        _add_hinge(body, name_, module.anchor, -axis, module, material)
+    return body
+
+
+def hinge_names(chain: Chain, index: int) -> tuple[str, ...]:
+    """Names of the hinges between modules ``index`` and ``index + 1``; none on a rigid link."""
+    module = chain.module
+    if index < module.rigid_links:
+        return ()
+    return tuple(f"joint_{index}_{h}" if h else f"joint_{index}" for h in module.hinge_names)
+
+
+def exclude_neighbours(spec: Any, names: list[str]) -> None:
+    """Exempts consecutive modules from contact."""
+    for first, second in zip(names[:-1], names[1:], strict=True):
+        spec.add_exclude(bodyname1=first, bodyname2=second)
+
+
+def tree_spec(chain: Chain, material: Material) -> Any:
+    """The single tree: rooted at the chain's root module with a free joint.
+
+    Recorded angles are exact by construction. The mass matrix is dense along the chain, so a step's
+    cost grows with the cube of its length: for some hundreds of modules.
+    """
+    spec = base_spec()
+    spec.modelname = "foldback"
+    module = chain.module
+    n = len(chain)
+    add_module_mesh(spec, module, material.geom_size)
+    names = [f"module_{i}" for i in range(n)]
+    root = spec.worldbody.add_body()
+    root.name = names[chain.root]
+    root.add_freejoint().name = "root"
+    bodies: dict[int, Any] = {chain.root: root}
+    for i in range(chain.root + 1, n):
+        bodies[i] = add_next_body(bodies[i - 1], chain, i, names[i], material)
+    for i in range(chain.root - 1, -1, -1):
+        bodies[i] = add_previous_body(bodies[i + 1], chain, i, names[i], material)
+    for i, body in bodies.items():
+        set_inertia(body, module, 1.0)
+        add_module_geom(body, module, i, material)
+        site = body.add_site()
+        site.name = names[i]
+        site.size = [0.02, 0.02, 0.02]
+        site.group = 4
+    exclude_neighbours(spec, names)
+    return spec
+
+
+def segment_starts(chain: Chain, modules: int = SEGMENT_MODULES) -> list[int]:
+    """First modules of the segments; the chain's root is one of them."""
+    root = chain.root
+    starts = list(range(root % modules, len(chain), modules))
+    shortest = chain.module.rigid_links + 2
+    if not starts or starts[0] != 0:
+        starts = [0, *starts]
+    if len(starts) > 1 and starts[1] < shortest and starts[1] != root:
+        del starts[1]
+    return starts
+
+
+def segment_spec(chain: Chain, material: Material, starts: list[int]) -> Any:
+    """The chain cut into free trees that are welded end to end.
+
+    The last body of a segment, ``ghost_<i>``, is a half-mass copy without geometry of the next
+    segment's first module, which has the other half. Every hinge lives in one segment only, so all
+    hinge angles and one root's pose are the full state; ``planner.segments`` keeps the rest on it.
+    """
+    spec = base_spec()
+    module = chain.module
+    n = len(chain)
+    add_module_mesh(spec, module, material.geom_size)
+    names = [f"module_{i}" for i in range(n)]
+    for k, start in enumerate(starts):
+        stop = starts[k + 1] if k + 1 < len(starts) else n
+        root = spec.worldbody.add_body()
+        root.name = names[start]
+        root.add_freejoint().name = f"root_{start}"
+        body = root
+        set_inertia(root, module, 1.0 if k == 0 else 0.5)
+        add_module_geom(root, module, start, material)
+        for i in range(start + 1, stop):
+            body = add_next_body(body, chain, i, names[i], material)
+            set_inertia(body, module, 1.0)
+            add_module_geom(body, module, i, material)
+        if stop < n:
+            ghost = add_next_body(body, chain, stop, f"ghost_{stop}", material)
+            set_inertia(ghost, module, 0.5)
+            weld = spec.add_equality()
+            weld.type = mujoco.mjtEq.mjEQ_WELD
+            weld.objtype = mujoco.mjtObj.mjOBJ_BODY
+            weld.name1 = f"ghost_{stop}"
+            weld.name2 = names[stop]
+            weld.data[:11] = [0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1]
+            weld.solref = [0.02, 1.0]
+            weld.solimp = [0.9999, 0.9999, 0.001, 0.5, 2.0]
+    exclude_neighbours(spec, names)
+    return spec
+
+
+def _add_hinge(
+    body: Any, name: str, position: Array, axis: Array, module: Module, material: Material
+) -> None:
+    hinge = body.add_joint()
+    hinge.name = name
+    hinge.type = mujoco.mjtJoint.mjJNT_HINGE
+    hinge.pos = position.tolist()
+    hinge.axis = axis.tolist()
+    hinge.range = [-module.angle_limit_rad, module.angle_limit_rad]
+    hinge.stiffness[0] = material.stiffness
+    hinge.armature = material.armature
+    hinge.damping[0] = material.damping
