@@ -1,0 +1,90 @@
+"""Colours: what a module's colour says, and the conversion that viser's instances need.
+
+Red alone means joint error, one blue alone means selected, grey means nothing was recorded.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Rgb = tuple[int, int, int]
+
+NEUTRAL: Final[Rgb] = (206, 208, 212)
+"""A module whose joint error is zero."""
+UNKNOWN: Final[Rgb] = (168, 172, 179)
+"""A module for which no error was recorded."""
+ERROR: Final[Rgb] = (222, 28, 34)
+"""A module whose joint error reaches the end of the scale."""
+SELECTED: Final[Rgb] = (38, 106, 246)
+FIRST: Final[Rgb] = (255, 255, 255)
+LAST: Final[Rgb] = (38, 42, 50)
+
+SMALLEST_SCALE_RAD: Final = 1e-3
+RAMP_STEPS: Final = 256
+
+
+def linear_from_srgb(srgb: Array) -> Array:
+    """sRGB values (…) in 0 to 1 to linear light in 0 to 1."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def srgb_from_linear(linear: Array) -> Array:
+    """Linear light (…) in 0 to 1 to sRGB values in 0 to 1."""
+    return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+def instance_colours(srgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(N, 3) sRGB bytes to the linear bytes that viser reads for mesh instances."""
+    return _LINEAR_BYTE[srgb]
+
+
+def error_ramp(steps: int = RAMP_STEPS) -> NDArray[np.uint8]:
+    """(steps, 3) sRGB bytes from no error to the end of the scale, even in linear light."""
+    start, end = (linear_from_srgb(np.array(c) / 255.0) for c in (NEUTRAL, ERROR))
+    t = np.linspace(0.0, 1.0, steps)[:, None]
+    return np.rint(srgb_from_linear(start + (end - start) * t) * 255.0).astype(np.uint8)
+
+
+def error_scale(largest_rad: float) -> float:
+    """The end of the colour scale for a largest error: 1, 2 or 5 times a power of ten, in rad."""
+    if not np.isfinite(largest_rad) or largest_rad <= SMALLEST_SCALE_RAD:
+        return SMALLEST_SCALE_RAD
+    power = 10.0 ** np.floor(np.log10(largest_rad))
+    for factor in (1.0, 2.0, 5.0, 10.0):
+        if largest_rad <= factor * power * (1 + 1e-9):
+            return float(factor * power)
+    raise AssertionError("unreachable: ten times the power of ten is above the number")
+
+
+def module_errors(joint_error_rad: Array, modules: int, *, hinges: int, rigid_links: int) -> Array:
+    """The error shown on each module: the largest of the hinges of the joint that it carries.
+
+    Args:
+        joint_error_rad: (…, J) errors; NaN where none is recorded.
+        modules: Number of modules n.
+        hinges: Hinges of one joint.
+        rigid_links: Links at the start of the chain that carry no joint.
+
+    Returns:
+        (…, n) errors in rad, not negative; a module without a joint takes the nearest one's.
+    """
+    by_joint = np.abs(joint_error_rad).reshape(*joint_error_rad.shape[:-1], -1, hinges).max(axis=-1)
+    carried = np.clip(np.arange(modules) - rigid_links, 0, by_joint.shape[-1] - 1)
+    return by_joint[..., carried]
+
+
+def error_colours(errors_rad: Array, scale_rad: float) -> NDArray[np.uint8]:
+    """(n,) errors to (n, 3) sRGB bytes: the redder the larger, grey where there is none."""
+    known = np.isfinite(errors_rad)
+    share = np.clip(np.where(known, errors_rad, 0.0) / scale_rad, 0.0, 1.0)
+    colours = _RAMP[np.rint(share * (RAMP_STEPS - 1)).astype(np.int64)]
+    colours[~known] = UNKNOWN
+    return colours
+
+
+_LINEAR_BYTE: Final = np.rint(linear_from_srgb(np.arange(256) / 255.0) * 255.0).astype(np.uint8)
+_RAMP: Final = error_ramp()

@@ -1,0 +1,293 @@
+"""Film: a timeline made ready for showing, shared by everybody who looks at the same fold.
+
+It holds the poses and errors of the frames lately asked for, computed chunk by chunk with
+vectorised kinematics, and a summary of all frames for the bar along the bottom of the page. It
+follows a timeline that still grows, and one that is begun anew.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import OrderedDict
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.errors import TimelineError
+from planner.timeline import PHASES, Frames, Timeline
+from web.colours import error_scale, module_errors
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+
+FRAMES_A_CHUNK: Final = 64
+CHUNK_BYTES: Final = 48 * 2**20
+REFRESH_EVERY_S: Final = 0.1
+OUTLINE_COLUMNS: Final = 320
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Snapshot:
+    """One moment of a film.
+
+    Attributes:
+        frame: Which one; not whole between two recorded frames.
+        time_s: Simulated time.
+        phase: ``explosion`` or ``playback``.
+        positions: (n, 3) centres of the modules in pitches.
+        wxyzs: (n, 4) their orientations.
+        joint_angles_rad: (J,) hinge angles.
+        joint_error_rad: (J,) hinge errors, NaN where none is recorded.
+        module_error_rad: (n,) what each module shows.
+    """
+
+    frame: float
+    time_s: float
+    phase: str
+    positions: Floats
+    wxyzs: Floats
+    joint_angles_rad: Array
+    joint_error_rad: Array
+    module_error_rad: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Chunk:
+    frames: Frames
+    positions: Floats
+    wxyzs: Floats
+    module_error_rad: Array
+
+    @property
+    def nbytes(self) -> int:
+        f = self.frames
+        return (
+            self.positions.nbytes
+            + self.wxyzs.nbytes
+            + self.module_error_rad.nbytes
+            + 2 * f.joint_angles_rad.nbytes
+        )
+
+
+class Film:
+    """See the module's description. Safe to use from several threads."""
+
+    def __init__(self, path: str | Path) -> None:
+        """Opens the timeline at ``path``.
+
+        Raises:
+            TimelineError: When there is none yet, or it is damaged.
+        """
+        self.path = str(path)
+        self._lock = threading.RLock()
+        self.version = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        self._timeline = Timeline.open(self.path)
+        self._chunks: OrderedDict[int, _Chunk] = OrderedDict()
+        self._bytes = 0
+        self._refreshed = time.monotonic()
+        self._summarised = 0
+        self._phase: NDArray[np.uint8] = np.zeros(0, np.uint8)
+        self._time_s: Array = np.zeros(0)
+        self._max_error: Array = np.zeros(0)
+        self._summarise()
+
+    def __len__(self) -> int:
+        return self._summarised
+
+    @property
+    def chain(self) -> Chain:
+        """The chain that is shown."""
+        return self._timeline.chain
+
+    @property
+    def growing(self) -> bool:
+        """True while frames are still being added."""
+        return self._timeline.status == "growing"
+
+    @property
+    def status(self) -> str:
+        """``growing``, ``complete`` or ``failed``."""
+        return self._timeline.status
+
+    @property
+    def error_scale_rad(self) -> float:
+        """The joint error at which a module is fully red."""
+        with self._lock:
+            known = self._max_error[np.isfinite(self._max_error)]
+            return error_scale(float(known.max()) if len(known) else 0.0)
+
+    def refresh(self, *, at_once: bool = False) -> bool:
+        """Looks for new frames, at most every ``REFRESH_EVERY_S``; True when anything changed."""
+        with self._lock:
+            now = time.monotonic()
+            if not at_once and now - self._refreshed < REFRESH_EVERY_S:
+                return False
+            self._refreshed = now
+            before = (self._summarised, self._timeline.status)
+            try:
+                self._timeline.refresh()
+                if len(self._timeline) < self._summarised:
+                    self._begin()
+                else:
+                    self._summarise()
+            except (TimelineError, OSError, ValueError, KeyError):
+                # The writer is replacing it just now; what is shown stays until it is back.
+                try:
+                    self._begin()
+                except (TimelineError, OSError, ValueError, KeyError):
+                    return False
+            changed = before != (self._summarised, self._timeline.status)
+            self.version += changed
+            return changed
+
+    def snapshot(self, frame: float) -> Snapshot:
+        """The moment at ``frame``, interpolated when it is not whole.
+
+        Raises:
+            TimelineError: When the film holds no frame yet.
+        """
+        with self._lock:
+            if not self._summarised:
+                raise TimelineError(f"got no frame in {self.path} yet, expected at least one.")
+            place = float(np.clip(frame, 0, self._summarised - 1))
+            low = int(place)
+            share = place - low
+            if share < 1e-6 or low + 1 >= self._summarised:
+                return self._exact(low)
+            return self._between(low, share)
+
+    def outline(self, columns: int = OUTLINE_COLUMNS) -> dict[str, Any]:
+        """What the bar draws: phases, and the largest error in each of ``columns`` columns."""
+        with self._lock:
+            total = self._summarised
+            return {
+                "frames": total,
+                "growing": self.growing,
+                "phases": self._phases(),
+                "errors": self._columns(columns),
+                "error_scale_rad": self.error_scale_rad,
+                "end_s": float(self._time_s[-1]) if total else 0.0,
+            }
+
+    def _phases(self) -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = []
+        edges = np.flatnonzero(np.diff(self._phase)) + 1
+        for part in np.split(np.arange(self._summarised), edges):
+            if len(part):
+                name = PHASES[int(self._phase[part[0]])]
+                found.append({"name": name, "from": int(part[0]), "to": int(part[-1]) + 1})
+        return found
+
+    def _columns(self, columns: int) -> list[float | None]:
+        total = self._summarised
+        count = min(columns, total)
+        if not count:
+            return []
+        edges = np.linspace(0, total, count + 1).astype(int)[:-1]
+        filled = np.where(np.isfinite(self._max_error), self._max_error, -1.0)
+        return [
+            None if value < 0 else float(f"{value:.3g}")
+            for value in np.maximum.reduceat(filled, edges)
+        ]
+
+    def _summarise(self) -> None:
+        start, stop = self._summarised, len(self._timeline)
+        if stop <= start:
+            return
+        parts = [
+            self._timeline.frames(at, min(at + 1024, stop)) for at in range(start, stop, 1024)
+        ]
+        with np.errstate(all="ignore"):
+            largest = [
+                np.where(np.isfinite(p.joint_error_rad), np.abs(p.joint_error_rad), -np.inf).max(-1)
+                for p in parts
+            ]
+        fresh = np.concatenate(largest)
+        fresh[~np.isfinite(fresh)] = np.nan
+        self._phase = np.concatenate([self._phase, *(p.phase for p in parts)])
+        self._time_s = np.concatenate([self._time_s, *(p.time_s for p in parts)])
+        self._max_error = np.concatenate([self._max_error, fresh])
+        self._summarised = stop
+        self._forget(start // FRAMES_A_CHUNK)
+
+    def _exact(self, frame: int) -> Snapshot:
+        chunk = self._chunk(frame // FRAMES_A_CHUNK)
+        k = frame % FRAMES_A_CHUNK
+        f = chunk.frames
+        return Snapshot(
+            frame=float(frame),
+            time_s=float(f.time_s[k]),
+            phase=PHASES[int(f.phase[k])],
+            positions=chunk.positions[k],
+            wxyzs=chunk.wxyzs[k],
+            joint_angles_rad=f.joint_angles_rad[k],
+            joint_error_rad=f.joint_error_rad[k],
+            module_error_rad=chunk.module_error_rad[k],
+        )
+
+    def _between(self, low: int, share: float) -> Snapshot:
+        a, b = self._exact(low), self._exact(low + 1)
+        first, second = (self._root(k) for k in (low, low + 1))
+        angles = _mix(a.joint_angles_rad, b.joint_angles_rad, share)
+        turn = _mix(first[1], second[1] * (1.0 if first[1] @ second[1] >= 0 else -1.0), share)
+        poses = self.chain.poses(
+            angles, _mix(first[0], second[0], share), turn / np.linalg.norm(turn)
+        )
+        return Snapshot(
+            frame=low + share,
+            time_s=a.time_s + (b.time_s - a.time_s) * share,
+            phase=a.phase,
+            positions=poses.positions.astype(np.float32),
+            wxyzs=poses.wxyzs.astype(np.float32),
+            joint_angles_rad=angles,
+            joint_error_rad=a.joint_error_rad,
+            module_error_rad=a.module_error_rad,
+        )
+
+    def _root(self, frame: int) -> tuple[Array, Array]:
+        f = self._chunk(frame // FRAMES_A_CHUNK).frames
+        k = frame % FRAMES_A_CHUNK
+        return f.root_position[k], f.root_wxyz[k]
+
+    def _chunk(self, index: int) -> _Chunk:
+        found = self._chunks.get(index)
+        if found is not None:
+            self._chunks.move_to_end(index)
+            return found
+        start = index * FRAMES_A_CHUNK
+        frames = self._timeline.frames(start, min(start + FRAMES_A_CHUNK, self._summarised))
+        chain = self.chain
+        poses = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
+        chunk = _Chunk(
+            frames,
+            poses.positions.astype(np.float32),
+            poses.wxyzs.astype(np.float32),
+            module_errors(
+                frames.joint_error_rad,
+                len(chain),
+                hinges=chain.module.hinges_per_joint,
+                rigid_links=chain.module.rigid_links,
+            ),
+        )
+        self._chunks[index] = chunk
+        self._bytes += chunk.nbytes
+        while self._bytes > CHUNK_BYTES and len(self._chunks) > 2:
+            _, old = self._chunks.popitem(last=False)
+            self._bytes -= old.nbytes
+        return chunk
+
+    def _forget(self, first: int) -> None:
+        for index in [k for k in self._chunks if k >= first]:
+            self._bytes -= self._chunks.pop(index).nbytes
+
+
+def _mix(a: Array, b: Array, share: float) -> Array:
+    return a + (b - a) * share

@@ -1,0 +1,82 @@
+"""Meshes of modules as they are drawn: a little smaller than the pitch, with bevelled edges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from planner.modules import Module
+
+Array = NDArray[np.float64]
+SHOWN_SIZE: Final = 0.93
+BEVEL: Final = 0.075
+FLAT_TOLERANCE: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mesh:
+    """Triangles: ``vertices`` (V, 3) and ``faces`` (F, 3), turning outwards."""
+
+    vertices: Array
+    faces: NDArray[np.int64]
+
+
+def module_mesh(module: Module, *, size: float = SHOWN_SIZE, bevel: float = BEVEL) -> Mesh:
+    """A module's hull, shrunk to leave a gap, its edges and corners cut by a small bevel.
+
+    Args:
+        module: The kind of module.
+        size: Share of the full size that is drawn.
+        bevel: How far, in pitches, each face is drawn in from its edges.
+    """
+    corners = module.vertices * size
+    hull = ConvexHull(corners)
+    planes = np.unique(np.round(hull.equations, 9), axis=0)
+    points = [_inset(corners[_on(corners, plane)], bevel) for plane in planes]
+    return _outward(np.concatenate(points))
+
+
+def stud_mesh(*, radius: float = 0.21, height: float = 0.09, sides: int = 20) -> Mesh:
+    """A low disc along x, for marking the free end of a chain; its base is at the origin."""
+    turn = np.linspace(0.0, 2 * np.pi, sides, endpoint=False)
+    ring = np.column_stack([np.zeros(sides), np.cos(turn), np.sin(turn)])
+    low = ring * radius
+    high = ring * radius * 0.86 + np.array([height, 0.0, 0.0])
+    return _outward(np.concatenate([low, high]))
+
+
+def _on(points: Array, plane: Array) -> NDArray[np.bool_]:
+    return np.abs(points @ plane[:3] + plane[3]) < FLAT_TOLERANCE
+
+
+def _inset(corners: Array, bevel: float) -> Array:
+    """The corners of one flat face, each moved along its two edges' inner bisector."""
+    centre = corners.mean(axis=0)
+    spread = corners - centre
+    _, _, axes = np.linalg.svd(spread)
+    flat = spread @ axes[:2].T
+    order = np.argsort(np.arctan2(flat[:, 1], flat[:, 0]))
+    ring = corners[order]
+    before = np.roll(ring, 1, axis=0) - ring
+    after = np.roll(ring, -1, axis=0) - ring
+    before /= np.linalg.norm(before, axis=1, keepdims=True)
+    after /= np.linalg.norm(after, axis=1, keepdims=True)
+    sine = np.linalg.norm(np.cross(before, after), axis=1, keepdims=True)
+    return ring + (before + after) * bevel / sine
+
+
+def _outward(points: Array) -> Mesh:
+    hull = ConvexHull(points)
+    used = np.unique(hull.simplices)
+    index = np.full(len(points), -1)
+    index[used] = np.arange(len(used))
+    faces = index[hull.simplices]
+    vertices = points[used]
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return Mesh(vertices=vertices, faces=faces)

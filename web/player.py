@@ -1,0 +1,448 @@
+"""Player: one visitor's playhead over a film, and the scene that shows it.
+
+The page's timeline bar drives it with JSON messages and is told back what is shown. A message in
+has one verb, ``do``:
+
+| message | meaning |
+|---|---|
+| ``{"do": "play"}``, ``"pause"``, ``"toggle"`` | run or stop; ``play`` at the end starts over |
+| ``{"do": "seek", "frame": 12.0}`` or ``"percent": 40`` | go there and stop |
+| ``{"do": "step", "by": -1}`` | whole frames back or forward, and stop |
+| ``{"do": "set", "speed": 2, "loop": true, "reverse": false, "follow": true, "turn": false,
+    "live": true}`` | any of them: speed 0.05–20, camera following and turning, live tail |
+| ``{"do": "select", "module": 17}`` | highlight a module and tell about it; null for none |
+
+A message out has one noun, ``is``:
+
+| message | when |
+|---|---|
+| ``state``: frame, frames, time_s, phase, error_rad, playing, speed, loop, reverse, follow, live,
+    growing | whenever any of them changes |
+| ``outline``: frames, phases, errors, error_scale_rad, end_s, growing, modules, joints | at first,
+    and while the timeline grows |
+| ``module``: index, modules, cell, joints [{name, angle_rad, target_rad, error_rad}], error_rad;
+    index null for none | on selection, and while it moves |
+| ``waiting`` | there is no timeline yet |
+| ``problem``: detail | a message that could not be understood |
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+import viser
+
+from web.camera import TURN_RAD_S, WIDE, Follower, angles_of, framing
+from web.film import Film, Snapshot
+from web.scene import Scene
+
+Message = dict[str, Any]
+Listener = Callable[[Message], None]
+FilmSource = Callable[[], Film | None]
+
+SPEEDS: Final = (0.05, 20.0)
+WHOLE_FILM_S: Final = 20.0
+SLOWEST_FPS: Final = 12.0
+CATCH_UP_S: Final = 0.4
+HOLD_S: Final = 1.2
+LONGEST_TICK_S: Final = 0.2
+LOOK_FOR_FILM_S: Final = 0.15
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Playhead:
+    """Where a visitor is and how it moves."""
+
+    frame: float = 0.0
+    playing: bool = False
+    speed: float = 1.0
+    loop: bool = False
+    reverse: bool = False
+    follow: bool = True
+    turn: bool = False
+    live: bool = False
+
+
+class Player:
+    """See the module's description. Safe to use from several threads."""
+
+    def __init__(self, server: viser.ViserServer, film_source: FilmSource) -> None:
+        self._server = server
+        self._film_source = film_source
+        self._lock = threading.RLock()
+        self._listeners: list[Listener] = []
+        self._head = Playhead()
+        self._camera = Follower()
+        self._film: Film | None = None
+        self._scene: Scene | None = None
+        self._shown: Snapshot | None = None
+        self._seen_version = -1
+        self._told: Message = {}
+        self._clock: float | None = None
+        self._next_look = 0.0
+        self._hold_until = 0.0
+        self._aspect = WIDE
+        self._direction: tuple[float, float] | None = None
+        server.on_client_connect(self._connected)
+
+    @property
+    def head(self) -> Playhead:
+        """Where the visitor is."""
+        return self._head
+
+    @property
+    def snapshot(self) -> Snapshot | None:
+        """What is shown."""
+        return self._shown
+
+    @property
+    def busy(self) -> bool:
+        """True while time changes what is shown."""
+        film = self._film
+        return film is None or film.growing or self._head.playing or self._head.turn
+
+    def subscribe(self, listener: Listener) -> Callable[[], None]:
+        """Sends every message out to ``listener`` too, beginning with how things are."""
+        with self._lock:
+            self._listeners.append(listener)
+            if self._film is None:
+                listener({"is": "waiting"})
+            else:
+                listener(self._outline())
+                listener(self._state())
+                if self._scene is not None and self._scene.selected is not None:
+                    listener(self._module())
+
+        def leave() -> None:
+            with self._lock:
+                if listener in self._listeners:
+                    self._listeners.remove(listener)
+
+        return leave
+
+    def handle(self, message: Message) -> None:
+        """Does what a message says; tells ``problem`` when it makes no sense."""
+        with self._lock:
+            try:
+                self._do(message)
+            except (KeyError, TypeError, ValueError, OverflowError) as error:
+                self._tell({"is": "problem", "detail": f"got {str(message)[:200]}: {error}"})
+
+    def tick(self, now: float) -> None:
+        """Lets time pass up to ``now`` (s, any steady clock)."""
+        with self._lock:
+            before = self._clock if self._clock is not None else now
+            self._clock = now
+            passed = min(now - before, LONGEST_TICK_S)
+            if self._film is None:
+                if now >= self._next_look:
+                    self._next_look = now + LOOK_FOR_FILM_S
+                    self._find_film()
+                return
+            if self._film.growing:
+                self._film.refresh()
+            if self._film.version != self._seen_version:
+                self._grew()
+            self._advance(passed, now)
+            self._move_camera(passed)
+
+    # What a message does.
+
+    def _do(self, message: Message) -> None:
+        verb = message["do"]
+        if verb in ("play", "pause", "toggle"):
+            self._run(not self._head.playing if verb == "toggle" else verb == "play")
+        elif verb == "seek":
+            last = self._last_frame()
+            if "percent" in message:
+                frame = _number(message["percent"]) / 100.0 * last
+            else:
+                frame = _number(message["frame"])
+            self._head = replace(
+                self._head, frame=min(max(frame, 0.0), last), playing=False, live=False
+            )
+        elif verb == "step":
+            by = round(_number(message["by"]))
+            here = self._head.frame
+            start = math.floor(here + 1e-9) if by > 0 else math.ceil(here - 1e-9)
+            frame = float(min(max(start + by, 0), self._last_frame()))
+            self._head = replace(self._head, frame=frame, playing=False, live=False)
+        elif verb == "set":
+            self._set(message)
+        elif verb == "select":
+            self._select(message["module"])
+        elif verb != "ping":
+            raise ValueError(f"expected a known verb, not {verb!r}")
+        self._show()
+
+    def _run(self, playing: bool) -> None:
+        frame = self._head.frame
+        last = self._last_frame()
+        if playing and not self._head.reverse and frame >= last - 1e-6 and not self._growing():
+            frame = 0.0
+        if playing and self._head.reverse and frame <= 1e-6:
+            frame = last
+        self._hold_until = 0.0
+        self._head = replace(self._head, playing=playing, frame=frame, live=False)
+
+    def _set(self, message: Message) -> None:
+        head = self._head
+        if "speed" in message:
+            head = replace(head, speed=min(max(_number(message["speed"]), SPEEDS[0]), SPEEDS[1]))
+        for name in ("loop", "reverse", "follow", "turn", "live"):
+            if name in message:
+                if not isinstance(message[name], bool):
+                    raise TypeError(f"expected true or false for {name}")
+                head = replace(head, **{name: message[name]})
+        if head.live and not self._head.live:
+            head = replace(head, playing=False)
+        if head.follow and not self._head.follow:
+            self._take_direction()
+        self._head = head
+        self._aim()
+
+    def _select(self, module: object) -> None:
+        if self._scene is None or self._film is None:
+            return
+        if module is None:
+            self._scene.select(None)
+        else:
+            index = int(_number(module))
+            if not 0 <= index < len(self._film.chain):
+                raise ValueError(f"expected a module from 0 to {len(self._film.chain) - 1}")
+            self._scene.select(index)
+        self._tell(self._module())
+
+    def _picked(self, module: int) -> None:
+        with self._lock:
+            again = self._scene is not None and self._scene.selected == module
+            self._select(None if again else module)
+
+    # What time does.
+
+    def _find_film(self) -> None:
+        film = self._film_source()
+        if film is None or not len(film):
+            return
+        self._film = film
+        self._scene = Scene(self._server, film.chain)
+        self._scene.on_pick(self._picked)
+        if film.growing:
+            self._head = replace(self._head, live=True, frame=float(len(film) - 1))
+        self._seen_version = film.version
+        self._show()
+        self._tell(self._outline())
+
+    def _grew(self) -> None:
+        assert self._film is not None
+        self._seen_version = self._film.version
+        if self._head.frame > self._last_frame():
+            self._head = replace(self._head, frame=self._last_frame())
+        self._tell(self._outline())
+        self._show(again=True)
+
+    def _advance(self, passed: float, now: float) -> None:
+        head = self._head
+        last = self._last_frame()
+        if head.live:
+            gap = last - head.frame
+            frame = last if gap < 0.6 else head.frame + gap * (1 - math.exp(-passed / CATCH_UP_S))
+            head = replace(head, frame=frame)
+            if not self._growing() and frame >= last:
+                head = replace(head, live=False)
+        elif head.playing and now >= self._hold_until:
+            rate = max(SLOWEST_FPS, (last + 1) / WHOLE_FILM_S) * head.speed
+            head = self._run_on(head, passed * rate, last, now)
+        if head != self._head:
+            self._head = head
+            self._show()
+
+    def _run_on(self, head: Playhead, by: float, last: float, now: float) -> Playhead:
+        frame = head.frame + (-by if head.reverse else by)
+        if 0.0 <= frame <= last:
+            if by >= 1.0:
+                frame = float(round(frame))
+            return replace(head, frame=frame)
+        end = 0.0 if head.reverse else last
+        if not head.loop:
+            return replace(head, frame=end, playing=self._growing() and not head.reverse)
+        if head.frame != end:
+            self._hold_until = now + HOLD_S
+            return replace(head, frame=end)
+        return replace(head, frame=last - end)
+
+    def _show(self, *, again: bool = False) -> None:
+        film, scene = self._film, self._scene
+        if film is None or scene is None:
+            return
+        moved = self._shown is None or self._shown.frame != self._head.frame
+        if moved or again:
+            self._shown = film.snapshot(self._head.frame)
+            scene.show(self._shown, scale_rad=film.error_scale_rad)
+            self._aim()
+        if moved and scene.selected is not None:
+            self._tell(self._module())
+        state = self._state()
+        if state != self._told:
+            self._told = state
+            self._tell(state)
+
+    # The camera.
+
+    def _aim(self) -> None:
+        scene, shown = self._scene, self._shown
+        if scene is None or shown is None or not self._head.follow:
+            return
+        azimuth, elevation = self._direction or (None, None)
+        view = self._camera.view
+        if self._head.turn and view is not None:
+            azimuth = view.azimuth_rad
+        more = {} if elevation is None else {"elevation_rad": elevation}
+        goal = framing(
+            scene.points(shown),
+            radius=scene.radius,
+            aspect=self._aspect,
+            azimuth_rad=azimuth,
+            **more,
+        )
+        first = self._camera.view is None
+        self._camera.aim(goal, at_once=first)
+        if first:
+            scene.start_view(goal)
+
+    def _move_camera(self, passed: float) -> None:
+        if not self._head.follow:
+            return
+        clients = list(self._server.get_clients().values())
+        for client in clients:
+            aspect = round(float(client.camera.aspect), 3)
+            if aspect > 0 and aspect != self._aspect:
+                self._aspect = aspect
+                self._aim()
+        if self._head.turn and self._camera.view is not None:
+            view = self._camera.view
+            spun = replace(view, azimuth_rad=view.azimuth_rad + TURN_RAD_S * passed)
+            self._camera.view = spun
+            self._aim()
+            moved = self._camera.move(passed) or True
+        else:
+            moved = self._camera.move(passed)
+        if moved:
+            self._push_camera(clients)
+
+    def _push_camera(self, clients: list[viser.ClientHandle]) -> None:
+        view = self._camera.view
+        if view is None:
+            return
+        for client in clients:
+            with client.atomic():
+                client.camera.position = view.position
+                client.camera.look_at = view.target
+            client.flush()
+
+    def _connected(self, client: viser.ClientHandle) -> None:
+        with self._lock:
+            self._aspect = round(float(client.camera.aspect), 3) or WIDE
+            self._camera.view = None
+            self._aim()
+            self._push_camera([client])
+
+    def _take_direction(self) -> None:
+        """Goes on from where the visitor has turned the camera."""
+        for client in self._server.get_clients().values():
+            position, target = np.array(client.camera.position), np.array(client.camera.look_at)
+            azimuth, elevation = angles_of(position, target)
+            self._direction = (azimuth, min(max(elevation, -1.2), 1.2))
+            if self._camera.view is not None:
+                self._camera.view = replace(
+                    self._camera.view,
+                    target=target,
+                    azimuth_rad=azimuth,
+                    elevation_rad=elevation,
+                    distance=float(np.linalg.norm(position - target)),
+                )
+
+    # What is told.
+
+    def _tell(self, message: Message) -> None:
+        for listener in list(self._listeners):
+            listener(message)
+
+    def _state(self) -> Message:
+        head = asdict(self._head)
+        head["frame"] = round(self._head.frame, 3)
+        shown = self._shown
+        largest = math.nan
+        if shown is not None and np.isfinite(shown.module_error_rad).any():
+            largest = float(np.nanmax(shown.module_error_rad))
+        return {
+            "is": "state",
+            **head,
+            "frames": len(self._film) if self._film is not None else 0,
+            "growing": self._growing(),
+            "time_s": round(shown.time_s, 4) if shown is not None else 0.0,
+            "phase": shown.phase if shown is not None else None,
+            "error_rad": _finite(largest),
+        }
+
+    def _outline(self) -> Message:
+        film = self._film
+        assert film is not None
+        chain = film.chain
+        return {
+            "is": "outline",
+            **film.outline(),
+            "modules": len(chain),
+            "joints": len(chain) - 1 - chain.module.rigid_links,
+        }
+
+    def _module(self) -> Message:
+        film, scene, shown = self._film, self._scene, self._shown
+        if film is None or scene is None or shown is None or scene.selected is None:
+            return {"is": "module", "index": None}
+        index = scene.selected
+        chain = film.chain
+        hinges = chain.module.hinges_per_joint
+        first = (index - chain.module.rigid_links) * hinges
+        columns = range(first, first + hinges) if 0 <= first < len(chain.folded_rad) else ()
+        cell = np.rint(chain.folded_poses.positions[index]).astype(int)
+        return {
+            "is": "module",
+            "index": index,
+            "modules": len(chain),
+            "cell": [int(c) for c in cell],
+            "error_rad": _finite(float(shown.module_error_rad[index])),
+            "joints": [
+                {
+                    "name": chain.joint_names[j],
+                    "angle_rad": round(float(shown.joint_angles_rad[j]), 6),
+                    "target_rad": round(float(chain.folded_rad[j]), 6),
+                    "error_rad": _finite(float(shown.joint_error_rad[j])),
+                }
+                for j in columns
+            ],
+        }
+
+    def _growing(self) -> bool:
+        return self._film is not None and self._film.growing
+
+    def _last_frame(self) -> float:
+        return float(max(len(self._film) - 1, 0)) if self._film is not None else 0.0
+
+
+def _finite(value: float) -> float | None:
+    return float(f"{value:.4g}") if math.isfinite(value) else None
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise TypeError(f"expected a number, not {value!r}")
+    return float(value)
+
+
+__all__ = ["Listener", "Message", "Player", "Playhead"]

@@ -1,0 +1,149 @@
+"""Scene: a chain of modules in one viser server."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from web.camera import FIELD_OF_VIEW_RAD, View
+from web.colours import FIRST, LAST, SELECTED, error_colours, instance_colours
+from web.film import Snapshot
+from web.meshes import SHOWN_SIZE, module_mesh, stud_mesh
+
+Array = NDArray[np.float64]
+
+WIDEST: Final = 14.0
+"""Length of the straight chain in the scene's units: viser's shadows reach 20 from the camera."""
+LARGEST_PITCH: Final = 0.25
+GROUND_GAP: Final = 0.35
+Picked = Callable[[int], None]
+
+
+class Scene:
+    """Draws snapshots of one chain; tells which module was clicked."""
+
+    def __init__(self, server: viser.ViserServer, chain: Chain, *, shadows: bool = True) -> None:
+        self._server = server
+        self._chain = chain
+        self.pitch = min(LARGEST_PITCH, WIDEST / len(chain))
+        self.selected: int | None = None
+        self._ground: float | None = None
+        self._last: Snapshot | None = None
+        self._scale_rad = 1.0
+        n = len(chain)
+        scene = server.scene
+        scene.set_up_direction("+z")
+        scene.configure_default_lights(True, cast_shadow=shadows)
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        server.initial_camera.fov = FIELD_OF_VIEW_RAD
+        mesh = module_mesh(chain.module)
+        self._modules = scene.add_batched_meshes_simple(
+            "/modules",
+            mesh.vertices * self.pitch,
+            mesh.faces,
+            np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
+            np.zeros((n, 3)),
+            batched_colors=np.zeros((n, 3), np.uint8),
+            lod="off",
+            cast_shadow=shadows,
+            receive_shadow=shadows,
+        )
+        stud = stud_mesh()
+        self._ends = scene.add_batched_meshes_simple(
+            "/ends",
+            stud.vertices * self.pitch,
+            stud.faces,
+            np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)),
+            np.zeros((2, 3)),
+            batched_colors=instance_colours(np.array([FIRST, LAST], np.uint8)),
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        self._floor = scene.add_grid(
+            "/ground",
+            width=60.0,
+            height=60.0,
+            cell_thickness=0.0,
+            section_thickness=0.0,
+            cell_size=100.0,
+            section_size=100.0,
+            shadow_opacity=0.16 if shadows else 0.0,
+            fade_distance=40.0,
+        )
+
+    def on_pick(self, told: Picked) -> None:
+        """Calls ``told`` with the index of every module that is clicked."""
+
+        @self._modules.on_click
+        def _(event: Any) -> None:
+            if event.instance_index is not None:
+                told(int(event.instance_index))
+
+    def show(self, snapshot: Snapshot, *, scale_rad: float) -> None:
+        """Draws a snapshot; errors at or above ``scale_rad`` are fully red."""
+        self._last, self._scale_rad = snapshot, scale_rad
+        with self._server.atomic():
+            self._modules.batched_positions = snapshot.positions * np.float32(self.pitch)
+            self._modules.batched_wxyzs = snapshot.wxyzs
+            self._modules.batched_colors = self._colours(snapshot)
+            self._place_ends(snapshot)
+            self._place_ground(snapshot)
+        self._server.flush()
+
+    def select(self, module: int | None) -> None:
+        """Highlights one module, or none."""
+        self.selected = module
+        if self._last is not None:
+            with self._server.atomic():
+                self._modules.batched_colors = self._colours(self._last)
+            self._server.flush()
+
+    def points(self, snapshot: Snapshot) -> Array:
+        """(n, 3) centres of the modules in the scene's units."""
+        return snapshot.positions.astype(np.float64) * self.pitch
+
+    @property
+    def radius(self) -> float:
+        """How far a module reaches from its centre in the scene's units."""
+        return self._chain.module.radius * self.pitch
+
+    def start_view(self, view: View) -> None:
+        """Where a camera that connects stands first."""
+        with self._server.atomic():
+            self._server.initial_camera.position = view.position
+            self._server.initial_camera.look_at = view.target
+
+    def _colours(self, snapshot: Snapshot) -> NDArray[np.uint8]:
+        colours = error_colours(snapshot.module_error_rad, self._scale_rad)
+        if self.selected is not None:
+            colours[self.selected] = SELECTED
+        return instance_colours(colours)
+
+    def _place_ends(self, snapshot: Snapshot) -> None:
+        """Studs on the free faces: behind the first module, before the last one."""
+        wxyzs = snapshot.wxyzs[[0, -1]].astype(np.float64)
+        w, x, y, z = wxyzs.T
+        ahead = np.column_stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
+        out = ahead * np.array([[-1.0], [1.0]])
+        reach = SHOWN_SIZE * float(np.abs(self._chain.module.vertices[:, 0]).max())
+        at = snapshot.positions[[0, -1]] + out * reach
+        # Half a turn about z points the first stud backwards: q · (0, 0, 0, 1).
+        wxyzs[0] = (-z[0], y[0], -x[0], w[0])
+        self._ends.batched_positions = (at * self.pitch).astype(np.float32)
+        self._ends.batched_wxyzs = wxyzs.astype(np.float32)
+
+    def _place_ground(self, snapshot: Snapshot) -> None:
+        """Lets the ground lie just below the chain, sinking at once and rising slowly."""
+        low = (float(snapshot.positions[:, 2].min()) - 0.5 - GROUND_GAP) * self.pitch
+        if self._ground is None or low < self._ground:
+            self._ground = low
+        else:
+            self._ground += (low - self._ground) * 0.08
+        middle = snapshot.positions.mean(axis=0) * self.pitch
+        self._floor.position = (float(middle[0]), float(middle[1]), self._ground)

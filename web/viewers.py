@@ -1,0 +1,208 @@
+"""Viewers: one small viser server per visitor of a fold, on the loopback interface only.
+
+Each has its own playhead, so that two people on one link don't fight over a slider. A viewer is
+thrown away when nobody is connected for a while, and made anew from the timeline when its visitor
+comes back.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import re
+import threading
+import time
+import weakref
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any, Final
+
+import rich
+import viser
+from viser._messages import ShareUrlDisconnect, ShareUrlRequest
+
+from planner.errors import TimelineError
+from web.film import Film
+from web.player import Player
+
+log = logging.getLogger(__name__)
+
+VISITOR: Final = re.compile(r"[A-Za-z0-9_-]{16,64}")
+TICK_S: Final = 1 / 30
+REST_S: Final = 0.1
+FORGOTTEN_AFTER: Final = 30.0
+"""A viewer that is connected but untouched for this many idle times counts as forgotten."""
+
+
+class ViewersBusy(Exception):
+    """No viewer can be opened now; the message says what to do."""
+
+
+class Viewer:
+    """One visitor's viser server and player."""
+
+    def __init__(self, fold_id: str, visitor: str, films: Films, timeline: Path) -> None:
+        self.fold_id = fold_id
+        self.visitor = visitor
+        self.connections = 0
+        self.touched = time.monotonic()
+        with _quiet():
+            self.server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        _close_share_url(self.server)
+        self.player = Player(self.server, lambda: films.get(timeline))
+
+    @property
+    def port(self) -> int:
+        """The loopback port of the viser server."""
+        return int(self.server.get_port())
+
+    def touch(self) -> None:
+        """Notes that the visitor is there."""
+        self.touched = time.monotonic()
+
+    @contextlib.contextmanager
+    def connected(self) -> Generator[None]:
+        """Counts a connection for as long as it lasts."""
+        self.connections += 1
+        self.touch()
+        try:
+            yield
+        finally:
+            self.connections -= 1
+            self.touch()
+
+    def stop(self) -> None:
+        """Closes the server and everything connected to it."""
+        with _quiet():
+            self.server.stop()
+
+
+class Films:
+    """Open films by path, shared while anybody looks."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._films: weakref.WeakValueDictionary[str, Film] = weakref.WeakValueDictionary()
+
+    def get(self, timeline: Path) -> Film | None:
+        """The film of a timeline, or None when there is none yet."""
+        key = str(timeline)
+        with self._lock:
+            film = self._films.get(key)
+            if film is None:
+                try:
+                    film = Film(timeline)
+                except (TimelineError, OSError, ValueError, KeyError):
+                    return None
+                self._films[key] = film
+        film.refresh()
+        return film
+
+
+class Viewers:
+    """All viewers of a process, with a bound on their number; closes what nobody looks at."""
+
+    def __init__(self, max_viewers: int = 200, idle_s: float = 60.0) -> None:
+        self.max_viewers = max_viewers
+        self.idle_s = idle_s
+        self._lock = threading.RLock()
+        self._viewers: dict[tuple[str, str], Viewer] = {}
+        self._films = Films()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="viewers", daemon=True)
+        self._thread.start()
+
+    def __len__(self) -> int:
+        return len(self._viewers)
+
+    def open(self, fold_id: str, visitor: str, timeline: Path) -> Viewer:
+        """The viewer of a visitor, made when there is none.
+
+        Raises:
+            ValueError: For a visitor token of the wrong form.
+            ViewersBusy: When there are too many, and all of them are in use.
+        """
+        if not VISITOR.fullmatch(visitor):
+            raise ValueError("expected a visitor token of 16 to 64 letters, digits, - and _.")
+        key = (fold_id, visitor)
+        with self._lock:
+            if self._stop.is_set():
+                raise ViewersBusy("The server is closing; try again in a moment.")
+            viewer = self._viewers.get(key)
+            if viewer is None:
+                self._make_room()
+                viewer = self._viewers[key] = Viewer(fold_id, visitor, self._films, timeline)
+        viewer.touch()
+        viewer.player.tick(time.monotonic())
+        return viewer
+
+    def close(self) -> None:
+        """Closes all viewers for good."""
+        self._stop.set()
+        self._thread.join(timeout=2.0)
+        with self._lock:
+            viewers = list(self._viewers.values())
+            self._viewers.clear()
+        for viewer in viewers:
+            viewer.stop()
+
+    def _make_room(self) -> None:
+        if len(self._viewers) < self.max_viewers:
+            return
+        free = [k for k, v in self._viewers.items() if not v.connections]
+        if not free:
+            raise ViewersBusy(
+                f"All {self.max_viewers} viewers are in use; try again in a few minutes."
+            )
+        oldest = min(free, key=lambda k: self._viewers[k].touched)
+        self._viewers.pop(oldest).stop()
+
+    def _evict(self, now: float) -> None:
+        with self._lock:
+            gone = [
+                key
+                for key, v in self._viewers.items()
+                if now - v.touched > self.idle_s * (FORGOTTEN_AFTER if v.connections else 1.0)
+            ]
+            viewers = [self._viewers.pop(key) for key in gone]
+        for viewer in viewers:
+            viewer.stop()
+
+    def _run(self) -> None:
+        next_eviction = time.monotonic()
+        while not self._stop.is_set():
+            started = time.monotonic()
+            if started >= next_eviction:
+                next_eviction = started + min(1.0, self.idle_s / 4)
+                self._evict(started)
+            with self._lock:
+                viewers = [v for v in self._viewers.values() if v.connections]
+            for viewer in viewers:
+                try:
+                    viewer.player.tick(time.monotonic())
+                except Exception:
+                    log.exception("the viewer of fold %s could not go on", viewer.fold_id)
+            spent = time.monotonic() - started
+            self._stop.wait(max(0.002, (TICK_S if viewers else REST_S) - spent))
+
+
+def _close_share_url(server: viser.ViserServer) -> None:
+    """Takes away viser's offer to open a tunnel to a third party."""
+    websocket: Any = server._websock_server  # pyright: ignore[reportPrivateUsage]
+    for message in (ShareUrlRequest, ShareUrlDisconnect):
+        websocket.unregister_handler(message)
+
+
+_QUIET_LOCK: Final = threading.RLock()
+
+
+@contextlib.contextmanager
+def _quiet() -> Generator[None]:
+    """Keeps viser's banner off the terminal, which it prints whatever ``verbose`` says."""
+    console = rich.get_console()
+    with _QUIET_LOCK:
+        before, console.quiet = console.quiet, True
+        try:
+            yield
+        finally:
+            console.quiet = before
