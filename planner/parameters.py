@@ -1,0 +1,162 @@
+"""Parameters of a fold, and the presets: ``default`` (ours) and ``paper`` (as published)."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Final
+
+from planner.errors import InputError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplosionParameters:
+    """How the chain is let go.
+
+    Lengths in pitches, module mass 1. The time unit is the simulation's own.
+
+    Attributes:
+        repulsion_gain: γ of eq. 3.
+        repulsion_cutoff: Modules farther apart don't repel.
+        spring: Hinge spring towards straight.
+        armature: Rotor inertia of a hinge.
+        tension: λ of eq. 1 is set so that the largest force that adds up along the chain is this
+            many times the spring.
+        geom_size: Size of the collision hull.
+        step_s, step_in_contact_s: Smallest and largest time step; largest one in contact.
+        drag: Smallest and largest uniform drag α.
+        joint_cap_rad: No hinge turns more in one step.
+        pair_cap, pair_cap_loose: No two near modules move more against each other in one step,
+            until the chain is loose and after. It decides how deep contacts go.
+        body_cap: No module moves more in one step.
+        loose_rad: A chain is loose when every hinge is below this.
+        snapshot_rad, snapshot_distance: A snapshot is kept when a hinge has turned or a module has
+            moved this much.
+        finish_rad: Below this the chain may be straightened kinematically, if that is clear.
+        verify_size: Module size at which that and the snapshots are checked.
+        max_steps: Give up after so many steps.
+    """
+
+    repulsion_gain: float = 1.0
+    repulsion_cutoff: float = 2.5
+    spring: float = 3.0
+    armature: float = 10.0
+    tension: float = 25.0
+    geom_size: float = 0.99
+    step_s: tuple[float, float] = (0.004, 0.1)
+    step_in_contact_s: float = 0.06
+    drag: tuple[float, float] = (0.1, 2.0)
+    joint_cap_rad: float = 0.02
+    pair_cap: float = 0.025
+    pair_cap_loose: float = 0.05
+    body_cap: float = 0.4
+    loose_rad: float = 1.2
+    snapshot_rad: float = 0.015
+    snapshot_distance: float = 0.7
+    finish_rad: float = 0.6
+    verify_size: float = 0.95
+    max_steps: int = 30_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperExplosionParameters:
+    """The published explosion: constant gains, fixed snapshot interval, in physical units.
+
+    Attributes:
+        radial_gain: λ of eq. 1.
+        repulsion_gain: γ of eq. 3.
+        repulsion_cutoff: Modules farther apart (in pitches) don't repel.
+        step_s: Time step.
+        damping, friction: Of hinges and contacts.
+        snapshot_every: Steps between two snapshots.
+        geom_size: Size of the collision hull.
+        max_steps: Give up after so many steps.
+    """
+
+    radial_gain: float = 0.1
+    repulsion_gain: float = 1.0
+    repulsion_cutoff: float = 2.5
+    step_s: float = 0.01
+    damping: float = 0.1
+    friction: float = 0.1
+    snapshot_every: int = 100
+    geom_size: float = 0.99
+    max_steps: int = 200_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaybackParameters:
+    """How the straight chain is folded again.
+
+    Attributes:
+        controller: ``computed-torque``, ``servo`` (feed-forward, motor limits), ``paper`` (the
+            threshold rule) or ``direct`` (straight to the target: the baseline that fails).
+        spacing_rad: Distance of the reference's control points along the record.
+        distance_weight: Radians that a displacement of one pitch counts as, along the record.
+        steps_per_rad: Simulation steps for one radian of the record's length.
+        step_s: Time step.
+        bandwidth: w of computed torque, in 1/s.
+        stiffness: Servo gain kp.
+        torque_limit: Largest servo torque in simulation units; None for no limit.
+        threshold_rad2: The paper's rule: next snapshot below this squared error.
+        max_steps: Give up after so many steps.
+    """
+
+    controller: str = "computed-torque"
+    spacing_rad: float = 0.03
+    distance_weight: float = 0.03
+    steps_per_rad: float = 600.0
+    step_s: float = 0.01
+    bandwidth: float = 20.0
+    stiffness: float = 1e7
+    torque_limit: float | None = None
+    threshold_rad2: float = 0.15
+    max_steps: int = 200_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameters:
+    """Everything a fold depends on apart from its chain and seed.
+
+    Attributes:
+        preset: Name of the set.
+        explosion: How the chain is let go.
+        playback: How it is folded again.
+        module_size: Size at which the plan is verified, as a fraction of the pitch.
+        density_kg_m3: Of a solid module, for torques in newton-metres.
+        joint_speed_limit_rad_s: Sets the fold time in the certificate.
+    """
+
+    preset: str = "default"
+    explosion: ExplosionParameters | PaperExplosionParameters = field(
+        default_factory=ExplosionParameters
+    )
+    playback: PlaybackParameters = field(default_factory=PlaybackParameters)
+    module_size: float = 0.95
+    density_kg_m3: float = 2700.0
+    joint_speed_limit_rad_s: float = 1.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values, nested as the parameters are."""
+        return asdict(self)
+
+
+PRESETS: Final = ("default", "paper")
+
+
+def preset(name: str) -> Parameters:
+    """The parameters of that name.
+
+    Raises:
+        InputError: ``unknown-preset``.
+    """
+    if name == "default":
+        return Parameters()
+    if name == "paper":
+        return Parameters(
+            preset="paper",
+            explosion=PaperExplosionParameters(),
+            playback=PlaybackParameters(controller="paper"),
+        )
+    raise InputError(
+        "unknown-preset", f"got the preset {name!r}, expected one of: {', '.join(PRESETS)}."
+    )

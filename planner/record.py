@@ -1,0 +1,76 @@
+"""Record: what an explosion leaves behind, the paper's list of angle snapshots."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from planner.timeline import Frames
+
+RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Record:
+    """The outcome of an explosion. A failed one is data too.
+
+    Attributes:
+        status: ``straight`` when the chain came out, else why it did not.
+        reason: In plain words; empty when straight.
+        frames: Snapshots from folded on; the last one is straight if the status says so.
+        steps: Simulation steps.
+        seconds: Wall time.
+    """
+
+    status: RecordStatus
+    reason: str
+    frames: Frames
+    steps: int
+    seconds: float
+
+    def save(self, path: FilePath) -> None:
+        """Writes an ``.npz`` that is either whole or not there."""
+        save_npz(
+            path,
+            {
+                "status": np.array(self.status),
+                "reason": np.array(self.reason),
+                "steps": np.array(self.steps),
+                "seconds": np.array(self.seconds),
+                **frames_arrays(self.frames),
+            },
+        )
+
+    @classmethod
+    def load(cls, path: FilePath) -> Record:
+        """Reads what ``save`` wrote."""
+        with np.load(path, allow_pickle=False) as arrays:
+            return cls(
+                status=cast("RecordStatus", str(arrays["status"])),
+                reason=str(arrays["reason"]),
+                frames=frames_from_arrays(arrays),
+                steps=int(arrays["steps"]),
+                seconds=float(arrays["seconds"]),
+            )
+
+
+def frames_arrays(frames: Frames) -> dict[str, Any]:
+    """The columns of frames by name."""
+    return {name: getattr(frames, name) for name in Frames.__dataclass_fields__}
+
+
+def frames_from_arrays(arrays: Any) -> Frames:
+    """Frames from a mapping of their columns."""
+    return Frames(**{name: arrays[name] for name in Frames.__dataclass_fields__})
+
+
+def save_npz(path: FilePath, arrays: dict[str, Any]) -> None:
+    """Writes arrays aside and renames, so that the file is either whole or not there."""
+    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    with aside.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+    aside.replace(path)

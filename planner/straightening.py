@@ -1,0 +1,74 @@
+"""Straightening: the end of an explosion by pure kinematics, all angles shrinking together."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.clearance import closest
+from planner.kinematics import forward_kinematics
+from planner.rotations import wxyz_from_matrix
+from planner.segments import State
+from planner.timeline import Frames
+
+Array = NDArray[np.float64]
+LEAST_CLEARANCE: Final = 0.02
+FRAME_S: Final = 0.1
+
+
+def straightening(
+    chain: Chain,
+    state: State,
+    *,
+    start_s: float,
+    snapshot_rad: float,
+    snapshot_distance: float,
+    size: float,
+) -> Frames | None:
+    """Frames from a nearly straight state to the straight one, q·s with s from 1 to 0.
+
+    The root keeps its orientation and the centre of mass stays where it is.
+
+    Returns:
+        The frames after the given state, or None when modules would come too close on the way.
+    """
+    angles = state.angles
+    centre = _centres(chain, state, angles[None])[0].mean(axis=0)
+    straight = np.zeros_like(angles)
+    ends = _centres(chain, state, np.stack([angles, straight]))
+    ends -= ends.mean(axis=1, keepdims=True)
+    moved = float(np.sqrt(((ends[1] - ends[0]) ** 2).sum(axis=1).max()))
+    count = int(
+        np.ceil(max(np.abs(angles).max() / snapshot_rad, 1.2 * moved / snapshot_distance, 1.0))
+    )
+    scales = np.linspace(1.0, 0.0, count + 1)[1:]
+    way = scales[:, None] * angles
+    for row in way:
+        poses = forward_kinematics(chain.module, row, root=chain.root)
+        place = closest(
+            chain.module, poses.positions, poses.rotations, size=size, enough=LEAST_CLEARANCE
+        )
+        if place.clearance < LEAST_CLEARANCE:
+            return None
+    centres = _centres(chain, state, way)
+    return Frames.of_phase(
+        "explosion",
+        time_s=start_s + FRAME_S * np.arange(1, count + 1),
+        joint_angles_rad=way,
+        root_position=state.position + centre - centres.mean(axis=1),
+        root_wxyz=np.broadcast_to(wxyz_from_matrix(state.rotation), (count, 4)).copy(),
+    )
+
+
+def _centres(chain: Chain, state: State, angles: Array) -> Array:
+    """(F, n, 3) centres with the root where the state has it."""
+    return forward_kinematics(
+        chain.module,
+        angles,
+        root=chain.root,
+        root_position=state.position,
+        root_wxyz=wxyz_from_matrix(state.rotation),
+    ).positions
