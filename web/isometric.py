@@ -1,0 +1,152 @@
+"""Isometric drawings of cells as small SVG files: three tones, hidden faces left out."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from html import escape
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+Cell = tuple[int, int, int]
+Point = tuple[float, float]
+
+UNIT: Final = 24.0
+MODULE_SIZE: Final = 0.93
+ROUNDING: Final = 0.1
+MARGIN: Final = 0.6
+SINE, COSINE = 0.5, math.sqrt(0.75)
+
+# Lit from above and from the left. Pages may restyle the classes; alone the file has these tones,
+# which stand on light and on dark grounds.
+TONES: Final = {
+    "gap": "#646d79",
+    "top": "#eceef1",
+    "left": "#bcc3cc",
+    "right": "#929ba7",
+    "end-top": "#5a7184",
+    "end-left": "#43586a",
+    "end-right": "#324452",
+}
+SIDES: Final = ("left", "right", "top")
+
+
+def isometric_svg(
+    cells: ArrayLike, *, size: int = 320, title: str | None = None, mark_ends: bool = False
+) -> str:
+    """Draws cells as cubes seen from (1, 1, 1), z upward.
+
+    Args:
+        cells: (n, 3) whole numbers, in the order of the chain.
+        size: Width and height in CSS pixels; the drawing scales.
+        title: What a screen reader says; without one the drawing counts as decoration.
+        mark_ends: Whether the first and the last cell are darker than the others.
+
+    Returns:
+        One ``<svg>`` element, with a class ``iso-…`` on each tone.
+    """
+    order: list[Cell] = [(x, y, z) for x, y, z in np.asarray(cells, dtype=np.int64).tolist()]
+    ends = {order[0], order[-1]} if mark_ends and order else set[Cell]()
+    layers: dict[int, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
+    corners: list[Point] = []
+    for cell, axis in _visible_faces(order):
+        paths = layers[sum(cell)]
+        paths["gap"].append(_face_path(cell, axis, 1.0, corners))
+        tone = f"end-{SIDES[axis]}" if cell in ends else SIDES[axis]
+        paths[tone].append(_face_path(cell, axis, MODULE_SIZE - ROUNDING, []))
+    # Cells of one layer, those with the same x + y + z, never hide one another.
+    drawn = "".join(
+        f'<path class="iso-{tone}" fill="{TONES[tone]}" {_stroke(tone)}'
+        f'd="{"".join(layers[layer][tone])}"/>'
+        for layer in sorted(layers)
+        for tone in TONES
+        if tone in layers[layer]
+    )
+    name = (
+        f'role="img" aria-label="{escape(title)}"><title>{escape(title)}</title>'
+        if title
+        else 'aria-hidden="true">'
+    )
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="iso" width="{size}" height="{size}" '
+        f'viewBox="{_view_box(corners)}" stroke-linejoin="round" {name}{drawn}</svg>'
+    )
+
+
+def _stroke(tone: str) -> str:
+    """A line in the colour of the face, which rounds its corners."""
+    if tone == "gap":
+        return ""
+    return f'stroke="{TONES[tone]}" stroke-width="{_short(ROUNDING * UNIT)}" '
+
+
+def _visible_faces(cells: Iterable[Cell]) -> Iterator[tuple[Cell, int]]:
+    filled = set(cells)
+    if not filled:
+        return
+    farthest = max(max(cell) for cell in filled) + 1
+    for cell in sorted(filled):
+        for axis in range(3):
+            if any(_seen(cell, axis, first, filled, farthest) for first in (1, 2)):
+                yield cell, axis
+
+
+def _seen(cell: Cell, axis: int, first: int, filled: set[Cell], farthest: int) -> bool:
+    """Whether half of a face is seen: no cell lies on the way from its middle to the eye."""
+    order = (axis, (axis + first) % 3, (axis + 3 - first) % 3)
+    place = list(cell)
+    while max(place) <= farthest:
+        for step in order:
+            place[step] += 1
+            if (place[0], place[1], place[2]) in filled:
+                return False
+    return True
+
+
+def _face_path(cell: Cell, axis: int, scale: float, corners: list[Point]) -> str:
+    half = scale / 2
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    points: list[Point] = []
+    for da, db in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+        place = [float(c) for c in cell]
+        # Faces of one module meet in its edges; the stroke then covers the rounding.
+        place[axis] += half
+        place[a] += half * da
+        place[b] += half * db
+        points.append(_project(place))
+    corners.extend(points)
+    (x, y), *rest = points
+    steps = "".join(
+        f"l{_short(c - p)}{_joined(_short(d - q))}"
+        for (p, q), (c, d) in zip(points[:2], rest[:2], strict=True)
+    )
+    last = rest[2]
+    steps += f"l{_short(last[0] - rest[1][0])}{_joined(_short(last[1] - rest[1][1]))}"
+    return f"M{_short(x)}{_joined(_short(y))}{steps}z"
+
+
+def _project(place: list[float]) -> Point:
+    x, y, z = place
+    return (y - x) * COSINE * UNIT, ((x + y) * SINE - z) * UNIT
+
+
+def _short(value: float) -> str:
+    text = f"{value:.1f}".rstrip("0").rstrip(".")
+    return "0" if text in ("-0", "") else text
+
+
+def _joined(number: str) -> str:
+    return number if number.startswith("-") else f" {number}"
+
+
+def _view_box(corners: list[Point]) -> str:
+    if not corners:
+        return "0 0 1 1"
+    xs, ys = zip(*corners, strict=True)
+    margin = MARGIN * UNIT
+    left, top = min(xs) - margin, min(ys) - margin
+    width, height = max(xs) + margin - left, max(ys) + margin - top
+    return " ".join(_short(v) for v in (left, top, width, height))
