@@ -29,7 +29,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@touch $@
 
 run: $(STAMP) ## Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR)
-	@exec $(BIN)/foldback serve --first-shape wrench_160
+	@exec $(BIN)/foldback serve --first-shape wrench-160
 
 chromium: $(STAMP)
 	@$(BIN)/python tests/browser/ensure_chromium.py

@@ -1,0 +1,1 @@
+"""HTTP, jobs, storage, settings and the command line."""

@@ -1,0 +1,92 @@
+"""The application: routes, what they share, and what every answer goes through."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+import threading
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+from typing import Final
+
+from fastapi import FastAPI, Request, Response
+
+from server import problems
+from server.children import Reader
+from server.context import Context, secret_of
+from server.jobs import Jobs
+from server.limits import ChildLimits
+from server.metrics import CountAnswers, Metrics
+from server.routes import artifacts, folds, health, pages, shapes, viewers
+from server.security import BodyLimit, SameOrigin, SecurityHeaders
+from server.settings import Settings
+from server.store import NoSuchFoldError, Store
+from server.watch import Watch
+from web.viewers import Viewers
+
+ROUTERS: Final = (folds, artifacts, shapes, health, pages, viewers)
+
+
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """The application with the given settings, or those of the environment."""
+    settings = settings or Settings()
+    metrics = Metrics()
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
+        context = await asyncio.to_thread(_open, settings, metrics)
+        app.state.context = context
+        # In a thread: starting a process takes a moment that the first answer need not wait for.
+        threading.Thread(target=context.reader.start, daemon=True).start()
+        try:
+            yield
+        finally:
+            context.viewers.close()
+            context.reader.close()
+            context.jobs.close()
+            context.store.close()
+
+    app = FastAPI(
+        title="foldback",
+        version=version("foldback"),
+        description="Plans how a straight chain of modules folds into a solid.",
+        lifespan=lifespan,
+        openapi_url="/api/openapi.json",
+        # Their pages load scripts from elsewhere, which the content policy forbids.
+        docs_url=None,
+        redoc_url=None,
+    )
+    problems.install(app)
+
+    async def on_no_such_fold(request: Request, error: Exception) -> Response:
+        return problems.no_such_fold().response()
+
+    app.add_exception_handler(NoSuchFoldError, on_no_such_fold)
+    for module in ROUTERS:
+        app.include_router(module.router)
+
+    app.add_middleware(BodyLimit, most_bytes=settings.max_upload_bytes)
+    app.add_middleware(SameOrigin, origins=settings.origins)
+    app.add_middleware(SecurityHeaders)
+    app.add_middleware(CountAnswers, metrics=metrics)
+    return app
+
+
+def _open(settings: Settings, metrics: Metrics) -> Context:
+    store = Store(settings)
+    # What was being uploaded when the service was last ended was never acknowledged.
+    for left in settings.uploads_dir.iterdir():
+        shutil.rmtree(left, ignore_errors=True)
+    jobs = Jobs(settings)
+    jobs.reconcile(store)
+    return Context(
+        settings=settings,
+        store=store,
+        jobs=jobs,
+        viewers=Viewers(settings.max_viewers, settings.viewer_idle_s),
+        reader=Reader(ChildLimits.of(settings), wall_s=settings.read_seconds),
+        watch=Watch(store),
+        metrics=metrics,
+        secret=secret_of(settings),
+    )

@@ -1,0 +1,162 @@
+"""Child: the process that computes. Requests come in on standard input, events go out on output."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import queue
+import resource
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from fcntl import LOCK_EX, flock
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from planner.errors import InputError
+from planner.progress import Progress
+from server.limits import memory_words
+
+Task = Callable[[str, Path, Callable[[Progress], None], Callable[[], bool]], dict[str, Any]]
+
+
+class _Parent:
+    """The other end: its requests, its wish to cancel, and its end."""
+
+    def __init__(self, events: BinaryIO) -> None:
+        self._events = events
+        self._requests: queue.Queue[dict[str, Any]] = queue.Queue()
+        self._cancel = threading.Event()
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def request(self) -> dict[str, Any]:
+        """The next request; waits for it."""
+        self._cancel.clear()
+        return self._requests.get()
+
+    def cancelled(self) -> bool:
+        """Whether the request at hand is not wanted any more."""
+        return self._cancel.is_set()
+
+    def tell(self, event: str, **values: object) -> None:
+        """Sends an event; ends the process when nobody listens."""
+        try:
+            self._events.write(json.dumps({"event": event, **values}).encode() + b"\n")
+            self._events.flush()
+        except BrokenPipeError:
+            os._exit(1)
+
+    def progress(self, progress: Progress) -> None:
+        """Sends progress."""
+        self.tell(
+            "progress",
+            stage=progress.stage,
+            fraction=progress.fraction,
+            steps=progress.steps,
+            steps_per_second=progress.steps_per_second,
+            message=progress.message,
+        )
+
+    def _listen(self) -> None:
+        for line in sys.stdin.buffer:
+            message = json.loads(line)
+            if message.get("cancel"):
+                self._cancel.set()
+            else:
+                self._requests.put(message)
+        os._exit(1)
+
+
+def _limit(memory_bytes: int, cpu_s: float) -> None:
+    seconds = int(cpu_s) + 1
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    # What is resident is watched by the parent; this stops one huge request for memory.
+    resource.setrlimit(resource.RLIMIT_DATA, (2 * memory_bytes, 2 * memory_bytes))
+
+
+def _stages() -> Task:
+    from planner.stages import run_stage
+    from planner.warm_up import warm_up
+
+    warm_up()
+
+    def run(
+        stage: str,
+        directory: Path,
+        progress: Callable[[Progress], None],
+        cancelled: Callable[[], bool],
+    ) -> dict[str, Any]:
+        # A child of a worker that was killed may still be ending: one at a time in a directory.
+        with open(directory / ".lock", "w") as lock:
+            flock(lock, LOCK_EX)
+            return dict(run_stage(stage, directory, progress=progress, cancelled=cancelled))
+
+    return run
+
+
+def _reader() -> Task:
+    from planner.chain import Chain
+    from planner.paths import Path as CellPath
+    from planner.readers import read
+
+    def check(
+        task: str,
+        directory: Path,
+        progress: Callable[[Progress], None],
+        cancelled: Callable[[], bool],
+    ) -> dict[str, Any]:
+        request = json.loads((directory / "request.json").read_text())
+        found = read((directory / "input").read_bytes(), filename=request["filename"])
+        chain = Chain.from_path(found) if isinstance(found, CellPath) else found
+        return {"name": chain.name, "module": chain.module.name, "modules": len(chain)}
+
+    return check
+
+
+def main() -> None:
+    """Serves requests until the parent is gone."""
+    kind, limits = sys.argv[1], json.loads(sys.argv[2])
+    events = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints must not get between the events
+    parent = _Parent(events)
+    try:
+        task = {"stages": _stages, "reader": _reader}[kind]()
+        _limit(limits["memory_bytes"], limits["cpu_s"])
+    except Exception as error:
+        traceback.print_exc()
+        parent.tell("problem", code="no-start", detail=repr(error))
+        return
+    parent.tell("ready")
+    while True:
+        request = parent.request()
+        try:
+            result = task(
+                request["task"], Path(request["directory"]), parent.progress, parent.cancelled
+            )
+        except InputError as error:
+            parent.tell("bad-input", code=error.code, detail=error.detail, where=error.where)
+        except MemoryError:
+            parent.tell("problem", code="memory-limit", detail=memory_words(limits["memory_bytes"]))
+        except Exception as error:
+            traceback.print_exc()
+            if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+                parent.tell(
+                    "problem",
+                    code="disk-full",
+                    detail="the disk of the service is full; nothing else was lost. Try later.",
+                )
+            else:
+                parent.tell(
+                    "problem",
+                    code="internal",
+                    detail=f"the stage '{request['task']}' failed: {type(error).__name__}: {error}",
+                )
+        else:
+            parent.tell("done", result=result)
+
+
+if __name__ == "__main__":
+    main()

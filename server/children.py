@@ -1,0 +1,288 @@
+"""Children: processes that compute, each within limits, one fold to a process.
+
+A child speaks JSON lines: requests on its standard input, events on its standard output. When its
+standard input ends, its parent is gone and it ends too (``server/child.py`` is its other side).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import psutil
+
+from planner.errors import InputError
+from server.limits import ChildLimits, memory_words
+
+Kind = Literal["stages", "reader"]
+POLL_S: Final = 0.05
+CANCEL_GRACE_S: Final = 0.7
+START_S: Final = 180.0
+
+
+class ChildError(Exception):
+    """A child that did not come to a result.
+
+    Attributes:
+        code: Short stable word for programs.
+        detail: What happened, and what to do.
+    """
+
+    def __init__(self, code: str, detail: str) -> None:
+        super().__init__(detail)
+        self.code = code
+        self.detail = detail
+
+
+class Child:
+    """One child process, from its start to its end."""
+
+    def __init__(self, kind: Kind, limits: ChildLimits) -> None:
+        self._limits = limits
+        self._events: queue.Queue[dict[str, Any] | None] = queue.Queue()
+        # Threads of linear algebra cost memory and bring nothing at these sizes.
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "server.child", kind, json.dumps(asdict(limits))],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=environment,
+            start_new_session=True,
+        )
+        self._ready = False
+        self._reading = threading.Thread(target=self._read, name="child-events", daemon=True)
+        self._reading.start()
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether it still runs."""
+        return self._process.poll() is None
+
+    def call(
+        self,
+        task: str,
+        directory: Path,
+        *,
+        wall_s: float,
+        on_progress: Callable[[dict[str, Any]], None] | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> dict[str, Any]:
+        """Has one task done and waits for its result.
+
+        Args:
+            task: A stage of the planner, or ``check``.
+            directory: The fold's directory.
+            wall_s: How long it may take.
+            on_progress: Told every progress event.
+            cancelled: Asked often; once True, the child is asked to stop, then made to.
+
+        Raises:
+            InputError: When the input is at fault.
+            ChildError: When the child crashed, or went beyond a limit.
+        """
+        self._wait_ready()
+        self._send({"task": task, "directory": str(directory)})
+        deadline = time.monotonic() + wall_s
+        stop_at: float | None = None
+        while True:
+            event = self._next(POLL_S)
+            now = time.monotonic()
+            if event is not None:
+                match event["event"]:
+                    case "progress":
+                        if on_progress is not None:
+                            on_progress(event)
+                    case "done":
+                        return event["result"]
+                    case "bad-input":
+                        raise InputError(event["code"], event["detail"], where=event["where"])
+                    case _:
+                        raise ChildError(event["code"], event["detail"])
+            if now > deadline:
+                self.kill()
+                raise ChildError(
+                    "time-limit",
+                    f"the stage '{task}' took longer than the {wall_s:g} s it may take; try a "
+                    "smaller shape.",
+                )
+            self._check_memory()
+            if stop_at is None:
+                if cancelled is not None and cancelled():
+                    self._send({"cancel": True})
+                    stop_at = now + CANCEL_GRACE_S
+            elif now > stop_at:
+                self.kill()
+                return {"status": "cancelled", "reason": "cancelled"}
+
+    def kill(self) -> None:
+        """Ends it at once."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+
+    def close(self) -> None:
+        """Ends it and lets go of its pipes."""
+        self.kill()
+        self._reading.join()
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                with contextlib.suppress(BrokenPipeError):
+                    pipe.close()
+
+    def _wait_ready(self) -> None:
+        deadline = time.monotonic() + START_S
+        while not self._ready:
+            event = self._next(1.0)
+            if event is not None and event["event"] == "ready":
+                self._ready = True
+            elif event is not None or time.monotonic() > deadline:
+                detail = "took too long" if event is None else str(event["detail"])
+                self.kill()
+                raise ChildError("no-start", f"a computing process did not start: {detail}")
+
+    def _send(self, message: dict[str, Any]) -> None:
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(json.dumps(message).encode() + b"\n")
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            pass  # its end is noticed by whoever waits for its events
+
+    def _next(self, timeout_s: float) -> dict[str, Any] | None:
+        try:
+            event = self._events.get(timeout=timeout_s)
+        except queue.Empty:
+            return None
+        if event is None:
+            self._events.put(None)
+            raise self._death()
+        return event
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        with contextlib.suppress(ValueError):
+            for line in self._process.stdout:
+                self._events.put(json.loads(line))
+        self._events.put(None)
+
+    def _check_memory(self) -> None:
+        try:
+            used = psutil.Process(self._process.pid).memory_info().rss
+        except psutil.Error:
+            return
+        if used > self._limits.memory_bytes:
+            self.kill()
+            raise ChildError("memory-limit", memory_words(self._limits.memory_bytes))
+
+    def _death(self) -> ChildError:
+        code = self._process.wait()
+        if code == -signal.SIGXCPU:
+            return ChildError(
+                "cpu-limit",
+                f"the fold used more than the {self._limits.cpu_s:g} s of processor time it may "
+                "use; try a smaller shape.",
+            )
+        if code < 0:
+            name = signal.Signals(-code).name
+            hint = " (often: the machine ran out of memory)" if name == "SIGKILL" else ""
+            return ChildError("crashed", f"the computing process was ended by {name}{hint}.")
+        return ChildError("crashed", f"the computing process ended with exit code {code}.")
+
+
+class Children:
+    """Keeps one child ready, so that a fold need not wait for imports and compiled kernels."""
+
+    def __init__(self, kind: Kind, limits: ChildLimits) -> None:
+        self._kind: Kind = kind
+        self._limits = limits
+        self._lock = threading.Lock()
+        self._spare: Child | None = None
+        self._all: set[Child] = set()
+        self._closed = False
+
+    def prewarm(self) -> None:
+        """Starts a spare child unless there is one."""
+        with self._lock:
+            if not self._closed and (self._spare is None or not self._spare.alive):
+                self._spare = self._start()
+
+    def take(self) -> Child:
+        """A child of one's own; give it back with ``release``."""
+        with self._lock:
+            child, self._spare = self._spare, None
+            if child is None or not child.alive:
+                child = self._start()
+            return child
+
+    def release(self, child: Child) -> None:
+        """Ends a child that was taken."""
+        with self._lock:
+            self._all.discard(child)
+        child.close()
+
+    def close(self) -> None:
+        """Ends them all."""
+        with self._lock:
+            self._closed = True
+            children, self._all = self._all, set()
+        for child in children:
+            child.kill()
+
+    def _start(self) -> Child:
+        child = Child(self._kind, self._limits)
+        self._all.add(child)
+        return child
+
+
+class Reader:
+    """Reads uploads in one child that is kept, and replaced when an upload was too much for it."""
+
+    def __init__(self, limits: ChildLimits, *, wall_s: float) -> None:
+        self._children = Children("reader", limits)
+        self._wall_s = wall_s
+        self._lock = threading.Lock()
+        self._child: Child | None = None
+
+    def start(self) -> None:
+        """Starts the child ahead of the first upload."""
+        self._children.prewarm()
+
+    def check(self, directory: Path) -> dict[str, Any]:
+        """What the input in a directory is: ``name``, ``module``, ``modules``.
+
+        Raises:
+            InputError: When it can't be used.
+        """
+        with self._lock:
+            child = self._child
+            if child is None or not child.alive:
+                child = self._child = self._children.take()
+            try:
+                return child.call("check", directory, wall_s=self._wall_s)
+            except ChildError as error:
+                self._child = None
+                self._children.release(child)
+                self._children.prewarm()
+                if error.code == "no-start":
+                    raise
+                raise InputError("unreadable", f"reading the file failed: {error.detail}") from None
+
+    def close(self) -> None:
+        """Ends the child."""
+        self._children.close()

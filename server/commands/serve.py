@@ -1,0 +1,109 @@
+"""``foldback serve``: the pages, the API and the workers, with one command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from server.logs import set_up_logs
+from server.settings import Settings
+
+if TYPE_CHECKING:
+    from server.context import Context
+
+
+def settings_of(**given: Any) -> Settings:
+    """The settings of the environment, with what was given on the command line."""
+    return Settings(**{name: value for name, value in given.items() if value is not None})
+
+
+def serve(
+    host: Annotated[str | None, typer.Option(help="Address to listen on.")] = None,
+    port: Annotated[int | None, typer.Option(help="Port to listen on; 0 takes a free one.")] = None,
+    data_dir: Annotated[Path | None, typer.Option(help="Where folds are kept.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Worker processes to look after.")] = None,
+    first_shape: Annotated[
+        str | None, typer.Option(help="Fold this gallery shape if it has not been yet.")
+    ] = None,
+) -> None:
+    """Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR, …)."""
+    set_up_logs()
+    settings = settings_of(host=host, port=port, data_dir=data_dir, workers=workers)
+
+    # Workers first: they warm up on the other core while the web process imports.
+    from server.supervisor import Supervisor
+
+    settings.make_directories()
+    supervisor = Supervisor(settings)
+    supervisor.start()
+    try:
+        _run(settings, first_shape)
+    finally:
+        supervisor.stop()
+
+
+def _run(settings: Settings, first_shape: str | None) -> None:
+    import uvicorn
+
+    from server.app import create_app
+
+    app = create_app(settings)
+
+    class Server(uvicorn.Server):
+        """Says where it is once it listens."""
+
+        async def startup(self, sockets: list[Any] | None = None) -> None:
+            await super().startup(sockets)
+            if not self.started:
+                return
+            port = self.servers[0].sockets[0].getsockname()[1]
+            host = f"[{settings.host}]" if ":" in settings.host else settings.host
+            address = f"http://{host}:{port}"
+            print(f"foldback is at {address}", flush=True)
+            if first_shape is not None:
+                import asyncio
+
+                context: Context = app.state.context
+                fold_id = await asyncio.to_thread(_fold_first, context, first_shape)
+                print(f"  {first_shape}: {address}/folds/{fold_id}", flush=True)
+
+    server = Server(
+        uvicorn.Config(
+            app,
+            host=settings.host,
+            port=settings.port,
+            log_level="warning",
+            access_log=False,
+            ws_max_size=2**20,
+            timeout_graceful_shutdown=3,
+            server_header=False,
+        )
+    )
+    server.run()
+    if not server.started:
+        raise typer.Exit(1)
+
+
+def _fold_first(context: Context, name: str) -> str:
+    from server.gallery import gallery, shape_named
+    from server.submissions import Submission, submit
+
+    shape = shape_named(name)
+    if shape is None:
+        names = ", ".join(s.name for s in gallery())
+        raise typer.BadParameter(f"got the shape {name!r}, expected one of {names}.")
+    receipt = submit(
+        context,
+        Submission(
+            data=shape.data,
+            filename=shape.filename,
+            shape=name,
+            preset="default",
+            seed=0,
+            module_size=None,
+            visitor="the service itself",
+        ),
+    )
+    return receipt.row.id

@@ -1,0 +1,60 @@
+"""Context: what the routes of one running service share."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import os
+import secrets
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from fastapi import Request
+
+from server.children import Reader
+from server.jobs import Jobs
+from server.metrics import Metrics
+from server.settings import Settings
+from server.store import Store
+from server.watch import Watch
+
+if TYPE_CHECKING:
+    from web.viewers import Viewers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Context:
+    """Everything with a lifetime that a request may need."""
+
+    settings: Settings
+    store: Store
+    jobs: Jobs
+    viewers: Viewers
+    reader: Reader
+    watch: Watch
+    metrics: Metrics
+    secret: bytes
+
+    def visitor(self, request: Request) -> str:
+        """A name for who asks, which does not give the address away."""
+        address = request.client.host if request.client else "unknown"
+        return hmac.new(self.secret, address.encode(), hashlib.sha256).hexdigest()[:32]
+
+
+def context_of(request: Request) -> Context:
+    """The context of the application that a request is for."""
+    context: Context = request.app.state.context
+    return context
+
+
+def secret_of(settings: Settings) -> bytes:
+    """The service's own secret, made once and kept in the data directory."""
+    path = settings.root / "secret"
+    try:
+        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError:
+        return path.read_bytes()
+    with os.fdopen(handle, "wb") as file:
+        secret = secrets.token_bytes(32)
+        file.write(secret)
+    return secret

@@ -1,0 +1,103 @@
+"""Tables of the service, and how a database is brought to the newest schema."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from importlib.resources import files
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy import event
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+
+class Base(DeclarativeBase):
+    """Root of all rows."""
+
+    type_annotation_map = {dict[str, Any]: sa.JSON()}
+
+
+class FoldRow(Base):
+    """One fold of a visitor.
+
+    ``status`` is one of ``STATUSES``; ``stage`` one of ``planner.stages.STAGES`` or None.
+    """
+
+    __tablename__ = "folds"
+
+    id: Mapped[str] = mapped_column(sa.String(32), primary_key=True)
+    name: Mapped[str] = mapped_column(sa.String(200))
+    status: Mapped[str] = mapped_column(sa.String(16), index=True)
+    stage: Mapped[str | None] = mapped_column(sa.String(16))
+    created_at: Mapped[float] = mapped_column(index=True)
+    started_at: Mapped[float | None]
+    ended_at: Mapped[float | None]
+    modules: Mapped[int]
+    module: Mapped[str] = mapped_column(sa.String(32))
+    shape: Mapped[str | None] = mapped_column(sa.String(64))
+    public: Mapped[bool]
+    preset: Mapped[str] = mapped_column(sa.String(32))
+    seed: Mapped[int] = mapped_column(sa.BigInteger)
+    module_size: Mapped[float | None]
+    content_key: Mapped[str | None] = mapped_column(sa.String(64), unique=True)
+    visitor: Mapped[str] = mapped_column(sa.String(64), index=True)
+    cancel_requested: Mapped[bool] = mapped_column(default=False)
+    progress: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    summary: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    error: Mapped[dict[str, Any] | None]
+
+    @property
+    def created(self) -> datetime:
+        """When it was asked for, with its time zone."""
+        return datetime.fromtimestamp(self.created_at, UTC)
+
+    @property
+    def over(self) -> bool:
+        """Whether it has come to its end, good or bad."""
+        return self.status in ENDED
+
+
+STATUSES = ("queued", "running", "verified", "failed", "cancelled")
+ENDED = frozenset({"verified", "failed", "cancelled"})
+
+
+class OwnerRow(Base):
+    """One visitor's claim on a fold: whoever knows the token may cancel and delete."""
+
+    __tablename__ = "owners"
+
+    fold_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("folds.id", ondelete="CASCADE"), primary_key=True
+    )
+    token_hash: Mapped[str] = mapped_column(sa.String(64), primary_key=True, index=True)
+    created_at: Mapped[float]
+
+
+def engine_for(url: str) -> sa.Engine:
+    """An engine; SQLite gets a write-ahead log, patience with locks, and foreign keys."""
+    if not url.startswith("sqlite"):
+        return sa.create_engine(url, pool_pre_ping=True)
+    engine = sa.create_engine(url, connect_args={"timeout": 30.0})
+
+    @event.listens_for(engine, "connect")
+    def on_connect(connection: Any, record: object) -> None:
+        connection.execute("PRAGMA journal_mode=WAL")
+        connection.execute("PRAGMA synchronous=FULL")
+        connection.execute("PRAGMA foreign_keys=ON")
+
+    return engine
+
+
+def migrate(engine: sa.Engine) -> None:
+    """Brings the tables to the newest schema; does nothing when they are."""
+    from alembic import command
+    from alembic.config import Config
+
+    config = Config()
+    config.set_main_option("script_location", str(files("server") / "migrations"))
+    config.set_main_option("path_separator", "os")
+    with engine.begin() as connection:
+        if engine.dialect.name == "sqlite":
+            connection.exec_driver_sql("BEGIN IMMEDIATE")
+        config.attributes["connection"] = connection
+        command.upgrade(config, "head")

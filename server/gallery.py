@@ -1,0 +1,67 @@
+"""Gallery: the example shapes, from `examples` in a checkout, else from the package."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GalleryShape:
+    """One example shape.
+
+    Attributes:
+        name: Its stem, as ``POST /api/folds`` takes it.
+        title: What people call it.
+        modules: Modules of its chain.
+        data: The bytes of its path file.
+    """
+
+    name: str
+    title: str
+    modules: int
+    data: bytes
+
+    @property
+    def filename(self) -> str:
+        """The name of its file."""
+        return f"{self.name}.json"
+
+
+@cache
+def gallery() -> tuple[GalleryShape, ...]:
+    """All example shapes, shortest chain first; read once."""
+    found = [
+        _shape(entry)
+        for entry in shapes_directory().iterdir()
+        if entry.is_file() and entry.name.endswith(".json")
+    ]
+    return tuple(sorted(found, key=lambda shape: (shape.modules, shape.name)))
+
+
+def shape_named(name: str) -> GalleryShape | None:
+    """The example shape of this name, if there is one."""
+    return next((shape for shape in gallery() if shape.name == name), None)
+
+
+def shapes_directory() -> Traversable:
+    """Where the path files of the example shapes are."""
+    package = files("server")
+    checkout = Path(str(package)).parent / "examples" / "shapes"
+    return checkout if checkout.is_dir() else package / "shapes"
+
+
+def _shape(entry: Traversable) -> GalleryShape:
+    data = entry.read_bytes()
+    content = json.loads(data)
+    name = entry.name.removesuffix(".json")
+    return GalleryShape(
+        name=name,
+        title=str(content.get("name") or name),
+        modules=len(content["cells"]),
+        data=data,
+    )

@@ -1,0 +1,87 @@
+"""Jobs: how the server hands folds to the workers.
+
+The queue is durable and lives in its own tables; the server only puts folds in and takes them out,
+the workers (``server/worker.py``) compute.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING, Final
+
+import sqlalchemy as sa
+from dbos import DBOS, DBOSClient, EnqueueOptions
+
+from server.settings import Settings
+
+if TYPE_CHECKING:
+    from server.store import Store
+
+APPLICATION: Final = "foldback"
+# Fixed: jobs that wait go on after an update; the workflow's steps keep their meaning.
+APPLICATION_VERSION: Final = "1"
+QUEUE: Final = "folds"
+WORKFLOW: Final = "fold"
+POLL_S: Final = 0.1
+GALLERY_PRIORITY: Final = 1
+PRIORITY: Final = 2
+
+
+def prepare(settings: Settings) -> None:
+    """Brings the tables of the job system to their newest schema and registers the queue."""
+    url = settings.queue_url
+    if url.startswith("sqlite"):
+        engine = sa.create_engine(url)
+        with engine.connect() as connection:
+            connection.exec_driver_sql("PRAGMA journal_mode=WAL")
+        engine.dispose()
+    DBOS.migrate(url)
+    client = _client(settings)
+    try:
+        client.register_queue(
+            QUEUE, worker_concurrency=settings.folds_per_worker, polling_interval_sec=POLL_S
+        )
+    finally:
+        client.destroy()
+
+
+def _client(settings: Settings) -> DBOSClient:
+    return DBOSClient(system_database_url=settings.queue_url, application_name=APPLICATION)
+
+
+class Jobs:
+    """The server's end of the queue."""
+
+    def __init__(self, settings: Settings) -> None:
+        prepare(settings)
+        self._client = _client(settings)
+
+    def close(self) -> None:
+        """Lets go of the database."""
+        self._client.destroy()
+
+    def enqueue(self, fold_id: str, *, gallery: bool = False) -> None:
+        """Puts a fold into the queue; does nothing when it is there."""
+        options: EnqueueOptions = {
+            "workflow_name": WORKFLOW,
+            "queue_name": QUEUE,
+            "workflow_id": fold_id,
+            "app_version": APPLICATION_VERSION,
+            "priority": GALLERY_PRIORITY if gallery else PRIORITY,
+        }
+        self._client.enqueue(options, fold_id)
+
+    def forget(self, fold_id: str) -> None:
+        """Takes a fold that is not started out of the queue."""
+        # One that runs is stopped by its row; here it must be left to come to its own end.
+        with contextlib.suppress(Exception):
+            status = self._client.retrieve_workflow(fold_id).get_status()
+            if status.status == "ENQUEUED":
+                self._client.cancel_workflow(fold_id)
+
+    def reconcile(self, store: Store) -> int:
+        """Enqueues folds that have a row and no job, after a crash between the two."""
+        rows = store.unfinished()
+        for row in rows:
+            self.enqueue(row.id, gallery=row.public)
+        return len(rows)

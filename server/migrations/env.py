@@ -1,0 +1,15 @@
+"""Runs migrations on the connection that ``server.database.migrate`` hands over."""
+
+from __future__ import annotations
+
+from alembic import context
+
+from server.database import Base
+
+context.configure(
+    connection=context.config.attributes["connection"],
+    target_metadata=Base.metadata,
+    render_as_batch=True,
+    transactional_ddl=False,
+)
+context.run_migrations()

@@ -1,0 +1,100 @@
+"""Problems: how the API says that something is wrong (RFC 9457, ``application/problem+json``)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from planner.errors import InputError
+
+MEDIA_TYPE = "application/problem+json"
+
+
+class Problem(Exception):
+    """An answer that is a problem.
+
+    Attributes:
+        status: The HTTP status.
+        code: Short stable word for programs.
+        detail: What was found, what was expected, what to do.
+        where: Where in the input, or None.
+        headers: Further headers of the answer.
+    """
+
+    def __init__(
+        self,
+        status: int,
+        code: str,
+        detail: str,
+        *,
+        where: str | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.code = code
+        self.detail = detail
+        self.where = where
+        self.headers = dict(headers or {})
+
+    @classmethod
+    def of_input(cls, error: InputError) -> Problem:
+        """The problem that an input cannot be used."""
+        return cls(422, error.code, error.detail, where=error.where)
+
+    def body(self) -> dict[str, Any]:
+        """The JSON object."""
+        return {
+            "type": "about:blank",
+            "title": HTTPStatus(self.status).phrase,
+            "status": self.status,
+            "code": self.code,
+            "detail": self.detail,
+            "where": self.where,
+        }
+
+    def response(self) -> JSONResponse:
+        """The HTTP answer."""
+        return JSONResponse(
+            self.body(), status_code=self.status, headers=self.headers, media_type=MEDIA_TYPE
+        )
+
+
+def no_such_fold() -> Problem:
+    """For an id that is not, or is no longer, a fold."""
+    return Problem(404, "no-such-fold", "There is no fold at this address; it may be deleted.")
+
+
+def install(app: FastAPI) -> None:
+    """Makes the application answer every error as a problem."""
+
+    async def on_problem(request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, Problem)
+        return error.response()
+
+    async def on_http(request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, HTTPException)
+        code = HTTPStatus(error.status_code).phrase.lower().replace(" ", "-")
+        return Problem(error.status_code, code, str(error.detail), headers=error.headers).response()
+
+    async def on_validation(request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, RequestValidationError)
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        return Problem(422, "bad-request", f"{first['msg']}.", where=where).response()
+
+    async def on_anything(request: Request, error: Exception) -> JSONResponse:
+        return Problem(
+            500, "internal", "Something went wrong inside the service; nothing was lost. Try again."
+        ).response()
+
+    app.add_exception_handler(Problem, on_problem)
+    app.add_exception_handler(HTTPException, on_http)
+    app.add_exception_handler(RequestValidationError, on_validation)
+    app.add_exception_handler(Exception, on_anything)

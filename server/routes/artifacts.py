@@ -1,0 +1,148 @@
+"""Routes of what comes out of a fold: frames of its timeline, and files to take away."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from fastapi import APIRouter, Query
+from fastapi.responses import FileResponse, Response
+
+from server.problems import Problem
+from server.routes.folds import Here, problems
+from server.schemas import FramesBody
+from server.store import FoldRow
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
+MEDIA_TYPES: Final = {
+    "plan.json": "application/json",
+    "plan.npz": "application/octet-stream",
+    "model.xml": "application/xml",
+    "certificate.json": "application/json",
+}
+
+
+@router.get(
+    "/frames",
+    summary="Frames of the timeline",
+    response_model=FramesBody,
+    responses=problems(404, 409, 422),
+)
+def get_frames(
+    fold_id: str,
+    context: Here,
+    start: Annotated[int, Query(alias="from", ge=0, description="First frame.")] = 0,
+    stop: Annotated[int | None, Query(alias="to", ge=0, description="Past the last one.")] = None,
+    stride: Annotated[int, Query(ge=1, le=1_000_000, description="Every so many-th.")] = 1,
+    poses: Annotated[bool, Query(description="Also where every module is.")] = False,
+) -> Response:
+    """Frames that are there, while it still computes too; `next` leads to the rest."""
+    # The timeline brings compiled kernels along, which the start of the server need not wait for.
+    from planner.errors import TimelineError
+    from planner.timeline import PHASES, Timeline
+
+    row = context.store.fold(fold_id)
+    try:
+        timeline = Timeline.open(context.store.directory(fold_id) / "timeline.zarr")
+    except TimelineError as error:
+        raise _not_there(row, "timeline") from error
+    total, chain = len(timeline), timeline.chain
+    end = total if stop is None else min(stop, total)
+    if start > end:
+        raise Problem(
+            422,
+            "no-such-frames",
+            f"got frames {start} to {end}, expected a stretch of the {total} there are.",
+            where="query.from",
+        )
+    numbers = 2 * len(chain.joint_names) + (7 * len(chain) if poses else 0)
+    settings = context.settings
+    most = max(1, min(settings.frames_per_answer, settings.numbers_per_answer // numbers))
+    until = min(end, start + most * stride)
+    frames = timeline.frames(start, until, stride)
+    positions = wxyzs = None
+    if poses:
+        found = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
+        positions, wxyzs = _short(found.positions), _short(found.wxyzs)
+    rest = f"/api/folds/{fold_id}/frames?from={until}&to={end}&stride={stride}"
+    if poses:
+        rest += "&poses=true"
+    body = FramesBody(
+        status=timeline.status,
+        total=total,
+        start=start,
+        stop=until,
+        stride=stride,
+        next=rest if until < end else None,
+        phases=list(PHASES),
+        joint_names=list(chain.joint_names),
+        time_s=_short(frames.time_s),
+        phase=frames.phase.tolist(),
+        joint_angles_rad=_short(frames.joint_angles_rad),
+        root_position=_short(frames.root_position),
+        root_wxyz=_short(frames.root_wxyz),
+        max_error_rad=_largest(frames.joint_error_rad),
+        positions=positions,
+        wxyzs=wxyzs,
+    )
+    return Response(body.model_dump_json(by_alias=True), media_type="application/json")
+
+
+def _file(name: str) -> None:
+    @router.get(
+        f"/{name}",
+        summary=f"Take away {name}",
+        response_class=FileResponse,
+        responses={
+            200: {"description": "The file", "content": {MEDIA_TYPES[name]: {}}},
+            **problems(404, 409),
+        },
+        name=name,
+        operation_id=f"get_{name.replace('.', '_')}",
+    )
+    def get_file(fold_id: str, context: Here) -> FileResponse:
+        row = context.store.fold(fold_id)
+        path = context.store.directory(fold_id) / name
+        if not row.over or not path.is_file():
+            raise _not_there(row, name)
+        stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in row.name).strip("-")
+        return FileResponse(
+            path,
+            media_type=MEDIA_TYPES[name],
+            filename=f"{stem[:60] or 'fold'}-{name}",
+        )
+
+
+for _name in MEDIA_TYPES:
+    _file(_name)
+
+
+def _not_there(row: FoldRow, what: str) -> Problem:
+    if row.over:
+        reason = f" ({row.error['detail']})" if row.error else ""
+        return Problem(404, "no-such-artifact", f"This fold ended without its {what}{reason}.")
+    return Problem(
+        409,
+        "not-ready",
+        f"The {what} is not there yet: the fold is {row.status}. Follow its events.",
+        headers={"Retry-After": "1"},
+    )
+
+
+def _short(values: NDArray[Any]) -> Any:
+    """Values as JSON numbers, to a precision that nobody can see or measure."""
+    return values.round(9).tolist()
+
+
+def _largest(errors: NDArray[Any]) -> list[float | None]:
+    import numpy as np
+
+    recorded = np.asarray(~np.isnan(errors).all(axis=1))
+    largest = np.zeros(len(errors))
+    largest[recorded] = np.nanmax(np.abs(errors[recorded]), axis=1, initial=0.0)
+    return [
+        value if there else None
+        for value, there in zip(_short(largest), recorded.tolist(), strict=True)
+    ]

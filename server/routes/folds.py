@@ -1,0 +1,181 @@
+"""Routes of folds: ask for one, follow it, take its plan, stop it, delete it."""
+
+from __future__ import annotations
+
+import shutil
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Depends, File, Form, Request, UploadFile
+from fastapi.responses import Response, StreamingResponse
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+
+from server.context import Context, context_of
+from server.gallery import gallery, shape_named
+from server.problems import Problem
+from server.schemas import Accepted, Fold, Folds, Links, ProblemBody
+from server.submissions import Submission, submit
+
+router = APIRouter(prefix="/api/folds", tags=["folds"])
+bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
+
+Here = Annotated[Context, Depends(context_of)]
+Bearer = Annotated[HTTPAuthorizationCredentials | None, Depends(bearer)]
+MOST_SEED = 2**32 - 1
+
+
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """How OpenAPI says which problems a route answers with."""
+    content = {"application/problem+json": {"schema": ProblemBody.model_json_schema()}}
+    return {status: {"description": "A problem", "content": content} for status in statuses}
+
+
+@router.post(
+    "",
+    status_code=202,
+    summary="Fold an upload or a shape of the gallery",
+    responses=problems(413, 422, 429, 503, 507),
+)
+def post_fold(
+    request: Request,
+    context: Here,
+    credentials: Bearer,
+    file: Annotated[UploadFile | None, File(description="A path or chain file.")] = None,
+    shape: Annotated[str | None, Form(description="Or the name of a gallery shape.")] = None,
+    preset: Annotated[Literal["default", "paper"], Form()] = "default",
+    seed: Annotated[int, Form(ge=0, le=MOST_SEED)] = 0,
+    module_size: Annotated[
+        float | None, Form(gt=0, le=1, description="Edge of a module in pitches.")
+    ] = None,
+) -> Accepted:
+    """Accepts it and puts it into the queue. The same upload again gives the same fold."""
+    if (file is None) == (shape is None):
+        raise Problem(
+            422,
+            "file-or-shape",
+            f"got {'both' if file is not None else 'neither'} of the form fields 'file' and "
+            "'shape', expected one of them.",
+        )
+    if file is not None:
+        data, filename = file.file.read(), clean_filename(file.filename)
+    else:
+        found = shape_named(shape or "")
+        if found is None:
+            names = ", ".join(s.name for s in gallery())
+            raise Problem(
+                422, "no-such-shape", f"got the shape '{shape}', expected one of {names}."
+            )
+        data, filename = found.data, found.filename
+    receipt = submit(
+        context,
+        Submission(
+            data=data,
+            filename=filename,
+            shape=shape,
+            preset=preset,
+            seed=seed,
+            module_size=module_size,
+            visitor=context.visitor(request),
+            token=_token(credentials),
+        ),
+    )
+    return Accepted(
+        id=receipt.row.id,
+        owner_token=receipt.token,
+        existing=receipt.existing,
+        links=Links.of(receipt.row.id),
+    )
+
+
+@router.get("", summary="Folds of the gallery, and one's own")
+def get_folds(context: Here, credentials: Bearer) -> Folds:
+    """Others' folds are never listed; their links are for who was given them."""
+    rows = {row.id: row for row in context.store.list_public()}
+    if (token := _token(credentials)) is not None:
+        rows.update({row.id: row for row in context.store.list_owned(token)})
+    newest_first = sorted(rows.values(), key=lambda row: row.created_at, reverse=True)
+    return Folds(folds=[Fold.of(row, context.store) for row in newest_first])
+
+
+@router.get("/{fold_id}", summary="The state of a fold", responses=problems(404))
+def get_fold(fold_id: str, context: Here) -> Fold:
+    """What is known of it now."""
+    return Fold.of(context.store.fold(fold_id), context.store)
+
+
+@router.get(
+    "/{fold_id}/events",
+    summary="Follow a fold",
+    response_class=StreamingResponse,
+    responses={
+        200: {
+            "description": "Server-sent events: `progress` as it changes, `done` at the end.",
+            "content": {"text/event-stream": {"schema": {"type": "string"}}},
+        },
+        **problems(404),
+    },
+)
+async def get_events(fold_id: str, context: Here) -> StreamingResponse:
+    """Server-sent events until the fold is over."""
+    await context.watch.state(fold_id)
+    return StreamingResponse(
+        context.watch.events(fold_id),
+        media_type="text/event-stream",
+        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
+    )
+
+
+@router.post(
+    "/{fold_id}/cancel", status_code=202, summary="Stop a fold", responses=problems(401, 403, 404)
+)
+def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
+    """Stops it, unless others asked for the same fold: then only one's own claim ends."""
+    store = context.store
+    row, token = store.fold(fold_id), _owner(context, fold_id, credentials)
+    if not row.over and (store.owners(fold_id) == 1 or store.release(fold_id, token) == 0):
+        store.request_cancel(fold_id)
+        context.jobs.forget(fold_id)
+    return Fold.of(store.fold(fold_id), store)
+
+
+@router.delete(
+    "/{fold_id}", status_code=204, summary="Delete a fold", responses=problems(401, 403, 404)
+)
+def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
+    """Deletes it for good, unless others asked for the same fold: then only one's own claim."""
+    store = context.store
+    store.fold(fold_id)
+    token = _owner(context, fold_id, credentials)
+    if store.release(fold_id, token) == 0:
+        store.request_cancel(fold_id)
+        store.delete(fold_id)
+        context.jobs.forget(fold_id)
+        shutil.rmtree(store.directory(fold_id), ignore_errors=True)
+    return Response(status_code=204)
+
+
+def clean_filename(name: str | None) -> str | None:
+    """The last part of what an upload was called, without anything that does not print."""
+    base = (name or "").replace("\\", "/").rpartition("/")[2]
+    return "".join(c for c in base if c.isprintable())[:200] or None
+
+
+def _token(credentials: HTTPAuthorizationCredentials | None) -> str | None:
+    """The token, if there is one; a short one is none, for it could be guessed."""
+    if credentials is None or not 24 <= len(credentials.credentials) <= 200:
+        return None
+    return credentials.credentials
+
+
+def _owner(context: Context, fold_id: str, credentials: HTTPAuthorizationCredentials | None) -> str:
+    token = _token(credentials)
+    if token is None:
+        raise Problem(
+            401,
+            "no-owner-token",
+            "This needs the owner token that came with the answer to the upload, as "
+            "'Authorization: Bearer …'.",
+            headers={"WWW-Authenticate": "Bearer"},
+        )
+    if not context.store.owns(fold_id, token):
+        raise Problem(403, "not-owner", "This token is not one of this fold's owners.")
+    return token

@@ -1,0 +1,191 @@
+"""Schemas: what the API takes and gives, as JSON."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+from typing import Any, Literal
+
+from pydantic import BaseModel, Field
+
+from server.store import FoldRow, Store
+
+Status = Literal["queued", "running", "verified", "failed", "cancelled"]
+Stage = Literal["read", "explode", "play_back", "certify", "export"]
+
+
+class ProblemBody(BaseModel):
+    """A problem, as RFC 9457 has it."""
+
+    type: str
+    title: str
+    status: int
+    code: str = Field(description="Short stable word for programs.")
+    detail: str = Field(description="What was found, what was expected, what to do.")
+    where: str | None = Field(description="Where in the input, if it is about one.")
+
+
+class Links(BaseModel):
+    """Where the parts of a fold are."""
+
+    self: str
+    page: str
+    events: str
+    frames: str
+    cancel: str
+    plan_json: str
+    plan_npz: str
+    model: str
+
+    @classmethod
+    def of(cls, fold_id: str) -> Links:
+        """The links of a fold."""
+        here = f"/api/folds/{fold_id}"
+        return cls(
+            self=here,
+            page=f"/folds/{fold_id}",
+            events=f"{here}/events",
+            frames=f"{here}/frames",
+            cancel=f"{here}/cancel",
+            plan_json=f"{here}/plan.json",
+            plan_npz=f"{here}/plan.npz",
+            model=f"{here}/model.xml",
+        )
+
+
+class Accepted(BaseModel):
+    """A fold that was accepted."""
+
+    id: str
+    owner_token: str = Field(description="Proves the claim that cancel and delete ask for.")
+    existing: bool = Field(description="The same had been asked before: this is that fold.")
+    links: Links
+
+
+class Progress(BaseModel):
+    """How far a fold has come; the data of the event ``progress``."""
+
+    status: Status
+    stage: Stage | None
+    fraction: float = Field(description="0 to 1, of the stage.")
+    steps: int
+    steps_per_second: float
+    message: str
+    modules: int
+    queue_position: int = Field(description="1 is next; 0 when it does not wait.")
+    frames: int = Field(description="Frames that can be seen so far.")
+
+
+class Fault(BaseModel):
+    """Why a fold did not end as a verified plan."""
+
+    code: str
+    detail: str
+    where: str | None = None
+
+
+class Fold(BaseModel):
+    """A fold."""
+
+    id: str
+    name: str
+    status: Status
+    stage: Stage | None
+    created_at: datetime
+    modules: int
+    module: str
+    shape: str | None = Field(description="The gallery shape it was started from.")
+    preset: str
+    seed: int
+    module_size: float | None
+    progress: Progress
+    summary: dict[str, Any] = Field(description="Figures of the plan; empty until it is over.")
+    error: Fault | None
+    links: Links
+
+    @classmethod
+    def of(cls, row: FoldRow, store: Store) -> Fold:
+        """What the API shows of a row."""
+        return cls(
+            id=row.id,
+            name=row.name,
+            status=row.status,  # pyright: ignore[reportArgumentType]
+            stage=row.stage,  # pyright: ignore[reportArgumentType]
+            created_at=row.created,
+            modules=row.modules,
+            module=row.module,
+            shape=row.shape,
+            preset=row.preset,
+            seed=row.seed,
+            module_size=row.module_size,
+            progress=Progress.model_validate(progress_of(row, store)),
+            summary=row.summary,
+            error=Fault.model_validate(row.error) if row.error else None,
+            links=Links.of(row.id),
+        )
+
+
+class Folds(BaseModel):
+    """A list of folds, newest first."""
+
+    folds: list[Fold]
+
+
+class Shape(BaseModel):
+    """A shape of the gallery."""
+
+    name: str
+    title: str
+    modules: int
+
+
+class Shapes(BaseModel):
+    """The gallery, shortest chain first."""
+
+    shapes: list[Shape]
+
+
+class FramesBody(BaseModel):
+    """A stretch of a fold's timeline. Lengths are in pitches, angles in radians."""
+
+    status: str = Field(description="`growing`, `complete` or `failed`.")
+    total: int = Field(description="Frames there are.")
+    start: int = Field(serialization_alias="from")
+    stop: int = Field(serialization_alias="to")
+    stride: int
+    next: str | None = Field(description="Where the rest is, when it was too much for one answer.")
+    phases: list[str] = Field(description="What the numbers in `phase` stand for.")
+    joint_names: list[str]
+    time_s: list[float]
+    phase: list[int]
+    joint_angles_rad: list[list[float]] = Field(description="(F, J)")
+    root_position: list[list[float]] = Field(description="(F, 3)")
+    root_wxyz: list[list[float]] = Field(description="(F, 4)")
+    max_error_rad: list[float | None] = Field(description="(F,), null where none is recorded.")
+    positions: list[list[list[float]]] | None = Field(description="(F, n, 3), with poses=true.")
+    wxyzs: list[list[list[float]]] | None = Field(description="(F, n, 4), with poses=true.")
+
+
+def progress_of(row: FoldRow, store: Store) -> dict[str, Any]:
+    """The progress of a fold, as its events tell it."""
+    told = row.progress
+    return {
+        "status": row.status,
+        "stage": row.stage,
+        "fraction": 1.0 if row.over else float(told.get("fraction", 0.0)),
+        "steps": int(told.get("steps", 0)),
+        "steps_per_second": float(told.get("steps_per_second", 0.0)),
+        "message": str(told.get("message", "")),
+        "modules": row.modules,
+        "queue_position": store.queue_position(row),
+        "frames": _frames(row, store),
+    }
+
+
+def _frames(row: FoldRow, store: Store) -> int:
+    """Frames that a timeline promises, without the cost of opening it."""
+    try:
+        attributes = (store.directory(row.id) / "timeline.zarr" / "zarr.json").read_bytes()
+        return int(json.loads(attributes)["attributes"]["frames"])
+    except (OSError, ValueError, KeyError):
+        return 0

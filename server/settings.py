@@ -1,0 +1,101 @@
+"""Settings: what an operator can change, all by environment variables ``FOLDBACK_…``."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+
+from pydantic import Field
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+MIB = 1024 * 1024
+
+
+class Settings(BaseSettings):
+    """All settings, with defaults for one small machine."""
+
+    model_config = SettingsConfigDict(env_prefix="FOLDBACK_", frozen=True, extra="ignore")
+
+    host: str = Field(default="127.0.0.1", description="Address to listen on.")
+    port: int = Field(
+        default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one."
+    )
+    data_dir: Path = Field(default=Path("data"), description="Where folds and the database live.")
+    database_url: str | None = Field(
+        default=None, description="SQLAlchemy URL; SQLite in data_dir if not."
+    )
+    jobs_url: str | None = Field(
+        default=None, description="URL of the job system; SQLite if not set."
+    )
+    origins: tuple[str, ...] = Field(
+        default=(),
+        description="Further origins (scheme://host) whose pages may talk to this service.",
+    )
+
+    workers: int = Field(
+        default=1, ge=0, le=64, description="Worker processes that `serve` looks after."
+    )
+    folds_per_worker: int = Field(
+        default=1, ge=1, le=64, description="Folds a worker computes at once."
+    )
+    largest_queue: int = Field(
+        default=64, ge=1, description="Folds that may wait, of all visitors."
+    )
+    largest_queue_of_visitor: int = Field(
+        default=16, ge=1, description="Folds that may wait, of one."
+    )
+
+    max_upload_bytes: int = Field(default=16 * MIB, ge=1024, description="Largest upload.")
+    max_modules: int = Field(default=4096, ge=3, description="Longest chain that is accepted.")
+    min_free_disk_bytes: int = Field(
+        default=64 * MIB, ge=0, description="Refuse uploads below this."
+    )
+    read_seconds: float = Field(default=10.0, gt=0, description="Time to read one upload.")
+    stage_seconds: float = Field(
+        default=1800.0, gt=0, description="Wall time of one stage of a fold."
+    )
+    stage_cpu_seconds: float = Field(default=3600.0, gt=0, description="CPU time of one fold.")
+    child_memory_bytes: int = Field(
+        default=2048 * MIB, ge=128 * MIB, description="Memory of one fold."
+    )
+
+    max_viewers: int = Field(default=200, ge=1, description="Views that may be open at once.")
+    viewer_idle_s: float = Field(
+        default=600.0, gt=0, description="A view unused for so long is closed."
+    )
+    frames_per_answer: int = Field(
+        default=2000, ge=1, description="Frames in one answer of the API."
+    )
+    numbers_per_answer: int = Field(
+        default=2_000_000, ge=1000, description="Numbers in such an answer."
+    )
+
+    @cached_property
+    def root(self) -> Path:
+        """The data directory, absolute."""
+        return self.data_dir.expanduser().resolve()
+
+    @property
+    def folds_dir(self) -> Path:
+        """Holds a directory for each fold."""
+        return self.root / "folds"
+
+    @property
+    def uploads_dir(self) -> Path:
+        """Holds uploads until they are accepted."""
+        return self.root / "uploads"
+
+    @property
+    def store_url(self) -> str:
+        """Where the rows are."""
+        return self.database_url or f"sqlite:///{self.root / 'foldback.db'}"
+
+    @property
+    def queue_url(self) -> str:
+        """Where the job system keeps its tables."""
+        return self.jobs_url or f"sqlite:///{self.root / 'jobs.db'}"
+
+    def make_directories(self) -> None:
+        """Makes the directories that are not there yet."""
+        for directory in (self.folds_dir, self.uploads_dir):
+            directory.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,295 @@
+"""Store: the rows of all folds and their owners, and the directory of each fold."""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+import time
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session, sessionmaker
+
+from server.database import ENDED, FoldRow, OwnerRow, engine_for, migrate
+from server.settings import Settings
+
+__all__ = ["FoldRow", "NoSuchFoldError", "Store", "new_id", "new_token"]
+
+WAITING = ("queued", "running")
+
+
+class NoSuchFoldError(LookupError):
+    """There is no fold with this id."""
+
+
+def new_id() -> str:
+    """An id that nobody can guess: 100 random bits in letters and digits."""
+    alphabet = "abcdefghijkmnpqrstuvwxyz23456789"
+    return "".join(secrets.choice(alphabet) for _ in range(20))
+
+
+def new_token() -> str:
+    """A token that proves ownership."""
+    return secrets.token_urlsafe(24)
+
+
+def _hash(token: str) -> str:
+    return hashlib.sha256(token.encode()).hexdigest()
+
+
+class Store:
+    """Rows in a database, files in directories. Safe to use from many threads."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        settings.make_directories()
+        self._engine = engine_for(settings.store_url)
+        migrate(self._engine)
+        self._sessions = sessionmaker(self._engine, expire_on_commit=False)
+
+    def close(self) -> None:
+        """Lets go of all connections."""
+        self._engine.dispose()
+
+    def check(self) -> None:
+        """Raises when the database does not answer."""
+        with self._engine.connect() as connection:
+            connection.execute(sa.select(1))
+
+    def directory(self, fold_id: str) -> Path:
+        """Where the files of a fold are; ids are checked before they become a path.
+
+        Raises:
+            NoSuchFoldError: When this is not an id.
+        """
+        if not (fold_id.isascii() and fold_id.isalnum() and len(fold_id) <= 32):
+            raise NoSuchFoldError(fold_id)
+        return self._settings.folds_dir / fold_id
+
+    # Reading
+
+    def fold(self, fold_id: str) -> FoldRow:
+        """The row of a fold.
+
+        Raises:
+            NoSuchFoldError: When there is none.
+        """
+        with self._sessions() as session:
+            row = session.get(FoldRow, fold_id)
+        if row is None:
+            raise NoSuchFoldError(fold_id)
+        return row
+
+    def find(self, content_key: str) -> FoldRow | None:
+        """The fold of the same content and parameters, if there is one."""
+        with self._sessions() as session:
+            return session.scalar(sa.select(FoldRow).where(FoldRow.content_key == content_key))
+
+    def list_public(self, limit: int = 100) -> Sequence[FoldRow]:
+        """Folds of gallery shapes, newest first."""
+        with self._sessions() as session:
+            return session.scalars(
+                sa.select(FoldRow)
+                .where(FoldRow.public)
+                .order_by(FoldRow.created_at.desc())
+                .limit(limit)
+            ).all()
+
+    def list_owned(self, token: str, limit: int = 100) -> Sequence[FoldRow]:
+        """Folds that the holder of a token has a claim on, newest first."""
+        with self._sessions() as session:
+            return session.scalars(
+                sa.select(FoldRow)
+                .join(OwnerRow, OwnerRow.fold_id == FoldRow.id)
+                .where(OwnerRow.token_hash == _hash(token))
+                .order_by(FoldRow.created_at.desc())
+                .limit(limit)
+            ).all()
+
+    def owns(self, fold_id: str, token: str) -> bool:
+        """Whether the token gives a claim on the fold."""
+        with self._sessions() as session:
+            return session.get(OwnerRow, (fold_id, _hash(token))) is not None
+
+    def waiting(self, *, visitor: str | None = None) -> int:
+        """Folds that are queued or running, of all visitors or of one."""
+        query = sa.select(sa.func.count()).where(FoldRow.status.in_(WAITING))
+        if visitor is not None:
+            query = query.where(FoldRow.visitor == visitor)
+        with self._sessions() as session:
+            return session.scalar(query) or 0
+
+    def unfinished(self) -> Sequence[FoldRow]:
+        """All folds that are queued or running."""
+        with self._sessions() as session:
+            return session.scalars(sa.select(FoldRow).where(FoldRow.status.in_(WAITING))).all()
+
+    def queue_position(self, row: FoldRow) -> int:
+        """1 for the fold that is next, and so on; 0 when it is not queued."""
+        if row.status != "queued":
+            return 0
+        query = sa.select(sa.func.count()).where(
+            FoldRow.status == "queued", FoldRow.created_at < row.created_at
+        )
+        with self._sessions() as session:
+            return (session.scalar(query) or 0) + 1
+
+    def counts(self) -> dict[str, int]:
+        """Number of folds by status."""
+        query = sa.select(FoldRow.status, sa.func.count()).group_by(FoldRow.status)
+        with self._sessions() as session:
+            return {status: count for status, count in session.execute(query)}
+
+    # Writing, on the side of the visitors
+
+    def add(self, row: FoldRow, token: str) -> bool:
+        """Adds a fold with its first owner; False when its content key is taken by another."""
+        owner = OwnerRow(fold_id=row.id, token_hash=_hash(token), created_at=row.created_at)
+        try:
+            with self._changing() as session:
+                session.add(row)
+                session.flush()
+                session.add(owner)
+        except IntegrityError:
+            if row.content_key is None or self.find(row.content_key) is None:
+                raise
+            return False
+        return True
+
+    def claim(self, fold_id: str, token: str) -> None:
+        """Gives one more visitor a claim on a fold."""
+        with self._changing() as session:
+            if session.get(OwnerRow, (fold_id, _hash(token))) is None:
+                session.add(
+                    OwnerRow(fold_id=fold_id, token_hash=_hash(token), created_at=time.time())
+                )
+
+    def release(self, fold_id: str, token: str) -> int:
+        """Takes a visitor's claim back; how many others have one."""
+        with self._changing() as session:
+            session.execute(
+                sa.delete(OwnerRow).where(
+                    OwnerRow.fold_id == fold_id, OwnerRow.token_hash == _hash(token)
+                )
+            )
+            return self._owners(session, fold_id)
+
+    def owners(self, fold_id: str) -> int:
+        """How many visitors have a claim on a fold."""
+        with self._sessions() as session:
+            return self._owners(session, fold_id)
+
+    def publish(self, fold_id: str, shape: str) -> None:
+        """Lists a fold as one of a gallery shape."""
+        self._change(fold_id, public=True, shape=shape)
+
+    def request_cancel(self, fold_id: str) -> None:
+        """A queued fold is cancelled at once, a running one as soon as its worker sees this."""
+        with self._changing() as session:
+            queued = sa.update(FoldRow).where(FoldRow.id == fold_id, FoldRow.status == "queued")
+            session.execute(
+                queued.values(
+                    status="cancelled",
+                    ended_at=time.time(),
+                    content_key=None,
+                    cancel_requested=True,
+                )
+            )
+            running = sa.update(FoldRow).where(FoldRow.id == fold_id, FoldRow.status == "running")
+            session.execute(running.values(cancel_requested=True, content_key=None))
+
+    def delete(self, fold_id: str) -> None:
+        """Forgets a fold; its directory is the caller's to remove."""
+        with self._changing() as session:
+            session.execute(sa.delete(OwnerRow).where(OwnerRow.fold_id == fold_id))
+            session.execute(sa.delete(FoldRow).where(FoldRow.id == fold_id))
+
+    # Writing, on the side of the workers
+
+    def begin(self, fold_id: str, stage: str) -> bool:
+        """Marks a stage as running; False when the fold is cancelled, over or deleted."""
+        with self._changing() as session:
+            changed = session.execute(
+                sa.update(FoldRow)
+                .where(
+                    FoldRow.id == fold_id,
+                    FoldRow.status.in_(WAITING),
+                    FoldRow.cancel_requested.is_(False),
+                )
+                .values(
+                    status="running",
+                    stage=stage,
+                    started_at=sa.func.coalesce(FoldRow.started_at, time.time()),
+                )
+            )
+            return bool(_rows(changed))
+
+    def describe(self, fold_id: str, *, name: str, modules: int, module: str) -> None:
+        """Notes what the chain of a fold is."""
+        self._change(fold_id, name=name[:200], modules=modules, module=module)
+
+    def report(self, fold_id: str, progress: dict[str, Any] | None = None) -> bool:
+        """Notes progress, when there is news; False when the fold shall not go on."""
+        with self._changing() as session:
+            going = (FoldRow.id == fold_id, FoldRow.cancel_requested.is_(False))
+            if progress is None:
+                return session.scalar(sa.select(FoldRow.id).where(*going)) is not None
+            changed = session.execute(sa.update(FoldRow).where(*going).values(progress=progress))
+            return bool(_rows(changed))
+
+    def finish(
+        self,
+        fold_id: str,
+        status: str,
+        *,
+        summary: dict[str, Any],
+        error: dict[str, Any] | None = None,
+        repeatable: bool = True,
+    ) -> bool:
+        """Ends a fold, once; False when it was deleted.
+
+        Args:
+            fold_id: The fold.
+            status: One of ``ENDED``.
+            summary: What came out.
+            error: ``code``, ``detail``, ``where`` of what went wrong, or None.
+            repeatable: Whether the same upload would end the same way. If not, the next one is
+                computed anew.
+        """
+        values: dict[str, Any] = {
+            "status": status,
+            "ended_at": time.time(),
+            "summary": summary,
+            "error": error,
+        }
+        if not repeatable:
+            values["content_key"] = None
+        with self._changing() as session:
+            session.execute(
+                sa.update(FoldRow)
+                .where(FoldRow.id == fold_id, FoldRow.status.not_in(ENDED))
+                .values(**values)
+            )
+            return session.get(FoldRow, fold_id) is not None
+
+    @staticmethod
+    def _owners(session: Session, fold_id: str) -> int:
+        query = sa.select(sa.func.count()).where(OwnerRow.fold_id == fold_id)
+        return session.scalar(query) or 0
+
+    def _change(self, fold_id: str, **values: Any) -> None:
+        with self._changing() as session:
+            session.execute(sa.update(FoldRow).where(FoldRow.id == fold_id).values(**values))
+
+    @contextmanager
+    def _changing(self) -> Generator[Session]:
+        with self._sessions.begin() as session:
+            yield session
+
+
+def _rows(result: sa.Result[Any]) -> int:
+    return result.rowcount if isinstance(result, sa.CursorResult) else 0

@@ -1,0 +1,197 @@
+"""Submissions: how an upload, or a shape of the gallery, becomes a fold in the queue."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import time
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+from planner.errors import InputError
+from server.children import ChildError
+from server.context import Context
+from server.database import FoldRow
+from server.problems import Problem
+from server.store import new_id, new_token
+
+RETRY_AFTER_S: Final = 30
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Submission:
+    """What somebody wants folded."""
+
+    data: bytes
+    filename: str | None
+    shape: str | None
+    preset: str
+    seed: int
+    module_size: float | None
+    visitor: str
+    token: str | None = None
+
+    @property
+    def content_key(self) -> str:
+        """The same for the same bytes, parameters and version: such folds are computed once."""
+        parameters = {
+            "format": "foldback-fold/1",
+            "version": version("foldback"),
+            "preset": self.preset,
+            "seed": self.seed,
+            "module_size": self.module_size,
+            "content": hashlib.sha256(self.data).hexdigest(),
+        }
+        return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Receipt:
+    """What the visitor gets for it."""
+
+    row: FoldRow
+    token: str
+    existing: bool
+
+
+def submit(context: Context, submission: Submission) -> Receipt:
+    """Accepts a submission: checks it, keeps it safe, and puts it into the queue.
+
+    Raises:
+        Problem: When it can't be used (422), there is too much to do (429), or no room (507).
+    """
+    token = submission.token or new_token()
+    if (known := _known(context, submission, token)) is not None:
+        return known
+    _check_room(context, submission)
+    fold_id = new_id()
+    aside = context.settings.uploads_dir / fold_id
+    directory = context.store.directory(fold_id)
+    try:
+        _write(aside, submission)
+        found = _read(context, aside)
+        os.rename(aside, directory)
+        _sync(directory.parent)
+        row = FoldRow(
+            id=fold_id,
+            name=found.name,
+            status="queued",
+            stage=None,
+            created_at=time.time(),
+            started_at=None,
+            ended_at=None,
+            modules=found.modules,
+            module=found.module,
+            shape=submission.shape,
+            public=submission.shape is not None,
+            preset=submission.preset,
+            seed=submission.seed,
+            module_size=submission.module_size,
+            content_key=submission.content_key,
+            visitor=submission.visitor,
+            cancel_requested=False,
+            progress={},
+            summary={},
+            error=None,
+        )
+        if not context.store.add(row, token):
+            shutil.rmtree(directory, ignore_errors=True)
+            if (known := _known(context, submission, token)) is not None:
+                return known
+            raise Problem(409, "changed-meanwhile", "The same fold just ended; try again.")
+    except OSError as error:
+        raise Problem(
+            507, "no-room", f"The upload could not be stored ({error.strerror}); try again later."
+        ) from error
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+    context.jobs.enqueue(fold_id, gallery=row.public)
+    return Receipt(row=row, token=token, existing=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Found:
+    name: str
+    module: str
+    modules: int
+
+
+def _known(context: Context, submission: Submission, token: str) -> Receipt | None:
+    row = context.store.find(submission.content_key)
+    if row is None:
+        return None
+    if submission.shape is not None and not row.public:
+        context.store.publish(row.id, submission.shape)
+    context.store.claim(row.id, token)
+    return Receipt(row=row, token=token, existing=True)
+
+
+def _check_room(context: Context, submission: Submission) -> None:
+    settings = context.settings
+    for waiting, most, whose in (
+        (context.store.waiting(), settings.largest_queue, "in all"),
+        (
+            context.store.waiting(visitor=submission.visitor),
+            settings.largest_queue_of_visitor,
+            "of yours",
+        ),
+    ):
+        if waiting >= most:
+            raise Problem(
+                429,
+                "queue-full",
+                f"{waiting} folds {whose} are waiting, which is the most there may be; try again "
+                f"in {RETRY_AFTER_S} s.",
+                headers={"Retry-After": str(RETRY_AFTER_S)},
+            )
+    if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
+        raise Problem(507, "no-room", "The disk of the service is nearly full; try again later.")
+
+
+def _write(directory: Path, submission: Submission) -> None:
+    directory.mkdir()
+    request = {
+        "filename": submission.filename,
+        "preset": submission.preset,
+        "seed": submission.seed,
+        "module_size": submission.module_size,
+    }
+    for name, data in (
+        ("input", submission.data),
+        ("request.json", json.dumps(request).encode()),
+    ):
+        with open(directory / name, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+    _sync(directory)
+
+
+def _sync(directory: Path) -> None:
+    handle = os.open(directory, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _read(context: Context, directory: Path) -> _Found:
+    try:
+        found = context.reader.check(directory)
+    except InputError as error:
+        raise Problem.of_input(error) from None
+    except ChildError as error:
+        raise Problem(503, error.code, error.detail) from None
+    modules = int(found["modules"])
+    if modules > context.settings.max_modules:
+        raise Problem(
+            422,
+            "too-many-modules",
+            f"got a chain of {modules} modules, expected at most {context.settings.max_modules}; "
+            "use a coarser shape.",
+        )
+    return _Found(name=str(found["name"])[:200], module=str(found["module"]), modules=modules)
