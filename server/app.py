@@ -15,6 +15,7 @@ from fastapi import FastAPI, Request, Response
 from server import problems
 from server.children import Reader
 from server.context import Context, secret_of
+from server.gallery import Gallery
 from server.jobs import Jobs
 from server.limits import ChildLimits
 from server.metrics import CountAnswers, Metrics
@@ -86,6 +87,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         jobs=jobs,
         viewers=Viewers(settings.max_viewers, settings.viewer_idle_s),
         reader=Reader(ChildLimits.of(settings), wall_s=settings.read_seconds),
+        gallery=Gallery(),
         watch=Watch(store),
         metrics=metrics,
         secret=secret_of(settings),

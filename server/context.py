@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from fastapi import Request
 
 from server.children import Reader
+from server.gallery import Gallery
 from server.jobs import Jobs
 from server.metrics import Metrics
 from server.settings import Settings
@@ -31,6 +32,7 @@ class Context:
     jobs: Jobs
     viewers: Viewers
     reader: Reader
+    gallery: Gallery
     watch: Watch
     metrics: Metrics
     secret: bytes

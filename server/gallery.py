@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from functools import cache
+from functools import cached_property
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -32,20 +32,26 @@ class GalleryShape:
         return f"{self.name}.json"
 
 
-@cache
-def gallery() -> tuple[GalleryShape, ...]:
-    """All example shapes, shortest chain first; read once."""
-    found = [
-        _shape(entry)
-        for entry in shapes_directory().iterdir()
-        if entry.is_file() and entry.name.endswith(".json")
-    ]
-    return tuple(sorted(found, key=lambda shape: (shape.modules, shape.name)))
+class Gallery:
+    """All example shapes, read once."""
 
+    @cached_property
+    def _shapes(self) -> dict[str, GalleryShape]:
+        found = [
+            _shape(entry)
+            for entry in shapes_directory().iterdir()
+            if entry.is_file() and entry.name.endswith(".json")
+        ]
+        found.sort(key=lambda shape: (shape.modules, shape.name))
+        return {shape.name: shape for shape in found}
 
-def shape_named(name: str) -> GalleryShape | None:
-    """The example shape of this name, if there is one."""
-    return next((shape for shape in gallery() if shape.name == name), None)
+    def shapes(self) -> list[GalleryShape]:
+        """All of them, shortest chain first."""
+        return list(self._shapes.values())
+
+    def shape(self, name: str) -> GalleryShape | None:
+        """The one of this name, if there is one."""
+        return self._shapes.get(name)
 
 
 def shapes_directory() -> Traversable:

@@ -87,12 +87,11 @@ def _run(settings: Settings, first_shape: str | None) -> None:
 
 
 def _fold_first(context: Context, name: str) -> str:
-    from server.gallery import gallery, shape_named
-    from server.submissions import Submission, submit
+        from server.submissions import Submission, submit
 
-    shape = shape_named(name)
+    shape = context.gallery.shape(name)
     if shape is None:
-        names = ", ".join(s.name for s in gallery())
+        names = ", ".join(s.name for s in context.gallery.shapes())
         raise typer.BadParameter(f"got the shape {name!r}, expected one of {names}.")
     receipt = submit(
         context,

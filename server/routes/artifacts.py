@@ -142,7 +142,5 @@ def _largest(errors: NDArray[Any]) -> list[float | None]:
     recorded = np.asarray(~np.isnan(errors).all(axis=1))
     largest = np.zeros(len(errors))
     largest[recorded] = np.nanmax(np.abs(errors[recorded]), axis=1, initial=0.0)
-    return [
-        value if there else None
-        for value, there in zip(_short(largest), recorded.tolist(), strict=True)
-    ]
+    pairs = zip(_short(largest), recorded.tolist(), strict=True)
+    return [value if there else None for value, there in pairs]

@@ -10,7 +10,6 @@ from fastapi.responses import Response, StreamingResponse
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from server.context import Context, context_of
-from server.gallery import gallery, shape_named
 from server.problems import Problem
 from server.schemas import Accepted, Fold, Folds, Links, ProblemBody
 from server.submissions import Submission, submit
@@ -58,9 +57,9 @@ def post_fold(
     if file is not None:
         data, filename = file.file.read(), clean_filename(file.filename)
     else:
-        found = shape_named(shape or "")
+        found = context.gallery.shape(shape or "")
         if found is None:
-            names = ", ".join(s.name for s in gallery())
+            names = ", ".join(s.name for s in context.gallery.shapes())
             raise Problem(
                 422, "no-such-shape", f"got the shape '{shape}', expected one of {names}."
             )
