@@ -96,6 +96,8 @@ class PlaybackParameters:
         step_s: Time step.
         bandwidth: w of computed torque, in 1/s.
         stiffness: Servo gain kp.
+        damping_ratio: Servo gain kv as a fraction of kp.
+        friction: Of contacts.
         torque_limit: Largest servo torque in simulation units; None for no limit.
         threshold_rad2: The paper's rule: next snapshot below this squared error.
         max_steps: Give up after so many steps.
@@ -104,10 +106,12 @@ class PlaybackParameters:
     controller: str = "computed-torque"
     spacing_rad: float = 0.03
     distance_weight: float = 0.03
-    steps_per_rad: float = 600.0
-    step_s: float = 0.01
-    bandwidth: float = 20.0
+    steps_per_rad: float = 200.0
+    step_s: float = 0.02
+    bandwidth: float = 30.0
     stiffness: float = 1e7
+    damping_ratio: float = 1.0 / 30.0
+    friction: float = 0.0
     torque_limit: float | None = None
     threshold_rad2: float = 0.15
     max_steps: int = 200_000

@@ -1,0 +1,127 @@
+"""Guides: what a playback aims at, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.reference import Reference
+from planner.timelaw import TimeLaw
+
+Array = NDArray[np.float64]
+CHUNK: Final = 256
+SETTLE_STEPS: Final = 60
+AT_REST_RATE: Final = 1e-4
+STILL_STEPS: Final = 500
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Target:
+    """Where the hinges should be in this step, how fast, and how that changes.
+
+    Attributes:
+        angles, rates, accelerations: (J,).
+        fraction: How far the playback is, 0 to 1.
+    """
+
+    angles: Array
+    rates: Array
+    accelerations: Array
+    fraction: float
+
+
+class Guide(Protocol):
+    """Gives the target of each step; None ends the playback."""
+
+    def target(self, angles: Array, rates: Array) -> Target | None:
+        """The target for a chain with these (J,) angles and rates, called once a step."""
+        ...
+
+
+class TimedGuide:
+    """Runs along a reference by a time law, then holds its end for a moment."""
+
+    def __init__(self, reference: Reference, law: TimeLaw) -> None:
+        self._targets = _timed_targets(reference, law)
+
+    def target(self, angles: Array, rates: Array) -> Target | None:
+        """See ``Guide``."""
+        del angles, rates
+        return next(self._targets, None)
+
+
+def _timed_targets(reference: Reference, law: TimeLaw) -> Iterator[Target]:
+    for start in range(0, len(law), CHUNK):
+        part = slice(start, min(start + CHUNK, len(law)))
+        rate, acceleration = law.rate[part, None], law.acceleration[part, None]
+        first = reference.first(law.u[part])
+        angles = reference.spline(law.u[part])
+        rates = first * rate
+        accelerations = reference.second(law.u[part]) * rate**2 + first * acceleration
+        for k in range(len(angles)):
+            yield Target(
+                angles=angles[k],
+                rates=rates[k],
+                accelerations=accelerations[k],
+                fraction=(start + k) / len(law),
+            )
+    end = reference.spline(1.0)
+    for _ in range(SETTLE_STEPS):
+        yield _still(end, 1.0)
+
+
+class SnapshotGuide:
+    """The paper's rule: the next snapshot when the largest squared error is below a threshold."""
+
+    def __init__(self, snapshots: Array, threshold_rad2: float) -> None:
+        self._snapshots = snapshots
+        self._threshold = threshold_rad2
+        self._next = 0
+        self._ending = _Ending()
+
+    def target(self, angles: Array, rates: Array) -> Target | None:
+        """See ``Guide``."""
+        last = len(self._snapshots) - 1
+        if (
+            self._next < last
+            and float(((self._snapshots[self._next] - angles) ** 2).max()) < self._threshold
+        ):
+            self._next += 1
+        if self._next == last and self._ending.over(rates):
+            return None
+        return _still(self._snapshots[self._next], self._next / max(1, last))
+
+
+class DirectGuide:
+    """Straight to the folded configuration: the baseline."""
+
+    def __init__(self, folded: Array) -> None:
+        self._folded = folded
+        self._ending = _Ending()
+
+    def target(self, angles: Array, rates: Array) -> Target | None:
+        """See ``Guide``."""
+        if self._ending.over(rates):
+            return None
+        left = np.abs(self._folded - angles).mean() / max(np.abs(self._folded).mean(), 1e-9)
+        return _still(self._folded, float(np.clip(1.0 - left, 0.0, 1.0)))
+
+
+class _Ending:
+    """Notices that a chain has come to rest for good."""
+
+    def __init__(self) -> None:
+        self._still = 0
+
+    def over(self, rates: Array) -> bool:
+        self._still = self._still + 1 if np.abs(rates).max() < AT_REST_RATE else 0
+        return self._still >= STILL_STEPS
+
+
+def _still(angles: Array, fraction: float) -> Target:
+    zero = np.zeros_like(angles)
+    return Target(angles=angles, rates=zero, accelerations=zero, fraction=fraction)

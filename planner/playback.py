@@ -1,0 +1,303 @@
+"""Playback: folding the straight chain by servoing through the reversed record."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.alignment import aligned_distances
+from planner.chain import Chain
+from planner.controllers import ComputedTorque, Controller, Servo
+from planner.errors import InputError, SimulationError
+from planner.guides import DirectGuide, Guide, SnapshotGuide, TimedGuide
+from planner.model import Material
+from planner.parameters import PlaybackParameters
+from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.record import Record, frames_arrays, frames_from_arrays, save_npz
+from planner.reference import Reference
+from planner.timelaw import torque_bounded_law
+from planner.timeline import Frames
+from planner.tree import Tree
+
+Array = NDArray[np.float64]
+PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
+FEWEST_STEPS: Final = 400
+FRAME_RAD: Final = 0.02
+"""A frame is kept when a hinge has turned, or its target has, this much since the last one."""
+FRAME_STEPS: Final = 50
+FOLDED_WITHIN: Final = 0.1
+"""RMS position error in pitches below which a chain counts as folded."""
+LAW_SAMPLES_A_RAD: Final = 45
+REPORT_EVERY_S: Final = 0.1
+CHECK_EVERY: Final = 25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Playback:
+    """The outcome of a simulated playback.
+
+    Attributes:
+        status: ``folded`` when the chain got there, else what came of it.
+        reason: In plain words; empty when folded.
+        frames: Simulated configurations from straight on, with their joint errors.
+        reference_rad: (F, J) what the hinges should have been at those frames.
+        steps: Simulation steps.
+        seconds: Wall time.
+        rms_position_error: Of the modules' centres at the end, in pitches, after alignment.
+        max_angle_error_rad: Largest joint error over all steps.
+        peak_torque: Largest hinge torque, in units of module mass · pitch² / s².
+        rms_torque: Root mean square over the steps of the largest hinge torque.
+    """
+
+    status: PlaybackStatus
+    reason: str
+    frames: Frames
+    reference_rad: Array
+    steps: int
+    seconds: float
+    rms_position_error: float
+    max_angle_error_rad: float
+    peak_torque: float
+    rms_torque: float
+
+    def save(self, path: FilePath) -> None:
+        """Writes an ``.npz`` that is either whole or not there."""
+        save_npz(
+            path,
+            {
+                **{name: np.array(getattr(self, name)) for name in _SCALARS},
+                "reference_rad": self.reference_rad,
+                **frames_arrays(self.frames),
+            },
+        )
+
+    @classmethod
+    def load(cls, path: FilePath) -> Playback:
+        """Reads what ``save`` wrote."""
+        with np.load(path, allow_pickle=False) as arrays:
+            return cls(
+                frames=frames_from_arrays(arrays),
+                reference_rad=arrays["reference_rad"],
+                **{name: arrays[name].item() for name in _SCALARS},
+            )
+
+
+_SCALARS: Final = (
+    "status",
+    "reason",
+    "steps",
+    "seconds",
+    "rms_position_error",
+    "max_angle_error_rad",
+    "peak_torque",
+    "rms_torque",
+)
+
+
+def play_back(
+    chain: Chain,
+    record: Record | None,
+    parameters: PlaybackParameters,
+    *,
+    module_size: float = 0.95,
+    sink: Callable[[Frames], None] | None = None,
+    progress: Report = silent,
+    cancelled: Cancelled = never,
+    start_s: float = 0.0,
+) -> Playback:
+    """Folds the straight chain in simulation: no gravity, the chain floats.
+
+    Args:
+        chain: The chain.
+        record: The explosion to play in reverse; the ``direct`` controller needs none.
+        parameters: Controller and reference.
+        module_size: Size of the colliding modules as a fraction of the pitch.
+        sink: Gets the frames as they are made.
+        progress: Told how far it is, a few times a second.
+        cancelled: Asked now and then whether to stop.
+        start_s: Time of the first frame.
+
+    Raises:
+        InputError: An unknown controller, or a controller that needs a record without one.
+    """
+    begun = time.perf_counter()
+    run = _Run(chain, record, parameters, module_size, start_s)
+    status, reason = run.simulate(sink, progress, cancelled)
+    error = run.final_error()
+    if status == "folded" and error > FOLDED_WITHIN:
+        status = "missed"
+        reason = (
+            f"the chain ended {error:.2g} pitches (RMS) from its target; "
+            f"{run.bent_wrong()} of {len(chain.folded_rad)} hinges are off by more than 0.1 rad."
+        )
+    frames = Frames.joined(run.kept)
+    return Playback(
+        status=status,
+        reason=reason,
+        frames=frames,
+        reference_rad=np.array(run.references),
+        steps=run.steps,
+        seconds=time.perf_counter() - begun,
+        rms_position_error=error,
+        max_angle_error_rad=run.largest_error,
+        peak_torque=run.peak_torque,
+        rms_torque=float(np.sqrt(run.square_torque / max(1, run.steps))),
+    )
+
+
+class _Run:
+    def __init__(
+        self,
+        chain: Chain,
+        record: Record | None,
+        parameters: PlaybackParameters,
+        module_size: float,
+        start_s: float,
+    ) -> None:
+        self.chain = chain
+        self.parameters = parameters
+        self.start_s = start_s
+        self.steps = 0
+        self.largest_error = 0.0
+        self.peak_torque = 0.0
+        self.square_torque = 0.0
+        self.kept: list[Frames] = []
+        self.references: list[Array] = []
+        self._sent = 0
+        servo = None
+        if parameters.controller != "computed-torque":
+            damping = parameters.stiffness * parameters.damping_ratio
+            servo = (parameters.stiffness, damping, parameters.torque_limit)
+        material = Material(geom_size=module_size, friction=parameters.friction)
+        self.tree = Tree(chain, material, step_s=parameters.step_s, servo=servo)
+        self.guide = self._guide(record)
+        self.controller: Controller = (
+            ComputedTorque(bandwidth=parameters.bandwidth)
+            if servo is None
+            else Servo(
+                stiffness=servo[0],
+                damping=servo[1],
+                feed_forward=parameters.controller == "servo",
+            )
+        )
+        zero = np.zeros_like(chain.folded_rad)
+        if record is None:
+            folded = chain.folded_poses
+            self.tree.place(zero, folded.positions[chain.root], folded.wxyzs[chain.root])
+        else:
+            last = record.frames[-1:]
+            self.tree.place(zero, last.root_position[0], last.root_wxyz[0])
+
+    def _guide(self, record: Record | None) -> Guide:
+        p = self.parameters
+        if p.controller == "direct":
+            return DirectGuide(self.chain.folded_rad)
+        if record is None:
+            raise InputError("no-record", f"the controller {p.controller!r} needs a record.")
+        snapshots = record.frames.joint_angles_rad[::-1]
+        if p.controller == "paper":
+            return SnapshotGuide(snapshots, p.threshold_rad2)
+        if p.controller not in ("computed-torque", "servo"):
+            raise InputError(
+                "unknown-controller",
+                f"got the controller {p.controller!r}, expected computed-torque, servo, paper or "
+                "direct.",
+            )
+        reference = Reference.through(
+            self.chain, snapshots, spacing_rad=p.spacing_rad, distance_weight=p.distance_weight
+        )
+        steps = max(FEWEST_STEPS, int(p.steps_per_rad * reference.length_rad))
+        samples = max(100, int(LAW_SAMPLES_A_RAD * reference.length_rad))
+        law = torque_bounded_law(
+            reference, self.tree, steps=steps, step_s=p.step_s, samples=samples
+        )
+        return TimedGuide(reference, law)
+
+    def simulate(
+        self, sink: Callable[[Frames], None] | None, progress: Report, cancelled: Cancelled
+    ) -> tuple[PlaybackStatus, str]:
+        tree = self.tree
+        reported, reported_steps = time.perf_counter(), 0
+        last_angles = last_aim = np.full_like(self.chain.folded_rad, np.inf)
+        last_step = 0
+        target = None
+        try:
+            while self.steps < self.parameters.max_steps:
+                tree.begin_step()
+                angles = tree.angles
+                following = self.guide.target(angles, tree.rates)
+                if following is None:
+                    assert target is not None
+                    self._keep(angles, target.angles, sink)
+                    return "folded", ""
+                target = following
+                error = float(np.abs(target.angles - angles).max())
+                self.largest_error = max(self.largest_error, error)
+                if (
+                    max(np.abs(angles - last_angles).max(), np.abs(target.angles - last_aim).max())
+                    >= FRAME_RAD
+                    or self.steps - last_step >= FRAME_STEPS
+                ):
+                    self._keep(angles, target.angles, sink)
+                    last_angles, last_aim, last_step = angles, target.angles, self.steps
+                self.controller.drive(tree, target)
+                tree.end_step()
+                torque = float(np.abs(tree.motor_torques).max())
+                self.peak_torque = max(self.peak_torque, torque)
+                self.square_torque += torque * torque
+                self.steps += 1
+                if self.steps % CHECK_EVERY == 0:
+                    if cancelled():
+                        return "cancelled", "it was cancelled."
+                    now = time.perf_counter()
+                    if now - reported >= REPORT_EVERY_S:
+                        rate = (self.steps - reported_steps) / (now - reported)
+                        progress(
+                            Progress(
+                                stage="play_back",
+                                fraction=min(target.fraction, 0.99),
+                                steps=self.steps,
+                                steps_per_second=rate,
+                                message="folding",
+                            )
+                        )
+                        reported, reported_steps = now, self.steps
+        except SimulationError as broken:
+            return "diverged", f"the simulation broke off: {broken}"
+        return "timeout", (
+            f"the chain was not folded after {self.parameters.max_steps} steps; "
+            f"{self.bent_wrong()} of {len(self.chain.folded_rad)} hinges are off by more than "
+            "0.1 rad."
+        )
+
+    def _keep(self, angles: Array, aim: Array, sink: Callable[[Frames], None] | None) -> None:
+        frame = Frames.of_phase(
+            "playback",
+            time_s=np.array([self.start_s + self.steps * self.parameters.step_s]),
+            joint_angles_rad=angles[None],
+            root_position=self.tree.root_position[None],
+            root_wxyz=self.tree.root_wxyz[None],
+            joint_error_rad=np.abs(aim - angles)[None],
+        )
+        self.kept.append(frame)
+        self.references.append(aim.copy())
+        if sink is not None:
+            sink(frame)
+
+    def final_error(self) -> float:
+        """RMS distance of the modules from the folded shape in pitches, after alignment."""
+        poses = self.chain.poses(self.tree.angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        distances = aligned_distances(poses.positions, self.chain.folded_poses.positions)
+        return float(np.sqrt((distances**2).mean()))
+
+    def bent_wrong(self) -> int:
+        """Hinges more than 0.1 rad from where they should end."""
+        return int((np.abs(self.tree.angles - self.chain.folded_rad) > 0.1).sum())
+
+

@@ -1,0 +1,176 @@
+"""Tree: the single middle-rooted MuJoCo model of a chain, with what playback asks of it."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.errors import SimulationError
+from planner.model import Material, tree_spec
+
+Array = NDArray[np.float64]
+ROOT_DOFS: Final = 6
+
+
+class Tree:
+    """A chain as one MuJoCo tree. Holds a model and its data.
+
+    Args:
+        chain: The chain.
+        material: Joints and surfaces.
+        step_s: Time step.
+        servo: (kp, kv, largest torque or None) of a position actuator on every hinge, or None for
+            a chain without motors.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        material: Material,
+        *,
+        step_s: float,
+        servo: tuple[float, float, float | None] | None = None,
+    ) -> None:
+        self.chain = chain
+        spec = tree_spec(chain, material)
+        if servo is not None:
+            _add_servos(spec, chain, servo)
+        self.model: Any = spec.compile()
+        self.model.opt.timestep = step_s
+        self.model.opt.integrator = (
+            mujoco.mjtIntegrator.mjINT_EULER
+            if servo is None
+            else mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        )
+        self.data: Any = mujoco.MjData(self.model)
+        joints = [self.model.joint(name) for name in chain.joint_names]
+        self._qpos = np.array([j.qposadr[0] for j in joints], dtype=np.int64)
+        self._dofs = np.array([j.dofadr[0] for j in joints], dtype=np.int64)
+        self._work = np.empty(self.model.nv)
+        if servo is not None:
+            self._actuators = np.array([self.model.actuator(n).id for n in chain.joint_names])
+        rows = [slice(int(a), int(a) + r + 1) for r, a in enumerate(self.model.M_rowadr[:ROOT_DOFS])]
+        self._root_rows = rows
+
+    @property
+    def angles(self) -> Array:
+        """(J,) a copy of the hinge angles."""
+        return self.data.qpos[self._qpos]
+
+    @property
+    def rates(self) -> Array:
+        """(J,) a copy of the hinge velocities."""
+        return self.data.qvel[self._dofs]
+
+    @property
+    def root_position(self) -> Array:
+        """(3,) a copy of the root's centre."""
+        return self.data.qpos[:3].copy()
+
+    @property
+    def root_wxyz(self) -> Array:
+        """(4,) a copy of the root's orientation."""
+        return self.data.qpos[3:7].copy()
+
+    @property
+    def motor_torques(self) -> Array:
+        """(J,) what motors and applied torques did in the last step."""
+        return (self.data.qfrc_actuator + self.data.qfrc_applied)[self._dofs]
+
+    def place(self, angles: Array, root_position: Array, root_wxyz: Array) -> None:
+        """Sets a configuration at rest."""
+        self.data.qpos[:3] = root_position
+        self.data.qpos[3:7] = root_wxyz
+        self.data.qpos[self._qpos] = angles
+        self.data.qvel[:] = 0.0
+
+    def begin_step(self) -> None:
+        """Everything of a step that depends on positions and velocities."""
+        mujoco.mj_step1(self.model, self.data)
+
+    def end_step(self) -> None:
+        """The rest of a step.
+
+        Raises:
+            SimulationError: When MuJoCo warns of bad numbers.
+        """
+        mujoco.mj_step2(self.model, self.data)
+        warnings = self.data.warning
+        for kind in (
+            mujoco.mjtWarning.mjWARN_BADQPOS,
+            mujoco.mjtWarning.mjWARN_BADQVEL,
+            mujoco.mjtWarning.mjWARN_BADQACC,
+        ):
+            if warnings[int(kind)].number:
+                raise SimulationError("the state is no longer finite.")
+
+    def apply_torques(self, torques: Array) -> None:
+        """Sets (J,) torques on the hinges for the coming step."""
+        self.data.qfrc_applied[self._dofs] = torques
+
+    def set_servo_targets(self, targets: Array) -> None:
+        """Sets (J,) target angles of the position actuators for the coming step."""
+        self.data.ctrl[self._actuators] = targets
+
+    def torques_for(self, accelerations: Array) -> Array:
+        """(J,) hinge torques that give hinge accelerations, the root floating freely.
+
+        The root's acceleration is the one that needs no force on it:
+        a_root = −M_rr⁻¹ r, with r the root's residual of the inverse dynamics for a_root = 0.
+        ``begin_step`` or ``evaluate`` must have been called for the state.
+        """
+        data, model = self.data, self.model
+        kept = data.qacc.copy()
+        data.qacc[:ROOT_DOFS] = 0.0
+        data.qacc[self._dofs] = accelerations
+        mujoco.mj_rne(model, data, 1, self._work)
+        data.qacc[:ROOT_DOFS] = -np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
+        mujoco.mj_rne(model, data, 1, self._work)
+        data.qacc[:] = kept
+        return self._work[self._dofs]
+
+    def evaluate(self, angles: Array, rates: Array) -> None:
+        """Positions and velocities at a configuration of a free chain without momentum.
+
+        The root stands at the origin; its velocity is −M_rr⁻¹ M_rj q̇.
+        """
+        data, model = self.data, self.model
+        data.qpos[:7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+        data.qpos[self._qpos] = angles
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        data.qvel[:] = 0.0
+        data.qvel[self._dofs] = rates
+        mujoco.mj_mulM(model, data, self._work, data.qvel)
+        data.qvel[:ROOT_DOFS] = -np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
+        mujoco.mj_comVel(model, data)
+
+    def _root_inertia(self) -> Array:
+        """(6, 6) the root's block of the mass matrix: the whole chain as one rigid body."""
+        lower = np.zeros((ROOT_DOFS, ROOT_DOFS))
+        for r, row in enumerate(self._root_rows):
+            lower[r, : r + 1] = self.data.M[row]
+        return lower + np.tril(lower, -1).T
+
+
+def _add_servos(
+    spec: Any, chain: Chain, servo: tuple[float, float, float | None]
+) -> None:
+    kp, kv, limit = servo
+    for name in chain.joint_names:
+        motor = spec.add_actuator()
+        motor.name = name
+        motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        motor.target = name
+        motor.gaintype = mujoco.mjtGain.mjGAIN_FIXED
+        motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        motor.gainprm[0] = kp
+        motor.biasprm[:3] = [0.0, -kp, -kv]
+        if limit is not None:
+            motor.forcelimited = True
+            motor.forcerange = [-limit, limit]
