@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -32,26 +32,27 @@ class GalleryShape:
         return f"{self.name}.json"
 
 
+@cache
+def gallery() -> tuple[GalleryShape, ...]:
+    """All example shapes, shortest chain first; read once."""
+    found = [
+        _shape(entry)
+        for entry in shapes_directory().iterdir()
+        if entry.is_file() and entry.name.endswith(".json")
+    ]
+    return tuple(sorted(found, key=lambda shape: (shape.modules, shape.name)))
+
+
 class Gallery:
-    """All example shapes, read once."""
+    """The example shapes, as a service has them."""
 
-    @cached_property
-    def _shapes(self) -> dict[str, GalleryShape]:
-        found = [
-            _shape(entry)
-            for entry in shapes_directory().iterdir()
-            if entry.is_file() and entry.name.endswith(".json")
-        ]
-        found.sort(key=lambda shape: (shape.modules, shape.name))
-        return {shape.name: shape for shape in found}
-
-    def shapes(self) -> list[GalleryShape]:
+    def shapes(self) -> tuple[GalleryShape, ...]:
         """All of them, shortest chain first."""
-        return list(self._shapes.values())
+        return gallery()
 
     def shape(self, name: str) -> GalleryShape | None:
         """The one of this name, if there is one."""
-        return self._shapes.get(name)
+        return next((shape for shape in self.shapes() if shape.name == name), None)
 
 
 def shapes_directory() -> Traversable:

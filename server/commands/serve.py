@@ -87,7 +87,7 @@ def _run(settings: Settings, first_shape: str | None) -> None:
 
 
 def _fold_first(context: Context, name: str) -> str:
-        from server.submissions import Submission, submit
+    from server.submissions import Submission, submit
 
     shape = context.gallery.shape(name)
     if shape is None:
