@@ -99,7 +99,7 @@ def _columns(joints: int) -> dict[str, tuple[tuple[int, ...], str]]:
     }
 
 
-def chain_attributes(chain: Chain) -> dict[str, object]:
+def chain_attributes(chain: Chain) -> dict[str, Any]:
     """What a timeline or plan says of its chain, as plain JSON values."""
     return {
         "name": chain.name,
@@ -188,6 +188,12 @@ class TimelineWriter:
         """Adds frames; they reach the disk within ``FLUSH_EVERY_S`` of further calls."""
         if self._status != "growing":
             raise TimelineError(f"the timeline is {self._status}; only a growing one takes frames.")
+        joints = frames.joint_angles_rad.shape[-1]
+        if joints != len(self._chain.folded_rad):
+            raise TimelineError(
+                f"got frames of {joints} joint angles, expected {len(self._chain.folded_rad)}, as "
+                "the timeline's chain has."
+            )
         if len(frames):
             self._waiting.append(frames)
         if time.monotonic() - self._last_flush >= FLUSH_EVERY_S:
@@ -276,7 +282,10 @@ class Timeline:
         frames = int(attributes["frames"])
         if frames != self._frames or not self._arrays:
             group = zarr.open_group(self.path, mode="r")
-            self._arrays = {n: cast("zarr.Array[Any]", group[n]) for n in _columns(0)}
+            try:
+                self._arrays = {n: cast("zarr.Array[Any]", group[n]) for n in _columns(0)}
+            except KeyError as error:
+                raise TimelineError(f"{self.path} is damaged: it lacks {error}.") from error
             short = min(array.shape[0] for array in self._arrays.values())
             if short < frames:
                 raise TimelineError(

@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.paths import LARGEST_COORDINATE, Path
+from tests.planner.lattice import walks
+
+
+@given(walks())
+def test_every_self_avoiding_walk_is_a_path(cells: NDArray[np.int64]) -> None:
+    path = Path.from_cells(cells)
+    np.testing.assert_array_equal(path.cells, cells)
+    assert len(path) == len(cells)
+    assert not path.cells.flags.writeable
+
+
+@given(walks())
+def test_a_path_stays_one_when_reversed_or_moved(cells: NDArray[np.int64]) -> None:
+    Path.from_cells(cells[::-1])
+    Path.from_cells(cells + [7, -300, 12])
+    Path.from_cells(cells.astype(np.float64))
+
+
+@pytest.mark.parametrize(
+    ("cells", "code", "where"),
+    [
+        ([], "not-cells", None),
+        ([(0, 0, 0)], "too-few-cells", None),
+        ([(0, 0), (1, 0), (2, 0)], "not-cells", None),
+        ([("a", "b", "c")] * 3, "not-cells", None),
+        ([(0, 0, 0), (1, 0, 0), (1, 1.5, 0)], "not-whole", "cell 2"),
+        ([(0, 0, 0), (np.nan, 0, 0), (1, 1, 0)], "not-finite", "cell 1"),
+        ([(0, 0, 0), (np.inf, 0, 0), (1, 1, 0)], "not-finite", "cell 1"),
+        ([(LARGEST_COORDINATE + 1, 0, 0), (0, 0, 0), (1, 0, 0)], "too-far", "cell 0"),
+        ([(0, 0, 0), (1, 0, 0), (0, 0, 0)], "repeated-cell", "cells 0 and 2"),
+        ([(0, 0, 0), (1, 0, 0), (3, 0, 0)], "not-adjacent", "cells 1 and 2"),
+        ([(0, 0, 0), (1, 1, 0), (2, 1, 0)], "not-adjacent", "cells 0 and 1"),
+    ],
+)
+def test_what_is_no_path_is_refused_with_its_place(
+    cells: object, code: str, where: str | None
+) -> None:
+    with pytest.raises(InputError) as refusal:
+        Path.from_cells(cells)  # type: ignore[arg-type]
+    assert (refusal.value.code, refusal.value.where) == (code, where)
+
+
+@pytest.mark.parametrize("pitch_m", [0.0, -1.0, float("nan"), 2000.0])
+def test_a_pitch_must_be_a_sensible_length(pitch_m: float) -> None:
+    with pytest.raises(InputError) as refusal:
+        Path.from_cells([(0, 0, 0), (1, 0, 0), (2, 0, 0)], pitch_m=pitch_m)
+    assert refusal.value.code == "bad-pitch"
+
+
+def test_the_callers_array_is_not_frozen_or_kept() -> None:
+    cells = np.array([(0, 0, 0), (1, 0, 0), (2, 0, 0)])
+    path = Path.from_cells(cells)
+    cells[0] = 9
+    assert path.cells[0].tolist() == [0, 0, 0]

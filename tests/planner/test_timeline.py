@@ -1,0 +1,288 @@
+from __future__ import annotations
+
+import json
+import shutil
+import threading
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner import timeline as timeline_module
+from planner.chain import Chain
+from planner.errors import TimelineError
+from planner.modules import CUBE
+from planner.timeline import PHASES, Frames, Phase, Timeline, TimelineWriter
+
+COLUMNS = ("time_s", "joint_angles_rad", "root_position", "root_wxyz")
+
+
+def some_frames(
+    count: int, *, start: int = 0, phase: Phase = "explosion", error: bool = False, joints: int = 6
+) -> Frames:
+    """Frames that all differ from each other."""
+    rows = np.arange(start, start + count, dtype=np.float64)
+    return Frames.of_phase(
+        phase,
+        time_s=rows / 10,
+        joint_angles_rad=rows[:, None] + np.arange(joints) / 16,
+        root_position=rows[:, None] * [1.0, 2.0, 3.0],
+        root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+        joint_error_rad=np.tile(rows[:, None], (1, joints)) / 8 if error else None,
+    )
+
+
+def assert_same(found: Frames, expected: Frames) -> None:
+    for column in (*COLUMNS, "phase", "joint_error_rad"):
+        np.testing.assert_array_equal(getattr(found, column), getattr(expected, column))
+
+
+@pytest.fixture
+def place(tmp_path: FilePath) -> FilePath:
+    return tmp_path / "timeline.zarr"
+
+
+def test_what_is_written_is_read_with_its_phases_and_its_chain(
+    place: FilePath, hook_chain: Chain
+) -> None:
+    explosion = some_frames(3)
+    playback = some_frames(4, start=3, phase="playback", error=True)
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(explosion)
+        writer.append(playback)
+    timeline = Timeline.open(place)
+    assert (len(timeline), timeline.status) == (7, "complete")
+    assert_same(timeline.frames(), Frames.joined([explosion, playback]))
+    assert [PHASES[p] for p in timeline.frames().phase] == ["explosion"] * 3 + ["playback"] * 4
+    chain = timeline.chain
+    assert (chain.name, chain.module, chain.pitch_m) == ("hook", hook_chain.module, 0.02)
+    np.testing.assert_array_equal(chain.folded_rad, hook_chain.folded_rad)
+    np.testing.assert_array_equal(chain.folded_poses.positions, hook_chain.folded_poses.positions)
+
+
+@given(st.data())
+def test_any_range_is_the_same_range_of_the_whole(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    place = tmp_path_factory.getbasetemp() / "ranges.zarr"
+    if not place.exists():
+        chain = Chain.from_angles(CUBE, np.zeros(6))
+        with TimelineWriter.create(place, chain) as writer:
+            writer.append(some_frames(300))
+    timeline = Timeline.open(place)
+    start = data.draw(st.integers(0, 300))
+    stop = data.draw(st.integers(start, 300))
+    stride = data.draw(st.integers(1, 50))
+    assert_same(timeline.frames(start, stop, stride), some_frames(300)[start:stop:stride])
+
+
+def test_a_reader_follows_the_tail(place: FilePath, hook_chain: Chain) -> None:
+    writer = TimelineWriter.create(place, hook_chain)
+    timeline = Timeline.open(place)
+    assert (len(timeline), timeline.status) == (0, "growing")
+    assert not timeline.refresh()
+    for start in range(0, 500, 50):
+        writer.append(some_frames(50, start=start))
+        writer.flush()
+        assert timeline.refresh()
+        assert len(timeline) == start + 50
+        np.testing.assert_array_equal(
+            timeline.frames(start).time_s, np.arange(start, start + 50) / 10
+        )
+    writer.close()
+    assert timeline.refresh()
+    assert timeline.status == "complete"
+
+
+def test_a_reader_beside_a_busy_writer_sees_only_whole_frames(
+    place: FilePath, hook_chain: Chain
+) -> None:
+    writer = TimelineWriter.create(place, hook_chain)
+
+    def write() -> None:
+        for start in range(0, 200, 4):
+            writer.append(some_frames(4, start=start))
+            writer.flush()
+        writer.close()
+
+    thread = threading.Thread(target=write)
+    thread.start()
+    timeline = Timeline.open(place)
+    while timeline.status == "growing":
+        timeline.refresh()
+        assert len(timeline) % 4 == 0
+        assert_same(timeline.frames(), some_frames(len(timeline)))
+    thread.join()
+    assert len(timeline) == 200
+
+
+def test_frames_that_wait_are_counted_by_the_writer_and_not_seen_by_readers(
+    place: FilePath, hook_chain: Chain, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(timeline_module, "FLUSH_EVERY_S", 1e9)
+    writer = TimelineWriter.create(place, hook_chain)
+    writer.append(some_frames(5))
+    assert len(writer) == 5
+    assert len(Timeline.open(place)) == 0
+
+
+def test_a_killed_writer_leaves_only_whole_frames(
+    place: FilePath, hook_chain: Chain, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writer = TimelineWriter.create(place, hook_chain)
+    writer.append(some_frames(5))
+    writer.flush()
+    # Killed when the columns have grown and the count has not been written yet.
+    monkeypatch.setattr(writer, "_mark", _killed)
+    writer.append(some_frames(7, start=5))
+    with pytest.raises(KeyboardInterrupt):
+        writer.flush()
+    timeline = Timeline.open(place)
+    assert (len(timeline), timeline.status) == (5, "growing")
+    assert_same(timeline.frames(), some_frames(5))
+    with pytest.raises(TimelineError, match="within the 5 frames"):
+        timeline.frames(0, 6)
+
+    with TimelineWriter.reopen(place) as again:
+        again.append(some_frames(2, start=90))
+    assert Timeline.open(place).frames().time_s.tolist() == [0.0, 0.1, 0.2, 0.3, 0.4, 9.0, 9.1]
+
+
+def _killed(status: str) -> None:
+    raise KeyboardInterrupt(status)
+
+
+def test_a_writer_goes_on_after_the_frames_that_are_kept(
+    place: FilePath, hook_chain: Chain
+) -> None:
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(200))
+    with TimelineWriter.reopen(place, frames=130) as writer:
+        assert len(writer) == 130
+        assert Timeline.open(place).status == "growing"
+        writer.append(some_frames(20, start=500))
+    times = Timeline.open(place).frames().time_s
+    np.testing.assert_array_equal(times, np.r_[np.arange(130), np.arange(500, 520)] / 10)
+
+
+def test_a_shorter_continuation_hides_the_old_tail(place: FilePath, hook_chain: Chain) -> None:
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(10))
+    reader = Timeline.open(place)
+    with TimelineWriter.reopen(place, frames=2):
+        pass
+    reader.refresh()
+    assert_same(reader.frames(), some_frames(2))
+
+
+def test_an_exception_marks_the_timeline_failed_and_keeps_its_frames(
+    place: FilePath, hook_chain: Chain
+) -> None:
+    with pytest.raises(RuntimeError), TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(4))
+        raise RuntimeError("the simulation broke")
+    timeline = Timeline.open(place)
+    assert (len(timeline), timeline.status) == (4, "failed")
+
+
+def test_a_closed_timeline_takes_no_frames(place: FilePath, hook_chain: Chain) -> None:
+    writer = TimelineWriter.create(place, hook_chain)
+    writer.close()
+    with pytest.raises(TimelineError, match="only a growing one"):
+        writer.append(some_frames(1))
+
+
+def test_no_frames_are_no_change(place: FilePath, hook_chain: Chain) -> None:
+    writer = TimelineWriter.create(place, hook_chain)
+    reader = Timeline.open(place)
+    writer.append(some_frames(0))
+    writer.flush()
+    assert not reader.refresh()
+    assert len(reader.frames()) == 0
+
+
+@pytest.mark.parametrize("wrong", [(-1, 2, 1), (0, 6, 1), (3, 2, 1), (0, 5, 0)])
+def test_a_range_outside_is_refused(
+    place: FilePath, hook_chain: Chain, wrong: tuple[int, int, int]
+) -> None:
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(5))
+    with pytest.raises(TimelineError, match="5 frames"):
+        Timeline.open(place).frames(*wrong)
+
+
+@pytest.mark.parametrize("kept", [-1, 6])
+def test_more_frames_than_there_are_cannot_be_kept(
+    place: FilePath, hook_chain: Chain, kept: int
+) -> None:
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(5))
+    with pytest.raises(TimelineError, match="expected 0 to 5"):
+        TimelineWriter.reopen(place, frames=kept)
+
+
+def test_where_nothing_is_there_is_no_timeline(place: FilePath) -> None:
+    with pytest.raises(TimelineError, match="no timeline at"):
+        Timeline.open(place)
+    place.mkdir()
+    with pytest.raises(TimelineError, match="no timeline at"):
+        Timeline.open(place)
+
+
+def edit_attributes(place: FilePath, **changes: object) -> None:
+    """Changes the attributes on disk; None removes one."""
+    file = place / "zarr.json"
+    document = json.loads(file.read_text())
+    document["attributes"].update(changes)
+    document["attributes"] = {k: v for k, v in document["attributes"].items() if v is not None}
+    file.write_text(json.dumps(document))
+
+
+@pytest.mark.parametrize("key", ["format", "frames", "chain", "status"])
+def test_a_timeline_that_lacks_an_attribute_is_damaged(
+    place: FilePath, hook_chain: Chain, key: str
+) -> None:
+    TimelineWriter.create(place, hook_chain).close()
+    edit_attributes(place, **{key: None})
+    with pytest.raises(TimelineError):
+        Timeline.open(place)
+
+
+def test_another_format_is_refused(place: FilePath, hook_chain: Chain) -> None:
+    TimelineWriter.create(place, hook_chain).close()
+    edit_attributes(place, format="foldback-timeline/9")
+    with pytest.raises(TimelineError, match="foldback-timeline/9"):
+        Timeline.open(place)
+
+
+def test_more_frames_promised_than_held_is_damage(place: FilePath, hook_chain: Chain) -> None:
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(5))
+    edit_attributes(place, frames=9)
+    with pytest.raises(TimelineError, match="promises 9 frames and holds 5"):
+        Timeline.open(place)
+
+
+def test_a_lost_column_is_damage(place: FilePath, hook_chain: Chain) -> None:
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(5))
+    shutil.rmtree(place / "root_position")
+    with pytest.raises(TimelineError):
+        Timeline.open(place)
+
+
+def test_attributes_cut_in_the_middle_are_damage(place: FilePath, hook_chain: Chain) -> None:
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(5))
+    file = place / "zarr.json"
+    file.write_text(file.read_text()[:50])
+    with pytest.raises(TimelineError):
+        Timeline.open(place)
+
+
+def test_frames_of_another_chain_are_refused(place: FilePath, hook_chain: Chain) -> None:
+    writer = TimelineWriter.create(place, hook_chain)
+    with pytest.raises(TimelineError, match="joint"):
+        writer.append(some_frames(2, joints=8))
