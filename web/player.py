@@ -23,6 +23,7 @@ A message out has one noun, ``is``:
 | ``module``: index, modules, cell, joints [{name, angle_rad, target_rad, error_rad}], error_rad;
     index null for none | on selection, and while it moves |
 | ``waiting`` | there is no timeline yet |
+| ``viewing`` | a browser has connected to the scene |
 | ``problem``: detail | a message that could not be understood |
 """
 
@@ -351,6 +352,7 @@ class Player:
             self._camera.view = None
             self._aim()
             self._push_camera([client])
+            self._tell({"is": "viewing"})
 
     def _take_direction(self) -> None:
         """Goes on from where the visitor has turned the camera."""

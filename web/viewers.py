@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import re
+import secrets
 import threading
 import time
 import weakref
@@ -44,6 +45,7 @@ class Viewer:
     def __init__(self, fold_id: str, visitor: str, films: Films, timeline: Path) -> None:
         self.fold_id = fold_id
         self.visitor = visitor
+        self.epoch = secrets.token_hex(6)
         self.connections = 0
         self.touched = time.monotonic()
         with _quiet():

@@ -1,0 +1,35 @@
+"""Finding a fold for a page, without saying more than that there is none."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+FOLD_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A fold: its row and the directory of its files."""
+
+    row: Any
+    directory: Path
+
+
+async def find_fold(app: Any, fold_id: str) -> Found | None:
+    """The fold of that id, or None."""
+    if not FOLD_ID.fullmatch(fold_id):
+        return None
+    store = app.state.context.store
+
+    def look() -> Found | None:
+        try:
+            row = store.fold(fold_id)
+        except LookupError:
+            return None
+        return None if row is None else Found(row, Path(store.directory(fold_id)))
+
+    return await asyncio.to_thread(look)

@@ -1,0 +1,66 @@
+"""Client: viser's own page, dressed for being framed by ours, and the policy it needs."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+import viser
+
+MESSAGES_IN: Final = frozenset(
+    {"ViewerCameraMessage", "SceneNodeClickMessage", "GetRenderResponseMessage"}
+)
+"""What a visitor's browser may say to a viser server; all else is dropped on the way."""
+
+# The panel, the notices and the logo are viser's; the page has its own. The ground is painted by
+# the document, so the canvas above it stays see-through.
+STYLE: Final = """
+html { color-scheme: light dark; }
+html, body { background: radial-gradient(120% 90% at 50% 38%, #fbfaf7 0%, #efece6 62%, #e2ded6 100%)
+  !important; }
+@media (prefers-color-scheme: dark) {
+  html, body { background: radial-gradient(120% 90% at 50% 38%, #23282f 0%, #15181d 58%, #0d0f12 100%)
+    !important; }
+}
+#root div { background-color: transparent !important; }
+.mantine-Notifications-root, .mantine-Paper-root, .mantine-Tooltip-tooltip,
+.mantine-Modal-root { display: none !important; }
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Client:
+    """The page, and the Content-Security-Policy under which it works and does no more."""
+
+    html: bytes
+    policy: str
+    etag: str
+
+
+@cache
+def client() -> Client:
+    """The dressed client of the installed viser, read once."""
+    source = Path(viser.__file__).parent / "client" / "build" / "index.html"
+    html = source.read_text(encoding="utf-8")
+    head = html.rindex("</head>")
+    html = f"{html[:head]}<style>{STYLE}</style>{html[head:]}"
+    policy = "; ".join(
+        (
+            "default-src 'none'",
+            # The page unpacks its own program into an inline script, and a worker into a blob.
+            "script-src 'unsafe-inline' 'wasm-unsafe-eval' blob:",
+            "style-src 'unsafe-inline'",
+            "img-src 'self' data: blob:",
+            "font-src data:",
+            "connect-src 'self' data: blob:",
+            "worker-src blob:",
+            "frame-ancestors 'self'",
+            "base-uri 'none'",
+            "form-action 'none'",
+        )
+    )
+    data = html.encode()
+    return Client(data, policy, f'"{hashlib.sha256(data).hexdigest()[:20]}"')

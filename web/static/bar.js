@@ -1,0 +1,128 @@
+// The timeline bar: phases as two tints, the error as a small area in it, and the playhead.
+import { PHASES, radians, seconds, whole } from "./words.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+const get = (id) => document.getElementById(id);
+
+export class Bar {
+  constructor(control) {
+    this.control = control;
+    this.outline = null;
+    this.state = null;
+    this.scrubbing = false;
+    this.sent = null;
+    this.scrub = get("scrub");
+    const send = (message) => () => control.send(message);
+    get("play").onclick = send({ do: "toggle" });
+    get("back").onclick = send({ do: "step", by: -1 });
+    get("forward").onclick = send({ do: "step", by: 1 });
+    for (const name of ["reverse", "loop", "follow", "live"]) {
+      get(name).onclick = () => control.send({ do: "set", [name]: get(name).getAttribute("aria-pressed") !== "true" });
+    }
+    get("speed").onchange = (event) => control.send({ do: "set", speed: Number(event.target.value) });
+    this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
+    this.scrub.addEventListener("pointerdown", () => { this.scrubbing = true; });
+    for (const name of ["pointerup", "pointercancel", "change"]) {
+      this.scrub.addEventListener(name, () => { this.scrubbing = false; });
+    }
+    control.on("outline", (outline) => this.draw(outline));
+    control.on("state", (state) => this.show(state));
+  }
+
+  // At most one seek a picture: the newest counts.
+  seek(frame) {
+    this.place(frame);
+    if (this.sent !== null) { this.sent = frame; return; }
+    this.sent = frame;
+    this.control.send({ do: "seek", frame });
+    requestAnimationFrame(() => {
+      const last = this.sent;
+      this.sent = null;
+      if (last !== frame) this.seek(last);
+    });
+  }
+
+  key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const inField = event.target.closest?.("select, textarea, input:not([type=range])");
+    const onButton = event.target.closest?.("button, a, summary, [role=tab]");
+    if (inField) return;
+    if (event.target.closest?.("[role=tablist]") && event.key.startsWith("Arrow")) return;
+    const message = {
+      ArrowLeft: { do: "step", by: event.shiftKey ? -10 : -1 },
+      ArrowRight: { do: "step", by: event.shiftKey ? 10 : 1 },
+      Home: { do: "seek", percent: 0 },
+      End: { do: "seek", percent: 100 },
+      " ": onButton ? null : { do: "toggle" },
+    }[event.key];
+    if (!message) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    this.control.send(message);
+  }
+
+  draw(outline) {
+    this.outline = outline;
+    const { frames, phases, errors } = outline;
+    this.scrub.disabled = frames < 2;
+    this.scrub.max = Math.max(0, frames - 1);
+    const plot = get("plot");
+    plot.replaceChildren();
+    const names = get("phases");
+    names.replaceChildren();
+    for (const phase of phases) {
+      const rect = document.createElementNS(SVG, "rect");
+      rect.setAttribute("class", `phase-${phase.name}`);
+      const from = (1000 * phase.from) / frames;
+      rect.setAttribute("x", from);
+      rect.setAttribute("width", (1000 * phase.to) / frames - from);
+      rect.setAttribute("height", 100);
+      plot.append(rect);
+      const name = document.createElement("span");
+      name.textContent = PHASES[phase.name];
+      name.style.left = `${from / 10}%`;
+      name.style.maxWidth = `${(100 * (phase.to - phase.from)) / frames}%`;
+      names.append(name);
+    }
+    const scale = outline.error_scale_rad;
+    let path = "";
+    errors.forEach((error, k) => {
+      const left = (1000 * k) / errors.length;
+      const right = (1000 * (k + 1)) / errors.length;
+      const top = 100 - 62 * Math.min(1, (error ?? 0) / scale);
+      if (error) path += `M${left.toFixed(1)} 100V${top.toFixed(1)}H${right.toFixed(1)}V100z`;
+    });
+    const area = document.createElementNS(SVG, "path");
+    area.setAttribute("class", "errors");
+    area.setAttribute("d", path);
+    plot.append(area);
+    get("legend").hidden = false;
+    get("legend-high").textContent = radians(scale);
+    if (this.state) this.show({ ...this.state, frames });
+  }
+
+  show(state) {
+    this.state = state;
+    if (!this.scrubbing) this.place(state.frame);
+    const press = (id, on) => get(id).setAttribute("aria-pressed", String(on));
+    for (const name of ["reverse", "loop", "follow", "live"]) press(name, state[name]);
+    get("live").hidden = !state.growing;
+    const running = state.playing;
+    get("play-icon").setAttribute("href", running ? "#i-pause" : "#i-play");
+    get("play").setAttribute("aria-label", running ? "Pause" : "Play");
+    const speed = get("speed");
+    if (document.activeElement !== speed) speed.value = String(state.speed);
+    get("r-phase").textContent = PHASES[state.phase] ?? "";
+    get("r-frame").textContent = `Frame ${whole(state.frame + 1)} of ${whole(state.frames)}`;
+    get("r-time").textContent = seconds(state.time_s);
+    get("r-error").textContent = state.error_rad === null ? "" : `Error ${radians(state.error_rad)}`;
+    this.scrub.setAttribute("aria-valuetext",
+      `${PHASES[state.phase] ?? ""}, frame ${Math.round(state.frame) + 1} of ${state.frames}`);
+  }
+
+  place(frame) {
+    const last = Math.max(1, Number(this.scrub.max));
+    get("head").style.left = `${(100 * Math.min(frame, last)) / last}%`;
+    if (Number(this.scrub.value) !== Math.round(frame)) this.scrub.value = Math.round(frame);
+  }
+}

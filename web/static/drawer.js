@@ -1,0 +1,119 @@
+// Details at the side: the clicked module, properties, downloads.
+import { degrees, element, radians } from "./words.js";
+
+const get = (id) => document.getElementById(id);
+const TABS = ["module", "properties", "downloads"];
+
+export class Drawer {
+  constructor(control, toast) {
+    this.control = control;
+    this.toast = toast;
+    get("details").onclick = () => this.open(get("drawer").hidden);
+    get("drawer-close").onclick = () => { this.open(false); get("details").focus(); };
+    TABS.forEach((name, k) => {
+      const tab = get(`tab-${name}`);
+      tab.onclick = () => this.choose(name);
+      tab.onkeydown = (event) => {
+        const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+        if (!by) return;
+        const next = TABS[(k + by + TABS.length) % TABS.length];
+        this.choose(next);
+        get(`tab-${next}`).focus();
+      };
+    });
+    control.on("module", (module) => this.module(module));
+    this.module({ index: null });
+  }
+
+  open(open) {
+    get("drawer").hidden = !open;
+    get("details").setAttribute("aria-expanded", String(open));
+  }
+
+  choose(name) {
+    for (const other of TABS) {
+      const chosen = other === name;
+      get(`tab-${other}`).setAttribute("aria-selected", String(chosen));
+      get(`tab-${other}`).tabIndex = chosen ? 0 : -1;
+      get(`panel-${other}`).hidden = !chosen;
+    }
+  }
+
+  module(module) {
+    const panel = get("panel-module");
+    const before = this.index;
+    this.index = module.index;
+    if (module.index === null) {
+      panel.replaceChildren(element("p", { class: "hint" }, "Click a module to see its joint."));
+      return;
+    }
+    if (before !== module.index) { this.choose("module"); this.open(true); }
+    if (before !== module.index || !panel.querySelector(".joints, .no-joint")) this.build(module);
+    this.fill(module);
+  }
+
+  build(module) {
+    const panel = get("panel-module");
+    const step = (by, text) => {
+      const button = element("button", { class: "button", type: "button" }, text);
+      const next = module.index + by;
+      button.disabled = next < 0 || next >= module.modules;
+      button.onclick = () => this.control.send({ do: "select", module: next });
+      return button;
+    };
+    const clear = element("button", { class: "button quiet", type: "button" }, "Clear");
+    clear.onclick = () => this.control.send({ do: "select", module: null });
+    const joint = module.joints.length
+      ? element("table", { class: "joints" },
+        element("thead", {}, element("tr", {},
+          ...["Hinge", "Now", "Folded", "Error"].map((text) => element("th", { scope: "col" }, text)))),
+        element("tbody", {}, ...module.joints.map(({ name }) =>
+          element("tr", { "data-joint": name }, element("td", {}, name.split("_").slice(2).join(" ") || name),
+            element("td", { "data-of": "now" }), element("td", { "data-of": "target" }), element("td", { "data-of": "error" })))))
+      : element("p", { class: "hint no-joint" }, "This module carries no joint.");
+    const ends = { 0: " · first", [module.modules - 1]: " · last" };
+    panel.replaceChildren(
+      element("h2", {}, element("i", { class: "swatch", "aria-hidden": "true" }), `Module ${module.index}${ends[module.index] ?? ""}`),
+      element("dl", { class: "rows" },
+        element("dt", {}, "Place in the chain"), element("dd", {}, `${module.index + 1} of ${module.modules}`),
+        element("dt", {}, "Cell when folded"), element("dd", {}, module.cell.join(", ").replaceAll("-", "−"))),
+      element("h3", {}, "Joint"),
+      joint,
+      element("div", { class: "steppers" }, step(-1, "Previous"), step(1, "Next"), clear));
+  }
+
+  fill(module) {
+    for (const joint of module.joints) {
+      const row = get("panel-module").querySelector(`[data-joint="${joint.name}"]`);
+      if (!row) continue;
+      const put = (of, text) => { row.querySelector(`[data-of="${of}"]`).textContent = text; };
+      put("now", degrees(joint.angle_rad));
+      put("target", degrees(joint.target_rad, 0));
+      put("error", joint.error_rad === null ? "–" : radians(joint.error_rad));
+    }
+  }
+
+  facts(facts) {
+    const rows = element("dl", { class: "rows" });
+    for (const { label, value } of facts.properties) rows.append(element("dt", {}, label), element("dd", {}, value));
+    const copy = element("button", { class: "button", type: "button" }, "Copy all");
+    copy.onclick = () => {
+      const text = facts.properties.map(({ label, value }) => `${label}: ${value}`).join("\n");
+      navigator.clipboard?.writeText(text).then(() => this.toast("Properties copied"), () => this.toast("Copying is not allowed here"));
+    };
+    get("panel-properties").replaceChildren(rows, element("div", { class: "drawer-foot" }, copy));
+    const panel = get("panel-downloads");
+    if (!facts.downloads.length) {
+      panel.replaceChildren(element("p", { class: "hint" }, facts.downloads_hint));
+      return;
+    }
+    panel.replaceChildren(element("ul", { class: "downloads" }, ...facts.downloads.map(({ label, hint, href }) => {
+      const icon = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+      icon.setAttribute("class", "icon");
+      const use = document.createElementNS("http://www.w3.org/2000/svg", "use");
+      use.setAttribute("href", "#i-download");
+      icon.append(use);
+      return element("li", {}, element("a", { href, download: true }, icon, element("span", {}, label, element("small", {}, hint))));
+    })));
+  }
+}

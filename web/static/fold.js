@@ -1,0 +1,85 @@
+// The fold page.
+import { Bar } from "./bar.js";
+import { Control } from "./control.js";
+import { Drawer } from "./drawer.js";
+import { Progress } from "./progress.js";
+import { View, hasWebGL } from "./view.js";
+
+const get = (id) => document.getElementById(id);
+const facts = JSON.parse(get("facts").textContent);
+const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+let toastTimer;
+function toast(text) {
+  const toast = get("toast");
+  toast.textContent = text;
+  toast.hidden = false;
+  clearTimeout(toastTimer);
+  toastTimer = setTimeout(() => { toast.hidden = true; }, 2600);
+}
+
+function cover(text, more = "", button = null) {
+  get("cover").classList.remove("gone");
+  get("cover-text").textContent = text;
+  get("cover-more").textContent = more;
+  get("cover-button").hidden = button === null;
+  if (button) { get("cover-button").textContent = button.text; get("cover-button").onclick = button.press; }
+}
+
+const control = new Control(facts.id, facts.visitor);
+const bar = new Bar(control);
+const drawer = new Drawer(control, toast);
+const view = new View(get("view"), {
+  onKey: (event) => bar.key(event),
+  onTouch: () => { if (bar.state?.follow) control.send({ do: "set", follow: false }); },
+});
+addEventListener("keydown", (event) => bar.key(event));
+
+function show(facts) {
+  get("name").textContent = facts.name;
+  get("verdict").textContent = facts.verdict.text;
+  get("verdict").dataset.tone = facts.verdict.tone;
+  drawer.facts(facts);
+  if (facts.problem && !bar.outline) cover(facts.problem.heading, facts.problem.text, { text: "Start another", press: () => { location.href = "/"; } });
+}
+show(facts);
+new Progress(facts, { onDone: show, toast });
+
+// After a break the player is where this page was.
+let begun = false;
+let last = null;
+control.on("state", (state) => { last = state; });
+control.on("hello", ({ again }) => {
+  if (again) view.reload();
+  if (!last) return;
+  const { speed, loop, reverse, follow, playing, frame } = last;
+  control.send({ do: "set", speed, loop, reverse, follow });
+  if (again) {
+    control.send({ do: "seek", frame });
+    if (playing) control.send({ do: "play" });
+  }
+});
+control.on("outline", (outline) => {
+  if (begun) return;
+  begun = true;
+  if (!outline.growing && !calm) control.send({ do: "play" });
+});
+control.on("viewing", () => setTimeout(() => get("cover").classList.add("gone"), 250));
+control.on("closed", ({ code, reason }) => {
+  if (code === 1013) cover("Many people are looking just now", reason);
+});
+
+if (!hasWebGL()) {
+  cover("This browser shows no 3D graphics", "WebGL is missing or switched off. Turn on hardware acceleration in the browser's settings, or open the link in another browser. The timeline, the properties and the downloads work all the same.");
+  get("cover").classList.add("stays");
+}
+
+get("share").onclick = async () => {
+  const link = location.origin + location.pathname;
+  try {
+    await navigator.clipboard.writeText(link);
+    toast("Link copied");
+  } catch {
+    toast(link);
+  }
+};

@@ -1,0 +1,59 @@
+// A fold while it is computed: stage, share, steps a second, place in the queue.
+import { STAGES, whole } from "./words.js";
+
+const get = (id) => document.getElementById(id);
+
+export class Progress {
+  constructor(facts, { onDone, toast }) {
+    this.facts = facts;
+    this.onDone = onDone;
+    this.toast = toast;
+    this.token = localStorage.getItem(`foldback:owner:${facts.id}`);
+    if (facts.running) this.listen();
+    get("cancel").onclick = () => this.cancel();
+  }
+
+  listen() {
+    get("progress").hidden = false;
+    get("cancel").hidden = !this.token;
+    const events = new EventSource(`/api/folds/${this.facts.id}/events`);
+    events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
+    events.addEventListener("done", () => { events.close(); this.end(); });
+  }
+
+  show(now) {
+    let text = STAGES[now.stage] ?? "Waiting";
+    if (now.status === "queued") {
+      text = now.queue_position > 0 ? `In the queue, place ${now.queue_position}` : "In the queue";
+    } else {
+      const parts = [`${text} ${Math.floor(100 * (now.fraction ?? 0))} %`];
+      if (now.steps) parts.push(`${whole(now.steps)} steps`);
+      if (now.steps_per_second) parts.push(`${whole(now.steps_per_second)} steps/s`);
+      text = parts.join(" · ");
+    }
+    const verdict = get("verdict");
+    verdict.dataset.tone = "busy";
+    verdict.textContent = text;
+    get("progress").firstElementChild.style.transform = `scaleX(${now.status === "queued" ? 0 : now.fraction ?? 0})`;
+    if (!get("cover").classList.contains("gone")) get("cover-text").textContent = text;
+  }
+
+  async end() {
+    get("progress").hidden = true;
+    get("cancel").hidden = true;
+    const answer = await fetch(`/folds/${this.facts.id}/facts`);
+    if (answer.ok) this.onDone(await answer.json());
+  }
+
+  async cancel() {
+    get("cancel").disabled = true;
+    const answer = await fetch(`/api/folds/${this.facts.id}/cancel`, {
+      method: "POST",
+      headers: { Authorization: `Bearer ${this.token}` },
+    });
+    if (!answer.ok) {
+      get("cancel").disabled = false;
+      this.toast("It could not be cancelled");
+    }
+  }
+}

@@ -1,0 +1,38 @@
+// Numbers and stages in words.
+export const PHASES = { explosion: "Explosion", playback: "Playback" };
+
+export const STAGES = {
+  read: "Reading the input",
+  explode: "Exploding",
+  play_back: "Playing back",
+  certify: "Checking clearance",
+  export: "Writing the plan",
+};
+
+export function whole(number) {
+  return Math.round(number).toLocaleString("en").replaceAll(",", "\u2009");
+}
+
+export function radians(value) {
+  if (value === null || value === undefined) return "not recorded";
+  if (value === 0) return "0 rad";
+  return `${Number(value.toPrecision(2))} rad`;
+}
+
+export function degrees(value, digits = 1) {
+  const shown = ((value * 180) / Math.PI).toFixed(digits);
+  return `${Number(shown) === 0 ? (0).toFixed(digits) : shown}°`.replace("-", "−");
+}
+
+export function seconds(value) {
+  return `${value.toFixed(2)} s`;
+}
+
+export function element(name, attributes = {}, ...children) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (value !== null && value !== undefined && value !== false) made.setAttribute(key, value === true ? "" : value);
+  }
+  made.append(...children.filter((child) => child !== null));
+  return made;
+}
