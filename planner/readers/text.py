@@ -17,7 +17,7 @@ from planner.readers.limits import quote
 
 NUMBER: Final = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?\Z")
 NOT_FINITE: Final = re.compile(r"[+-]?(?:nan|inf|infinity)\Z", re.IGNORECASE)
-SEPARATOR: Final = re.compile(r"[\s,;]+")
+SEPARATOR: Final = re.compile(r'[\s,;"]+')
 COMMENT: Final = "#"
 LOOKED_AT: Final = 20_000
 

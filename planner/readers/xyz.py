@@ -43,8 +43,8 @@ def read_xyz(text: str, source: Source) -> Path:
         code = "truncated" if len(rows) < promised else "wrong-count"
         raise InputError(
             code,
-            f"got {len(rows)} cells after a first line that promises {promised}; is the file "
-            "whole, and only one?",
+            f"got {len(rows)} cells after a first line that promises {promised}; "
+            "the file is cut, or more than one frame.",
             where=f"line {first + 1}",
         )
     return Path.from_cells(cells_array(rows), name=source.name or "path")

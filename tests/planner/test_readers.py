@@ -1,0 +1,393 @@
+from __future__ import annotations
+
+import io
+import json
+import random
+from collections.abc import Callable
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.errors import InputError
+from planner.formats import write_chain, write_path
+from planner.modules import CUBE
+from planner.paths import Path
+from planner.readers import read
+from planner.readers.limits import LONGEST_NAME
+from tests.planner.lattice import walks
+
+Cells = NDArray[np.int64]
+CELLS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1]]
+
+
+def as_json(cells: Cells) -> bytes:
+    return json.dumps(cells.tolist()).encode()
+
+
+def as_csv(cells: Cells) -> bytes:
+    return b"x,y,z\n" + b"".join(b"%d,%d,%d\n" % tuple(c) for c in cells)
+
+
+def as_xyz(cells: Cells) -> bytes:
+    return b"".join(b"%d %d %d\n" % tuple(c) for c in cells)
+
+
+def as_chemists_xyz(cells: Cells) -> bytes:
+    head = b"%d\na chain of carbon\n" % len(cells)
+    return head + b"".join(b"C %d.0 %d.0 %d.0\n" % tuple(c) for c in cells)
+
+
+def as_npy(cells: Cells) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, cells)
+    return stream.getvalue()
+
+
+def as_path(cells: Cells) -> bytes:
+    return write_path(Path.from_cells(cells, name="some path"), title="A title")
+
+
+def as_chain(cells: Cells) -> bytes:
+    return write_chain(Chain.from_path(Path.from_cells(cells)))
+
+
+PATH_WRITERS = (as_json, as_csv, as_xyz, as_chemists_xyz, as_npy, as_path)
+Writer = Callable[[Cells], bytes]
+
+
+def refusal_of(data: bytes, **options: object) -> InputError:
+    with pytest.raises(InputError) as refusal:
+        read(data, **options)  # type: ignore[arg-type]
+    return refusal.value
+
+
+def cells_of(data: bytes, filename: str | None = None) -> list[list[int]]:
+    path = read(data, filename=filename)
+    assert isinstance(path, Path)
+    return path.cells.tolist()
+
+
+# What can be read ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("writer", PATH_WRITERS)
+@given(cells=walks())
+def test_every_format_gives_the_cells_that_were_written(writer: Writer, cells: Cells) -> None:
+    assert cells_of(writer(cells)) == cells.tolist()
+
+
+@given(walks(), st.text(max_size=200), st.floats(1e-6, 1e3))
+def test_a_written_path_is_read_back(cells: Cells, name: str, pitch_m: float) -> None:
+    path = Path.from_cells(cells, name=name, pitch_m=pitch_m)
+    back = read(write_path(path))
+    assert isinstance(back, Path)
+    np.testing.assert_array_equal(back.cells, cells)
+    assert back.pitch_m == pitch_m
+    again = read(write_path(back))
+    assert again.name == back.name
+    assert len(back.name) <= LONGEST_NAME
+    assert back.name.isprintable()
+
+
+@given(walks())
+def test_a_written_chain_of_a_path_is_read_back_to_the_bit(cells: Cells) -> None:
+    chain = Chain.from_path(Path.from_cells(cells, name="a chain", pitch_m=0.03))
+    back = read(write_chain(chain))
+    assert isinstance(back, Chain)
+    np.testing.assert_array_equal(back.folded_rad, chain.folded_rad)
+    assert (back.name, back.module, back.pitch_m) == ("a chain", CUBE, 0.03)
+
+
+@given(st.lists(st.tuples(st.floats(-25, 25), st.floats(-25, 25)), min_size=1, max_size=6))
+def test_a_chain_off_the_lattice_is_read_back(angles_deg: list[tuple[float, float]]) -> None:
+    chain = Chain.from_angles(CUBE, np.deg2rad(angles_deg))
+    back = read(write_chain(chain))
+    assert isinstance(back, Chain)
+    np.testing.assert_allclose(back.folded_rad, chain.folded_rad, atol=1e-15)
+
+
+def test_examples_are_read(example: FilePath) -> None:
+    path = read(example.read_bytes(), filename=example.name)
+    assert isinstance(path, Path)
+    assert path.name == example.stem
+    assert len(path) == np.prod([int(n) for n in example.stem.split("-")[1].split("x")])
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"\xef\xbb\xbf" + as_json(np.array(CELLS)),
+        as_csv(np.array(CELLS)).decode().encode("utf-16"),
+        b"0;0;0\r\n1;0;0\r\n1;1;0\r\n1;1;1\r\n",
+        b"0\t0\t0\n1\t0\t0\n1\t1\t0\n1\t1\t1",
+        b"# a comment\n\n0, 0, 0,\n1, 0, 0,\n1, 1, 0,\n1, 1, 1,\n",
+        b'"0","0","0"\n"1","0","0"\n"1","1","0"\n"1","1","1"\n',
+        b"index,z,y,x\n0,0,0,0\n1,0,0,1\n2,0,1,1\n3,1,1,1\n",
+        b"a,b,c\n0,0,0\n1,0,0\n1,1,0\n1,1,1\n",
+        b"# x y z\n 0 0 0\n1e0 0.0 -0\n+1 1. 0\n1 1 1\n\n",
+        b"4\n\n0 0 0\n1 0 0\n1 1 0\n1 1 1\n",
+        b'{"cells": [[0,0,0],[1,0,0],[1,1,0],[1,1,1]], "format": "foldback-path/1", "by": {}}',
+        as_npy(np.asfortranarray(np.array(CELLS, dtype=">i2"))),
+        as_npy(np.array(CELLS, dtype=np.float16)),
+    ],
+)
+def test_the_ways_in_which_people_write_cells(data: bytes) -> None:
+    assert cells_of(data) == CELLS
+
+
+@pytest.mark.parametrize("filename", ["x.stl", "x.npy", "x", "", None, "x.json"])
+def test_the_content_decides_and_not_the_extension(filename: str | None) -> None:
+    assert cells_of(as_csv(np.array(CELLS)), filename) == CELLS
+
+
+@pytest.mark.parametrize(
+    ("filename", "name"),
+    [
+        ("my wrench.csv", "my wrench"),
+        ("../../etc/pass\x00wd\n.csv", "passwd"),
+        ("C:\\shapes\\a.b.csv", "a.b"),
+        (".csv", ".csv"),
+        (None, "path"),
+        ("\u202etxt.csv", "txt"),
+        ("w" * 500 + ".csv", "w" * (LONGEST_NAME - 1) + "…"),
+    ],
+)
+def test_the_file_names_the_shape_cleaned(filename: str | None, name: str) -> None:
+    shape = read(as_csv(np.array(CELLS)), filename=filename)
+    assert shape.name == name
+
+
+def test_the_name_within_the_file_goes_first() -> None:
+    assert read(as_path(np.array(CELLS)), filename="other.json").name == "some path"
+
+
+# What is refused ----------------------------------------------------------------------------------
+
+
+def path_document(**changes: object) -> bytes:
+    document = {"format": "foldback-path/1", "name": "n", "pitch_m": 0.01, "cells": CELLS}
+    document.update(changes)
+    return json.dumps({k: v for k, v in document.items() if v is not ...}).encode()
+
+
+def chain_document(**changes: object) -> bytes:
+    document = {"format": "foldback-chain/1", "module": "cube", "joint_angles_deg": [[90, 0]]}
+    document.update(changes)
+    return json.dumps({k: v for k, v in document.items() if v is not ...}).encode()
+
+
+def pickled() -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("data", "code", "where"),
+    [
+        (b"", "empty", None),
+        (b" \n\t ", "empty", None),
+        (b"[]", "empty", "the list"),
+        (path_document(cells=[]), "empty", "cells"),
+        # Cells that are no path.
+        (b"[[0,0,0]]", "too-few-cells", None),
+        (b"0 0 0\n1 0 0\n", "too-few-cells", None),
+        (b"[[0,0,0],[1,0,0],[3,0,0]]", "not-adjacent", "cells 1 and 2"),
+        (b"0,0,0\n1,0,0\n0,0,0\n", "repeated-cell", "cells 0 and 2"),
+        # Numbers that are no coordinates.
+        (b"[[0,0,0],[1,0,0],[1,0.5,0]]", "not-whole", "cell 2"),
+        (b"0 0 0\n1 0 0\n1 .5 0", "not-whole", "line 3"),
+        (b"[[0,0,0],[1,0,NaN],[1,1,0]]", "not-finite", "cell 1"),
+        (b"0,0,0\n1,0,-Infinity\n", "not-finite", "line 2"),
+        (b"[[0,0,0],[1,0,0],[1,1e9,0]]", "too-far", "cell 2"),
+        (b"[[0,0,0],[1,0,0],[1,%s,0]]" % (b"9" * 9999), "too-far", "cell 2"),
+        (b"0 0 0\n%s 0 0" % (b"9" * 9999), "too-far", "line 2"),
+        (b"[[0,0,0],[1,0,0],[1,1,true]]", "not-a-number", "cell 2"),
+        (b'[[0,0,0],[1,0,0],[1,1,"1"]]', "not-a-number", "cell 2"),
+        (b"[[0,0,0],[1,0,0],[1,1,null]]", "not-a-number", "cell 2"),
+        (b"0,0,0\n1,,0\n", "not-a-number", "line 2"),
+        (b"0 0 0\n1_0 0 0\n", "not-a-number", "line 2"),
+        ("0 0 0\n١ 0 0\n".encode(), "not-a-number", "line 2"),
+        # Rows of the wrong length.
+        (b"[[0,0,0],[1,0],[1,1,0]]", "wrong-count", "cell 1"),
+        (b"[0,0,0]", "wrong-count", "cell 0"),
+        (b"0,0,0\n1,0\n", "wrong-count", "line 2"),
+        (b"0,0,0,0\n1,0,0,1\n", "wrong-count", "line 1"),
+        (b"i,x,y,z\n0,0,0\n", "wrong-count", "line 2"),
+        (b"0 0 0\n1 0 0 0\n", "wrong-count", "line 2"),
+        (b"9\n\n0 0 0\n1 0 0\n", "truncated", "line 1"),
+        (b"2\n\n0 0 0\n1 0 0\n1 1 0\n", "wrong-count", "line 1"),
+        # JSON that is none, or not ours.
+        (b"[[0,0,0],[1,0,0],[1,", "truncated", "line 1, column 21"),
+        (b'{"format": "foldback-pa', "truncated", "line 1, column 12"),
+        (b"[[0,0,0],[1,0,0],[1 1 0]]", "bad-json", "line 1, column 21"),
+        (b"[" * 100_000, "too-deep", None),
+        (b'{"a":' * 100_000, "too-deep", None),
+        (b'{"format":"foldback-path/1","cells":[],"cells":[]}', "duplicate-key", "key 'cells'"),
+        (b"{}", "no-format", None),
+        (b'{"asset": {"version": "2.0"}}', "wrong-kind", None),
+        (path_document(format="foldback-path/2"), "wrong-version", "format"),
+        (chain_document(format="foldback-chain/0"), "wrong-version", "format"),
+        (path_document(format="foldback-plan/1"), "wrong-format", "format"),
+        (path_document(format=["foldback-path/1"]), "wrong-format", "format"),
+        (path_document(cells=...), "wrong-type", "cells"),
+        (path_document(cells={"0": [0, 0, 0]}), "wrong-type", "cells"),
+        (path_document(name=7), "wrong-type", "name"),
+        (path_document(pitch_m="1 cm"), "wrong-type", "pitch_m"),
+        (path_document(pitch_m=None), "wrong-type", "pitch_m"),
+        (path_document(pitch_m=-1), "bad-pitch", None),
+        (path_document(pitch_m=10**400), "bad-pitch", None),
+        # Chains.
+        (chain_document(module="sphere"), "unknown-module", None),
+        (chain_document(module=3), "wrong-type", "module"),
+        (chain_document(joint_angles_deg=...), "wrong-type", "joint_angles_deg"),
+        (chain_document(joint_angles_deg=[]), "wrong-type", "joint_angles_deg"),
+        (chain_document(joint_angles_deg=[[0, 0], [0]]), "wrong-count", "joint 1"),
+        (chain_document(joint_angles_deg=[90]), "wrong-count", "joint 0"),
+        (chain_document(joint_angles_deg=[[0, "0"]]), "not-a-number", "joint 0"),
+        (chain_document(joint_angles_deg=[[0, float("nan")]]), "not-finite", "angle 1"),
+        (chain_document(joint_angles_deg=[[0, 0], [0, 120]]), "out-of-range", "joint 1"),
+        (chain_document(joint_angles_deg=[[90, 0]] * 4), "overlap", "modules 0 and 4"),
+        # Arrays.
+        (as_npy(np.zeros((5, 2))), "wrong-shape", None),
+        (as_npy(np.zeros(3)), "wrong-shape", None),
+        (as_npy(np.zeros((4, 4, 4), dtype=bool)), "wrong-type", None),
+        (as_npy(np.zeros((4, 3), dtype=complex)), "wrong-type", None),
+        (as_npy(np.array([["a", "b", "c"]])), "wrong-type", None),
+        (pickled(), "wrong-type", None),
+        (as_npy(np.array(CELLS))[:-5], "truncated", None),
+        (as_npy(np.array(CELLS)) + b"\0", "damaged", None),
+        (as_npy(np.array(CELLS))[:40], "damaged", "header"),
+        (b"\x93NUMPY\x09\x00", "damaged", "header"),
+    ],
+)
+def test_bad_input_is_refused_with_its_place(data: bytes, code: str, where: str | None) -> None:
+    refusal = refusal_of(data)
+    assert (refusal.code, refusal.where) == (code, where)
+    assert len(str(refusal)) < 300
+    assert str(refusal).isprintable()
+
+
+def test_a_header_that_announces_a_huge_array_is_refused_before_it_is_made() -> None:
+    data = as_npy(np.array(CELLS))
+    assert refusal_of(data.replace(b"(4, 3), }", b"(10**12)")).code == "damaged"
+    huge = data.replace(b"(4, 3), }     ", b"(99999999, 3),}")[: len(data)]
+    assert refusal_of(huge).code in ("too-many-cells", "damaged")
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"\x89PNG\r\n\x1a\n" + bytes(50), "a PNG picture"),
+        (b"\xff\xd8\xff\xe0" + bytes(50), "a JPEG picture"),
+        (b"PK\x03\x04" + bytes(50), "3MF"),
+        (b"%PDF-1.7\n", "a PDF document"),
+        (b"glTF" + bytes(50), "a GLB mesh"),
+        (bytes(80) + b"\x01\x00\x00\x00" + bytes(50), "an STL mesh"),
+        (b"solid wrench\n  facet normal 0 0 1\n", "an STL mesh"),
+        (b"# OBJ\nv 0 0 0\nv 1 0 0\nf 1 2 3\n", "an OBJ mesh"),
+        (b"ply\nformat ascii 1.0\n", "a PLY mesh"),
+        (b"VOX \x96\x00\x00\x00", "MagicaVoxel"),
+        (b"<svg xmlns='http://www.w3.org/2000/svg'/>", "an SVG drawing"),
+        (b"<!doctype html><html>", "an HTML page"),
+        (b"Dear reader,\nthis is a letter.", "Dear reader"),
+        (bytes(range(256)), "a binary file"),
+        (b"0 0 0\n1 0 0\x00\n", "a zero byte"),
+    ],
+)
+def test_other_kinds_of_file_are_called_by_their_name(data: bytes, words: str) -> None:
+    refusal = refusal_of(data)
+    assert refusal.code == "wrong-kind"
+    assert words in refusal.detail
+    assert "foldback-path/1" in refusal.detail
+
+
+@pytest.mark.parametrize("writer", (*PATH_WRITERS, as_chain))
+def test_more_cells_than_the_limit_are_refused(writer: Writer) -> None:
+    line = np.zeros((40, 3), dtype=np.int64)
+    line[:, 0] = np.arange(40)
+    assert len(read(writer(line), most_cells=40)) == 40
+    assert refusal_of(writer(line), most_cells=39).code == "too-many-cells"
+
+
+@pytest.mark.parametrize("data", [b"0 0 0\n" * 40_000, b"[" + b"0," * 60_000, b"[]," * 60_000])
+def test_much_data_is_refused_before_it_is_parsed(data: bytes) -> None:
+    assert refusal_of(b"[" + data, most_cells=100).code in ("too-large", "too-many-cells")
+
+
+# Anything at all ----------------------------------------------------------------------------------
+
+SPICE = (
+    *(b"[", b"]", b"{", b"}", b",", b'"', b"\n", b"\\", b"\x00", b"\xff", b"-", b".", b"e", b"9"),
+    *(b"NaN", b"1e999", b"null", b"true", b"[[", b"\r", b"#", b"\xef\xbb\xbf", b" ", b"\\ud800"),
+)
+
+
+def mutated(data: bytes, rng: random.Random) -> bytes:
+    """A copy with a few bytes changed, cut, doubled or put in."""
+    changed = bytearray(data)
+    for _ in range(rng.randint(1, 4)):
+        at = rng.randrange(len(changed) + 1)
+        match rng.randrange(5):
+            case 0:
+                del changed[at:]
+            case 1:
+                del changed[at : at + rng.randint(1, 8)]
+            case 2:
+                changed[at:at] = rng.choice(SPICE)
+            case 3:
+                changed[at:at] = changed[at : at + rng.randint(1, 30)]
+            case _:
+                changed[at : at + 1] = bytes([rng.randrange(256)])
+    return bytes(changed)
+
+
+@pytest.mark.parametrize("writer", (*PATH_WRITERS, as_chain))
+def test_thousands_of_mutated_files_are_read_or_refused(writer: Writer) -> None:
+    rng = random.Random(writer.__name__)
+    cells = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (2, 1, 1), (2, 2, 1)])
+    original = writer(cells)
+    outcomes = {"read": 0, "refused": 0}
+    for _ in range(2000):
+        data = mutated(original, rng)
+        try:
+            shape = read(data)
+        except InputError as refusal:
+            outcomes["refused"] += 1
+            assert refusal.code
+            assert str(refusal).isprintable(), data
+        else:
+            outcomes["read"] += 1
+            assert len(shape) >= 3
+    assert min(outcomes.values()) > 0, outcomes
+
+
+@given(st.binary(max_size=300))
+def test_bytes_of_any_kind_are_read_or_refused(data: bytes) -> None:
+    try:
+        read(data)
+    except InputError as refusal:
+        assert refusal.detail.endswith(".")
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+        lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner),
+        max_leaves=12,
+    ),
+    st.sampled_from(["cells", "name", "pitch_m", "joint_angles_deg", "module", "format"]),
+    st.sampled_from([path_document, chain_document]),
+)
+def test_any_value_in_any_place_is_read_or_refused(
+    value: object, key: str, document: Callable[..., bytes]
+) -> None:
+    try:
+        read(document(**{key: value}))
+    except InputError as refusal:
+        assert str(refusal).isprintable()
