@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.reference import Reference
-from planner.timelaw import TimeLaw
+from planner.timelaw import TimeLaw, smooth_law
 
 Array = NDArray[np.float64]
 CHUNK: Final = 256
@@ -97,18 +97,27 @@ class SnapshotGuide:
 
 
 class DirectGuide:
-    """Straight to the folded configuration: the baseline."""
+    """From straight to folded in a line, all hinges at once, then waits for rest: the baseline."""
 
-    def __init__(self, folded: Array) -> None:
+    def __init__(self, folded: Array, steps: int, step_s: float) -> None:
         self._folded = folded
+        self._law = smooth_law(steps=steps, step_s=step_s)
+        self._step = 0
         self._ending = _Ending()
 
     def target(self, angles: Array, rates: Array) -> Target | None:
         """See ``Guide``."""
-        if self._ending.over(rates):
-            return None
-        left = np.abs(self._folded - angles).mean() / max(np.abs(self._folded).mean(), 1e-9)
-        return _still(self._folded, float(np.clip(1.0 - left, 0.0, 1.0)))
+        del angles
+        k = self._step
+        if k >= len(self._law):
+            return None if self._ending.over(rates) else _still(self._folded, 1.0)
+        self._step += 1
+        return Target(
+            angles=self._law.u[k] * self._folded,
+            rates=self._law.rate[k] * self._folded,
+            accelerations=self._law.acceleration[k] * self._folded,
+            fraction=k / len(self._law),
+        )
 
 
 class _Ending:

@@ -99,6 +99,7 @@ class PlaybackParameters:
         damping_ratio: Servo gain kv as a fraction of kp.
         friction: Of contacts.
         torque_limit: Largest servo torque in simulation units; None for no limit.
+        direct_steps: Steps in which the baseline's target goes from straight to folded.
         threshold_rad2: The paper's rule: next snapshot below this squared error.
         max_steps: Give up after so many steps.
     """
@@ -114,6 +115,7 @@ class PlaybackParameters:
     friction: float = 0.0
     torque_limit: float | None = None
     threshold_rad2: float = 0.15
+    direct_steps: int = 4000
     max_steps: int = 200_000
 
 

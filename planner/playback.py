@@ -197,7 +197,7 @@ class _Run:
     def _guide(self, record: Record | None) -> Guide:
         p = self.parameters
         if p.controller == "direct":
-            return DirectGuide(self.chain.folded_rad)
+            return DirectGuide(self.chain.folded_rad, p.direct_steps, p.step_s)
         if record is None:
             raise InputError("no-record", f"the controller {p.controller!r} needs a record.")
         snapshots = record.frames.joint_angles_rad[::-1]

@@ -144,3 +144,132 @@ def least_separation(
             first = i
             second = j
     return best, first, second
+
+
+@njit(cache=True)
+def _relative_motion(
+    i: int,
+    j: int,
+    positions_a: Array,
+    rotations_a: Array,
+    positions_b: Array,
+    rotations_b: Array,
+    radius: float,
+) -> float:
+    """How far any point of module j moves from a to b as seen from module i."""
+    moved = 0.0
+    for r in range(3):
+        at_a = 0.0
+        at_b = 0.0
+        for k in range(3):
+            at_a += rotations_a[i, k, r] * (positions_a[j, k] - positions_a[i, k])
+            at_b += rotations_b[i, k, r] * (positions_b[j, k] - positions_b[i, k])
+        moved += (at_b - at_a) ** 2
+    turned = 0.0
+    for r in range(3):
+        for c in range(3):
+            at_a = 0.0
+            at_b = 0.0
+            for k in range(3):
+                at_a += rotations_a[i, k, r] * rotations_a[j, k, c]
+                at_b += rotations_b[i, k, r] * rotations_b[j, k, c]
+            turned += (at_b - at_a) ** 2
+    return np.sqrt(moved) + radius * np.sqrt(0.5 * turned)
+
+
+@njit(cache=True)
+def _off_chord(
+    i: int,
+    j: int,
+    positions_a: Array,
+    rotations_a: Array,
+    positions_m: Array,
+    rotations_m: Array,
+    positions_b: Array,
+    rotations_b: Array,
+) -> float:
+    """How far the centre of module j, seen from module i, is off the chord at its middle."""
+    off = 0.0
+    for r in range(3):
+        at_a = 0.0
+        at_m = 0.0
+        at_b = 0.0
+        for k in range(3):
+            at_a += rotations_a[i, k, r] * (positions_a[j, k] - positions_a[i, k])
+            at_m += rotations_m[i, k, r] * (positions_m[j, k] - positions_m[i, k])
+            at_b += rotations_b[i, k, r] * (positions_b[j, k] - positions_b[i, k])
+        off += (at_m - 0.5 * (at_a + at_b)) ** 2
+    return np.sqrt(off)
+
+
+@njit(cache=True)
+def between(
+    positions_a: Array,
+    rotations_a: Array,
+    positions_m: Array,
+    rotations_m: Array,
+    positions_b: Array,
+    rotations_b: Array,
+    pairs: Pairs,
+    vertices: Array,
+    normals: Array,
+    edges: Array,
+    radius: float,
+    size: float,
+    enough: float,
+) -> tuple[float, int, int, float, Pairs]:
+    """Clearance of pairs between two configurations a and b, from the one in their middle m.
+
+    While going from a to b a pair's clearance differs from that at m by no more than the pair's
+    relative motion from m to either end, plus how far the way leaves the chord.
+
+    Returns:
+        Least clearance at m and its pair (``enough`` and (−1, −1) when none is below), the least
+        bound over the way of the pairs that passed, and the pairs whose bound is not above zero.
+    """
+    best = enough
+    first = -1
+    second = -1
+    bound = enough
+    open_pairs = np.empty((pairs.shape[0], 2), dtype=np.int64)
+    count = 0
+    gap = np.empty(3)
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        for r in range(3):
+            gap[r] = positions_m[j, r] - positions_m[i, r]
+        reach = np.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2]) - 2.0 * radius * size
+        motion = max(
+            _relative_motion(
+                i, j, positions_m, rotations_m, positions_a, rotations_a, radius * size
+            ),
+            _relative_motion(
+                i, j, positions_m, rotations_m, positions_b, rotations_b, radius * size
+            ),
+        ) + 2.0 * _off_chord(
+            i, j, positions_a, rotations_a, positions_m, rotations_m, positions_b, rotations_b
+        )
+        if reach - motion >= bound and reach >= best:
+            continue
+        separation = pair_separation(
+            gap,
+            rotations_m[i],
+            rotations_m[j],
+            vertices,
+            normals,
+            edges,
+            size,
+            max(best, motion + enough),
+        )
+        if separation < best:
+            best = separation
+            first = i
+            second = j
+        if separation - motion <= 0.0:
+            open_pairs[count, 0] = i
+            open_pairs[count, 1] = j
+            count += 1
+        else:
+            bound = min(bound, separation - motion)
+    return best, first, second, bound, open_pairs[:count].copy()

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Pairs = NDArray[np.int64]
 
-BRUTE_FORCE_BELOW = 200
-"""Under this many points comparing all of them is faster than a grid."""
+SKIP_BELOW = 1000
+"""Under this many points walking along the chain is faster than a grid."""
 
 
 @njit(cache=True)
@@ -23,7 +23,8 @@ def _hash(x: int, y: int, z: int, mask: int) -> int:
 def near_pairs(points: Array, cutoff: float, apart: int) -> Pairs:
     """Pairs (i, j), i < j, closer than ``cutoff`` and at least ``apart`` apart along the chain.
 
-    A hashed grid of cells as wide as the cutoff: cost grows linearly with the points.
+    Consecutive points must be at most 1 apart. Long chains are sorted into a hashed grid of cells as
+    wide as the cutoff: cost grows linearly with the points.
 
     Args:
         points: (n, 3).
@@ -37,13 +38,15 @@ def near_pairs(points: Array, cutoff: float, apart: int) -> Pairs:
     found = np.empty((max(16, 8 * n), 2), dtype=np.int64)
     count = 0
     limit = cutoff * cutoff
-    if n < BRUTE_FORCE_BELOW:
+    if n < SKIP_BELOW:
         for i in range(n):
-            for j in range(i + apart, n):
+            j = i + apart
+            while j < n:
                 dx = points[i, 0] - points[j, 0]
                 dy = points[i, 1] - points[j, 1]
                 dz = points[i, 2] - points[j, 2]
-                if dx * dx + dy * dy + dz * dz < limit:
+                square = dx * dx + dy * dy + dz * dz
+                if square < limit:
                     if count == found.shape[0]:
                         larger = np.empty((2 * count, 2), dtype=np.int64)
                         larger[:count] = found
@@ -51,6 +54,11 @@ def near_pairs(points: Array, cutoff: float, apart: int) -> Pairs:
                     found[count, 0] = i
                     found[count, 1] = j
                     count += 1
+                    j += 1
+                else:
+                    # Neighbours along the chain are at most one pitch apart, so whoever is farther
+                    # away than the cutoff by k pitches has k followers that are too far as well.
+                    j += 1 + int(np.sqrt(square) - cutoff)
         return found[:count].copy()
     size = 16
     while size < 2 * n:

@@ -1,0 +1,261 @@
+"""Certificate: what was verified of a plan, by exact kinematics apart from the simulation.
+
+Nothing here runs a simulation or trusts one: configurations go in, poses come from forward
+kinematics, collisions from separating axes.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.alignment import aligned_distances
+from planner.chain import Chain
+from planner.parameters import Parameters
+from planner.playback import Playback
+from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.record import Record
+from planner.statics import static_torque
+from planner.sweep import Sweep, sweep
+
+Array = NDArray[np.float64]
+GRAVITY_M_S2: Final = 9.81
+FOLDED_WITHIN: Final = 0.01
+"""RMS position error in pitches that a verified playback may end with."""
+ENDS_WITHIN_RAD: Final = 1e-6
+MOVING_FRACTION: Final = 0.1
+"""A hinge counts as moving when it is at least this fast, as a fraction of the fastest one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where a motion is closest to a collision: a frame (a half: between two) and two modules."""
+
+    frame: float
+    modules: tuple[int, int] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certificate:
+    """What was verified of a plan. Lengths in pitches.
+
+    Attributes:
+        verdict: ``verified``, ``verified with gaps: …`` or ``failed: …``.
+        module_size: Size of the modules as a fraction of the pitch.
+        min_clearance: Least clearance of the plan, at its frames and in-betweens.
+        min_clearance_at: Where that is.
+        clearance_bound: What the plan's clearance is nowhere less than.
+        min_clearance_playback: Least clearance of the simulated playback.
+        min_clearance_playback_at: Where that is.
+        min_clearance_record: Least clearance of the recorded explosion.
+        in_betweens: Configurations looked at between frames.
+        rms_position_error: Of the simulated playback's end, after alignment.
+        max_position_error: The farthest module of it.
+        max_angle_error_rad: Largest joint error of the simulated playback.
+        max_joint_step_rad: Largest step of a hinge between two frames of the plan.
+        joint_speed_limit_rad_s: Fastest a hinge may turn on a robot.
+        fold_time_s: Duration of the fold under that limit.
+        joints_moving_mean, joints_moving_most: Hinges that move at the same time.
+        peak_torque_nm, rms_torque_nm: Of the playback in that time, floating, without gravity.
+        gravity_torque_folded_nm, gravity_torque_straight_nm: Largest static torque when held at
+            the root without support.
+        seconds: Wall time of the verification.
+    """
+
+    verdict: str
+    module_size: float
+    min_clearance: float | None
+    min_clearance_at: Place | None
+    clearance_bound: float | None
+    min_clearance_playback: float | None
+    min_clearance_playback_at: Place | None
+    min_clearance_record: float | None
+    in_betweens: int
+    rms_position_error: float | None
+    max_position_error: float | None
+    max_angle_error_rad: float | None
+    max_joint_step_rad: float | None
+    joint_speed_limit_rad_s: float
+    fold_time_s: float | None
+    joints_moving_mean: float | None
+    joints_moving_most: int | None
+    peak_torque_nm: float | None
+    rms_torque_nm: float | None
+    gravity_torque_folded_nm: float
+    gravity_torque_straight_nm: float
+    seconds: float
+
+    @property
+    def verified(self) -> bool:
+        """Whether the plan may be trusted."""
+        return self.verdict.startswith("verified")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Certificate:
+        """The inverse of ``as_dict``."""
+        places = {
+            key: None
+            if values[key] is None
+            else Place(
+                frame=values[key]["frame"],
+                modules=None
+                if values[key]["modules"] is None
+                else (values[key]["modules"][0], values[key]["modules"][1]),
+            )
+            for key in ("min_clearance_at", "min_clearance_playback_at")
+        }
+        return cls(**{**values, **places})
+
+
+def certify(
+    chain: Chain,
+    record: Record | None,
+    playback: Playback | None,
+    parameters: Parameters,
+    *,
+    progress: Report = silent,
+    cancelled: Cancelled = never,
+) -> Certificate:
+    """Verifies a plan: the reference of a playback, and the playback and record themselves.
+
+    Args:
+        chain: The chain.
+        record: The explosion, or None for direct servoing.
+        playback: The playback, or None when there is nothing to play.
+        parameters: For the module size and the physical units.
+        progress: Told which motion is being swept.
+        cancelled: Asked now and then whether to stop; the verdict then is a failure.
+    """
+    begun = time.perf_counter()
+    size = parameters.module_size
+
+    def swept(angles: Array, name: str, fraction: float) -> Sweep:
+        progress(Progress(stage="certify", fraction=fraction, message=f"checking the {name}"))
+        return sweep(chain, angles, size=size, cancelled=cancelled)
+
+    of_record = None if record is None else swept(record.frames.joint_angles_rad, "record", 0.0)
+    of_plan = of_playback = None
+    figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
+    if playback is not None:
+        of_plan = swept(playback.reference_rad, "plan", 0.35)
+        of_playback = swept(playback.frames.joint_angles_rad, "playback", 0.7)
+        figures = _plan_figures(chain, playback, parameters)
+    unit = _torque_unit(chain, parameters)
+    weight = unit / chain.pitch_m * GRAVITY_M_S2
+    verdict = _verdict(chain, record, playback, of_plan, of_playback, figures, size)
+    if cancelled():
+        verdict = "failed: it was cancelled"
+    return Certificate(
+        verdict=verdict,
+        module_size=size,
+        min_clearance=of_plan and of_plan.clearance,
+        min_clearance_at=_place(of_plan),
+        clearance_bound=of_plan and of_plan.bound,
+        min_clearance_playback=of_playback and of_playback.clearance,
+        min_clearance_playback_at=_place(of_playback),
+        min_clearance_record=of_record and of_record.clearance,
+        in_betweens=sum(s.in_betweens for s in (of_record, of_plan, of_playback) if s),
+        joint_speed_limit_rad_s=parameters.joint_speed_limit_rad_s,
+        gravity_torque_folded_nm=weight * static_torque(chain, chain.folded_rad),
+        gravity_torque_straight_nm=weight * static_torque(chain, np.zeros_like(chain.folded_rad)),
+        seconds=time.perf_counter() - begun,
+        **figures,
+    )
+
+
+_PLAN_FIGURES: Final = (
+    "rms_position_error",
+    "max_position_error",
+    "max_angle_error_rad",
+    "max_joint_step_rad",
+    "fold_time_s",
+    "joints_moving_mean",
+    "joints_moving_most",
+    "peak_torque_nm",
+    "rms_torque_nm",
+)
+
+
+def _torque_unit(chain: Chain, parameters: Parameters) -> float:
+    """One module mass · pitch² / s² in newton-metres."""
+    return parameters.density_kg_m3 * chain.pitch_m**3 * chain.pitch_m**2
+
+
+def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> dict[str, Any]:
+    plan, times = playback.reference_rad, playback.frames.time_s
+    last = playback.frames.joint_angles_rad[-1]
+    ends = chain.poses(last, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    distances = aligned_distances(ends.positions, chain.folded_poses.positions)
+    figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
+    figures["rms_position_error"] = float(np.sqrt((distances**2).mean()))
+    figures["max_position_error"] = float(distances.max())
+    figures["max_angle_error_rad"] = playback.max_angle_error_rad
+    if len(plan) < 2:
+        return figures
+    steps = np.abs(np.diff(plan, axis=0))
+    speeds = steps / np.maximum(np.diff(times), 1e-12)[:, None]
+    fastest = speeds.max(axis=1)
+    moving = (speeds > MOVING_FRACTION * fastest[:, None]).sum(axis=1)[fastest > 1e-9]
+    slower = float(fastest.max()) / parameters.joint_speed_limit_rad_s
+    figures["max_joint_step_rad"] = float(steps.max())
+    figures["fold_time_s"] = float(times[-1] - times[0]) * slower
+    figures["joints_moving_mean"] = float(moving.mean()) if len(moving) else 0.0
+    figures["joints_moving_most"] = int(moving.max()) if len(moving) else 0
+    unit = _torque_unit(chain, parameters) / max(slower, 1e-12) ** 2
+    figures["peak_torque_nm"] = playback.peak_torque * unit
+    figures["rms_torque_nm"] = playback.rms_torque * unit
+    return figures
+
+
+def _verdict(
+    chain: Chain,
+    record: Record | None,
+    playback: Playback | None,
+    of_plan: Sweep | None,
+    of_playback: Sweep | None,
+    figures: dict[str, Any],
+    size: float,
+) -> str:
+    if record is not None and record.status != "straight":
+        return f"failed: the explosion {record.status}: {record.reason}"
+    if playback is None or of_plan is None or of_playback is None:
+        return "failed: there is no playback"
+    for name, found in (("plan", of_plan), ("simulated playback", of_playback)):
+        if found.clearance < 0.0:
+            return (
+                f"failed: in the {name}, modules {_pair(found)} overlap by {-found.clearance:.3g} "
+                f"pitch at frame {found.frame:g} (module size {size:g})"
+            )
+    plan = playback.reference_rad
+    if playback.status != "folded":
+        return f"failed: the playback {playback.status}: {playback.reason}"
+    if np.abs(plan[0]).max() > ENDS_WITHIN_RAD:
+        return "failed: the plan does not begin straight"
+    if np.abs(plan[-1] - chain.folded_rad).max() > ENDS_WITHIN_RAD:
+        return "failed: the plan does not end folded"
+    if np.abs(plan).max() > chain.module.angle_limit_rad:
+        return "failed: the plan bends a joint beyond its range"
+    if figures["rms_position_error"] > FOLDED_WITHIN:
+        return (
+            f"failed: the playback ends {figures['rms_position_error']:.2g} pitch (RMS) from the "
+            "folded shape"
+        )
+    if of_plan.bound <= 0.0 or of_playback.bound <= 0.0:
+        return "verified with gaps: some moments between two frames could not be bounded"
+    return "verified"
+
+
+def _pair(found: Sweep) -> str:
+    return "?" if found.modules is None else f"{found.modules[0]} and {found.modules[1]}"
+
+
+def _place(found: Sweep | None) -> Place | None:
+    return None if found is None else Place(frame=found.frame, modules=found.modules)

@@ -1,0 +1,1 @@
+"""Exports: plans in the formats of other programs."""
