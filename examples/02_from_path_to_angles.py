@@ -1,0 +1,41 @@
+"""From cells to the angles of a chain, and back by forward kinematics."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from planner.chain import Chain
+from planner.formats import write_chain
+from planner.paths import Path
+from planner.readers import read
+
+SHAPES = FilePath(__file__).parent / "shapes"
+
+
+def main() -> None:
+    path = read((SHAPES / "wrench-160.json").read_bytes())
+    assert isinstance(path, Path)
+    chain = Chain.from_path(path)
+    bent = np.count_nonzero(chain.folded_rad)
+    print(f"{len(chain)} modules, {len(chain.joint_names)} hinges, {bent} of them bent by 90°")
+
+    # The folded chain lies in the cells that it came from.
+    distance = np.abs(chain.folded_poses.positions - path.cells).max()
+    print(f"farthest module from its cell: {distance:.1e} pitches")
+
+    # The same angles at a third of their size: a chain on its way.
+    root = chain.root
+    poses = chain.poses(chain.folded_rad / 3, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    span = np.linalg.norm(poses.positions[0] - poses.positions[-1])
+    print(f"module {root} is the root; the ends of the half-folded chain are {span:.1f} apart")
+
+    # A chain file holds the angles alone.
+    again = read(write_chain(chain))
+    assert isinstance(again, Chain)
+    print(f"read back: {np.array_equal(again.folded_rad, chain.folded_rad)}")
+
+
+if __name__ == "__main__":
+    main()

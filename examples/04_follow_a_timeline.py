@@ -1,0 +1,46 @@
+"""Writes a timeline while a chain explodes, and follows it at its tail as a viewer does."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from pathlib import Path as FilePath
+
+from planner.chain import Chain
+from planner.explosion import explode
+from planner.parameters import ExplosionParameters
+from planner.paths import Path
+from planner.readers import read
+from planner.timeline import Timeline, TimelineWriter
+
+SHAPES = FilePath(__file__).parent / "shapes"
+
+
+def compute(chain: Chain, writer: TimelineWriter) -> None:
+    with writer:
+        explode(chain, ExplosionParameters(), sink=writer.append)
+
+
+def main() -> None:
+    path = read((SHAPES / "box-4x4x4.json").read_bytes())
+    assert isinstance(path, Path)
+    chain = Chain.from_path(path)
+    with tempfile.TemporaryDirectory() as directory:
+        place = FilePath(directory) / "timeline.zarr"
+        writer = TimelineWriter.create(place, chain)
+        worker = threading.Thread(target=compute, args=(chain, writer))
+        worker.start()
+        timeline = Timeline.open(place)
+        while timeline.status == "growing":
+            if timeline.refresh():
+                print(f"{len(timeline)} frames, {timeline.status}")
+            time.sleep(0.05)
+        worker.join()
+        last = timeline.frames(len(timeline) - 1)
+        poses = chain.poses(last.joint_angles_rad, last.root_position, last.root_wxyz)
+        print(f"the last frame has {poses.positions.shape[1]} modules in a row")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,27 @@
+"""Draws the example shapes as SVG files: `python 05_draw_a_shape.py [FOLDER]`."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path as FilePath
+
+from planner.paths import Path
+from planner.readers import read
+from web.isometric import isometric_svg
+
+SHAPES = FilePath(__file__).parent / "shapes"
+
+
+def main() -> None:
+    folder = FilePath(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp())
+    for file in sorted(SHAPES.glob("*.json")):
+        path = read(file.read_bytes())
+        assert isinstance(path, Path)
+        drawing = isometric_svg(path.cells, title=path.name, mark_ends=True)
+        (folder / f"{file.stem}.svg").write_text(drawing, encoding="utf-8")
+        print(f"{folder / file.stem}.svg: {len(path)} modules, {len(drawing) / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()
