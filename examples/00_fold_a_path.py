@@ -1,0 +1,37 @@
+"""Plans a fold: explode the folded chain, play the record back in reverse, verify the motion."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+
+from planner.certificate import certify
+from planner.chain import Chain
+from planner.explosion import explode
+from planner.parameters import preset
+from planner.paths import Path
+from planner.playback import play_back
+from planner.readers import read
+
+SHAPES = FilePath(__file__).parent / "shapes"
+
+
+def main() -> None:
+    path = read((SHAPES / "wrench-80.json").read_bytes())
+    assert isinstance(path, Path)
+    chain = Chain.from_path(path)
+    parameters = preset("default")
+
+    record = explode(chain, parameters.explosion, seed=0)
+    print(f"explosion: {record.status}, {record.steps} steps, {record.seconds:.1f} s")
+
+    playback = play_back(chain, record, parameters.playback, module_size=parameters.module_size)
+    print(f"playback: {playback.status}, {playback.steps} steps, {playback.seconds:.1f} s")
+
+    certificate = certify(chain, record, playback, parameters)
+    print(f"certificate: {certificate.verdict}")
+    print(f"  least clearance of the plan: {certificate.min_clearance:.4f} pitches")
+    print(f"  error where it ends: {certificate.rms_position_error:.1e} pitches")
+
+
+if __name__ == "__main__":
+    main()
