@@ -1,0 +1,1 @@
+"""Web: turns timelines into scenes and pages."""

@@ -14,7 +14,7 @@ FIELD_OF_VIEW_RAD: Final = np.deg2rad(32.0)
 AZIMUTH_RAD: Final = np.deg2rad(-62.0)
 ELEVATION_RAD: Final = np.deg2rad(24.0)
 TURN_RAD_S: Final = np.deg2rad(5.0)
-SETTLE_S: Final = 0.28
+SETTLE_S: Final = 0.14
 SETTLED: Final = 2e-4
 MOST_POINTS: Final = 600
 WIDE: Final = 1.6
@@ -83,6 +83,33 @@ def framing(
         azimuth_rad=azimuth_rad,
         elevation_rad=elevation_rad,
         distance=distance,
+    )
+
+
+def distance_needed(points: Array, view: View, *, radius: float, aspect: float) -> float:
+    """The least distance from which a view cuts nothing off, for the target that it has."""
+    out = _outward(view.azimuth_rad, view.elevation_rad)
+    right = np.array([-np.sin(view.azimuth_rad), np.cos(view.azimuth_rad), 0.0])
+    off = points[:: max(1, len(points) // MOST_POINTS)] - view.target
+    tall = np.tan(FIELD_OF_VIEW_RAD / 2)
+    depth = off @ out
+    sideways = (np.abs(off @ right) + radius) / (tall * aspect) + depth
+    upwards = (np.abs(off @ np.cross(out, right)) + radius) / tall + depth
+    return float(max(sideways.max(), upwards.max()))
+
+
+def blended(views: list[View], weights: Array, *, nearest: View) -> View:
+    """A view between several, from as far as the one that must not be cut off needs."""
+    share = weights / weights.sum()
+    turns = [(v.azimuth_rad - nearest.azimuth_rad + np.pi) % (2 * np.pi) - np.pi for v in views]
+    target = np.sum([w * v.target for w, v in zip(share, views, strict=True)], axis=0)
+    mean = float(np.exp(share @ np.log([v.distance for v in views])))
+    aside = float(np.linalg.norm(target - nearest.target))
+    return View(
+        target=target,
+        azimuth_rad=nearest.azimuth_rad + float(share @ np.array(turns)),
+        elevation_rad=nearest.elevation_rad,
+        distance=max(mean, nearest.distance + aside),
     )
 
 

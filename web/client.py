@@ -22,8 +22,9 @@ html { color-scheme: light dark; }
 html, body { background: radial-gradient(120% 90% at 50% 38%, #fbfaf7 0%, #efece6 62%, #e2ded6 100%)
   !important; }
 @media (prefers-color-scheme: dark) {
-  html, body { background: radial-gradient(120% 90% at 50% 38%, #23282f 0%, #15181d 58%, #0d0f12 100%)
-    !important; }
+  html, body {
+    background: radial-gradient(120% 90% at 50% 38%, #23282f 0%, #15181d 58%, #0d0f12 100%)
+      !important; }
 }
 #root div { background-color: transparent !important; }
 .mantine-Notifications-root, .mantine-Paper-root, .mantine-Tooltip-tooltip,

@@ -28,12 +28,12 @@ RAMP_STEPS: Final = 256
 
 
 def linear_from_srgb(srgb: Array) -> Array:
-    """sRGB values (…) in 0 to 1 to linear light in 0 to 1."""
+    """Converts sRGB values (…) in 0 to 1 to linear light in 0 to 1."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
 def srgb_from_linear(linear: Array) -> Array:
-    """Linear light (…) in 0 to 1 to sRGB values in 0 to 1."""
+    """Converts linear light (…) in 0 to 1 to sRGB values in 0 to 1."""
     return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 

@@ -202,9 +202,7 @@ class Film:
         start, stop = self._summarised, len(self._timeline)
         if stop <= start:
             return
-        parts = [
-            self._timeline.frames(at, min(at + 1024, stop)) for at in range(start, stop, 1024)
-        ]
+        parts = [self._timeline.frames(at, min(at + 1024, stop)) for at in range(start, stop, 1024)]
         with np.errstate(all="ignore"):
             largest = [
                 np.where(np.isfinite(p.joint_error_rad), np.abs(p.joint_error_rad), -np.inf).max(-1)

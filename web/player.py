@@ -23,7 +23,7 @@ A message out has one noun, ``is``:
 | ``module``: index, modules, cell, joints [{name, angle_rad, target_rad, error_rad}], error_rad;
     index null for none | on selection, and while it moves |
 | ``waiting`` | there is no timeline yet |
-| ``viewing`` | a browser has connected to the scene |
+| ``viewing`` | there is a timeline, and a browser has connected to its scene |
 | ``problem``: detail | a message that could not be understood |
 """
 
@@ -38,7 +38,17 @@ from typing import Any, Final
 import numpy as np
 import viser
 
-from web.camera import TURN_RAD_S, WIDE, Follower, angles_of, framing
+from web.camera import (
+    ELEVATION_RAD,
+    TURN_RAD_S,
+    WIDE,
+    Follower,
+    View,
+    angles_of,
+    blended,
+    distance_needed,
+    framing,
+)
 from web.film import Film, Snapshot
 from web.scene import Scene
 
@@ -53,6 +63,9 @@ CATCH_UP_S: Final = 0.4
 HOLD_S: Final = 1.2
 LONGEST_TICK_S: Final = 0.2
 LOOK_FOR_FILM_S: Final = 0.15
+GOAL_EVERY: Final = 12
+GOALS_ASIDE: Final = 4
+MOST_GOALS: Final = 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +101,9 @@ class Player:
         self._next_look = 0.0
         self._hold_until = 0.0
         self._aspect = WIDE
+        self._visible = False
         self._direction: tuple[float, float] | None = None
+        self._goals: dict[object, View] = {}
         server.on_client_connect(self._connected)
 
     @property
@@ -116,6 +131,8 @@ class Player:
             else:
                 listener(self._outline())
                 listener(self._state())
+                if self._visible:
+                    listener({"is": "viewing"})
                 if self._scene is not None and self._scene.selected is not None:
                     listener(self._module())
 
@@ -130,7 +147,9 @@ class Player:
         """Does what a message says; tells ``problem`` when it makes no sense."""
         with self._lock:
             try:
-                self._do(message)
+                with self._server.atomic():
+                    self._do(message)
+                self._server.flush()
             except (KeyError, TypeError, ValueError, OverflowError) as error:
                 self._tell({"is": "problem", "detail": f"got {str(message)[:200]}: {error}"})
 
@@ -149,8 +168,10 @@ class Player:
                 self._film.refresh()
             if self._film.version != self._seen_version:
                 self._grew()
-            self._advance(passed, now)
-            self._move_camera(passed)
+            with self._server.atomic():
+                self._advance(passed, now)
+                self._move_camera(passed)
+            self._server.flush()
 
     # What a message does.
 
@@ -238,6 +259,8 @@ class Player:
         self._seen_version = film.version
         self._show()
         self._tell(self._outline())
+        if self._visible:
+            self._tell({"is": "viewing"})
 
     def _grew(self) -> None:
         assert self._film is not None
@@ -296,31 +319,55 @@ class Player:
     # The camera.
 
     def _aim(self) -> None:
-        scene, shown = self._scene, self._shown
-        if scene is None or shown is None or not self._head.follow:
+        if self._scene is None or self._shown is None or not self._head.follow:
             return
-        azimuth, elevation = self._direction or (None, None)
-        view = self._camera.view
-        if self._head.turn and view is not None:
-            azimuth = view.azimuth_rad
-        more = {} if elevation is None else {"elevation_rad": elevation}
-        goal = framing(
-            scene.points(shown),
-            radius=scene.radius,
-            aspect=self._aspect,
-            azimuth_rad=azimuth,
-            **more,
-        )
+        # The frames before and after count too, so that the camera moves evenly and in time.
+        here = self._head.frame / GOAL_EVERY
+        last = int(self._last_frame() // GOAL_EVERY)
+        around = [
+            k
+            for k in range(round(here) - GOALS_ASIDE, round(here) + GOALS_ASIDE + 1)
+            if 0 <= k <= last
+        ]
+        goal = self._framing(self._shown)
+        if around and not self._head.turn:
+            weights = np.exp(-(((np.array(around) - here) / GOALS_ASIDE * 1.8) ** 2))
+            goal = blended([self._goal(k) for k in around], weights, nearest=goal)
         first = self._camera.view is None
         self._camera.aim(goal, at_once=first)
         if first:
-            scene.start_view(goal)
+            self._scene.look(goal)
+
+    def _goal(self, index: int) -> View:
+        assert self._film is not None
+        key = (index, self._aspect, self._direction, self._seen_version)
+        found = self._goals.get(key)
+        if found is None:
+            if len(self._goals) > MOST_GOALS:
+                self._goals.clear()
+            found = self._framing(self._film.snapshot(float(index * GOAL_EVERY)))
+            self._goals[key] = found
+        return found
+
+    def _framing(self, snapshot: Snapshot) -> View:
+        assert self._scene is not None
+        azimuth, elevation = self._direction or (None, ELEVATION_RAD)
+        if self._head.turn and self._camera.view is not None:
+            azimuth = self._camera.view.azimuth_rad
+        return framing(
+            self._scene.points(snapshot),
+            radius=self._scene.radius,
+            aspect=self._aspect,
+            azimuth_rad=azimuth,
+            elevation_rad=elevation,
+        )
 
     def _move_camera(self, passed: float) -> None:
+        if self._scene is not None:
+            self._scene.move_ground(passed)
         if not self._head.follow:
             return
-        clients = list(self._server.get_clients().values())
-        for client in clients:
+        for client in self._server.get_clients().values():
             aspect = round(float(client.camera.aspect), 3)
             if aspect > 0 and aspect != self._aspect:
                 self._aspect = aspect
@@ -330,29 +377,27 @@ class Player:
             spun = replace(view, azimuth_rad=view.azimuth_rad + TURN_RAD_S * passed)
             self._camera.view = spun
             self._aim()
-            moved = self._camera.move(passed) or True
+            self._camera.move(passed)
+            moved = True
         else:
             moved = self._camera.move(passed)
-        if moved:
-            self._push_camera(clients)
-
-    def _push_camera(self, clients: list[viser.ClientHandle]) -> None:
-        view = self._camera.view
-        if view is None:
-            return
-        for client in clients:
-            with client.atomic():
-                client.camera.position = view.position
-                client.camera.look_at = view.target
-            client.flush()
+        view, scene = self._camera.view, self._scene
+        if moved and view is not None and scene is not None and self._shown is not None:
+            points = scene.points(self._shown)
+            least = distance_needed(points, view, radius=scene.radius, aspect=self._aspect)
+            if view.distance < least:
+                self._camera.view = view = replace(view, distance=least)
+            scene.look(view)
 
     def _connected(self, client: viser.ClientHandle) -> None:
         with self._lock:
             self._aspect = round(float(client.camera.aspect), 3) or WIDE
-            self._camera.view = None
-            self._aim()
-            self._push_camera([client])
-            self._tell({"is": "viewing"})
+            if self._head.follow:
+                self._camera.view = None
+                self._aim()
+            if self._film is not None:
+                self._tell({"is": "viewing"})
+            self._visible = True
 
     def _take_direction(self) -> None:
         """Goes on from where the visitor has turned the camera."""

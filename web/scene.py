@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
+from viser._messages import Message, SetCameraLookAtMessage, SetCameraPositionMessage
 
 from planner.chain import Chain
 from web.camera import FIELD_OF_VIEW_RAD, View
@@ -21,7 +23,15 @@ WIDEST: Final = 14.0
 """Length of the straight chain in the scene's units: viser's shadows reach 20 from the camera."""
 LARGEST_PITCH: Final = 0.25
 GROUND_GAP: Final = 0.35
+SINK_S: Final = 0.05
+RISE_S: Final = 0.5
 Picked = Callable[[int], None]
+
+
+def broadcast(server: viser.ViserServer, message: Message) -> None:
+    """Sends a message to all clients of a server, in order with what its scene sends."""
+    websocket: Any = server._websock_server  # pyright: ignore[reportPrivateUsage]
+    websocket.queue_message(message)
 
 
 class Scene:
@@ -39,7 +49,6 @@ class Scene:
         scene = server.scene
         scene.set_up_direction("+z")
         scene.configure_default_lights(True, cast_shadow=shadows)
-        server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.initial_camera.fov = FIELD_OF_VIEW_RAD
         mesh = module_mesh(chain.module)
         self._modules = scene.add_batched_meshes_simple(
@@ -93,8 +102,6 @@ class Scene:
             self._modules.batched_wxyzs = snapshot.wxyzs
             self._modules.batched_colors = self._colours(snapshot)
             self._place_ends(snapshot)
-            self._place_ground(snapshot)
-        self._server.flush()
 
     def select(self, module: int | None) -> None:
         """Highlights one module, or none."""
@@ -102,7 +109,6 @@ class Scene:
         if self._last is not None:
             with self._server.atomic():
                 self._modules.batched_colors = self._colours(self._last)
-            self._server.flush()
 
     def points(self, snapshot: Snapshot) -> Array:
         """(n, 3) centres of the modules in the scene's units."""
@@ -113,11 +119,17 @@ class Scene:
         """How far a module reaches from its centre in the scene's units."""
         return self._chain.module.radius * self.pitch
 
-    def start_view(self, view: View) -> None:
-        """Where a camera that connects stands first."""
+    def look(self, view: View) -> None:
+        """Moves the camera.
+
+        It goes with the poses, through the messages to all clients: those to one client are sent
+        apart, and chain and camera would not move together.
+        """
         with self._server.atomic():
-            self._server.initial_camera.position = view.position
-            self._server.initial_camera.look_at = view.target
+            x, y, z = (float(v) for v in view.position)
+            broadcast(self._server, SetCameraPositionMessage((x, y, z)))
+            x, y, z = (float(v) for v in view.target)
+            broadcast(self._server, SetCameraLookAtMessage((x, y, z)))
 
     def _colours(self, snapshot: Snapshot) -> NDArray[np.uint8]:
         colours = error_colours(snapshot.module_error_rad, self._scale_rad)
@@ -138,12 +150,16 @@ class Scene:
         self._ends.batched_positions = (at * self.pitch).astype(np.float32)
         self._ends.batched_wxyzs = wxyzs.astype(np.float32)
 
-    def _place_ground(self, snapshot: Snapshot) -> None:
-        """Lets the ground lie just below the chain, sinking at once and rising slowly."""
-        low = (float(snapshot.positions[:, 2].min()) - 0.5 - GROUND_GAP) * self.pitch
-        if self._ground is None or low < self._ground:
-            self._ground = low
-        else:
-            self._ground += (low - self._ground) * 0.08
-        middle = snapshot.positions.mean(axis=0) * self.pitch
+    def move_ground(self, seconds: float) -> bool:
+        """Lets the ground sink and rise to just below the chain; True while it moves."""
+        if self._last is None:
+            return False
+        low = (float(self._last.positions[:, 2].min()) - 0.5 - GROUND_GAP) * self.pitch
+        before = low if self._ground is None else self._ground
+        after = low + (before - low) * math.exp(-seconds / (SINK_S if low < before else RISE_S))
+        if self._ground is not None and abs(after - self._ground) < 1e-3 * self.pitch:
+            return False
+        self._ground = after
+        middle = self._last.positions.mean(axis=0) * self.pitch
         self._floor.position = (float(middle[0]), float(middle[1]), self._ground)
+        return True

@@ -51,6 +51,7 @@ class Viewer:
         with _quiet():
             self.server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         _close_share_url(self.server)
+        self.server.gui.configure_theme(show_logo=False, show_share_button=False)
         self.player = Player(self.server, lambda: films.get(timeline))
 
     @property

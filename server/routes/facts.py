@@ -97,7 +97,10 @@ def _properties(
         ("Playback steps", playback.get("steps")),
         ("Playback, wall time", _with(_number(playback.get("seconds"), 2), "s")),
         ("Certificate, wall time", _with(_number(certificate.get("seconds"), 2), "s")),
-        ("Final position error, RMS", _with(_number(playback.get("rms_position_error")), "pitches")),
+        (
+            "Final position error, RMS",
+            _with(_number(playback.get("rms_position_error")), "pitches"),
+        ),
         ("Largest joint error", _with(_number(playback.get("max_angle_error_rad")), "rad")),
         ("Least clearance", _with(_number(certificate.get("min_clearance"), 3), "pitches")),
         (
@@ -134,4 +137,6 @@ def _json(path: Path) -> dict[str, Any]:
 def _json_head(path: Path) -> dict[str, Any]:
     """Parameters and versions of a plan, whose frames make it a long file."""
     found = _json(path)
-    return {key: found[key] for key in ("parameters", "versions") if isinstance(found.get(key), dict)}
+    return {
+        key: found[key] for key in ("parameters", "versions") if isinstance(found.get(key), dict)
+    }

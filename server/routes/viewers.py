@@ -72,8 +72,7 @@ async def view_socket(websocket: WebSocket, fold_id: str, visitor: str) -> None:
                 await _first_of(_inward(websocket, inner, viewer), _outward(websocket, inner))
         except (OSError, TimeoutError, websockets.WebSocketException) as error:
             log.info("view of fold %s ended: %s", fold_id, error)
-        with contextlib.suppress(RuntimeError):
-            await websocket.close(GOING_AWAY)
+        await _close(websocket, GOING_AWAY)
 
 
 @router.websocket("/folds/{fold_id}/control/{visitor}")
@@ -90,8 +89,7 @@ async def control_socket(websocket: WebSocket, fold_id: str, visitor: str) -> No
             await _first_of(_commands(websocket, viewer), outbox.drain(websocket))
         finally:
             leave()
-        with contextlib.suppress(RuntimeError):
-            await websocket.close(GOING_AWAY)
+        await _close(websocket, GOING_AWAY)
 
 
 @contextlib.asynccontextmanager
@@ -120,7 +118,13 @@ async def _viewer(
 
 async def _refuse(websocket: WebSocket, code: int, reason: str) -> None:
     await websocket.accept(subprotocol=next(iter(websocket.scope.get("subprotocols", [])), None))
-    await websocket.close(code, reason)
+    await _close(websocket, code, reason)
+
+
+async def _close(websocket: WebSocket, code: int, reason: str = "") -> None:
+    """Closes a socket that may be closed already."""
+    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+        await websocket.close(code, reason)
 
 
 async def _first_of(*works: Any) -> None:

@@ -25,8 +25,15 @@ export class Bar {
     for (const name of ["pointerup", "pointercancel", "change"]) {
       this.scrub.addEventListener(name, () => { this.scrubbing = false; });
     }
+    this.enable(false);
+    control.on("waiting", () => this.enable(false));
     control.on("outline", (outline) => this.draw(outline));
     control.on("state", (state) => this.show(state));
+  }
+
+  enable(on) {
+    for (const name of ["back", "play", "forward", "reverse", "loop", "follow", "speed"]) get(name).disabled = !on;
+    get("head").hidden = !on;
   }
 
   // At most one seek a picture: the newest counts.
@@ -64,6 +71,7 @@ export class Bar {
   draw(outline) {
     this.outline = outline;
     const { frames, phases, errors } = outline;
+    this.enable(true);
     this.scrub.disabled = frames < 2;
     this.scrub.max = Math.max(0, frames - 1);
     const plot = get("plot");

@@ -1,0 +1,167 @@
+"""``foldback play``: looks at a finished fold's directory, without a service."""
+
+from __future__ import annotations
+
+import json
+import threading
+import webbrowser
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+import uvicorn
+from fastapi import FastAPI
+from fastapi.responses import RedirectResponse
+
+from planner.errors import TimelineError
+from planner.timeline import Timeline
+from server.routes import pages, viewers
+from server.security import SameOrigin, SecurityHeaders
+from web.viewers import Viewers
+
+ONLY: Final = "fold"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FolderRow:
+    """What a fold's page asks of a row, read from the fold's files."""
+
+    id: str
+    name: str
+    status: str
+    modules: int
+    preset: str | None
+    seed: int | None
+    summary: dict[str, Any]
+    stage: str | None = None
+    error: dict[str, Any] | None = None
+    progress: dict[str, Any] = field(default_factory=dict)
+
+
+class FolderStore:
+    """A store of one fold: a directory."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+
+    def fold(self, fold_id: str) -> FolderRow | None:
+        """The row of the one fold."""
+        return row_of(self._directory) if fold_id == ONLY else None
+
+    def directory(self, fold_id: str) -> Path:
+        """Where its files are."""
+        del fold_id
+        return self._directory
+
+
+@dataclass(frozen=True, slots=True)
+class FolderContext:
+    """What the routes of the viewer share."""
+
+    store: FolderStore
+    viewers: Viewers
+    jobs: None = None
+    settings: None = None
+
+
+def row_of(directory: Path) -> FolderRow:
+    """The row of a fold's directory.
+
+    Raises:
+        TimelineError: When there is no timeline in it.
+    """
+    chain = Timeline.open(directory / "timeline.zarr").chain
+    request = _json(directory / "request.json")
+    plan = _json(directory / "plan.json")
+    certificate = plan.get("certificate") or _json(directory / "certificate.json")
+    verified = certificate.get("verdict") == "verified"
+    summary = {
+        "status": "verified" if verified else "failed",
+        "reason": None if verified else certificate.get("verdict") or "no certificate is there",
+        "certificate": certificate,
+        **{k: plan[k] for k in ("explosion", "playback", "seed") if k in plan},
+    }
+    return FolderRow(
+        id=ONLY,
+        name=chain.name,
+        status=summary["status"],
+        modules=len(chain),
+        preset=request.get("preset") or plan.get("preset"),
+        seed=request.get("seed", plan.get("seed")),
+        summary=summary,
+    )
+
+
+def create_player_app(directory: Path) -> FastAPI:
+    """An application with the viewer of one directory."""
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
+        context = FolderContext(FolderStore(directory), Viewers(32, 600.0))
+        app.state.context = context
+        try:
+            yield
+        finally:
+            context.viewers.close()
+
+    app = FastAPI(lifespan=lifespan, openapi_url=None, docs_url=None, redoc_url=None)
+
+    @app.get("/")
+    async def to_the_fold() -> RedirectResponse:
+        return RedirectResponse(f"/folds/{ONLY}")
+
+    app.include_router(pages.router)
+    app.include_router(viewers.router)
+    app.add_middleware(SameOrigin)
+    app.add_middleware(SecurityHeaders)
+    return app
+
+
+def play(
+    directory: Annotated[Path, typer.Argument(help="Directory of a fold, with timeline.zarr.")],
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port to listen on; 0 takes a free one.")] = 0,
+    browser: Annotated[bool, typer.Option(help="Open a browser.")] = True,
+) -> None:
+    """Look at a fold's directory in the browser."""
+    try:
+        name = row_of(directory).name
+    except TimelineError as error:
+        typer.echo(f"{error}", err=True)
+        raise typer.Exit(2) from error
+
+    class Server(uvicorn.Server):
+        """Says where it is once it listens."""
+
+        async def startup(self, sockets: list[Any] | None = None) -> None:
+            await super().startup(sockets)
+            if not self.started:
+                return
+            at = self.servers[0].sockets[0].getsockname()[1]
+            address = f"http://{host}:{at}/folds/{ONLY}"
+            typer.echo(f"{name} is at {address} (Ctrl-C ends)")
+            if browser:
+                threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+
+    Server(
+        uvicorn.Config(
+            create_player_app(directory),
+            host=host,
+            port=port,
+            log_level="warning",
+            access_log=False,
+            ws_per_message_deflate=False,
+            timeout_graceful_shutdown=2,
+        )
+    ).run()
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
