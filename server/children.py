@@ -101,6 +101,7 @@ class Child:
         deadline = time.monotonic() + wall_s
         stop_at: float | None = None
         while True:
+            self._check_memory()
             event = self._next(POLL_S)
             now = time.monotonic()
             if event is not None:
@@ -121,7 +122,6 @@ class Child:
                     f"the stage '{task}' took longer than the {wall_s:g} s it may take; try a "
                     "smaller shape.",
                 )
-            self._check_memory()
             if stop_at is None:
                 if cancelled is not None and cancelled():
                     self._send({"cancel": True})
@@ -242,7 +242,7 @@ class Children:
             self._closed = True
             children, self._all = self._all, set()
         for child in children:
-            child.kill()
+            child.close()
 
     def _start(self) -> Child:
         child = Child(self._kind, self._limits)
@@ -271,7 +271,10 @@ class Reader:
         """
         with self._lock:
             child = self._child
-            if child is None or not child.alive:
+            if child is None:
+                child = self._child = self._children.take()
+            elif not child.alive:
+                self._children.release(child)
                 child = self._child = self._children.take()
             try:
                 return child.call("check", directory, wall_s=self._wall_s)

@@ -14,7 +14,7 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 class Base(DeclarativeBase):
     """Root of all rows."""
 
-    type_annotation_map = {dict[str, Any]: sa.JSON()}
+    type_annotation_map = {dict[str, Any]: sa.JSON(), float: sa.Double()}
 
 
 class FoldRow(Base):

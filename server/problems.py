@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from http import HTTPStatus
-from typing import Any
+from typing import Any, Final
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
@@ -13,7 +13,8 @@ from starlette.exceptions import HTTPException
 
 from planner.errors import InputError
 
-MEDIA_TYPE = "application/problem+json"
+MEDIA_TYPE: Final = "application/problem+json"
+CODES: Final = {404: "not-found", 408: "too-slow", 413: "too-large"}
 
 
 class Problem(Exception):
@@ -80,7 +81,8 @@ def install(app: FastAPI) -> None:
 
     async def on_http(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HTTPException)
-        code = HTTPStatus(error.status_code).phrase.lower().replace(" ", "-")
+        phrase = HTTPStatus(error.status_code).phrase
+        code = CODES.get(error.status_code, phrase.lower().replace(" ", "-"))
         return Problem(error.status_code, code, str(error.detail), headers=error.headers).response()
 
     async def on_validation(request: Request, error: Exception) -> JSONResponse:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,6 +39,9 @@ def serve(
     settings.make_directories()
     supervisor = Supervisor(settings)
     supervisor.start()
+    # uvicorn ends in good order on these and raises them once more; by then all is done.
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda number, frame: None)
     try:
         _run(settings, first_shape)
     finally:

@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.server.service import SNAKE, Service
+
+
+@pytest.fixture
+def service_with(tmp_path: Path) -> Iterator[Callable[..., Service]]:
+    """Makes services of one's own, with settings; they are stopped at the end."""
+    made: list[Service] = []
+
+    def make(**settings: object) -> Service:
+        service = Service(tmp_path / f"data-{len(made)}", **settings)
+        made.append(service)
+        return service
+
+    yield make
+    for service in made:
+        if service.process is not None and service.process.poll() is None:
+            service.stop()
+
+
+@pytest.fixture(scope="session")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """A service that takes folds in and has no worker: what is queued stays queued."""
+    service = Service(
+        tmp_path_factory.mktemp("desk") / "data",
+        workers=0,
+        max_upload_bytes=200_000,
+        max_modules=1000,
+        largest_queue=1000,
+        largest_queue_of_visitor=1000,
+    ).start()
+    yield service
+    assert service.stop() == 0
+
+
+@pytest.fixture(scope="session")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """A service with a worker."""
+    service = Service(tmp_path_factory.mktemp("service") / "data").start()
+    yield service
+    assert service.stop() == 0
+
+
+@pytest.fixture(scope="session")
+def finished(service: Service) -> dict[str, Any]:
+    """A fold that is over: what the upload was answered, its events and its state."""
+    accepted = service.fold(SNAKE, seed="3")
+    events = list(service.events(accepted["id"]))
+    return {
+        "accepted": accepted,
+        "id": accepted["id"],
+        "events": events,
+        "state": service.state(accepted["id"]),
+    }

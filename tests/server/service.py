@@ -1,0 +1,162 @@
+"""A real service for tests: `foldback serve` with its workers, on a free port, in a new place."""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import psutil
+
+PATIENCE_S = 120.0
+SNAKE = [[x if y % 2 == 0 else 3 - x, y, 0] for y in range(4) for x in range(4)]
+
+
+class Service:
+    """Starts, kills and restarts one service; `http` talks to it."""
+
+    def __init__(self, data_dir: Path, **settings: object) -> None:
+        self.data_dir = data_dir
+        self.log = data_dir.parent / f"{data_dir.name}.log"
+        self._environment = {
+            **{k: v for k, v in os.environ.items() if not k.startswith("FOLDBACK_")},
+            "FOLDBACK_DATA_DIR": str(data_dir),
+            "FOLDBACK_PORT": "0",
+            **{f"FOLDBACK_{name.upper()}": str(value) for name, value in settings.items()},
+        }
+        self.process: subprocess.Popen[str] | None = None
+        self.http = httpx.Client()
+
+    def start(self, *arguments: str) -> Service:
+        with open(self.log, "a") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "server.command_line", "serve", *arguments],
+                env=self._environment,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                text=True,
+            )
+        lines: queue.Queue[str] = queue.Queue()
+        threading.Thread(target=self._read, args=(self.process, lines), daemon=True).start()
+        address = re.search(r"http://\S+", lines.get(timeout=PATIENCE_S))
+        assert address, self.log.read_text()
+        self.http.close()
+        self.http = httpx.Client(base_url=address.group(), timeout=60.0)
+        return self
+
+    @staticmethod
+    def _read(process: subprocess.Popen[str], lines: queue.Queue[str]) -> None:
+        assert process.stdout is not None
+        with process.stdout:
+            for line in process.stdout:
+                lines.put(line)
+        lines.put("")
+
+    def stop(self) -> int:
+        assert self.process is not None
+        self.process.send_signal(signal.SIGTERM)
+        self.http.close()
+        return self.process.wait(PATIENCE_S)
+
+    def kill(self) -> None:
+        """As a power cut would; what it started has to notice by itself."""
+        assert self.process is not None
+        theirs = psutil.Process(self.process.pid).children(recursive=True)
+        self.process.kill()
+        self.process.wait()
+        self.http.close()
+        _, alive = psutil.wait_procs(theirs, timeout=PATIENCE_S)
+        assert not alive, f"still there after the server was killed: {alive}"
+
+    @contextmanager
+    def worker(self) -> Iterator[subprocess.Popen[bytes]]:
+        """A worker that nobody looks after."""
+        with open(self.log, "a") as log:
+            worker = subprocess.Popen(
+                [sys.executable, "-P", "-m", "server.command_line", "worker"],
+                env=self._environment,
+                stderr=log,
+            )
+        try:
+            yield worker
+        finally:
+            worker.terminate()
+            worker.wait(PATIENCE_S)
+
+    def wait_workers(self, count: int) -> None:
+        deadline = time.monotonic() + PATIENCE_S
+        while self.http.get("/ready").json()["workers"] != count:
+            assert time.monotonic() < deadline, self.log.read_text()
+            time.sleep(0.05)
+
+    def processes(self, module: str) -> list[psutil.Process]:
+        """The processes of a module that this service has started."""
+        assert self.process is not None
+        found = []
+        for process in psutil.Process(self.process.pid).children(recursive=True):
+            try:
+                if module in process.cmdline():
+                    found.append(process)
+            except psutil.NoSuchProcess:
+                continue
+        return found
+
+    def fold(self, cells: object = None, /, **form: Any) -> dict[str, Any]:
+        """Asks for a fold, of cells or of a gallery shape."""
+        files = None if cells is None else {"file": ("path.json", json.dumps(cells))}
+        answer = self.http.post("/api/folds", data=form, files=files)
+        assert answer.status_code == 202, answer.text
+        return answer.json()
+
+    def state(self, fold_id: str) -> dict[str, Any]:
+        answer = self.http.get(f"/api/folds/{fold_id}")
+        assert answer.status_code == 200, answer.text
+        return answer.json()
+
+    def wait(self, fold_id: str, until: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """The state of a fold, once it is as wanted."""
+        deadline = time.monotonic() + PATIENCE_S
+        while not until(state := self.state(fold_id)):
+            assert time.monotonic() < deadline, f"{state}\n{self.log.read_text()}"
+            time.sleep(0.05)
+        return state
+
+    def wait_over(self, fold_id: str) -> dict[str, Any]:
+        return self.wait(fold_id, over)
+
+    def wait_exploding(self, fold_id: str) -> dict[str, Any]:
+        """The state of a fold, once its explosion can be seen."""
+        return self.wait(
+            fold_id,
+            lambda s: over(s) or (s["stage"] == "explode" and s["progress"]["frames"] > 2),
+        )
+
+    def events(self, fold_id: str) -> Iterator[tuple[str, dict[str, Any]]]:
+        with self.http.stream("GET", f"/api/folds/{fold_id}/events") as stream:
+            assert stream.headers["content-type"].startswith("text/event-stream")
+            name = ""
+            for line in stream.iter_lines():
+                if line.startswith("event: "):
+                    name = line.removeprefix("event: ")
+                elif line.startswith("data: "):
+                    yield name, json.loads(line.removeprefix("data: "))
+
+
+def over(state: dict[str, Any]) -> bool:
+    return state["status"] in ("verified", "failed", "cancelled")
+
+
+def owner(accepted: dict[str, Any]) -> dict[str, str]:
+    """The headers that prove ownership."""
+    return {"Authorization": f"Bearer {accepted['owner_token']}"}

@@ -1,0 +1,130 @@
+"""Processes that compute: results, faults, limits, and their end with their parent."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+
+from planner.errors import InputError
+from server.children import Child, ChildError, Reader
+from server.limits import ChildLimits
+from server.runner import STAGES
+from tests.server.service import SNAKE
+
+LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0)
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Path:
+    (tmp_path / "request.json").write_text(json.dumps({"filename": "snake.json"}))
+    (tmp_path / "input").write_text(json.dumps(SNAKE))
+    return tmp_path
+
+
+@pytest.fixture
+def child() -> Iterator[Child]:
+    child = Child("reader", LIMITS)
+    yield child
+    child.close()
+
+
+def test_the_stages_are_those_of_the_planner() -> None:
+    from planner import stages
+
+    assert tuple(stages.STAGES) == STAGES
+
+
+def test_a_child_answers_again_and_again(child: Child, directory: Path) -> None:
+    for _ in range(2):
+        found = child.call("check", directory, wall_s=60)
+        assert found == {"name": "snake", "module": "cube", "modules": 16}
+
+
+def test_bad_input_is_told_from_a_crash(child: Child, directory: Path) -> None:
+    (directory / "input").write_text("[[0,0,0],[0,0,2],[0,0,3]]")
+    with pytest.raises(InputError) as refused:
+        child.call("check", directory, wall_s=60)
+    assert (refused.value.code, refused.value.where) == ("not-adjacent", "cells 0 and 1")
+    assert child.alive
+
+
+def test_a_fault_inside_is_a_clear_word(child: Child, directory: Path) -> None:
+    (directory / "request.json").unlink()
+    with pytest.raises(ChildError, match="FileNotFoundError"):
+        child.call("check", directory, wall_s=60)
+    assert child.alive
+
+
+def test_a_crash_is_a_clear_word(child: Child, directory: Path) -> None:
+    child.call("check", directory, wall_s=60)
+    os.kill(child.pid, signal.SIGSEGV)
+    with pytest.raises(ChildError, match="SIGSEGV") as crashed:
+        child.call("check", directory, wall_s=60)
+    assert crashed.value.code == "crashed"
+
+
+def test_time_is_limited(child: Child, directory: Path) -> None:
+    child.call("check", directory, wall_s=60)
+    os.kill(child.pid, signal.SIGSTOP)
+    with pytest.raises(ChildError) as late:
+        child.call("check", directory, wall_s=0.1)
+    assert late.value.code == "time-limit"
+    assert not child.alive
+
+
+def test_who_does_not_heed_a_cancel_is_ended(child: Child, directory: Path) -> None:
+    child.call("check", directory, wall_s=60)
+    os.kill(child.pid, signal.SIGSTOP)
+    result = child.call("check", directory, wall_s=60, cancelled=lambda: True)
+    assert result["status"] == "cancelled"
+    assert not child.alive
+
+
+def test_memory_is_limited(directory: Path) -> None:
+    child = Child("reader", ChildLimits(memory_bytes=2**24, cpu_s=60.0))
+    with pytest.raises(ChildError) as greedy:
+        child.call("check", directory, wall_s=60)
+    child.close()
+    assert greedy.value.code == "memory-limit"
+    assert "16 MiB" in greedy.value.detail
+
+
+def test_the_reader_is_replaced_when_an_upload_was_too_much(directory: Path) -> None:
+    reader = Reader(LIMITS, wall_s=60)
+    try:
+        assert reader.check(directory)["modules"] == 16
+        assert reader._child is not None
+        os.kill(reader._child.pid, signal.SIGKILL)
+        reader._child._process.wait()
+        assert reader.check(directory)["modules"] == 16
+        os.kill(reader._child.pid, signal.SIGSTOP)
+        reader._wall_s = 0.1
+        with pytest.raises(InputError, match="longer than") as late:
+            reader.check(directory)
+        assert late.value.code == "unreadable"
+        reader._wall_s = 60
+        assert reader.check(directory)["modules"] == 16
+    finally:
+        reader.close()
+
+
+def test_a_child_ends_with_its_parent() -> None:
+    child = subprocess.Popen(
+        [sys.executable, "-P", "-m", "server.child", "reader", json.dumps(asdict(LIMITS))],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
+    with child:
+        assert child.stdout is not None
+        assert json.loads(child.stdout.readline())["event"] == "ready"
+        assert child.stdin is not None
+        child.stdin.close()
+        assert child.wait(60) == 1

@@ -1,0 +1,132 @@
+"""What was accepted is finished, whatever is killed meanwhile."""
+
+from __future__ import annotations
+
+import signal
+import sqlite3
+
+import pytest
+
+from tests.server.service import SNAKE, Service
+
+pytestmark = pytest.mark.slow
+
+
+def check_finished(service: Service, fold_id: str) -> None:
+    state = service.wait_over(fold_id)
+    assert state["status"] == "verified", state
+    body = service.http.get(f"/api/folds/{fold_id}/frames?stride=10").json()
+    assert body["status"] == "complete"
+    assert body["time_s"] == sorted(body["time_s"])
+    assert service.http.get(f"/api/folds/{fold_id}/plan.json").status_code == 200
+
+
+def test_a_worker_killed_in_mid_explosion(service_with) -> None:
+    service = service_with().start()
+    fold_id = service.fold(shape="wrench-160")["id"]
+    waiting = service.fold(SNAKE)["id"]
+    assert service.wait_exploding(fold_id)["status"] == "running"
+    (worker,) = service.processes("server.worker")
+    worker.kill()
+    check_finished(service, fold_id)
+    check_finished(service, waiting)
+    (successor,) = service.processes("server.worker")
+    assert successor.pid != worker.pid
+
+
+def test_a_server_killed_in_mid_explosion(service_with) -> None:
+    service = service_with().start()
+    fold_id = service.fold(shape="wrench-160")["id"]
+    waiting = service.fold(SNAKE)["id"]
+    assert service.wait_exploding(fold_id)["status"] == "running"
+    service.kill()
+    service.start()
+    assert service.state(fold_id)["status"] == "running"
+    check_finished(service, fold_id)
+    check_finished(service, waiting)
+
+
+def test_an_orderly_stop_keeps_the_fold_for_the_next_start(service_with) -> None:
+    service = service_with().start()
+    fold_id = service.fold(shape="wrench-160")["id"]
+    assert service.wait_exploding(fold_id)["status"] == "running"
+    assert service.stop() == 0
+    service.start()
+    check_finished(service, fold_id)
+
+
+def test_a_living_worker_takes_over_from_one_that_stays_dead(service_with) -> None:
+    service = service_with(workers=0).start()
+    with service.worker() as first:
+        fold_id = service.fold(shape="wrench-160")["id"]
+        service.wait_exploding(fold_id)
+        with service.worker() as second:
+            service.wait_workers(2)
+            first.kill()
+            check_finished(service, fold_id)
+            assert second.poll() is None
+            assert service.http.get("/ready").json()["workers"] == 1
+
+
+def test_a_child_killed_fails_its_fold_alone_with_a_clear_word(service_with) -> None:
+    service = service_with().start()
+    accepted = service.fold(shape="wrench-160")
+    waiting = service.fold(SNAKE)["id"]
+    service.wait_exploding(accepted["id"])
+    for child in service.processes("server.child"):
+        if "stages" in child.cmdline():
+            child.send_signal(signal.SIGKILL)
+    state = service.wait_over(accepted["id"])
+    assert state["status"] == "failed"
+    assert state["error"]["code"] == "crashed"
+    assert "SIGKILL" in state["error"]["detail"]
+    check_finished(service, waiting)
+    # It was the machine's fault, not the shape's: asked for again it is computed again.
+    again = service.fold(shape="wrench-160")
+    assert again["id"] != accepted["id"]
+    check_finished(service, again["id"])
+
+
+def test_a_fold_that_takes_too_long_is_ended_with_a_clear_word(service_with) -> None:
+    service = service_with(stage_seconds=0.5).start()
+    fold_id = service.fold(shape="wrench-160", preset="paper")["id"]
+    state = service.wait_over(fold_id)
+    assert (state["status"], state["error"]["code"]) == ("failed", "time-limit")
+    assert "0.5 s" in state["error"]["detail"]
+
+
+def test_a_fold_that_needs_too_much_memory_is_ended_with_a_clear_word(service_with) -> None:
+    service = service_with(child_memory_bytes=128 * 2**20).start()
+    cells = [[x, 0, 0] for x in range(3000)]
+    answer = service.http.post("/api/folds", files={"file": ("long.json", str(cells))})
+    if answer.status_code == 202:
+        state = service.wait_over(answer.json()["id"])
+        assert (state["status"], state["error"]["code"]) == ("failed", "memory-limit")
+        assert "128 MiB" in state["error"]["detail"]
+    else:
+        assert answer.status_code == 422
+        assert "128 MiB" in answer.json()["detail"]
+    assert service.http.get("/health").status_code == 200
+
+
+def test_a_fold_with_a_row_and_no_job_is_found_at_the_next_start(service_with) -> None:
+    service = service_with(workers=0).start()
+    fold_id = service.fold(SNAKE)["id"]
+    service.kill()
+    with sqlite3.connect(service.data_dir / "jobs.db") as jobs:
+        assert jobs.execute("DELETE FROM workflow_status").rowcount == 1
+    jobs.close()
+    service.start()
+    with service.worker():
+        check_finished(service, fold_id)
+
+
+def test_what_was_being_uploaded_at_the_end_leaves_nothing(service_with) -> None:
+    service = service_with(workers=0).start()
+    service.kill()
+    left = service.data_dir / "uploads" / "halfway"
+    left.mkdir()
+    (left / "input").write_bytes(b"[[0,0,0],")
+    service.start()
+    assert not left.exists()
+    assert service.http.get("/api/folds").json() == {"folds": []}

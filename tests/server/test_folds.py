@@ -1,0 +1,217 @@
+"""A fold from the upload to its files, through HTTP, with a real worker."""
+
+from __future__ import annotations
+
+import io
+import json
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from planner.chain import Chain
+from planner.paths import Path
+from tests.server.service import SNAKE, Service, owner
+
+
+def get(service: Service, finished: dict[str, Any], part: str, **params: Any) -> httpx.Response:
+    return service.http.get(f"/api/folds/{finished['id']}/{part}", params=params)
+
+
+def test_a_fold_is_verified_with_figures(finished: dict[str, Any]) -> None:
+    state = finished["state"]
+    assert state["status"] == "verified", state
+    assert state["error"] is None
+    assert state["modules"] == 16
+    assert state["summary"]["certificate"]["min_clearance"] >= 0
+    assert state["summary"]["playback"]["rms_position_error"] < 1e-3
+
+
+def test_events_tell_the_stages_in_order_and_end(finished: dict[str, Any]) -> None:
+    names = [name for name, _ in finished["events"]]
+    assert names[-1] == "done"
+    assert set(names[:-1]) == {"progress"}
+    order = [None, "read", "explode", "play_back", "certify", "export"]
+    stages = [order.index(data["stage"]) for _, data in finished["events"]]
+    assert stages == sorted(stages)
+    frames = [data["frames"] for _, data in finished["events"]]
+    assert frames == sorted(frames)
+    last = finished["events"][-1][1]
+    assert last["status"] == "verified"
+    assert last["frames"] > 2
+
+
+def test_events_of_a_finished_fold_end_at_once(service: Service, finished: dict[str, Any]) -> None:
+    assert [name for name, _ in service.events(finished["id"])] == ["progress", "done"]
+
+
+def test_the_plan_can_be_taken_away(service: Service, finished: dict[str, Any]) -> None:
+    answer = get(service, finished, "plan.json")
+    plan = answer.json()
+    assert answer.headers["content-disposition"].startswith("attachment")
+    assert plan["format"] == "foldback-plan/1"
+    assert plan["seed"] == 3
+    arrays = np.load(io.BytesIO(get(service, finished, "plan.npz").content), allow_pickle=False)
+    angles = arrays["joint_angles_rad"]
+    assert np.allclose(angles, plan["joint_angles_rad"], atol=1e-6)
+    assert np.abs(angles[0]).max() < 0.05  # from straight …
+    folded = Chain.from_path(Path.from_cells(SNAKE)).folded_rad
+    assert np.abs(angles[-1] - folded).max() < 0.01  # … to folded
+    assert b"<mujoco" in get(service, finished, "model.xml").content
+
+
+def test_frames_are_those_of_the_timeline(service: Service, finished: dict[str, Any]) -> None:
+    body = get(service, finished, "frames", poses=True).json()
+    total = body["total"]
+    assert (body["from"], body["to"], body["next"]) == (0, total, None)
+    assert body["status"] == "complete"
+    assert len(body["time_s"]) == total == len(body["joint_angles_rad"])
+    assert body["time_s"] == sorted(body["time_s"])
+    phases = [body["phases"][i] for i in body["phase"]]
+    assert phases == sorted(phases)
+    assert set(phases) == {"explosion", "playback"}
+    errors = body["max_error_rad"]
+    assert errors[0] is None
+    assert errors[-1] is not None
+    chain = Chain.from_path(Path.from_cells(SNAKE))
+    poses = chain.poses(
+        np.array(body["joint_angles_rad"]),
+        np.array(body["root_position"]),
+        np.array(body["root_wxyz"]),
+    )
+    assert np.allclose(poses.positions, body["positions"], atol=1e-6)
+
+
+def test_frames_by_stride_and_range(service: Service, finished: dict[str, Any]) -> None:
+    everything = get(service, finished, "frames").json()
+    some = get(service, finished, "frames", **{"from": 3, "to": 11, "stride": 4}).json()
+    assert some["time_s"] == everything["time_s"][3:11:4]
+    none = get(service, finished, "frames", **{"from": everything["total"]}).json()
+    assert none["time_s"] == []
+    past = get(service, finished, "frames", **{"from": everything["total"] + 1})
+    assert (past.status_code, past.json()["code"]) == (422, "no-such-frames")
+
+
+def test_long_answers_are_cut_and_lead_on(service_with) -> None:
+    service = service_with(frames_per_answer=7).start()
+    fold_id = service.fold(SNAKE)["id"]
+    assert service.wait_over(fold_id)["status"] == "verified"
+    link: str | None = f"/api/folds/{fold_id}/frames?stride=2"
+    times: list[float] = []
+    while link is not None:
+        body = service.http.get(link).json()
+        assert len(body["time_s"]) <= 7
+        times += body["time_s"]
+        link = body["next"]
+    assert len(times) == (body["total"] + 1) // 2
+    assert times == sorted(set(times))
+
+
+def test_what_is_not_there_yet_says_so(desk: Service) -> None:
+    fold_id = desk.fold(SNAKE, seed="7")["id"]
+    for part in ("frames", "plan.json", "plan.npz", "model.xml"):
+        answer = desk.http.get(f"/api/folds/{fold_id}/{part}")
+        assert (answer.status_code, answer.json()["code"]) == (409, "not-ready")
+
+
+@pytest.mark.parametrize("fold_id", ["nosuchfold", "..", "%2e%2e%2fsecret", "a" * 500])
+def test_unknown_folds_are_not_found(desk: Service, fold_id: str) -> None:
+    for part in ("", "/events", "/frames", "/plan.json"):
+        answer = desk.http.get(f"/api/folds/{fold_id}{part}")
+        assert answer.status_code == 404
+        assert answer.json()["code"]
+
+
+def test_the_list_shows_the_gallery_and_ones_own_only(desk: Service) -> None:
+    mine = desk.fold(SNAKE, seed="8")
+    public = desk.fold(shape="mallet-64")
+    anyone = {f["id"] for f in desk.http.get("/api/folds").json()["folds"]}
+    me = {f["id"] for f in desk.http.get("/api/folds", headers=owner(mine)).json()["folds"]}
+    assert public["id"] in anyone
+    assert mine["id"] not in anyone
+    assert me == anyone | {mine["id"]}
+
+
+def test_only_owners_cancel_and_delete(desk: Service) -> None:
+    mine, other = desk.fold(SNAKE, seed="9"), desk.fold(SNAKE, seed="10")
+    here = f"/api/folds/{mine['id']}"
+    for method, address in (("POST", f"{here}/cancel"), ("DELETE", here)):
+        assert desk.http.request(method, address).status_code == 401
+        assert desk.http.request(method, address, headers=owner(other)).status_code == 403
+    assert desk.state(mine["id"])["status"] == "queued"
+    assert desk.http.delete(here, headers=owner(mine)).status_code == 204
+    assert desk.http.get(here).status_code == 404
+    assert not (desk.data_dir / "folds" / mine["id"]).exists()
+
+
+def test_a_fold_that_two_asked_for_ends_only_with_both(desk: Service) -> None:
+    first, second = desk.fold(SNAKE, seed="11"), desk.fold(SNAKE, seed="11")
+    here = f"/api/folds/{first['id']}"
+    answer = desk.http.post(f"{here}/cancel", headers=owner(first))
+    assert (answer.status_code, answer.json()["status"]) == (202, "queued")
+    answer = desk.http.post(f"{here}/cancel", headers=owner(second))
+    assert (answer.status_code, answer.json()["status"]) == (202, "cancelled")
+
+
+def test_a_running_fold_is_cancelled_and_the_same_can_be_asked_anew(service: Service) -> None:
+    accepted = service.fold(shape="wrench-160", preset="paper")
+    assert service.wait_exploding(accepted["id"])["status"] == "running"
+    answer = service.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
+    assert answer.status_code == 202
+    events = list(service.events(accepted["id"]))
+    assert events[-1][0] == "done"
+    assert events[-1][1]["status"] == "cancelled"
+    # Its frames stay to be looked at; the worker is free for others; the same begins anew.
+    assert service.http.get(f"/api/folds/{accepted['id']}/frames").json()["total"] > 0
+    again = service.fold(shape="wrench-160", preset="paper")
+    assert again["id"] != accepted["id"]
+    service.wait_exploding(again["id"])
+    assert service.http.delete(f"/api/folds/{again['id']}", headers=owner(again)).status_code == 204
+    assert service.http.get(f"/api/folds/{again['id']}").status_code == 404
+    other = service.fold(SNAKE, seed="12")
+    assert service.wait_over(other["id"])["status"] == "verified"
+    assert not (service.data_dir / "folds" / again["id"]).exists()
+
+
+def test_figures_and_health(service: Service, finished: dict[str, Any]) -> None:
+    assert service.http.get("/health").json() == {"status": "ok"}
+    ready = service.http.get("/ready")
+    assert ready.status_code == 200
+    assert ready.json() == {"ready": True, "database": "ok", "disk": "ok", "workers": 1}
+    figures = dict(
+        line.rsplit(" ", 1)
+        for line in service.http.get("/metrics").text.splitlines()
+        if not line.startswith("#")
+    )
+    assert float(figures['foldback_folds{status="verified"}']) >= 1
+    assert float(figures["process_resident_memory_bytes"]) > 1e6
+
+
+def test_the_first_shape_is_folded_once(service_with) -> None:
+    service = service_with(workers=0)
+    service.start("--first-shape", "mallet-64")
+    ids = _gallery_folds(service)
+    assert len(ids) == 1
+    assert service.stop() == 0
+    service.start("--first-shape", "mallet-64")
+    assert _gallery_folds(service) == ids
+
+
+def _gallery_folds(service: Service) -> list[str]:
+    import time
+
+    deadline = time.monotonic() + 30
+    while not (folds := service.http.get("/api/folds").json()["folds"]):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert [f["shape"] for f in folds] == ["mallet-64"]
+    return [f["id"] for f in folds]
+
+
+def test_json_is_strict(service: Service, finished: dict[str, Any]) -> None:
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is not JSON")
+
+    for part in ("frames", "plan.json"):
+        json.loads(get(service, finished, part).content, parse_constant=refuse)
