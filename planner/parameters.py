@@ -1,4 +1,8 @@
-"""Parameters of a fold, and the presets: ``default`` (ours) and ``paper`` (as published)."""
+"""Parameters of a fold, and the presets.
+
+``default`` is ours, ``paper`` is as published, ``direct`` is the baseline that servoes straight to the
+target without a record.
+"""
 
 from __future__ import annotations
 
@@ -59,9 +63,10 @@ class ExplosionParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperExplosionParameters:
-    """The published explosion: constant gains, fixed snapshot interval, in physical units.
+    """The published explosion: constant gains, fixed snapshot interval.
 
     Attributes:
+        module_mass: What a module weighs in the units of the gains.
         radial_gain: λ of eq. 1.
         repulsion_gain: γ of eq. 3.
         repulsion_cutoff: Modules farther apart (in pitches) don't repel.
@@ -72,6 +77,7 @@ class PaperExplosionParameters:
         max_steps: Give up after so many steps.
     """
 
+    module_mass: float = 2700.0
     radial_gain: float = 0.1
     repulsion_gain: float = 1.0
     repulsion_cutoff: float = 2.5
@@ -125,7 +131,7 @@ class Parameters:
 
     Attributes:
         preset: Name of the set.
-        explosion: How the chain is let go.
+        explosion: How the chain is let go; None for direct servoing.
         playback: How it is folded again.
         module_size: Size at which the plan is verified, as a fraction of the pitch.
         density_kg_m3: Of a solid module, for torques in newton-metres.
@@ -133,7 +139,7 @@ class Parameters:
     """
 
     preset: str = "default"
-    explosion: ExplosionParameters | PaperExplosionParameters = field(
+    explosion: ExplosionParameters | PaperExplosionParameters | None = field(
         default_factory=ExplosionParameters
     )
     playback: PlaybackParameters = field(default_factory=PlaybackParameters)
@@ -146,7 +152,7 @@ class Parameters:
         return asdict(self)
 
 
-PRESETS: Final = ("default", "paper")
+PRESETS: Final = ("default", "paper", "direct")
 
 
 def preset(name: str) -> Parameters:
@@ -161,7 +167,15 @@ def preset(name: str) -> Parameters:
         return Parameters(
             preset="paper",
             explosion=PaperExplosionParameters(),
-            playback=PlaybackParameters(controller="paper"),
+            playback=PlaybackParameters(
+                controller="paper", step_s=0.01, stiffness=1e7, friction=0.1
+            ),
+        )
+    if name == "direct":
+        return Parameters(
+            preset="direct",
+            explosion=None,
+            playback=PlaybackParameters(controller="direct", stiffness=1e3, max_steps=6000),
         )
     raise InputError(
         "unknown-preset", f"got the preset {name!r}, expected one of: {', '.join(PRESETS)}."

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,10 @@ class Playback:
     max_angle_error_rad: float
     peak_torque: float
     rms_torque: float
+
+    def summary(self) -> dict[str, Any]:
+        """The figures without the frames."""
+        return {name: getattr(self, name) for name in _SCALARS}
 
     def save(self, path: FilePath) -> None:
         """Writes an ``.npz`` that is either whole or not there."""

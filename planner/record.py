@@ -32,6 +32,16 @@ class Record:
     steps: int
     seconds: float
 
+    def summary(self) -> dict[str, Any]:
+        """The figures without the frames."""
+        return {
+            "status": self.status,
+            "reason": self.reason,
+            "steps": self.steps,
+            "frames": len(self.frames),
+            "seconds": self.seconds,
+        }
+
     def save(self, path: FilePath) -> None:
         """Writes an ``.npz`` that is either whole or not there."""
         save_npz(

@@ -97,8 +97,6 @@ class Recorder:
                 pick = k
             elif self._far(self._last, step):
                 pick = max(first, k - 1)
-            elif end and k == len(waiting) - 1:
-                pick = k
             else:
                 continue
             if self._last is not None:

@@ -1,0 +1,58 @@
+"""Fold: everything from a shape to a verified plan, in one call."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from tempfile import TemporaryDirectory
+
+from planner.chain import Chain
+from planner.formats import write_chain, write_path
+from planner.paths import Path
+from planner.plan import Plan
+from planner.progress import Report, silent
+from planner.stages import STAGES, Request, run_stage, write_request
+
+
+def fold(
+    shape: Path | Chain,
+    *,
+    preset: str = "default",
+    seed: int = 0,
+    module_size: float | None = None,
+    directory: str | FilePath | None = None,
+    progress: Report = silent,
+) -> Plan:
+    """Explodes a shape's chain, plays the record back and verifies the result.
+
+    Args:
+        shape: A path through cells, or a chain with its folded configuration.
+        preset: ``default``, ``paper`` or ``direct``.
+        seed: What randomness starts from.
+        module_size: Size at which the plan is verified; None for the preset's.
+        directory: Where the plan, the timeline and the model are kept; nowhere when None.
+        progress: Told how far it is.
+
+    Returns:
+        The plan, verified or not: see ``Plan.certificate``.
+
+    Raises:
+        InputError: An unknown preset, or a seed or module size out of range.
+    """
+    if directory is None:
+        with TemporaryDirectory(prefix="foldback-") as aside:
+            return fold(
+                shape,
+                preset=preset,
+                seed=seed,
+                module_size=module_size,
+                directory=aside,
+                progress=progress,
+            )
+    folder = FilePath(directory)
+    folder.mkdir(parents=True, exist_ok=True)
+    data = write_path(shape) if isinstance(shape, Path) else write_chain(shape)
+    request = Request(filename=shape.name, preset=preset, seed=seed, module_size=module_size)
+    write_request(folder, request, data)
+    for stage in STAGES:
+        run_stage(stage, folder, progress=progress)
+    return Plan.load(folder / "plan.npz")

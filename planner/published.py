@@ -1,0 +1,115 @@
+"""The explosion as published: constant gains, fixed step, fixed snapshot interval.
+
+The published figures fit together when a length of 1 is one pitch and a module weighs its density:
+then λ = 0.1 and γ = 1 unfold 160 modules in about the 1600 s of simulated time that the paper
+reports. Here a module weighs 1, so both gains are divided by the density.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.errors import SimulationError
+from planner.kernels.pairs import near_pairs, repulsion
+from planner.model import Material
+from planner.parameters import PaperExplosionParameters
+from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.record import Record, RecordStatus
+from planner.recorder import Recorder, Step
+from planner.segments import Segments, State
+from planner.timeline import Frames
+
+Array = NDArray[np.float64]
+APART: Final = 2
+STRAIGHT_RAD: Final = 0.05
+STRAIGHT_SPAN: Final = 0.99
+CHECK_EVERY: Final = 25
+REPORT_EVERY_S: Final = 0.1
+
+
+def explode_as_published(
+    chain: Chain,
+    parameters: PaperExplosionParameters,
+    *,
+    sink: Callable[[Frames], None] | None = None,
+    progress: Report = silent,
+    cancelled: Cancelled = never,
+) -> Record:
+    """Explodes a chain with the paper's parameters; see ``planner.explosion.explode``.
+
+    The last snapshot, nearly straight, is followed by the straight configuration itself.
+    """
+    p = parameters
+    begun = reported = time.perf_counter()
+    segments = Segments(chain, Material(geom_size=p.geom_size, friction=p.friction))
+    recorder = Recorder(
+        chain,
+        snapshot_rad=0.0,
+        snapshot_distance=0.0,
+        size=0.0,
+        sink=sink,
+    )
+    folded = chain.folded_poses
+    state = State.at_rest(
+        chain.folded_rad, folded.positions[chain.root], folded.rotations[chain.root]
+    )
+    bent = float(np.abs(chain.folded_rad).sum())
+    status: RecordStatus = "timeout"
+    reason = f"the chain was not straight after {p.max_steps} steps."
+    steps = reported_steps = 0
+    try:
+        while steps < p.max_steps:
+            segments.place(state)
+            positions = segments.positions
+            if steps % p.snapshot_every == 0:
+                recorder.add(Step.of(steps * p.step_s, state, positions))
+                recorder.commit()
+            if steps % CHECK_EVERY == 0:
+                span = float(np.linalg.norm(positions[-1] - positions[0])) / (len(chain) - 1)
+                if np.abs(state.angles).max() < STRAIGHT_RAD and span >= STRAIGHT_SPAN:
+                    status, reason = "straight", ""
+                    break
+                if cancelled():
+                    status, reason = "cancelled", "it was cancelled."
+                    break
+                now = time.perf_counter()
+                if now - reported >= REPORT_EVERY_S:
+                    left = float(np.abs(state.angles).sum()) / bent
+                    progress(
+                        Progress(
+                            stage="explode",
+                            fraction=float(np.clip(0.5 * (1.0 - left) + 0.5 * span, 0.0, 0.99)),
+                            steps=steps,
+                            steps_per_second=(steps - reported_steps) / (now - reported),
+                            message="exploding as published",
+                        )
+                    )
+                    reported, reported_steps = now, steps
+            arms = positions - positions.mean(axis=0)
+            diameter = 2.0 * float(np.sqrt((arms**2).sum(axis=1).max()))
+            forces = (p.radial_gain / p.module_mass / diameter) * arms
+            pairs = near_pairs(positions, p.repulsion_cutoff, APART)
+            repulsion(positions, pairs, p.repulsion_gain / p.module_mass, forces)
+            state.accelerate(segments.accelerations(state, forces), p.step_s, p.damping)
+            state.advance(p.step_s)
+            steps += 1
+    except SimulationError as error:
+        status, reason = "diverged", f"the simulation broke off: {error}"
+    if status == "straight":
+        state.angles[:] = 0.0
+    segments.place(state)
+    recorder.add(Step.of(steps * p.step_s, state, segments.positions))
+    recorder.commit(end=True)
+    return Record(
+        status=status,
+        reason=reason,
+        frames=recorder.frames(),
+        steps=steps,
+        seconds=time.perf_counter() - begun,
+    )

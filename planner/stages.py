@@ -1,0 +1,245 @@
+"""Stages of a fold, each restartable, over one directory.
+
+A stage reads the files of earlier stages and writes its own aside before renaming them, so that a
+file that is there is whole. The service runs each stage in a process of its own; the command line
+and the library run them one after the other.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+from planner.certificate import Certificate, certify
+from planner.chain import Chain
+from planner.errors import InputError
+from planner.explosion import explode
+from planner.exports.mjcf import mjcf
+from planner.parameters import PaperExplosionParameters, Parameters, preset
+from planner.paths import Path
+from planner.plan import Plan, write_whole
+from planner.playback import Playback, play_back
+from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.published import explode_as_published
+from planner.readers import read
+from planner.record import Record
+from planner.timeline import TimelineWriter, chain_attributes, chain_from_attributes
+
+STAGES: Final = ("read", "explode", "play_back", "certify", "export")
+MODULE_SIZES: Final = (0.1, 1.0)
+LARGEST_SEED: Final = 2**63 - 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What somebody asked for, apart from the shape.
+
+    Attributes:
+        filename: What the input was called, if anything.
+        preset: Name of a parameter set.
+        seed: What randomness starts from.
+        module_size: Size at which the plan is verified; None for the preset's.
+    """
+
+    filename: str | None = None
+    preset: str = "default"
+    seed: int = 0
+    module_size: float | None = None
+
+    def parameters(self) -> Parameters:
+        """The parameters it asks for.
+
+        Raises:
+            InputError: An unknown preset, or a seed or module size out of range.
+        """
+        found = preset(self.preset)
+        if not 0 <= self.seed <= LARGEST_SEED:
+            raise InputError(
+                "bad-seed", f"got the seed {self.seed}, expected 0 to {LARGEST_SEED}."
+            )
+        if self.module_size is None:
+            return found
+        low, high = MODULE_SIZES
+        if not low <= self.module_size <= high:
+            raise InputError(
+                "bad-module-size",
+                f"got a module size of {self.module_size:g}, expected {low:g} to {high:g} of the "
+                "pitch.",
+            )
+        return replace(found, module_size=self.module_size)
+
+
+def run_stage(
+    stage: str,
+    directory: FilePath,
+    *,
+    progress: Report = silent,
+    cancelled: Cancelled = never,
+) -> dict[str, Any]:
+    """Runs one stage of the fold in a directory.
+
+    Args:
+        stage: One of ``STAGES``; the earlier ones must have run.
+        directory: Holds ``request.json`` and ``input``, and the files of the stages so far.
+        progress: Told how far it is.
+        cancelled: Asked now and then whether to stop.
+
+    Returns:
+        The stage's figures, as plain JSON values.
+
+    Raises:
+        InputError: From ``read``, when the input cannot be used.
+    """
+    result = _STAGES[stage](directory, progress, cancelled)
+    progress(Progress(stage=stage, fraction=1.0, message="done"))
+    return result
+
+
+def write_request(directory: FilePath, request: Request, data: bytes) -> None:
+    """Puts a request and its input into a fold's directory."""
+    values = {name: getattr(request, name) for name in Request.__dataclass_fields__}
+    write_whole(directory / "input", data)
+    write_whole(directory / "request.json", json.dumps(values).encode())
+
+
+def chain_of(data: bytes, filename: str | None) -> Chain:
+    """The chain of an input, be it a path or a chain file.
+
+    Raises:
+        InputError: When it is neither.
+    """
+    found = read(data, filename=filename)
+    return Chain.from_path(found) if isinstance(found, Path) else found
+
+
+def _request(directory: FilePath) -> Request:
+    return Request(**json.loads((directory / "request.json").read_bytes()))
+
+
+def _chain(directory: FilePath) -> Chain:
+    return chain_from_attributes(json.loads((directory / "chain.json").read_bytes()))
+
+
+def _record(directory: FilePath) -> Record | None:
+    path = directory / "record.npz"
+    return Record.load(path) if path.exists() else None
+
+
+def _playback(directory: FilePath) -> Playback | None:
+    path = directory / "playback.npz"
+    return Playback.load(path) if path.exists() else None
+
+
+def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    del progress, cancelled
+    request = _request(directory)
+    request.parameters()
+    chain = chain_of((directory / "input").read_bytes(), request.filename)
+    attributes = chain_attributes(chain)
+    write_whole(directory / "chain.json", json.dumps(attributes).encode())
+    return {
+        "name": chain.name,
+        "module": chain.module.name,
+        "modules": len(chain),
+        "joints": len(chain.folded_rad),
+        "pitch_m": chain.pitch_m,
+    }
+
+
+def _explode(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    request, chain = _request(directory), _chain(directory)
+    how = request.parameters().explosion
+    writer = TimelineWriter.create(directory / "timeline.zarr", chain)
+    if how is None:
+        return {"status": "none", "reason": "", "steps": 0, "frames": 0, "seconds": 0.0}
+    if isinstance(how, PaperExplosionParameters):
+        record = explode_as_published(
+            chain, how, sink=writer.append, progress=progress, cancelled=cancelled
+        )
+    else:
+        record = explode(
+            chain,
+            how,
+            seed=request.seed,
+            sink=writer.append,
+            progress=progress,
+            cancelled=cancelled,
+        )
+    writer.flush()
+    if record.status != "straight":
+        writer.close("failed")
+    record.save(directory / "record.npz")
+    return record.summary()
+
+
+def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    request, chain, record = _request(directory), _chain(directory), _record(directory)
+    parameters = request.parameters()
+    if record is not None and record.status != "straight":
+        return {
+            "status": "skipped",
+            "reason": "the explosion did not end straight",
+            "steps": 0,
+            "seconds": 0.0,
+            "rms_position_error": None,
+            "max_angle_error_rad": None,
+        }
+    start_s, frames = 0.0, 0
+    if record is not None:
+        start_s, frames = float(record.frames.time_s[-1]), len(record.frames)
+    with TimelineWriter.reopen(directory / "timeline.zarr", frames=frames) as writer:
+        playback = play_back(
+            chain,
+            record,
+            parameters.playback,
+            module_size=parameters.module_size,
+            sink=writer.append,
+            progress=progress,
+            cancelled=cancelled,
+            start_s=start_s,
+        )
+    playback.save(directory / "playback.npz")
+    return playback.summary()
+
+
+def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    certificate = certify(
+        _chain(directory),
+        _record(directory),
+        _playback(directory),
+        _request(directory).parameters(),
+        progress=progress,
+        cancelled=cancelled,
+    )
+    values = certificate.as_dict()
+    write_whole(directory / "certificate.json", json.dumps(values).encode())
+    return values
+
+
+def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    del progress, cancelled
+    request, chain = _request(directory), _chain(directory)
+    parameters = request.parameters()
+    certificate = Certificate.from_dict(json.loads((directory / "certificate.json").read_bytes()))
+    plan = Plan.assembled(
+        chain, parameters, request.seed, _record(directory), _playback(directory), certificate
+    )
+    text = mjcf(chain, module_size=parameters.module_size)
+    write_whole(directory / "model.xml", text.encode())
+    plan.save_npz(directory / "plan.npz")
+    plan.save_json(directory / "plan.json")
+    return plan.summary()
+
+
+_Stage = Callable[[FilePath, Report, Cancelled], dict[str, Any]]
+_STAGES: Final[dict[str, _Stage]] = {
+    "read": _read,
+    "explode": _explode,
+    "play_back": _play_back,
+    "certify": _certify,
+    "export": _export,
+}
+__all__ = ["STAGES", "Request", "chain_of", "run_stage", "write_request"]
