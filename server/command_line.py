@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import typer
 
+from server.commands.fold import fold
+from server.commands.play import play
 from server.commands.serve import serve
+from server.commands.verify import verify
 from server.commands.worker import worker
 
 app = typer.Typer(
@@ -15,6 +18,9 @@ app = typer.Typer(
 )
 app.command()(serve)
 app.command()(worker)
+app.command()(fold)
+app.command()(verify)
+app.command()(play)
 
 
 def main() -> None:

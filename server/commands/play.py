@@ -78,8 +78,9 @@ def row_of(directory: Path) -> FolderRow:
     plan = _json(directory / "plan.json")
     certificate = plan.get("certificate") or _json(directory / "certificate.json")
     verified = certificate.get("verdict") == "verified"
-    summary = {
-        "status": "verified" if verified else "failed",
+    status = "verified" if verified else "failed"
+    summary: dict[str, Any] = {
+        "status": status,
         "reason": None if verified else certificate.get("verdict") or "no certificate is there",
         "certificate": certificate,
         **{k: plan[k] for k in ("explosion", "playback", "seed") if k in plan},
@@ -87,7 +88,7 @@ def row_of(directory: Path) -> FolderRow:
     return FolderRow(
         id=ONLY,
         name=chain.name,
-        status=summary["status"],
+        status=status,
         modules=len(chain),
         preset=request.get("preset") or plan.get("preset"),
         seed=request.get("seed", plan.get("seed")),

@@ -1,0 +1,132 @@
+"""Verification: a fold's directory checked anew, from its files alone."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+import numpy as np
+
+from planner.certificate import Certificate, certify
+from planner.errors import InputError
+from planner.parameters import preset
+from planner.plan import Plan
+from planner.playback import Playback
+from planner.progress import Report, silent
+from planner.record import Record
+from planner.replay import Replay, replay
+from planner.timeline import PHASES, Frames, Phase, Timeline
+
+SAME_WITHIN: Final = 1e-9
+POSES_WITHIN: Final = 1e-6
+OVERLAP_WITHIN: Final = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verification:
+    """What a second look at a plan's files says.
+
+    Attributes:
+        certificate: Made anew from the files.
+        replay: What plain MuJoCo says of the exported model with the plan's angles.
+        problems: Everything that speaks against the plan, in plain words; empty when verified.
+    """
+
+    certificate: Certificate
+    replay: Replay | None
+    problems: tuple[str, ...]
+
+    @property
+    def verified(self) -> bool:
+        """Whether nothing speaks against the plan."""
+        return not self.problems
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {
+            "status": "verified" if self.verified else "failed",
+            "problems": list(self.problems),
+            "replay": None if self.replay is None else asdict(self.replay),
+            "certificate": self.certificate.as_dict(),
+        }
+
+
+def verify(
+    directory: FilePath, *, module_size: float | None = None, progress: Report = silent
+) -> Verification:
+    """Checks the plan in a directory by exact kinematics and by a replay in plain MuJoCo.
+
+    Args:
+        directory: Holds ``plan.json``, ``plan.npz``, ``model.xml`` and ``timeline.zarr``.
+        module_size: Another size than the plan's own.
+        progress: Told what is being checked.
+
+    Raises:
+        InputError: When a file is missing or cannot be read.
+        TimelineError: When the timeline is missing or damaged.
+    """
+    plan = Plan.load(directory / "plan.npz")
+    problems = _differences(plan, Plan.load(directory / "plan.json"))
+    timeline = Timeline.open(directory / "timeline.zarr")
+    record, playback = _results(plan, timeline)
+    size = plan.certificate.module_size if module_size is None else module_size
+    parameters = replace(preset(plan.preset), module_size=size)
+    certificate = certify(plan.chain, record, playback, parameters, progress=progress)
+    if not certificate.verified:
+        problems.append(certificate.verdict)
+    found = None
+    if len(plan.time_s):
+        found = replay(plan, _text(directory / "model.xml"))
+        if found.pose_difference > POSES_WITHIN:
+            problems.append(
+                f"failed: the model's poses differ from the plan's by {found.pose_difference:.2g} "
+                "pitch"
+            )
+        if found.overlap > OVERLAP_WITHIN:
+            problems.append(
+                f"failed: MuJoCo finds an overlap of {found.overlap:.2g} pitch at frame "
+                f"{found.overlap_frame:g}"
+            )
+    return Verification(certificate=certificate, replay=found, problems=tuple(problems))
+
+
+def _differences(plan: Plan, other: Plan) -> list[str]:
+    for name in ("joint_angles_rad", "root_position", "root_wxyz", "time_s"):
+        mine, theirs = getattr(plan, name), getattr(other, name)
+        if mine.shape != theirs.shape or (
+            mine.size and not np.abs(mine - theirs).max() <= SAME_WITHIN
+        ):
+            return [f"failed: plan.json and plan.npz differ in {name}"]
+    return []
+
+
+def _results(plan: Plan, timeline: Timeline) -> tuple[Record | None, Playback | None]:
+    frames = timeline.frames()
+    record = playback = None
+    if plan.explosion is not None:
+        figures = {k: v for k, v in plan.explosion.items() if k != "frames"}
+        record = Record(frames=_of_phase(frames, "explosion"), **figures)
+    if plan.playback is not None:
+        played = _of_phase(frames, "playback")
+        if len(played) != len(plan.time_s):
+            raise InputError(
+                "wrong-timeline",
+                f"got {len(played)} frames of playback in the timeline, expected "
+                f"{len(plan.time_s)} as in the plan.",
+            )
+        playback = Playback(
+            frames=played, reference_rad=plan.joint_angles_rad, **plan.playback
+        )
+    return record, playback
+
+
+def _of_phase(frames: Frames, phase: Phase) -> Frames:
+    return frames[np.flatnonzero(frames.phase == PHASES.index(phase))]
+
+
+def _text(path: FilePath) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError("not-a-model", f"{path.name} cannot be read: {error}") from error

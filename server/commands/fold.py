@@ -1,0 +1,150 @@
+"""``foldback fold``: from a file to a verified plan, without a service."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from planner.errors import InputError
+from planner.progress import Progress as StageProgress
+from planner.stages import STAGES, Request, chain_of, run_stage, write_request
+from server.gallery import Gallery
+
+LARGEST_FILE = 64 * 2**20
+WORDS = {
+    "read": "Reading",
+    "explode": "Exploding",
+    "play_back": "Folding",
+    "certify": "Checking",
+    "export": "Writing",
+}
+
+
+def fold(
+    shape: Annotated[
+        str, typer.Argument(metavar="INPUT", help="A path or chain file, or an example's name.")
+    ],
+    out: Annotated[Path, typer.Option(help="Directory for the plan; made if it is not there.")],
+    preset: Annotated[str, typer.Option(help="default, paper or direct.")] = "default",
+    seed: Annotated[int, typer.Option(help="What randomness starts from.")] = 0,
+    module_size: Annotated[
+        float | None, typer.Option(help="Size at which to verify, as a fraction of the pitch.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object as the last line.")
+    ] = False,
+) -> None:
+    """Explode, fold and verify a chain. Exits 0 when verified, 3 when not, 2 for bad input."""
+    try:
+        data, filename = read_input(shape)
+        request = Request(filename=filename, preset=preset, seed=seed, module_size=module_size)
+        request.parameters()
+        chain_of(data, filename)
+        make_directory(out)
+    except InputError as error:
+        refuse(error, as_json)
+    write_request(out, request, data)
+    summary: dict[str, Any] = {}
+    with Progress(
+        TextColumn("{task.description:<10}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f}%"),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[note]}"),
+        console=Console(stderr=True),
+    ) as bars:
+        for stage in STAGES:
+            bar = bars.add_task(WORDS[stage], total=1.0, note="")
+
+            def report(progress: StageProgress, bar: Any = bar) -> None:
+                note = f"{progress.steps} steps" if progress.steps else ""
+                bars.update(bar, completed=progress.fraction, note=note)
+
+            summary = run_stage(stage, out, progress=report)
+    if as_json:
+        print(json.dumps(summary), flush=True)
+    else:
+        show(summary, out)
+    if summary["status"] != "verified":
+        raise typer.Exit(3)
+
+
+def read_input(shape: str) -> tuple[bytes, str]:
+    """The bytes and name of a file, or of the example of that name.
+
+    Raises:
+        InputError: When there is neither, or the file is too large.
+    """
+    path = Path(shape)
+    if not path.exists() and (example := Gallery().shape(shape)) is not None:
+        return example.data, example.filename
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise InputError(
+                "too-large",
+                f"got {path.stat().st_size} bytes, expected at most {LARGEST_FILE}.",
+                where=path.name,
+            )
+        return path.read_bytes(), path.name
+    except OSError as error:
+        names = ", ".join(example.name for example in Gallery().shapes())
+        raise InputError(
+            "no-file",
+            f"it cannot be read ({error.strerror}); expected a file, or an example: {names}.",
+            where=shape,
+        ) from error
+
+
+def make_directory(out: Path) -> None:
+    """Makes a directory for results.
+
+    Raises:
+        InputError: When that cannot be done.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            "no-directory", f"it cannot be made ({error.strerror}).", where=str(out)
+        ) from error
+
+
+def refuse(error: InputError, as_json: bool) -> NoReturn:
+    """Says what is wrong with the input and exits with 2."""
+    if as_json:
+        problem = {"code": error.code, "detail": error.detail, "where": error.where}
+        print(json.dumps({"status": "invalid", "error": problem}), flush=True)
+    else:
+        Console(stderr=True, soft_wrap=True, highlight=False).print(str(error), markup=False)
+    raise typer.Exit(2)
+
+
+def show(summary: dict[str, Any], out: Path) -> None:
+    """Prints a plan's figures for people."""
+    certificate, playback = summary["certificate"], summary["playback"]
+    table = Table(box=None, show_header=False, pad_edge=False)
+
+    def row(name: str, value: float | int | str | None, unit: str = "") -> None:
+        if value is not None:
+            text = f"{value:.3g}" if isinstance(value, float) else str(value)
+            table.add_row(name, f"{text} {unit}".rstrip())
+
+    row("Verdict", certificate["verdict"])
+    row("Modules", summary["modules"])
+    row("Explosion", summary["explosion"]["steps"], "steps")
+    row("Playback", playback and playback["steps"], "steps")
+    row("Module size", certificate["module_size"])
+    row("Least clearance", certificate["min_clearance"], "pitch")
+    row("  in the playback", certificate["min_clearance_playback"], "pitch")
+    row("Position error (RMS)", certificate["rms_position_error"], "pitch")
+    row("Largest joint error", certificate["max_angle_error_rad"], "rad")
+    row("Fold time", certificate["fold_time_s"], "s")
+    row("Peak torque", certificate["peak_torque_nm"], "N·m")
+    row("Written to", str(out))
+    Console().print(table)
