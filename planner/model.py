@@ -56,6 +56,19 @@ def base_spec() -> Any:
     return spec
 
 
+def compiled(spec: Any) -> Any:
+    """The model of a spec, without MuJoCo's habit of logging warnings to the working directory.
+
+    Who steps a model checks the warnings in its data instead.
+    """
+    mujoco.set_mju_user_warning(_ignore)
+    return spec.compile()
+
+
+def _ignore(warning: str) -> None:
+    del warning
+
+
 def add_module_mesh(spec: Any, module: Module, size: float) -> None:
     """Adds the hull of a module that is not a box, at the given size, as the mesh ``module``."""
     if module.geom == "mesh":

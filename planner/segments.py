@@ -23,7 +23,7 @@ from planner.chain import Chain
 from planner.errors import SimulationError
 from planner.kernels.kinematics import chain_poses
 from planner.kernels.velocities import chain_velocities
-from planner.model import SEGMENT_MODULES, Material, segment_spec, segment_starts
+from planner.model import SEGMENT_MODULES, Material, compiled, segment_spec, segment_starts
 from planner.rotations import matrix_from_wxyz, wxyz_from_matrix
 
 Array = NDArray[np.float64]
@@ -130,7 +130,7 @@ class Segments:
     ) -> None:
         self.chain = chain
         self.starts = np.array(segment_starts(chain, segment_modules))
-        self.model: Any = segment_spec(chain, material, self.starts.tolist()).compile()
+        self.model: Any = compiled(segment_spec(chain, material, self.starts.tolist()))
         self._set_options()
         self.data: Any = mujoco.MjData(self.model)
         names = chain.joint_names

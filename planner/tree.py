@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import SimulationError
-from planner.model import Material, tree_spec
+from planner.model import Material, compiled, tree_spec
 
 Array = NDArray[np.float64]
 ROOT_DOFS: Final = 6
@@ -39,7 +39,7 @@ class Tree:
         spec = tree_spec(chain, material)
         if servo is not None:
             _add_servos(spec, chain, servo)
-        self.model: Any = spec.compile()
+        self.model: Any = compiled(spec)
         self.model.opt.timestep = step_s
         self.model.opt.integrator = (
             mujoco.mjtIntegrator.mjINT_EULER
