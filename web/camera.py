@@ -66,6 +66,7 @@ def framing(
     middle = (local.min(axis=0) + local.max(axis=0)) / 2
     tall = np.tan(FIELD_OF_VIEW_RAD / 2)
     wide = tall * aspect
+    distance = radius
     for _ in range(3):  # perspective shifts the middle; a few rounds centre the picture
         x, y, z = (local - middle).T
         distance = max(

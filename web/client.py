@@ -10,9 +10,7 @@ from typing import Final
 
 import viser
 
-MESSAGES_IN: Final = frozenset(
-    {"ViewerCameraMessage", "SceneNodeClickMessage", "GetRenderResponseMessage"}
-)
+MESSAGES_IN: Final = frozenset({"ViewerCameraMessage", "ScenePointerMessage"})
 """What a visitor's browser may say to a viser server; all else is dropped on the way."""
 
 # The panel, the notices and the logo are viser's; the page has its own. The ground is painted by

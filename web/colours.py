@@ -17,14 +17,19 @@ NEUTRAL: Final[Rgb] = (206, 208, 212)
 """A module whose joint error is zero."""
 UNKNOWN: Final[Rgb] = (168, 172, 179)
 """A module for which no error was recorded."""
-ERROR: Final[Rgb] = (222, 28, 34)
+ERROR: Final[Rgb] = (208, 10, 18)
 """A module whose joint error reaches the end of the scale."""
-SELECTED: Final[Rgb] = (38, 106, 246)
+SELECTED: Final[Rgb] = (10, 84, 240)
 FIRST: Final[Rgb] = (255, 255, 255)
 LAST: Final[Rgb] = (38, 42, 50)
 
 SMALLEST_SCALE_RAD: Final = 1e-3
 RAMP_STEPS: Final = 256
+
+
+def css(colour: Rgb) -> str:
+    """A colour as style sheets write it."""
+    return f"rgb({colour[0]} {colour[1]} {colour[2]})"
 
 
 def linear_from_srgb(srgb: Array) -> Array:

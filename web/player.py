@@ -240,8 +240,10 @@ class Player:
             self._scene.select(index)
         self._tell(self._module())
 
-    def _picked(self, module: int) -> None:
+    def _picked(self, module: int | None) -> None:
         with self._lock:
+            if module is None and (self._scene is None or self._scene.selected is None):
+                return
             again = self._scene is not None and self._scene.selected == module
             self._select(None if again else module)
 

@@ -16,6 +16,7 @@ from web.camera import FIELD_OF_VIEW_RAD, View
 from web.colours import FIRST, LAST, SELECTED, error_colours, instance_colours
 from web.film import Snapshot
 from web.meshes import SHOWN_SIZE, module_mesh, stud_mesh
+from web.picking import picked_module
 
 Array = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ LARGEST_PITCH: Final = 0.25
 GROUND_GAP: Final = 0.35
 SINK_S: Final = 0.05
 RISE_S: Final = 0.5
-Picked = Callable[[int], None]
+Picked = Callable[[int | None], None]
 
 
 def broadcast(server: viser.ViserServer, message: Message) -> None:
@@ -48,7 +49,15 @@ class Scene:
         n = len(chain)
         scene = server.scene
         scene.set_up_direction("+z")
+        # One soft light from above with a shadow, and a sky that leaves the greys grey.
         scene.configure_default_lights(True, cast_shadow=shadows)
+        scene.configure_environment_map(None)
+        scene.add_light_hemisphere(
+            "/sky", sky_color=(255, 255, 255), ground_color=(176, 170, 160), intensity=1.7
+        )
+        scene.add_light_directional(
+            "/side", color=(255, 250, 242), intensity=0.9, position=(-0.3, -1.0, 0.5)
+        )
         server.initial_camera.fov = FIELD_OF_VIEW_RAD
         mesh = module_mesh(chain.module)
         self._modules = scene.add_batched_meshes_simple(
@@ -87,12 +96,21 @@ class Scene:
         )
 
     def on_pick(self, told: Picked) -> None:
-        """Calls ``told`` with the index of every module that is clicked."""
+        """Calls ``told`` with the index of a module that is clicked, None for a click beside."""
 
-        @self._modules.on_click
-        def _(event: Any) -> None:
-            if event.instance_index is not None:
-                told(int(event.instance_index))
+        @self._server.scene.on_click()
+        def _(event: viser.SceneClickEvent) -> None:
+            shown = self._last
+            if shown is not None:
+                told(
+                    picked_module(
+                        self._chain.module,
+                        shown.positions.astype(np.float64),
+                        shown.wxyzs,
+                        np.array(event.ray_origin) / self.pitch,
+                        np.array(event.ray_direction),
+                    )
+                )
 
     def show(self, snapshot: Snapshot, *, scale_rad: float) -> None:
         """Draws a snapshot; errors at or above ``scale_rad`` are fully red."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any, Final
 
@@ -36,7 +37,7 @@ def fold_facts(found: Found, *, api: bool = True) -> dict[str, Any]:
     ]
     return {
         "id": row.id,
-        "name": row.name or "New fold",
+        "name": shown_name(row.name) or "New fold",
         "status": row.status,
         "running": running and api,
         "verdict": _verdict(row, summary, certificate),
@@ -48,6 +49,15 @@ def fold_facts(found: Found, *, api: bool = True) -> dict[str, Any]:
         if running
         else "There is nothing to download here.",
     }
+
+
+def shown_name(name: str) -> str:
+    """A name as people write it: ``wrench-160`` is a wrench, its size is told beside it."""
+    if (sized := re.fullmatch(r"([a-z]+)-(\d+)", name)) is not None:
+        return sized[1].capitalize()
+    if (box := re.fullmatch(r"([a-z]+)-(\d+)x(\d+)x(\d+)", name)) is not None:
+        return f"{box[1].capitalize()} {box[2]}×{box[3]}×{box[4]}"
+    return name
 
 
 def _verdict(row: Any, summary: dict[str, Any], certificate: dict[str, Any]) -> dict[str, str]:

@@ -19,8 +19,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from planner.errors import PlannerError
 from planner.readers import read
 from planner.timeline import Timeline
-from server.routes.facts import fold_facts
+from server.routes.facts import fold_facts, shown_name
 from server.routes.finding import Found, find_fold
+from web.colours import ERROR, NEUTRAL, UNKNOWN, css
 from web.isometric import isometric_svg
 
 if TYPE_CHECKING:
@@ -71,7 +72,12 @@ async def fold_page(request: Request, fold_id: str) -> Response:
     facts["visitor"] = visitor = _visitor()
     drawing = await asyncio.to_thread(_drawing, found)
     return _page(
-        "fold.html", facts=facts, facts_json=_script_json(facts), visitor=visitor, drawing=drawing
+        "fold.html",
+        facts=facts,
+        facts_json=_script_json(facts),
+        visitor=visitor,
+        drawing=drawing,
+        colours={"none": css(NEUTRAL), "full": css(ERROR), "unknown": css(UNKNOWN)},
     )
 
 
@@ -145,7 +151,7 @@ def _cards(gallery: Gallery) -> list[dict[str, Any]]:
         cards.append(
             {
                 "name": shape.name,
-                "title": shape.title,
+                "title": shown_name(shape.title),
                 "modules": shape.modules,
                 "drawing": isometric_svg(cells),
                 "still": isometric_svg(cells, size=480),
@@ -160,7 +166,7 @@ def _featured(store: Any) -> Any:
     rows.sort(key=lambda r: (getattr(r, "shape", None) == FEATURED, r.status == "verified"))
     for row in reversed(rows):
         if (Path(store.directory(row.id)) / "timeline.zarr").exists():
-            return {"id": row.id, "name": row.name, "modules": row.modules}
+            return {"id": row.id, "name": shown_name(row.name), "modules": row.modules}
     return None
 
 
