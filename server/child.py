@@ -89,6 +89,7 @@ def _stages() -> Task:
         progress: Callable[[Progress], None],
         cancelled: Callable[[], bool],
     ) -> dict[str, Any]:
+        os.chdir(directory)  # libraries that write logs beside them shall do so there
         # A child of a worker that was killed may still be ending: one at a time in a directory.
         with open(directory / ".lock", "w") as lock:
             flock(lock, LOCK_EX)

@@ -96,7 +96,8 @@ class Child:
             InputError: When the input is at fault.
             ChildError: When the child crashed, or went beyond a limit.
         """
-        self._wait_ready()
+        if not self._wait_ready(cancelled):
+            return {"status": "cancelled", "reason": "cancelled"}
         self._send({"task": task, "directory": str(directory)})
         deadline = time.monotonic() + wall_s
         stop_at: float | None = None
@@ -145,16 +146,20 @@ class Child:
                 with contextlib.suppress(BrokenPipeError):
                     pipe.close()
 
-    def _wait_ready(self) -> None:
+    def _wait_ready(self, cancelled: Callable[[], bool] | None) -> bool:
+        """Waits for imports and compiled kernels; False when cancelled meanwhile."""
         deadline = time.monotonic() + START_S
         while not self._ready:
-            event = self._next(1.0)
+            event = self._next(2 * POLL_S)
             if event is not None and event["event"] == "ready":
                 self._ready = True
             elif event is not None or time.monotonic() > deadline:
                 detail = "took too long" if event is None else str(event["detail"])
                 self.kill()
                 raise ChildError("no-start", f"a computing process did not start: {detail}")
+            elif cancelled is not None and cancelled():
+                return False
+        return True
 
     def _send(self, message: dict[str, Any]) -> None:
         assert self._process.stdin is not None

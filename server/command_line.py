@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterable
+from importlib import import_module
+from typing import Final
+
 import typer
 
-from server.commands.fold import fold
-from server.commands.play import play
-from server.commands.serve import serve
-from server.commands.verify import verify
-from server.commands.worker import worker
+COMMANDS: Final = ("serve", "worker", "fold", "verify", "play")
 
-app = typer.Typer(
-    name="foldback",
-    help="Plans how a straight chain of modules folds into a solid.",
-    no_args_is_help=True,
-    pretty_exceptions_show_locals=False,
-)
-app.command()(serve)
-app.command()(worker)
-app.command()(fold)
-app.command()(verify)
-app.command()(play)
+
+def application(commands: Iterable[str] = COMMANDS) -> typer.Typer:
+    """The command line with some of its commands, each in a module of its name."""
+    app = typer.Typer(no_args_is_help=True, pretty_exceptions_show_locals=False)
+
+    @app.callback()
+    def foldback() -> None:
+        """Plans how a straight chain of modules folds into a solid."""
+
+    del foldback
+    for name in commands:
+        app.command(name)(getattr(import_module(f"server.commands.{name}"), name))
+    return app
 
 
 def main() -> None:
-    """The entry point."""
-    app()
+    """The entry point. Only the command that is asked for is imported: others may be heavy."""
+    asked = sys.argv[1:2]
+    application(asked if asked and asked[0] in COMMANDS else COMMANDS)(prog_name="foldback")
 
 
 if __name__ == "__main__":

@@ -125,6 +125,8 @@ class Runner:
         child = self._taken.get(fold_id)
         if child is None:
             child = self._taken[fold_id] = self._children.take()
+        if stage == "certify":
+            self.prewarm()  # by the time this fold is over, the next one's child is ready
         news = _News(self._store, fold_id, stage)
         result = child.call(
             stage,
@@ -142,8 +144,6 @@ class Runner:
                 modules=int(result["modules"]),
                 module=str(result["module"]),
             )
-        if stage == STAGES[-2]:
-            self.prewarm()
         if stage == STAGES[-1]:
             status = "verified" if result.get("status") == "verified" else "failed"
             error = None
@@ -179,7 +179,7 @@ class _News:
             "fraction": 0.0,
             "steps": 0,
             "steps_per_second": 0.0,
-            "message": "",
+            "message": "getting ready" if stage == STAGES[0] else "",
         }
         self._waits = True
         self._going = True

@@ -85,9 +85,10 @@ def _run(settings: Settings, first_shape: str | None) -> None:
             server_header=False,
         )
     )
-    server.run()
-    if not server.started:
-        raise typer.Exit(1)
+    try:
+        server.run()
+    except SystemExit:  # the port is taken, or the application did not start; it has said so
+        raise typer.Exit(1) from None
 
 
 def _fold_first(context: Context, name: str) -> str:
