@@ -12,6 +12,8 @@ Pairs = NDArray[np.int64]
 
 SKIP_BELOW = 1000
 """Under this many points walking along the chain is faster than a grid."""
+FARTHEST_SQUARE = 1e18
+"""Squared distances above this are not trusted to be numbers."""
 
 
 @njit(cache=True)
@@ -58,7 +60,10 @@ def near_pairs(points: Array, cutoff: float, apart: int) -> Pairs:
                 else:
                     # Neighbours along the chain are at most one pitch apart, so whoever is farther
                     # away than the cutoff by k pitches has k followers that are too far as well.
-                    j += 1 + int(np.sqrt(square) - cutoff)
+                    # A distance that is no number says nothing, and as an integer it is anything.
+                    j += 1
+                    if square < FARTHEST_SQUARE:
+                        j += int(np.sqrt(square) - cutoff)
         return found[:count].copy()
     size = 16
     while size < 2 * n:
