@@ -287,7 +287,8 @@ class _Explosion:
 
     def _progress(self, rate: float) -> Progress:
         positions = self.segments.positions
-        bent = np.abs(self.state.angles).sum() / np.abs(self.chain.folded_rad).sum()
+        # A chain that folds into a line has nothing to unbend.
+        bent = np.abs(self.state.angles).sum() / max(np.abs(self.chain.folded_rad).sum(), 1e-9)
         span = np.linalg.norm(positions[-1] - positions[0]) / (len(positions) - 1)
         return Progress(
             stage="explode",
