@@ -106,7 +106,7 @@ class Scene:
                     picked_module(
                         self._chain.module,
                         shown.positions.astype(np.float64),
-                        shown.wxyzs,
+                        shown.wxyzs.astype(np.float64),
                         np.array(event.ray_origin) / self.pitch,
                         np.array(event.ray_direction),
                     )

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
+from planner.errors import TimelineError
+from planner.timeline import Timeline
 from server.routes.finding import Found
 
 RUNNING: Final = ("queued", "running")
@@ -63,7 +65,7 @@ def shown_name(name: str) -> str:
 def _verdict(row: Any, summary: dict[str, Any], certificate: dict[str, Any]) -> dict[str, str]:
     modules = f"{row.modules} modules" if row.modules else None
     if row.status == "verified":
-        clearance = _number(certificate.get("min_clearance"), 2)
+        clearance = _number(certificate, "min_clearance", 2)
         parts = ["verified", f"clearance {clearance}" if clearance else None, modules]
         return {"tone": "good", "text": " · ".join(p for p in parts if p)}
     if row.status == "failed":
@@ -89,47 +91,96 @@ def _problem(row: Any, summary: dict[str, Any]) -> dict[str, str] | None:
 
 def _properties(
     row: Any, summary: dict[str, Any], certificate: dict[str, Any], directory: Path
-) -> list[dict[str, str]]:
+) -> list[dict[str, Any]]:
+    """Groups of labels and values, each group with a heading."""
     explosion = summary.get("explosion") or {}
     playback = summary.get("playback") or {}
     chain = _json(directory / "chain.json")
-    more = _json_head(directory / "plan.json")
-    parts: list[tuple[str, Any]] = [
-        ("Fold", row.id),
-        ("Modules", row.modules),
-        ("Joints", row.modules - 2 if row.modules else None),
-        ("Pitch", _with(chain.get("pitch_m"), "m")),
-        ("Module size", _with(_number(certificate.get("module_size"), 3), "pitches")),
-        ("Preset", row.preset),
-        ("Seed", summary.get("seed", row.seed)),
-        ("Explosion steps", explosion.get("steps")),
-        ("Explosion, wall time", _with(_number(explosion.get("seconds"), 2), "s")),
-        ("Playback steps", playback.get("steps")),
-        ("Playback, wall time", _with(_number(playback.get("seconds"), 2), "s")),
-        ("Certificate, wall time", _with(_number(certificate.get("seconds"), 2), "s")),
+    plan = _json(directory / "plan.json") if row.status in ("verified", "failed") else {}
+    groups: list[tuple[str, list[tuple[str, Any]]]] = [
         (
-            "Final position error, RMS",
-            _with(_number(playback.get("rms_position_error")), "pitches"),
+            "Fold",
+            [
+                ("Name", row.name),
+                ("Modules", row.modules or None),
+                ("Joints", row.modules - 2 if row.modules else None),
+                ("Pitch", _with(chain.get("pitch_m"), "m")),
+                ("Preset", row.preset),
+                ("Seed", summary.get("seed", row.seed)),
+                ("Identifier", row.id),
+            ],
         ),
-        ("Largest joint error", _with(_number(playback.get("max_angle_error_rad")), "rad")),
-        ("Least clearance", _with(_number(certificate.get("min_clearance"), 3), "pitches")),
         (
-            "Least clearance, playback",
-            _with(_number(certificate.get("min_clearance_playback"), 3), "pitches"),
+            "Certificate",
+            [
+                ("Module size", _pitches(certificate, "module_size", 2)),
+                ("Least clearance", _pitches(certificate, "min_clearance", 3)),
+                ("Same, simulated playback", _pitches(certificate, "min_clearance_playback", 3)),
+                ("Final position error, RMS", _pitches(playback, "rms_position_error", 2)),
+                ("Largest joint error", _with(_number(playback, "max_angle_error_rad"), "rad")),
+                ("Largest joint step", _with(_number(certificate, "max_joint_step_rad", 3), "rad")),
+                ("Joints moving, most", certificate.get("joints_moving_most")),
+                ("Peak torque", _with(_number(certificate, "peak_torque_nm", 4), "N m")),
+                ("Time to fold", _with(_number(certificate, "fold_time_s", 1), "s")),
+                (
+                    "at a joint speed of",
+                    _with(_number(certificate, "joint_speed_limit_rad_s", 1), "rad/s"),
+                ),
+            ],
         ),
-        ("Largest joint step", _with(_number(certificate.get("max_joint_step_rad"), 3), "rad")),
-        ("Peak torque", _with(_number(certificate.get("peak_torque_nm"), 3), "N m")),
+        (
+            "Computation",
+            [
+                ("Explosion steps", explosion.get("steps")),
+                ("Explosion frames", explosion.get("frames")),
+                ("Explosion, wall time", _with(_number(explosion, "seconds"), "s")),
+                ("Playback steps", playback.get("steps")),
+                ("Playback, wall time", _with(_number(playback, "seconds"), "s")),
+                ("Certificate, wall time", _with(_number(certificate, "seconds"), "s")),
+                ("Simulated time", _with(_simulated_s(directory), "s")),
+            ],
+        ),
     ]
-    for name, value in {**more.get("parameters", {}), **more.get("versions", {})}.items():
-        if isinstance(value, str | int | float):
-            parts.append((str(name).replace("_", " ").capitalize(), value))
-    return [{"label": k, "value": str(v)} for k, v in parts if v not in (None, "")]
+    parameters = plan.get("parameters") or {}
+    for name, values in parameters.items():
+        if isinstance(values, dict):
+            groups.append((f"{name.capitalize()} parameters", [*cast("Any", values.items())]))
+    groups.append(("Versions", [*(plan.get("versions") or {}).items()]))
+    shown = [(heading, _shown(rows)) for heading, rows in groups]
+    return [{"heading": heading, "rows": rows} for heading, rows in shown if rows]
 
 
-def _number(value: Any, digits: int = 2) -> str | None:
+def _shown(rows: list[tuple[str, Any]]) -> list[dict[str, str]]:
+    """Rows that have a value, in words."""
+    found: list[dict[str, str]] = []
+    for label, value in rows:
+        if value is None or value == "":
+            continue
+        text = " to ".join(str(v) for v in value) if isinstance(value, list) else str(value)
+        label = label.replace("_", " ")
+        found.append({"label": label[0].upper() + label[1:], "value": text})
+    return found
+
+
+def _pitches(values: dict[str, Any], key: str, digits: int) -> str | None:
+    return _with(_number(values, key, digits), "pitch")
+
+
+def _simulated_s(directory: Path) -> str | None:
+    try:
+        timeline = Timeline.open(directory / "timeline.zarr")
+        if not len(timeline):
+            return None
+        return f"{timeline.frames(len(timeline) - 1).time_s[-1]:.1f}"
+    except (TimelineError, OSError):
+        return None
+
+
+def _number(values: dict[str, Any], key: str, digits: int = 2) -> str | None:
+    value = values.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    return f"{value:.{digits}g}" if abs(value) < 0.01 else f"{value:.{digits}f}"
+    return f"{value:.{digits}g}" if 0 < abs(value) < 10.0**-digits else f"{value:.{digits}f}"
 
 
 def _with(value: Any, unit: str) -> str | None:
@@ -142,11 +193,3 @@ def _json(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
-
-
-def _json_head(path: Path) -> dict[str, Any]:
-    """Parameters and versions of a plan, whose frames make it a long file."""
-    found = _json(path)
-    return {
-        key: found[key] for key in ("parameters", "versions") if isinstance(found.get(key), dict)
-    }

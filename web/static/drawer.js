@@ -1,5 +1,5 @@
 // Details at the side: the clicked module, properties, downloads.
-import { degrees, element, radians } from "./words.js";
+import { copyText, degrees, element, radians } from "./words.js";
 
 const get = (id) => document.getElementById(id);
 const TABS = ["module", "properties", "downloads"];
@@ -94,14 +94,19 @@ export class Drawer {
   }
 
   facts(facts) {
-    const rows = element("dl", { class: "rows" });
-    for (const { label, value } of facts.properties) rows.append(element("dt", {}, label), element("dd", {}, value));
+    const groups = facts.properties.map(({ heading, rows }) => {
+      const list = element("dl", { class: "rows" });
+      for (const { label, value } of rows) list.append(element("dt", {}, label), element("dd", {}, value));
+      return element("div", { class: "group" }, element("h3", {}, heading), list);
+    });
     const copy = element("button", { class: "button", type: "button" }, "Copy all");
     copy.onclick = () => {
-      const text = facts.properties.map(({ label, value }) => `${label}: ${value}`).join("\n");
-      navigator.clipboard?.writeText(text).then(() => this.toast("Properties copied"), () => this.toast("Copying is not allowed here"));
+      const text = facts.properties
+        .map(({ heading, rows }) => [heading, ...rows.map(({ label, value }) => `  ${label}: ${value}`)].join("\n"))
+        .join("\n");
+      copyText(text, () => this.toast("Properties copied"), () => this.toast("Copying is not allowed here"));
     };
-    get("panel-properties").replaceChildren(rows, element("div", { class: "drawer-foot" }, copy));
+    get("panel-properties").replaceChildren(...groups, element("div", { class: "drawer-foot" }, copy));
     const panel = get("panel-downloads");
     if (!facts.downloads.length) {
       panel.replaceChildren(element("p", { class: "hint" }, facts.downloads_hint));

@@ -4,6 +4,7 @@ import { Control } from "./control.js";
 import { Drawer } from "./drawer.js";
 import { Progress } from "./progress.js";
 import { View, hasWebGL } from "./view.js";
+import { copyText } from "./words.js";
 
 const get = (id) => document.getElementById(id);
 const facts = JSON.parse(get("facts").textContent);
@@ -74,12 +75,7 @@ if (!hasWebGL()) {
   get("cover").classList.add("stays");
 }
 
-get("share").onclick = async () => {
+get("share").onclick = () => {
   const link = location.origin + location.pathname;
-  try {
-    await navigator.clipboard.writeText(link);
-    toast("Link copied");
-  } catch {
-    toast(link);
-  }
+  copyText(link, () => toast("Link copied"), () => toast(link));
 };

@@ -5,6 +5,7 @@ import { hasWebGL } from "./view.js";
 const get = (id) => document.getElementById(id);
 const drop = get("drop");
 const message = get("drop-message");
+const hero = get("hero");
 
 function say(text, tone = "") {
   message.textContent = text;
@@ -13,6 +14,7 @@ function say(text, tone = "") {
 
 async function start(fields, label) {
   say(`Sending ${label}…`);
+  hero.control?.send({ do: "pause" });
   const form = new FormData();
   for (const [key, value] of Object.entries(fields)) form.set(key, value);
   form.set("preset", get("preset").value);
@@ -55,10 +57,9 @@ for (const card of document.querySelectorAll("[data-shape]")) {
   };
 }
 
-const hero = get("hero");
 if (hero.dataset.fold && hasWebGL()) {
   const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
-  const control = new Control(hero.dataset.fold, hero.dataset.visitor);
+  const control = (hero.control = new Control(hero.dataset.fold, hero.dataset.visitor));
   control.on("hello", ({ again }) => { if (again) get("view").contentWindow.location.reload(); });
   control.on("outline", () => {
     if (control.begun) return;

@@ -36,3 +36,12 @@ export function element(name, attributes = {}, ...children) {
   made.append(...children.filter((child) => child !== null));
   return made;
 }
+
+export async function copyText(text, done, refused) {
+  try {
+    await navigator.clipboard.writeText(text);
+    done();
+  } catch {
+    refused();
+  }
+}
