@@ -24,14 +24,17 @@ def mjcf(chain: Chain, *, module_size: float) -> str:
     model = spec.compile()
     addresses = [int(model.joint(name).qposadr[0]) for name in chain.joint_names]
     folded = chain.folded_poses
-    straight_root = (folded.positions.mean(axis=0), wxyz_from_matrix(folded.rotations[chain.root]))
-    for name, angles, position, wxyz in (
-        ("straight", np.zeros_like(chain.folded_rad), *straight_root),
-        ("folded", chain.folded_rad, folded.positions[chain.root], straight_root[1]),
+    upright = wxyz_from_matrix(folded.rotations[chain.root])
+    keys = ""
+    for name, angles, position in (
+        ("straight", np.zeros_like(chain.folded_rad), folded.positions.mean(axis=0)),
+        ("folded", chain.folded_rad, folded.positions[chain.root]),
     ):
         qpos = np.zeros(model.nq)
-        qpos[:3], qpos[3:7] = position, wxyz
+        qpos[:3], qpos[3:7] = position, upright
         qpos[addresses] = angles
-        spec.add_key(name=name, qpos=qpos.tolist())
-    spec.compile()
-    return str(spec.to_xml())
+        # MuJoCo's own writer keeps six digits: over a long chain that is a visible error.
+        keys += f'    <key name="{name}" qpos="{" ".join(map(repr, qpos.tolist()))}"/>\n'
+    text = str(spec.to_xml()).rstrip()
+    end = "</mujoco>"
+    return f"{text.removesuffix(end)}  <keyframe>\n{keys}  </keyframe>\n{end}\n"
