@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import os
 import platform
+import zlib
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path as FilePath
 from typing import Any, Final
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,9 +162,9 @@ class Plan:
         """
         try:
             if path.suffix == ".npz":
-                with np.load(path, allow_pickle=False) as arrays:
-                    values = json.loads(str(arrays["plan"]))
-                    values.update({name: arrays[name] for name in _ARRAYS})
+                with np.load(path, allow_pickle=False) as file:
+                    values = json.loads(str(file["plan"]))
+                    values.update({name: file[name] for name in _ARRAYS})
             else:
                 values = json.loads(path.read_bytes())
             if values["format"] != FORMAT:
@@ -178,21 +180,35 @@ class Plan:
                 "root_position": (-1, 3),
                 "root_wxyz": (-1, 4),
             }
+            arrays = {
+                name: np.asarray(values[name], dtype=np.float64).reshape(shape)
+                for name, shape in shapes.items()
+            }
+            counts = {name: len(array) for name, array in arrays.items()}
+            if len(set(counts.values())) > 1:
+                raise ValueError(f"its arrays differ in their numbers of frames: {counts}")
             return cls(
                 chain=chain,
                 certificate=Certificate.from_dict(values["certificate"]),
                 **{k: values[k] for k in _VALUES},
-                **{
-                    name: np.asarray(values[name], dtype=np.float64).reshape(shape)
-                    for name, shape in shapes.items()
-                },
+                **arrays,
             )
-        except (OSError, KeyError, TypeError, ValueError) as error:
+        except _UNREADABLE as error:
             raise InputError(
                 "not-a-plan", f"{path.name} holds no plan that can be read ({error})."
             ) from error
 
 
+_UNREADABLE: Final = (
+    OSError,
+    EOFError,
+    KeyError,
+    TypeError,
+    ValueError,
+    RecursionError,
+    BadZipFile,
+    zlib.error,
+)
 _ARRAYS: Final = ("time_s", "joint_angles_rad", "root_position", "root_wxyz", "max_error_rad")
 _VALUES: Final = (
     "preset",
