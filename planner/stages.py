@@ -151,6 +151,9 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
 
 def _explode(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
     request, chain = _request(directory), _chain(directory)
+    # What an earlier fold left in this directory must not pass for a result of this one.
+    for name in ("record.npz", "playback.npz"):
+        (directory / name).unlink(missing_ok=True)
     how = request.parameters().explosion
     writer = TimelineWriter.create(directory / "timeline.zarr", chain)
     if how is None:
@@ -177,6 +180,7 @@ def _explode(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
 
 def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
     request, chain, record = _request(directory), _chain(directory), _record(directory)
+    (directory / "playback.npz").unlink(missing_ok=True)
     parameters = request.parameters()
     if record is not None and record.status != "straight":
         return {
