@@ -24,7 +24,9 @@ from server.settings import Settings
 from server.slots import Slot
 from server.store import Store
 
-TAKE_OVER_EVERY_S: Final = 2.0
+LOOK_EVERY_S: Final = 2.0
+# A job ends so when not even its end could be noted, or when it took its worker along every time.
+FAILED_JOBS: Final = ("ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED")
 log = logging.getLogger("foldback.worker")
 
 
@@ -60,9 +62,9 @@ def _hold_leash(on_end: Callable[[], None]) -> None:
     threading.Thread(target=wait, name="leash", daemon=True).start()
 
 
-def _take_over(slot: Slot, stopping: threading.Event) -> None:
-    """Puts folds of dead workers on this machine back into the queue."""
-    while not stopping.wait(TAKE_OVER_EVERY_S):
+def _look_after(slot: Slot, store: Store, runner: Runner, stopping: threading.Event) -> None:
+    """Takes over the folds of dead workers on this machine, and ends those whose job has failed."""
+    while not stopping.wait(LOOK_EVERY_S):
         try:
             dead = set(slot.dead())
             if dead:
@@ -71,8 +73,13 @@ def _take_over(slot: Slot, stopping: threading.Event) -> None:
                 if left:
                     log.info("taking over the folds of %s", ", ".join(left))
                     DBOS._recover_pending_workflows(left)  # pyright: ignore[reportPrivateUsage]
+            for row in store.unfinished():
+                job = DBOS.get_workflow_status(row.id)
+                if job is not None and job.status in FAILED_JOBS:
+                    log.error("fold %s: its job ended as %s", row.id, job.status)
+                    runner.finish(row.id, runner.failure(RuntimeError(job.status), row.stage))
         except Exception:
-            log.exception("looking for folds of dead workers failed")
+            log.exception("looking after folds failed")
 
 
 def work(settings: Settings, *, leashed: bool = False) -> None:
@@ -108,7 +115,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     DBOS(config=config)
     register(runner)
     DBOS.launch()
-    threading.Thread(target=_take_over, args=(slot, stopping), daemon=True).start()
+    threading.Thread(target=_look_after, args=(slot, store, runner, stopping), daemon=True).start()
     log.info("worker %s is ready", slot.name)
     told.wait()
     log.info("worker %s ends; its folds go on when one starts again", slot.name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,6 +11,8 @@ import typer
 
 from server.logs import set_up_logs
 from server.settings import Settings
+
+log = logging.getLogger("foldback.serve")
 
 if TYPE_CHECKING:
     from server.context import Context
@@ -41,7 +44,7 @@ def serve(
     supervisor.start()
     # uvicorn ends in good order on these and raises them once more; by then all is done.
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda number, frame: None)
+        signal.signal(number, lambda number, frame: log.info("ended by signal %d", number))
     try:
         _run(settings, first_shape)
     finally:

@@ -121,6 +121,18 @@ def test_a_fold_with_a_row_and_no_job_is_found_at_the_next_start(service_with) -
         check_finished(service, fold_id)
 
 
+@pytest.mark.parametrize("status", ["ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED"])
+def test_a_job_that_failed_without_a_word_ends_its_fold(service_with, status: str) -> None:
+    service = service_with(workers=0).start()
+    fold_id = service.fold(SNAKE)["id"]
+    with sqlite3.connect(service.data_dir / "jobs.db") as jobs:
+        jobs.execute("UPDATE workflow_status SET status = ?", (status,))
+    jobs.close()
+    with service.worker():
+        state = service.wait_over(fold_id)
+    assert (state["status"], state["error"]["code"]) == ("failed", "internal")
+
+
 def test_what_was_being_uploaded_at_the_end_leaves_nothing(service_with) -> None:
     service = service_with(workers=0).start()
     service.kill()
