@@ -84,6 +84,8 @@ def _run(settings: Settings, first_shape: str | None) -> None:
             log_level="warning",
             access_log=False,
             ws_max_size=2**20,
+            # The views carry arrays that hardly shrink, many times a second.
+            ws_per_message_deflate=False,
             timeout_graceful_shutdown=3,
             server_header=False,
         )
