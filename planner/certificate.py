@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 
 from planner.alignment import aligned_distances
 from planner.chain import Chain
+from planner.errors import InputError
 from planner.parameters import Parameters
 from planner.playback import Playback
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.record import Record
 from planner.statics import static_torque
 from planner.sweep import Sweep, sweep
+from planner.timeline import Frames
 
 Array = NDArray[np.float64]
 GRAVITY_M_S2: Final = 9.81
@@ -133,13 +135,30 @@ def certify(
         parameters: For the module size and the physical units.
         progress: Told which motion is being swept.
         cancelled: Asked now and then whether to stop; the verdict then is a failure.
+
+    Raises:
+        InputError: ``bad-module-size``.
     """
     begun = time.perf_counter()
     size = parameters.module_size
+    if not 0.0 < size < np.inf:
+        raise InputError(
+            "bad-module-size", f"got a module size of {size}, expected a number above 0."
+        )
+    given_up = False
+
+    def stopped() -> bool:
+        nonlocal given_up
+        given_up = given_up or cancelled()
+        return given_up
 
     def swept(angles: Array, name: str, fraction: float) -> Sweep:
         progress(Progress(stage="certify", fraction=fraction, message=f"checking the {name}"))
-        return sweep(chain, angles, size=size, cancelled=cancelled)
+        return sweep(chain, angles, size=size, cancelled=stopped)
+
+    unusable = _unusable(chain, record, playback)
+    if unusable:
+        record = playback = None
 
     of_record = None if record is None else swept(record.frames.joint_angles_rad, "record", 0.0)
     of_plan = of_playback = None
@@ -151,7 +170,9 @@ def certify(
     unit = _torque_unit(chain, parameters)
     weight = unit / chain.pitch_m * GRAVITY_M_S2
     verdict = _verdict(chain, record, playback, of_plan, of_playback, figures, size)
-    if cancelled():
+    if unusable:
+        verdict = f"failed: {unusable}"
+    elif stopped():
         verdict = "failed: it was cancelled"
     return Certificate(
         verdict=verdict,
@@ -182,6 +203,41 @@ _PLAN_FIGURES: Final = (
     "peak_torque_nm",
     "rms_torque_nm",
 )
+
+
+def _unusable(chain: Chain, record: Record | None, playback: Playback | None) -> str:
+    """Why there is nothing to look at, or an empty string.
+
+    A number that is none compares with nothing, so it would pass every test that follows.
+    """
+    joints = len(chain.folded_rad)
+    motions: dict[str, Frames] = {}
+    if record is not None:
+        motions["record"] = record.frames
+    if playback is not None:
+        motions["simulated playback"] = playback.frames
+        plan = playback.reference_rad
+        if plan.shape != (len(playback.frames), joints):
+            return (
+                f"the plan has the shape {plan.shape}, expected {len(playback.frames)} frames of "
+                f"{joints} joint angles"
+            )
+        if not np.isfinite(plan).all():
+            return "the plan holds numbers that are not finite"
+    for name, frames in motions.items():
+        if frames.joint_angles_rad.shape != (len(frames), joints) or not len(frames):
+            return f"the {name} does not consist of frames of {joints} joint angles"
+        for values in (
+            frames.time_s,
+            frames.joint_angles_rad,
+            frames.root_position,
+            frames.root_wxyz,
+        ):
+            if not np.isfinite(values).all():
+                return f"the {name} holds numbers that are not finite"
+        if (np.diff(frames.time_s) < 0.0).any():
+            return f"the times of the {name} run backwards"
+    return ""
 
 
 def _torque_unit(chain: Chain, parameters: Parameters) -> float:
