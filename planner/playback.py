@@ -296,7 +296,11 @@ class _Run:
 
     def final_error(self) -> float:
         """RMS distance of the modules from the folded shape in pitches, after alignment."""
-        poses = self.chain.poses(self.tree.angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        # A simulation that broke off leaves no numbers; its last sound frame counts.
+        angles = self.tree.angles
+        if not np.isfinite(angles).all():
+            angles = self.kept[-1].joint_angles_rad[-1]
+        poses = self.chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
         distances = aligned_distances(poses.positions, self.chain.folded_poses.positions)
         return float(np.sqrt((distances**2).mean()))
 
