@@ -100,6 +100,7 @@ class Player:
         self._clock: float | None = None
         self._next_look = 0.0
         self._hold_until = 0.0
+        self._coarse = False
         self._aspect = WIDE
         self._visible = False
         self._direction: tuple[float, float] | None = None
@@ -291,8 +292,7 @@ class Player:
     def _run_on(self, head: Playhead, by: float, last: float, now: float) -> Playhead:
         frame = head.frame + (-by if head.reverse else by)
         if 0.0 <= frame <= last:
-            if by >= 1.0:
-                frame = float(round(frame))
+            self._coarse = by >= 1.0
             return replace(head, frame=frame)
         end = 0.0 if head.reverse else last
         if not head.loop:
@@ -306,9 +306,12 @@ class Player:
         film, scene = self._film, self._scene
         if film is None or scene is None:
             return
-        moved = self._shown is None or self._shown.frame != self._head.frame
+        # Frames that pass faster than they can be shown need no in-betweens.
+        whole = self._coarse and self._head.playing
+        frame = float(round(self._head.frame)) if whole else self._head.frame
+        moved = self._shown is None or self._shown.frame != frame
         if moved or again:
-            self._shown = film.snapshot(self._head.frame)
+            self._shown = film.snapshot(frame)
             scene.show(self._shown, scale_rad=film.error_scale_rad)
             self._aim()
         if moved and scene.selected is not None:

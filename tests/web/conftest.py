@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.chain import Chain
+from planner.paths import Path as CellPath
+from planner.timeline import Frames, TimelineWriter
+
+SNAKE = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
+ERROR_AT_END = 3e-3
+
+
+@pytest.fixture(scope="session")
+def chain() -> Chain:
+    return Chain.from_path(CellPath.from_cells(SNAKE, name="snake"))
+
+
+def unfolding(chain: Chain, count: int) -> Frames:
+    """From folded to straight in even steps."""
+    return _between(chain, "explosion", np.linspace(1.0, 0.0, count), 0.0)
+
+
+def folding(chain: Chain, count: int) -> Frames:
+    """From straight to folded; the error of the middle joint's first hinge grows evenly."""
+    share = np.linspace(0.0, 1.0, count)
+    frames = _between(chain, "playback", share, 10.0)
+    error = np.zeros_like(frames.joint_angles_rad)
+    error[:, 2 * (6 - 1)] = ERROR_AT_END * share
+    return Frames.of_phase(
+        "playback",
+        time_s=frames.time_s,
+        joint_angles_rad=frames.joint_angles_rad,
+        root_position=frames.root_position,
+        root_wxyz=frames.root_wxyz,
+        joint_error_rad=error,
+    )
+
+
+def _between(chain: Chain, phase: str, share: np.ndarray, start_s: float) -> Frames:
+    poses = chain.folded_poses
+    count = len(share)
+    return Frames.of_phase(
+        phase,  # type: ignore[arg-type]
+        time_s=start_s + np.arange(count) * 0.1,
+        joint_angles_rad=share[:, None] * chain.folded_rad,
+        root_position=np.tile(poses.positions[chain.root], (count, 1)),
+        root_wxyz=np.tile(poses.wxyzs[chain.root], (count, 1)),
+    )
+
+
+@pytest.fixture(scope="session")
+def timeline_path(chain: Chain, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A complete timeline: 100 frames of explosion, 100 of playback."""
+    path = tmp_path_factory.mktemp("timeline") / "timeline.zarr"
+    with TimelineWriter.create(path, chain) as writer:
+        writer.append(unfolding(chain, 100))
+        writer.append(folding(chain, 100))
+    return path
+
+
+@pytest.fixture
+def growing(chain: Chain, tmp_path: Path) -> tuple[Path, TimelineWriter, Callable[[int], None]]:
+    """A timeline with ten frames, its writer, and a way to add more."""
+    path = tmp_path / "timeline.zarr"
+    writer = TimelineWriter.create(path, chain)
+
+    def add(count: int) -> None:
+        writer.append(unfolding(chain, count))
+        writer.flush()
+
+    add(10)
+    return path, writer, add

@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from web.camera import FIELD_OF_VIEW_RAD, Follower, View, angles_of, blended, framing
+
+RADIUS = 0.87
+
+
+def seen(points: np.ndarray, view: View, aspect: float) -> np.ndarray:
+    """(n, 2) places in the picture, from −1 to 1 when inside."""
+    out = (view.position - view.target) / view.distance
+    right = np.cross([0.0, 0.0, 1.0], out)
+    right /= np.linalg.norm(right)
+    up = np.cross(out, right)
+    off = points - view.position
+    depth = -(off @ out)
+    assert (depth > 0).all()
+    tall = np.tan(FIELD_OF_VIEW_RAD / 2)
+    return np.column_stack([off @ right / depth / (tall * aspect), off @ up / depth / tall])
+
+
+points = st.lists(
+    st.tuples(*[st.floats(-80, 80, allow_nan=False)] * 3), min_size=1, max_size=40
+).map(lambda rows: np.array(rows, dtype=float))
+
+
+@settings(deadline=None)
+@given(points, st.sampled_from([0.46, 1.0, 1.6, 2.2]))
+def test_framing_shows_every_module(cells: np.ndarray, aspect: float) -> None:
+    view = framing(cells, radius=RADIUS, aspect=aspect)
+    assert np.abs(seen(cells, view, aspect)).max() <= 1.0
+
+
+def test_a_long_chain_fills_the_width_whichever_way_it_lies() -> None:
+    for turn in np.linspace(0, np.pi, 7):
+        line = np.arange(-80, 81)[:, None] * [np.cos(turn), np.sin(turn), 0.0]
+        spots = seen(line, framing(line, radius=RADIUS), 1.6)
+        assert np.ptp(spots[:, 0]) > 1.6
+
+
+def test_the_picture_is_centred() -> None:
+    box = np.stack(np.meshgrid(range(4), range(4), range(10)), -1).reshape(-1, 3)
+    spots = seen(box, framing(box, radius=RADIUS), 1.6)
+    middle = (spots.max(axis=0) + spots.min(axis=0)) / 2
+    assert np.abs(middle).max() < 0.05
+
+
+def test_following_arrives_and_then_rests() -> None:
+    follower = Follower()
+    start = framing(np.zeros((1, 3)), radius=RADIUS)
+    goal = framing(np.array([[0.0, 0, 0], [50.0, 0, 0]]), radius=RADIUS)
+    follower.aim(start)
+    assert follower.view is start
+    follower.aim(goal)
+    steps = 0
+    while follower.move(1 / 30):
+        steps += 1
+        assert steps < 300
+    assert follower.view is goal
+    assert steps > 5  # it glides
+
+
+def test_blended_views_keep_what_is_nearest_in_the_picture() -> None:
+    near = np.random.default_rng(0).normal(size=(30, 3)) * 5
+    view = framing(near, radius=RADIUS)
+    away = framing(near + [30.0, 0, 0], radius=RADIUS)
+    mixed = blended([view, away], np.array([1.0, 1.0]), nearest=view)
+    assert np.abs(seen(near, mixed, 1.6)).max() <= 1.0
+
+
+@given(st.floats(-3.1, 3.1), st.floats(-1.2, 1.2))
+def test_angles_of_a_view_are_found_again(azimuth: float, elevation: float) -> None:
+    view = View(
+        target=np.array([1.0, 2.0, 3.0]),
+        azimuth_rad=azimuth,
+        elevation_rad=elevation,
+        distance=7.0,
+    )
+    assert angles_of(view.position, view.target) == pytest.approx((azimuth, elevation), abs=1e-9)

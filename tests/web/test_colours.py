@@ -1,0 +1,80 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from web.colours import (
+    ERROR,
+    NEUTRAL,
+    UNKNOWN,
+    error_colours,
+    error_ramp,
+    error_scale,
+    instance_colours,
+    linear_from_srgb,
+    module_errors,
+    srgb_from_linear,
+)
+
+
+def redness(colours: np.ndarray) -> np.ndarray:
+    colours = colours.astype(float)
+    return colours[..., 0] - colours[..., 1:].mean(axis=-1)
+
+
+@given(st.floats(0.0, 1.0))
+def test_srgb_and_linear_undo_one_another(value: float) -> None:
+    there = linear_from_srgb(np.array(value))
+    assert srgb_from_linear(there) == pytest.approx(value, abs=1e-6)
+
+
+def test_linear_light_of_known_greys() -> None:
+    # 18 % grey is 118 in sRGB; black and white stay.
+    assert linear_from_srgb(np.array([0.0, 118 / 255, 1.0])) == pytest.approx(
+        [0.0, 0.181, 1.0], abs=1e-3
+    )
+    assert instance_colours(np.array([[0, 118, 255]], np.uint8)).tolist() == [[0, 46, 255]]
+
+
+def test_more_error_is_more_red() -> None:
+    colours = error_colours(np.linspace(0.0, 2e-3, 50), 2e-3)
+    assert (np.diff(redness(colours)) > 0).all()
+    assert tuple(colours[0]) == NEUTRAL
+    assert tuple(colours[-1]) == ERROR
+
+
+def test_beyond_the_scale_is_fully_red() -> None:
+    assert tuple(error_colours(np.array([5.0]), 1e-3)[0]) == ERROR
+
+
+def test_no_error_recorded_is_grey() -> None:
+    colours = error_colours(np.array([np.nan, 0.0]), 1e-3)
+    assert tuple(colours[0]) == UNKNOWN
+    assert tuple(colours[1]) == NEUTRAL
+
+
+def test_ramp_is_even_in_linear_light() -> None:
+    linear = linear_from_srgb(error_ramp(5) / 255.0)
+    assert np.allclose(np.diff(linear, 2, axis=0), 0.0, atol=0.01)
+
+
+@given(st.floats(1e-3, 1e3))
+def test_scale_is_the_next_round_number(largest: float) -> None:
+    scale = error_scale(largest)
+    assert largest <= scale * (1 + 1e-9)
+    assert scale <= 2.5 * largest * (1 + 1e-9) or scale == 1e-3
+    assert f"{scale:e}"[0] in "125"
+
+
+def test_tiny_errors_are_not_blown_up() -> None:
+    assert error_scale(1e-9) == error_scale(0.0) == error_scale(float("nan")) == 1e-3
+
+
+def test_a_cube_shows_the_joint_that_it_carries() -> None:
+    # Five modules: joints at modules 1, 2 and 3, two hinges each.
+    errors = np.array([1.0, -2.0, 3.0, 0.0, np.nan, np.nan])
+    shown = module_errors(errors, 5, hinges=2, rigid_links=1)
+    assert shown[:3].tolist() == [2.0, 2.0, 3.0]
+    assert np.isnan(shown[3:]).all()

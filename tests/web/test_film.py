@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.chain import Chain
+from planner.errors import TimelineError
+from planner.timeline import TimelineWriter
+from tests.web.conftest import ERROR_AT_END, unfolding
+from web.film import Film
+
+Growing = tuple[Path, TimelineWriter, Callable[[int], None]]
+
+
+def test_first_frame_is_folded_and_middle_is_straight(timeline_path: Path, chain: Chain) -> None:
+    film = Film(timeline_path)
+    assert len(film) == 200
+    assert np.allclose(film.snapshot(0).positions, chain.folded_poses.positions, atol=1e-5)
+    straight = film.snapshot(99).positions
+    steps = np.diff(straight, axis=0)
+    assert np.allclose(steps, steps[0], atol=1e-5)
+    assert film.snapshot(99).phase == "explosion"
+    assert film.snapshot(100).phase == "playback"
+
+
+def test_between_two_frames_the_angles_are_between(timeline_path: Path) -> None:
+    film = Film(timeline_path)
+    low, between, high = (film.snapshot(f) for f in (20, 20.25, 21))
+    assert np.allclose(
+        between.joint_angles_rad, 0.75 * low.joint_angles_rad + 0.25 * high.joint_angles_rad
+    )
+    lengths = np.linalg.norm(np.diff(between.positions, axis=0), axis=1)
+    assert np.allclose(lengths, 1.0, atol=1e-5)  # the chain is never torn
+
+
+def test_frames_beyond_the_ends_are_the_ends(timeline_path: Path) -> None:
+    film = Film(timeline_path)
+    assert film.snapshot(-5).frame == 0
+    assert film.snapshot(1e9).frame == 199
+
+
+def test_module_errors_are_those_of_the_timeline(timeline_path: Path) -> None:
+    film = Film(timeline_path)
+    assert np.isnan(film.snapshot(50).module_error_rad).all()
+    shown = film.snapshot(199).module_error_rad
+    assert int(np.argmax(shown)) == 6
+    assert shown[6] == pytest.approx(ERROR_AT_END, rel=1e-5)
+    assert film.error_scale_rad == 5e-3
+
+
+def test_outline_tells_phases_and_the_largest_error(timeline_path: Path) -> None:
+    outline = Film(timeline_path).outline(columns=20)
+    assert outline["phases"] == [
+        {"name": "explosion", "from": 0, "to": 100},
+        {"name": "playback", "from": 100, "to": 200},
+    ]
+    assert outline["errors"][:10] == [None] * 10
+    assert outline["errors"][-1] == pytest.approx(ERROR_AT_END, rel=1e-2)
+    assert outline["errors"][10:] == sorted(outline["errors"][10:])
+
+
+def test_many_frames_are_shown_with_little_memory(
+    timeline_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = Film(timeline_path)
+    expected = [whole.snapshot(f).positions.copy() for f in range(200)]
+    monkeypatch.setattr("web.film.CHUNK_BYTES", 1)
+    film = Film(timeline_path)
+    for frame in range(199, -1, -1):
+        assert np.array_equal(film.snapshot(frame).positions, expected[frame])
+
+
+def test_a_growing_film_is_followed(growing: Growing) -> None:
+    path, writer, add = growing
+    film = Film(path)
+    assert (len(film), film.growing) == (10, True)
+    assert not film.refresh(at_once=True)
+    add(60)
+    assert film.refresh(at_once=True)
+    assert len(film) == 70
+    assert film.snapshot(69).frame == 69
+    version = film.version
+    writer.close()
+    assert film.refresh(at_once=True)
+    assert film.status == "complete"
+    assert film.version > version
+
+
+def test_a_film_that_is_begun_anew_is_shown_anew(growing: Growing, chain: Chain) -> None:
+    path, writer, add = growing
+    add(90)
+    film = Film(path)
+    before = film.snapshot(60)
+    writer.close()
+    with TimelineWriter.create(path, chain) as again:
+        again.append(unfolding(chain, 5))
+    assert film.refresh(at_once=True)
+    assert len(film) == 5
+    assert not np.array_equal(film.snapshot(4).positions, before.positions)
+
+
+def test_no_timeline_is_an_error(tmp_path: Path, chain: Chain) -> None:
+    with pytest.raises(TimelineError):
+        Film(tmp_path / "none.zarr")
+    TimelineWriter.create(tmp_path / "empty.zarr", chain)
+    with pytest.raises(TimelineError, match="no frame"):
+        Film(tmp_path / "empty.zarr").snapshot(0)

@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import viser
+from viser import _messages as messages
+
+from planner.chain import Chain
+from web.camera import framing
+from web.colours import SELECTED, UNKNOWN, instance_colours
+from web.film import Film
+from web.scene import Scene
+
+
+@pytest.fixture
+def server() -> Iterator[viser.ViserServer]:
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield server
+    server.stop()
+
+
+def sent(server: viser.ViserServer, kind: type) -> list[messages.Message]:
+    """What a client that connected now would be sent."""
+    buffer = server._websock_server.get_message_buffer()
+    return [m for m in buffer.message_from_id.values() if isinstance(m, kind)]
+
+
+def test_modules_are_where_the_timeline_has_them(
+    server: viser.ViserServer, timeline_path: Path, chain: Chain
+) -> None:
+    film = Film(timeline_path)
+    scene = Scene(server, chain)
+    shown = film.snapshot(40)
+    scene.show(shown, scale_rad=1e-3)
+    modules = scene._modules
+    assert np.allclose(modules.batched_positions, shown.positions * scene.pitch)
+    assert np.allclose(modules.batched_wxyzs, shown.wxyzs)
+
+
+def test_colours_are_sent_as_linear_light(
+    server: viser.ViserServer, timeline_path: Path, chain: Chain
+) -> None:
+    film = Film(timeline_path)
+    scene = Scene(server, chain)
+    scene.show(film.snapshot(0), scale_rad=1e-3)
+    grey = instance_colours(np.array([UNKNOWN], np.uint8))[0]
+    assert (np.asarray(scene._modules.batched_colors) == grey).all()
+    scene.select(3)
+    colours = np.asarray(scene._modules.batched_colors)
+    assert (colours[3] == instance_colours(np.array([SELECTED], np.uint8))[0]).all()
+    assert (colours[4] == grey).all()
+    scene.select(None)
+    assert (np.asarray(scene._modules.batched_colors) == grey).all()
+
+
+def test_the_ends_are_marked_outside_the_chain(
+    server: viser.ViserServer, timeline_path: Path, chain: Chain
+) -> None:
+    scene = Scene(server, chain)
+    shown = Film(timeline_path).snapshot(99)  # straight
+    scene.show(shown, scale_rad=1e-3)
+    ends = np.asarray(scene._ends.batched_positions) / scene.pitch
+    way = shown.positions[1] - shown.positions[0]
+    assert (ends[0] - shown.positions[0]) @ way == pytest.approx(-0.465, abs=1e-3)
+    assert (ends[1] - shown.positions[-1]) @ way == pytest.approx(0.465, abs=1e-3)
+
+
+def test_the_ground_lies_below_the_chain(
+    server: viser.ViserServer, timeline_path: Path, chain: Chain
+) -> None:
+    scene = Scene(server, chain)
+    shown = Film(timeline_path).snapshot(0)
+    scene.show(shown, scale_rad=1e-3)
+    while scene.move_ground(0.1):
+        pass
+    height = scene._floor.position[2]
+    assert height < (shown.positions[:, 2].min() - 0.5) * scene.pitch
+
+
+def test_the_camera_goes_to_all_clients_with_the_poses(
+    server: viser.ViserServer, timeline_path: Path, chain: Chain
+) -> None:
+    scene = Scene(server, chain)
+    shown = Film(timeline_path).snapshot(0)
+    view = framing(scene.points(shown), radius=scene.radius)
+    scene.look(view)
+    (position,) = sent(server, messages.SetCameraPositionMessage)
+    (target,) = sent(server, messages.SetCameraLookAtMessage)
+    assert np.allclose(position.position, view.position)
+    assert np.allclose(target.look_at, view.target)
+    assert not position.initial
