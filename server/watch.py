@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import time
 from collections.abc import AsyncIterator
@@ -22,6 +23,11 @@ class Watch:
     def __init__(self, store: Store) -> None:
         self._store = store
         self._looks: dict[str, tuple[float, asyncio.Task[dict[str, Any]]]] = {}
+        self._ending = asyncio.Event()
+
+    def end(self) -> None:
+        """Lets all who follow go, so that the service can end; browsers come back by themselves."""
+        self._ending.set()
 
     async def state(self, fold_id: str) -> dict[str, Any]:
         """The fold's progress, at most ``LOOK_EVERY_S`` old.
@@ -44,7 +50,7 @@ class Watch:
         """Server-sent events ``progress`` until the fold is over, then ``done``."""
         last: dict[str, Any] | None = None
         told_at = time.monotonic()
-        while True:
+        while not self._ending.is_set():
             try:
                 state = await self.state(fold_id)
             except NoSuchFoldError:
@@ -59,7 +65,8 @@ class Watch:
             elif time.monotonic() - told_at > ALIVE_EVERY_S:
                 yield b": still here\n\n"
                 told_at = time.monotonic()
-            await asyncio.sleep(LOOK_EVERY_S)
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._ending.wait(), LOOK_EVERY_S)
 
     def _look(self, fold_id: str) -> dict[str, Any]:
         return progress_of(self._store.fold(fold_id), self._store)

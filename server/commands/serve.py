@@ -59,7 +59,7 @@ def _run(settings: Settings, first_shape: str | None) -> None:
     app = create_app(settings)
 
     class Server(uvicorn.Server):
-        """Says where it is once it listens."""
+        """Says where it is once it listens, and lets its followers go before it ends."""
 
         async def startup(self, sockets: list[Any] | None = None) -> None:
             await super().startup(sockets)
@@ -75,6 +75,11 @@ def _run(settings: Settings, first_shape: str | None) -> None:
                 context: Context = app.state.context
                 fold_id = await asyncio.to_thread(_fold_first, context, first_shape)
                 print(f"  {first_shape}: {address}/folds/{fold_id}", flush=True)
+
+        async def shutdown(self, sockets: list[Any] | None = None) -> None:
+            context: Context = app.state.context
+            context.watch.end()
+            await super().shutdown(sockets)
 
     server = Server(
         uvicorn.Config(

@@ -50,7 +50,13 @@ def test_an_orderly_stop_keeps_the_fold_for_the_next_start(service_with) -> None
     service = service_with().start()
     fold_id = service.fold(shape="wrench-160")["id"]
     assert service.wait_exploding(fold_id)["status"] == "running"
+    followers = service.events(fold_id)
+    assert next(followers)[0] == "progress"
+    assert service.process is not None
+    service.process.terminate()
+    assert "done" not in [name for name, _ in followers]  # let go, in good order
     assert service.stop() == 0
+    assert "Traceback" not in service.log.read_text()
     service.start()
     check_finished(service, fold_id)
 
