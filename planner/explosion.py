@@ -121,6 +121,10 @@ class _Explosion:
             f"the chain was not straight after {self.parameters.max_steps} steps; try another "
             "seed, or another path through the same cells."
         )
+        # The folded configuration itself, so that there is a record whatever comes.
+        self.segments.place(self.state)
+        self.recorder.add(Step.of(self.time_s, self.state, self.segments.positions))
+        self.recorder.commit()
         try:
             while self.steps < self.parameters.max_steps:
                 contacts = self._step()
