@@ -25,12 +25,14 @@ class Target:
 
     Attributes:
         angles, rates, accelerations: (J,).
+        goal: (J,) what joint errors are measured against; the angles, unless these creep up to it.
         fraction: How far the playback is, 0 to 1.
     """
 
     angles: Array
     rates: Array
     accelerations: Array
+    goal: Array
     fraction: float
 
 
@@ -67,6 +69,7 @@ def _timed_targets(reference: Reference, law: TimeLaw) -> Iterator[Target]:
                 angles=angles[k],
                 rates=rates[k],
                 accelerations=accelerations[k],
+                goal=angles[k],
                 fraction=(start + k) / len(law),
             )
     end = reference.spline(1.0)
@@ -75,25 +78,41 @@ def _timed_targets(reference: Reference, law: TimeLaw) -> Iterator[Target]:
 
 
 class SnapshotGuide:
-    """The paper's rule: the next snapshot when the largest squared error is below a threshold."""
+    """The paper's rule: the next snapshot when the largest squared error is below a threshold.
 
-    def __init__(self, snapshots: Array, threshold_rad2: float) -> None:
+    The motors turn at a rate of gain times what is left to the snapshot. The threshold is loose, so
+    the snapshots run ahead of the chain.
+    """
+
+    def __init__(
+        self, snapshots: Array, *, threshold_rad2: float, gain: float, step_s: float
+    ) -> None:
         self._snapshots = snapshots
         self._threshold = threshold_rad2
+        self._gain = gain
+        self._step_s = step_s
         self._next = 0
+        self._aim = snapshots[0].copy()
         self._ending = _Ending()
 
     def target(self, angles: Array, rates: Array) -> Target | None:
         """See ``Guide``."""
         last = len(self._snapshots) - 1
-        if (
-            self._next < last
-            and float(((self._snapshots[self._next] - angles) ** 2).max()) < self._threshold
-        ):
+        left = self._snapshots[self._next] - angles
+        if self._next < last and float((left**2).max()) < self._threshold:
             self._next += 1
         if self._next == last and self._ending.over(rates):
             return None
-        return _still(self._snapshots[self._next], self._next / max(1, last))
+        goal = self._snapshots[self._next]
+        rate = self._gain * (goal - self._aim)
+        self._aim = self._aim + self._step_s * rate
+        return Target(
+            angles=self._aim,
+            rates=rate,
+            accelerations=np.zeros_like(rate),
+            goal=goal,
+            fraction=self._next / max(1, last),
+        )
 
 
 class DirectGuide:
@@ -107,15 +126,16 @@ class DirectGuide:
 
     def target(self, angles: Array, rates: Array) -> Target | None:
         """See ``Guide``."""
-        del angles
         k = self._step
         if k >= len(self._law):
             return None if self._ending.over(rates) else _still(self._folded, 1.0)
         self._step += 1
+        angles = self._law.u[k] * self._folded
         return Target(
-            angles=self._law.u[k] * self._folded,
+            angles=angles,
             rates=self._law.rate[k] * self._folded,
             accelerations=self._law.acceleration[k] * self._folded,
+            goal=angles,
             fraction=k / len(self._law),
         )
 
@@ -133,4 +153,4 @@ class _Ending:
 
 def _still(angles: Array, fraction: float) -> Target:
     zero = np.zeros_like(angles)
-    return Target(angles=angles, rates=zero, accelerations=zero, fraction=fraction)
+    return Target(angles=angles, rates=zero, accelerations=zero, goal=angles, fraction=fraction)

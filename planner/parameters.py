@@ -71,19 +71,23 @@ class PaperExplosionParameters:
         repulsion_gain: γ of eq. 3.
         repulsion_cutoff: Modules farther apart (in pitches) don't repel.
         step_s: Time step.
-        damping, friction: Of hinges and contacts.
+        damping: Uniform drag, in 1/s.
+        friction: Of contacts.
+        spring: Hinge spring towards straight; not published. Without it a universal joint can end
+            with both hinges past 90°, where tension no longer straightens it.
         snapshot_every: Steps between two snapshots.
         geom_size: Size of the collision hull.
         max_steps: Give up after so many steps.
     """
 
-    module_mass: float = 2700.0
+    module_mass: float = 2.7
     radial_gain: float = 0.1
     repulsion_gain: float = 1.0
     repulsion_cutoff: float = 2.5
     step_s: float = 0.01
     damping: float = 0.1
     friction: float = 0.1
+    spring: float = 0.1
     snapshot_every: int = 100
     geom_size: float = 0.99
     max_steps: int = 200_000
@@ -105,6 +109,7 @@ class PlaybackParameters:
         damping_ratio: Servo gain kv as a fraction of kp.
         friction: Of contacts.
         torque_limit: Largest servo torque in simulation units; None for no limit.
+        gain: Of the paper's servo, in 1/s: the motors' rate for one radian that is left.
         direct_steps: Steps in which the baseline's target goes from straight to folded.
         threshold_rad2: The paper's rule: next snapshot below this squared error.
         max_steps: Give up after so many steps.
@@ -121,6 +126,7 @@ class PlaybackParameters:
     friction: float = 0.0
     torque_limit: float | None = None
     threshold_rad2: float = 0.15
+    gain: float = 1.0
     direct_steps: int = 4000
     max_steps: int = 200_000
 

@@ -15,7 +15,7 @@ from planner.alignment import aligned_distances
 from planner.chain import Chain
 from planner.controllers import ComputedTorque, Controller, Servo
 from planner.errors import InputError, SimulationError
-from planner.guides import DirectGuide, Guide, SnapshotGuide, TimedGuide
+from planner.guides import DirectGuide, Guide, SnapshotGuide, Target, TimedGuide
 from planner.model import Material
 from planner.parameters import PlaybackParameters
 from planner.progress import Cancelled, Progress, Report, never, silent
@@ -206,7 +206,9 @@ class _Run:
             raise InputError("no-record", f"the controller {p.controller!r} needs a record.")
         snapshots = record.frames.joint_angles_rad[::-1]
         if p.controller == "paper":
-            return SnapshotGuide(snapshots, p.threshold_rad2)
+            return SnapshotGuide(
+                snapshots, threshold_rad2=p.threshold_rad2, gain=p.gain, step_s=p.step_s
+            )
         if p.controller not in ("computed-torque", "servo"):
             raise InputError(
                 "unknown-controller",
@@ -238,17 +240,17 @@ class _Run:
                 following = self.guide.target(angles, tree.rates)
                 if following is None:
                     assert target is not None
-                    self._keep(angles, target.angles, sink)
+                    self._keep(angles, target, sink)
                     return "folded", ""
                 target = following
-                error = float(np.abs(target.angles - angles).max())
+                error = float(np.abs(target.goal - angles).max())
                 self.largest_error = max(self.largest_error, error)
                 if (
                     max(np.abs(angles - last_angles).max(), np.abs(target.angles - last_aim).max())
                     >= FRAME_RAD
                     or self.steps - last_step >= FRAME_STEPS
                 ):
-                    self._keep(angles, target.angles, sink)
+                    self._keep(angles, target, sink)
                     last_angles, last_aim, last_step = angles, target.angles, self.steps
                 self.controller.drive(tree, target)
                 tree.end_step()
@@ -280,17 +282,17 @@ class _Run:
             "0.1 rad."
         )
 
-    def _keep(self, angles: Array, aim: Array, sink: Callable[[Frames], None] | None) -> None:
+    def _keep(self, angles: Array, target: Target, sink: Callable[[Frames], None] | None) -> None:
         frame = Frames.of_phase(
             "playback",
             time_s=np.array([self.start_s + self.steps * self.parameters.step_s]),
             joint_angles_rad=angles[None],
             root_position=self.tree.root_position[None],
             root_wxyz=self.tree.root_wxyz[None],
-            joint_error_rad=np.abs(aim - angles)[None],
+            joint_error_rad=np.abs(target.goal - angles)[None],
         )
         self.kept.append(frame)
-        self.references.append(aim.copy())
+        self.references.append(target.angles.copy())
         if sink is not None:
             sink(frame)
 
@@ -307,5 +309,3 @@ class _Run:
     def bent_wrong(self) -> int:
         """Hinges more than 0.1 rad from where they should end."""
         return int((np.abs(self.tree.angles - self.chain.folded_rad) > 0.1).sum())
-
-

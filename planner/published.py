@@ -1,8 +1,8 @@
 """The explosion as published: constant gains, fixed step, fixed snapshot interval.
 
-The published figures fit together when a length of 1 is one pitch and a module weighs its density:
-then λ = 0.1 and γ = 1 unfold 160 modules in about the 1600 s of simulated time that the paper
-reports. Here a module weighs 1, so both gains are divided by the density.
+The published figures have no units. They fit together in centimetres and grams, where a module of
+1 cm weighs 2.7 and damping is a drag of 0.1 a second; with a mass of 2700 that drag stops all motion,
+and without drag the chain never comes to rest. Here a module weighs 1, so gains are divided by 2.7.
 """
 
 from __future__ import annotations
@@ -47,7 +47,10 @@ def explode_as_published(
     """
     p = parameters
     begun = reported = time.perf_counter()
-    segments = Segments(chain, Material(geom_size=p.geom_size, friction=p.friction))
+    segments = Segments(
+        chain,
+        Material(geom_size=p.geom_size, friction=p.friction, stiffness=p.spring / p.module_mass),
+    )
     recorder = Recorder(
         chain,
         snapshot_rad=0.0,

@@ -71,9 +71,7 @@ def replay(plan: Plan, xml: str) -> Replay:
         if data.ncon and -float(data.contact.dist.min()) > overlap:
             overlap, where = -float(data.contact.dist.min()), frame
         count += 1
-    return Replay(
-        frames=count, pose_difference=difference, overlap=overlap, overlap_frame=where
-    )
+    return Replay(frames=count, pose_difference=difference, overlap=overlap, overlap_frame=where)
 
 
 def _configurations(plan: Plan) -> Any:

@@ -115,9 +115,7 @@ def _results(plan: Plan, timeline: Timeline) -> tuple[Record | None, Playback | 
                 f"got {len(played)} frames of playback in the timeline, expected "
                 f"{len(plan.time_s)} as in the plan.",
             )
-        playback = Playback(
-            frames=played, reference_rad=plan.joint_angles_rad, **plan.playback
-        )
+        playback = Playback(frames=played, reference_rad=plan.joint_angles_rad, **plan.playback)
     return record, playback
 
 

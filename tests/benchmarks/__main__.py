@@ -1,0 +1,38 @@
+"""``python -m tests.benchmarks [--only NAME …]``: prints the figures and writes them as JSON."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+from rich.console import Console
+
+from tests.benchmarks.baselines import direct, paper
+from tests.benchmarks.folds import folds
+from tests.benchmarks.machine import machine
+
+SECTIONS = {"folds": folds, "direct": direct, "paper": paper}
+
+
+def main() -> None:
+    """Runs the asked-for sections, one after the other."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", nargs="*", choices=list(SECTIONS), default=list(SECTIONS))
+    parser.add_argument("--out", type=Path, default=Path("out/bench.json"))
+    arguments = parser.parse_args()
+    console = Console(width=max(160, Console().width))
+    about = machine()
+    console.print(about)
+    found = {"machine": about, "date": time.strftime("%Y-%m-%d"), "sections": []}
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    for name in arguments.only:
+        section = SECTIONS[name](about["reference_seconds"])
+        section.show(console)
+        found["sections"].append(section.as_dict())
+        arguments.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""Runs the command line in a fresh process and measures it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """One run of ``foldback fold``.
+
+    Attributes:
+        summary: Its JSON object.
+        code: Its exit code.
+        wall_s: From start to end of the process, imports included.
+        peak_mb: Most memory that was resident.
+    """
+
+    summary: dict[str, Any]
+    code: int
+    wall_s: float
+    peak_mb: float
+
+
+def fold(shape: str, *options: str) -> Run:
+    """Folds an example shape in a process of its own."""
+    with tempfile.TemporaryDirectory(prefix="foldback-bench-") as directory:
+        command = [
+            *(sys.executable, "-m", "server.command_line", "fold", shape),
+            *("--out", str(Path(directory) / "fold"), "--json", *options),
+        ]
+        begun = time.perf_counter()
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        assert process.stdout is not None
+        output = process.stdout.read()
+        _, status, usage = os.wait4(process.pid, 0)
+        wall_s = time.perf_counter() - begun
+        process.returncode = os.waitstatus_to_exitcode(status)
+    return Run(
+        summary=json.loads(output.splitlines()[-1]),
+        code=process.returncode,
+        wall_s=wall_s,
+        peak_mb=usage.ru_maxrss / 1024,
+    )

@@ -1,0 +1,48 @@
+"""The machine that figures were taken on, and a reference run to hold them against."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from typing import Any
+
+import mujoco
+
+from planner import Chain, Path
+from planner.model import Material, compiled, tree_spec
+
+REFERENCE_STEPS = 1000
+REFERENCE_MODULES = 160
+
+
+def machine() -> dict[str, Any]:
+    """What the figures depend on besides the code."""
+    return {
+        "cores": os.cpu_count(),
+        "processor": _processor(),
+        "python": platform.python_version(),
+        "mujoco": mujoco.__version__,
+        "reference_seconds": reference_seconds(),
+        "reference": f"{REFERENCE_STEPS} mj_step of one tree of {REFERENCE_MODULES} cubes",
+    }
+
+
+def reference_seconds() -> float:
+    """Seconds of a plain MuJoCo run: the same work on every machine and at every commit."""
+    cells = [(x, 0, 0) for x in range(REFERENCE_MODULES)]
+    spec = tree_spec(Chain.from_path(Path.from_cells(cells)), Material())
+    model = compiled(spec)
+    data = mujoco.MjData(model)
+    begun = time.perf_counter()
+    for _ in range(REFERENCE_STEPS):
+        mujoco.mj_step(model, data)
+    return time.perf_counter() - begun
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as lines:
+            return next(line.split(":")[1].strip() for line in lines if "model name" in line)
+    except (OSError, StopIteration):
+        return platform.processor()
