@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+
+from tests.browser.ensure_chromium import ensure
+from tests.server.service import Service
+
+ARTIFACTS = Path(__file__).parents[2] / "artifacts"
+PATIENCE_MS = 90_000
+# 3D by software, so that a machine without a graphics card draws as well.
+FLAGS = (
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+)
+
+
+@pytest.fixture(scope="session")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """A service with a worker."""
+    service = Service(tmp_path_factory.mktemp("service") / "data").start()
+    yield service
+    assert service.stop() == 0
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    path = ensure()
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def visit(browser: Browser, service: Service) -> Iterator[Callable[..., Page]]:
+    """Opens a page in a fresh profile; at the end none of our scripts may have thrown."""
+    contexts: list[BrowserContext] = []
+    thrown: list[str] = []
+
+    def open_page(path: str, *, width: int = 960, height: int = 640, **options: Any) -> Page:
+        context = browser.new_context(
+            base_url=str(service.http.base_url),
+            viewport={"width": width, "height": height},
+            **{"color_scheme": "dark", "reduced_motion": "reduce", **options},
+        )
+        contexts.append(context)
+        context.set_default_timeout(PATIENCE_MS)
+        page = context.new_page()
+        page.on("pageerror", lambda error: thrown.append(f"{error}\n{error.stack}"))
+        page.goto(path)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert not [error for error in thrown if "/static/" in error]
+
+
+def keep(page: Page, name: str) -> None:
+    """Saves a screenshot to look at."""
+    ARTIFACTS.mkdir(exist_ok=True)
+    page.screenshot(path=ARTIFACTS / f"{name}.png")
+
+
+def picture(page: Page) -> np.ndarray:
+    """The 3D view as (h, w, 3) numbers, once it has come to rest."""
+    deadline = time.monotonic() + PATIENCE_MS / 1000
+    before = _shot(page)
+    while True:
+        page.wait_for_timeout(400)
+        now = _shot(page)
+        if np.abs(now - before).max() <= 2:
+            return now
+        assert time.monotonic() < deadline, "the view does not come to rest"
+        before = now
+
+
+def _shot(page: Page) -> np.ndarray:
+    png = page.locator("main.stage").screenshot(mask=[page.locator("#legend")], mask_color="#000")
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(float)

@@ -1,0 +1,241 @@
+"""The pages as a visitor meets them: a real service, a real browser."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from planner.timeline import Timeline
+from tests.browser.conftest import keep, picture
+from tests.server.service import Service
+from web.colours import error_scale, module_errors
+from web.film import Film
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+Visit = Callable[..., Page]
+
+SHAPE = Path(__file__).parents[2] / "examples" / "shapes" / "wrench-24.json"
+DROP = """([text, name]) => {
+  const files = new DataTransfer();
+  files.items.add(new File([text], name, { type: "application/json" }));
+  const zone = document.getElementById("drop");
+  for (const kind of ["dragenter", "dragover", "drop"])
+    zone.dispatchEvent(
+      new DragEvent(kind, { dataTransfer: files, bubbles: true, cancelable: true }));
+}"""
+SEEK = """(frame) => {
+  const scrub = document.getElementById("scrub");
+  scrub.value = frame;
+  scrub.dispatchEvent(new Event("input", { bubbles: true }));
+}"""
+
+
+def dropped(page: Page, text: str, name: str = "wrench.json") -> None:
+    page.evaluate(DROP, [text, name])
+
+
+def seek(page: Page, frame: int) -> None:
+    """Scrubs with the slider, and waits for the player's word that it is there."""
+    page.evaluate(SEEK, frame)
+    expect(page.locator("#r-frame")).to_have_text(re.compile(rf"Frame {frame + 1} of "))
+
+
+def shown_frame(page: Page) -> int:
+    found = re.search(r"Frame (\d+) of", page.locator("#r-frame").inner_text())
+    assert found
+    return int(found[1]) - 1
+
+
+def redness(image: np.ndarray) -> float:
+    """How much redder than grey the picture is, summed over its pixels."""
+    red = image[..., 0] - image[..., 1:].mean(axis=-1)
+    return float(np.clip(red - 4.0, 0.0, None).sum())
+
+
+def solid_spot(image: np.ndarray) -> tuple[int, int]:
+    """A place (x, y) well inside a module, near the middle of the chain."""
+    bright = image.mean(axis=-1) > 70
+    inside = bright.copy()
+    for axis in (0, 1):
+        for by in (-3, 3):
+            inside &= np.roll(bright, by, axis)
+    ys, xs = np.nonzero(inside)
+    assert len(xs), "no module is to be seen"
+    nearest = np.argmin((xs - xs.mean()) ** 2 + (ys - ys.mean()) ** 2)
+    return int(xs[nearest]), int(ys[nearest])
+
+
+def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -> None:
+    page = visit("/")
+    keep(page, "landing-dark-960x640")
+    path = json.loads(SHAPE.read_text()) | {"name": "dropped wrench"}
+    dropped(page, json.dumps(path))
+
+    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    expect(page.locator("#verdict")).to_have_text(
+        re.compile(r"^verified · clearance [\d.e-]+ · 24 modules$")
+    )
+    expect(page.locator("#name")).to_have_text("dropped wrench")
+    page.locator("#cover.gone").wait_for(state="attached")
+    fold_id = page.url.rsplit("/", 1)[1]
+    timeline = Timeline.open(service.data_dir / "folds" / fold_id / "timeline.zarr")
+    frames, chain = timeline.frames(), timeline.chain
+    film = Film(timeline.path)
+
+    # Scrub: the picture is as red as the recorded error says.
+    errors = module_errors(
+        frames.joint_error_rad,
+        len(chain),
+        hinges=chain.module.hinges_per_joint,
+        rigid_links=chain.module.rigid_links,
+    )
+    scale = error_scale(float(np.nanmax(errors)))
+    shares = np.nan_to_num(errors / scale).mean(axis=1)
+    explosion = int(np.flatnonzero(frames.phase == 0)[len(frames) // 8])
+    assert shares[explosion] == 0.0
+    low = int(np.flatnonzero(frames.phase == 1)[0])
+    high = int(np.argmax(shares))
+    middle = int(np.argmin(np.abs(shares - shares[high] / 2)))
+    measured: dict[int, float] = {}
+    for frame in (explosion, low, middle, high):
+        seek(page, frame)
+        measured[frame] = redness(picture(page)) / _area(page)
+        keep(page, f"fold-frame-{frame}")
+    assert measured[explosion] == 0.0
+    assert measured[low] < measured[middle] < measured[high]
+    expect(page.locator("#r-error")).to_have_text(
+        re.compile(rf"Error {float(f'{np.nanmax(errors[high]):.2g}'):g} rad")
+    )
+
+    # Step, by button and by key, with the focus in the page or in the view.
+    page.locator("#back").click()
+    expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {high} of"))
+    page.keyboard.press("ArrowRight")
+    expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {high + 1} of"))
+    page.keyboard.press("Home")
+    expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 1 of"))
+    page.keyboard.press("End")
+    expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {len(frames)} of"))
+
+    # Click a module: what is said of it is what was recorded.
+    seek(page, explosion)
+    x, y = solid_spot(picture(page))
+    page.locator("main.stage").click(position={"x": x, "y": y})
+    heading = page.locator("#panel-module h2")
+    expect(heading).to_contain_text("Module")
+    index = int(re.findall(r"\d+", heading.inner_text())[0])
+    keep(page, "fold-module")
+    cell = np.rint(chain.folded_poses.positions[index]).astype(int)
+    said = page.locator("#panel-module dd").nth(1).inner_text().replace("−", "-")
+    assert [int(c) for c in said.split(", ")] == cell.tolist()
+    first = (index - 1) * 2
+    rows = page.locator("#panel-module .joints tbody tr")
+    if 0 < index < len(chain) - 1:
+        expect(rows).to_have_count(2)
+        for k in range(2):
+            now = rows.nth(k).locator("[data-of=now]").inner_text()
+            angle = np.rad2deg(frames.joint_angles_rad[explosion, first + k])
+            assert float(now.rstrip("°").replace("−", "-")) == pytest.approx(angle, abs=0.051)
+    assert (picture(page)[..., 2] - picture(page)[..., 0]).max() > 60  # it is blue
+    page.keyboard.press("ArrowRight")  # the focus is in the view now
+    assert shown_frame(page) >= explosion
+    expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {explosion + 2} of"))
+
+    # Properties and downloads.
+    page.locator("#tab-properties").click()
+    expect(page.locator("#panel-properties")).to_contain_text("Least clearance")
+    page.locator("#tab-downloads").click()
+    with page.expect_download() as download:
+        page.locator("#panel-downloads a").first.click()
+    plan = json.loads(Path(download.value.path()).read_text())
+    assert plan["format"] == "foldback-plan/1"
+    assert len(film) == len(frames)
+
+
+def _area(page: Page) -> float:
+    """Pixels that show modules."""
+    return float((picture(page).mean(axis=-1) > 70).sum())
+
+
+def test_it_plays_by_itself_and_follows(visit: Visit, service: Service) -> None:
+    fold = service.fold(shape="wrench-24")
+    service.wait_over(fold["id"])
+    page = visit(f"/folds/{fold['id']}", reduced_motion="no-preference")
+    expect(page.locator("#play")).to_have_attribute("aria-label", "Pause")
+    first = shown_frame(page)
+    expect(page.locator("#r-frame")).not_to_have_text(re.compile(f"Frame {first + 1} of"))
+    page.keyboard.press(" ")
+    expect(page.locator("#play")).to_have_attribute("aria-label", "Play")
+    expect(page.locator("#follow")).to_have_attribute("aria-pressed", "true")
+    box = page.locator("main.stage").bounding_box()
+    assert box
+    page.mouse.move(box["x"] + 300, box["y"] + 300)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 380, box["y"] + 320, steps=4)
+    page.mouse.up()
+    expect(page.locator("#follow")).to_have_attribute("aria-pressed", "false")
+
+
+def test_two_visitors_don_t_share_a_playhead(visit: Visit, service: Service) -> None:
+    fold = service.fold(shape="wrench-24")
+    service.wait_over(fold["id"])
+    one, two = (visit(f"/folds/{fold['id']}", width=500, height=400) for _ in range(2))
+    for page in (one, two):
+        expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 1 of"))
+    seek(one, 20)
+    two.keyboard.press("End")
+    expect(one.locator("#r-frame")).to_have_text(re.compile("Frame 21 of"))
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_on_a_phone(visit: Visit, service: Service, scheme: str) -> None:
+    fold = service.fold(shape="wrench-24")
+    service.wait_over(fold["id"])
+    for path, name in (("/", "landing"), (f"/folds/{fold['id']}", "fold")):
+        page = visit(path, width=390, height=844, color_scheme=scheme, has_touch=True)
+        if name == "fold":
+            page.locator("#cover.gone").wait_for(state="attached")
+            page.keyboard.press("End")
+            picture(page)
+        keep(page, f"{name}-{scheme}-390x844")
+        wide = page.evaluate("document.documentElement.scrollWidth")
+        assert wide <= 390
+    page.locator("#details").tap()
+    sheet = page.locator("#drawer").bounding_box()
+    bar = page.locator("#bar").bounding_box()
+    assert sheet
+    assert bar
+    assert sheet["width"] == 390
+    assert sheet["y"] > 300  # the view keeps the upper part
+    assert sheet["y"] + sheet["height"] <= bar["y"] + 1
+    assert bar["y"] + bar["height"] <= 844
+    keep(page, f"fold-sheet-{scheme}-390x844")
+
+
+def test_a_bad_file_is_answered_on_the_spot(visit: Visit) -> None:
+    page = visit("/")
+    dropped(page, json.dumps([[0, 0, 0], [1, 0, 0], [3, 0, 0]]), "bad.json")
+    expect(page.locator("#drop-message")).to_contain_text("cells 1 and 2")
+    assert page.url.endswith("/")
+    keep(page, "landing-bad-file")
+
+
+def test_unknown_folds_are_told_in_words(visit: Visit) -> None:
+    page = visit("/folds/nosuchfold")
+    expect(page.locator("h1")).to_have_text("There is no such fold")
+    keep(page, "not-found")
+
+
+def test_a_browser_without_webgl_is_told_so(visit: Visit, service: Service) -> None:
+    fold = service.fold(shape="wrench-24")
+    page = visit("/folds/" + fold["id"])
+    page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+    page.goto("about:blank")
+    page.goto(str(service.http.base_url) + f"/folds/{fold['id']}")
+    expect(page.locator("#cover-text")).to_have_text("This browser shows no 3D graphics")
