@@ -1,8 +1,8 @@
 """foldback's planner: how a straight chain of modules folds into a solid.
 
-    from planner import Path, fold, read
-    plan = fold(read(open("wrench.json", "rb").read()))
-    print(plan.certificate.verdict)
+from planner import Path, fold, read
+plan = fold(read(open("wrench.json", "rb").read()))
+print(plan.certificate.verdict)
 """
 
 from planner.certificate import Certificate, certify

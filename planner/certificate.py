@@ -103,7 +103,7 @@ class Certificate:
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Certificate:
         """The inverse of ``as_dict``."""
-        places = {
+        places: dict[str, Any] = {
             key: None
             if values[key] is None
             else Place(

@@ -55,6 +55,4 @@ def closest(
         size,
         enough,
     )
-    return Closest(
-        clearance=float(value), modules=None if first < 0 else (int(first), int(second))
-    )
+    return Closest(clearance=float(value), modules=None if first < 0 else (int(first), int(second)))

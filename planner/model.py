@@ -9,13 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.modules import Module
 from planner.rotations import wxyz_from_matrix
+from planner.untyped import mujoco
 
 Array = NDArray[np.float64]
 SEGMENT_MODULES: Final = 8

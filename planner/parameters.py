@@ -1,7 +1,7 @@
 """Parameters of a fold, and the presets.
 
-``default`` is ours, ``paper`` is as published, ``direct`` is the baseline that servoes straight to the
-target without a record.
+``default`` is ours, ``paper`` is as published, ``direct`` is the baseline that servoes straight to
+the target without a record.
 """
 
 from __future__ import annotations

@@ -180,7 +180,7 @@ class Plan:
                 "root_position": (-1, 3),
                 "root_wxyz": (-1, 4),
             }
-            arrays = {
+            arrays: dict[str, Any] = {
                 name: np.asarray(values[name], dtype=np.float64).reshape(shape)
                 for name, shape in shapes.items()
             }

@@ -1,8 +1,9 @@
 """The explosion as published: constant gains, fixed step, fixed snapshot interval.
 
 The published figures have no units. They fit together in centimetres and grams, where a module of
-1 cm weighs 2.7 and damping is a drag of 0.1 a second; with a mass of 2700 that drag stops all motion,
-and without drag the chain never comes to rest. Here a module weighs 1, so gains are divided by 2.7.
+1 cm weighs 2.7 and damping is a drag of 0.1 a second; with a mass of 2700 that drag stops all
+motion, and without drag the chain never comes to rest. Here a module weighs 1, so the gains are
+divided by 2.7.
 """
 
 from __future__ import annotations

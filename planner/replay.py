@@ -8,12 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.plan import Plan
+from planner.untyped import mujoco
 
 Array = NDArray[np.float64]
 

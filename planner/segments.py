@@ -15,7 +15,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +24,7 @@ from planner.kernels.kinematics import chain_poses
 from planner.kernels.velocities import chain_velocities
 from planner.model import SEGMENT_MODULES, Material, compiled, segment_spec, segment_starts
 from planner.rotations import matrix_from_wxyz, wxyz_from_matrix
+from planner.untyped import mujoco
 
 Array = NDArray[np.float64]
 BIAS_STEP_S: Final = 1e-4
@@ -89,7 +89,7 @@ class State:
         self.scale_velocities(1.0 / (1.0 + drag * step_s))
 
     def advance(self, step_s: float) -> None:
-        """q ← q + h q̇."""
+        """Q ← q + h q̇."""
         self.angles += step_s * self.rates
         self.position += step_s * self.velocity
         self.rotation = self.rotation @ turned(self.spin * step_s)

@@ -57,9 +57,7 @@ class Request:
         """
         found = preset(self.preset)
         if not 0 <= self.seed <= LARGEST_SEED:
-            raise InputError(
-                "bad-seed", f"got the seed {self.seed}, expected 0 to {LARGEST_SEED}."
-            )
+            raise InputError("bad-seed", f"got the seed {self.seed}, expected 0 to {LARGEST_SEED}.")
         if self.module_size is None:
             return found
         low, high = MODULE_SIZES

@@ -56,7 +56,7 @@ def straightening(
     centres = _centres(chain, state, way)
     return Frames.of_phase(
         "explosion",
-        time_s=start_s + FRAME_S * np.arange(1, count + 1),
+        time_s=start_s + FRAME_S * np.arange(1.0, count + 1.0),
         joint_angles_rad=way,
         root_position=state.position + centre - centres.mean(axis=1),
         root_wxyz=np.broadcast_to(wxyz_from_matrix(state.rotation), (count, 4)).copy(),

@@ -8,7 +8,7 @@ by the pair's own relative motion. Intervals with pairs that don't pass are halv
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,9 +48,7 @@ class Sweep:
     per_frame: Array
 
 
-def sweep(
-    chain: Chain, angles_rad: Array, *, size: float, cancelled: Cancelled = never
-) -> Sweep:
+def sweep(chain: Chain, angles_rad: Array, *, size: float, cancelled: Cancelled = never) -> Sweep:
     """The clearance of a motion through (F, J) configurations.
 
     Args:
@@ -68,7 +66,7 @@ class _Sweeping:
         self.angles = angles
         self.size = size
         module = chain.module
-        self.hull: tuple[Any, ...] = (
+        self.hull = (
             module.vertices,
             module.face_normals,
             module.edge_directions,

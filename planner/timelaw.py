@@ -83,7 +83,7 @@ def _torque_terms(reference: Reference, tree: Tree, u: Array) -> tuple[Array, Ar
 
 
 def _passes(u: Array, a: Array, b: Array, ceiling: Array) -> Array:
-    """z at the samples: never above the ceiling, ü within what the torques leave, z = 0 at ends."""
+    """The z at the samples: never above the ceiling, ü what the torques leave, 0 at the ends."""
     step = u[1] - u[0]
     z = ceiling.copy()
     z[0] = z[-1] = 0.0

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import SimulationError
 from planner.model import Material, compiled, tree_spec
+from planner.untyped import mujoco
 
 Array = NDArray[np.float64]
 ROOT_DOFS: Final = 6
@@ -53,8 +53,8 @@ class Tree:
         self._work = np.empty(self.model.nv)
         if servo is not None:
             self._actuators = np.array([self.model.actuator(n).id for n in chain.joint_names])
-        rows = [slice(int(a), int(a) + r + 1) for r, a in enumerate(self.model.M_rowadr[:ROOT_DOFS])]
-        self._root_rows = rows
+        starts = [int(start) for start in self.model.M_rowadr[:ROOT_DOFS]]
+        self._root_rows = [slice(start, start + r + 1) for r, start in enumerate(starts)]
 
     @property
     def angles(self) -> Array:
@@ -158,9 +158,7 @@ class Tree:
         return lower + np.tril(lower, -1).T
 
 
-def _add_servos(
-    spec: Any, chain: Chain, servo: tuple[float, float, float | None]
-) -> None:
+def _add_servos(spec: Any, chain: Chain, servo: tuple[float, float, float | None]) -> None:
     kp, kv, limit = servo
     for name in chain.joint_names:
         motor = spec.add_actuator()

@@ -25,8 +25,8 @@ def _hash(x: int, y: int, z: int, mask: int) -> int:
 def near_pairs(points: Array, cutoff: float, apart: int) -> Pairs:
     """Pairs (i, j), i < j, closer than ``cutoff`` and at least ``apart`` apart along the chain.
 
-    Consecutive points must be at most 1 apart. Long chains are sorted into a hashed grid of cells as
-    wide as the cutoff: cost grows linearly with the points.
+    Consecutive points must be at most 1 apart. Long chains are sorted into a hashed grid of cells
+    as wide as the cutoff: cost grows linearly with the points.
 
     Args:
         points: (n, 3).
@@ -153,8 +153,6 @@ def largest_approach_speed(
         sx = spins[j, 0] - spins[i, 0]
         sy = spins[j, 1] - spins[i, 1]
         sz = spins[j, 2] - spins[i, 2]
-        speed = np.sqrt(vx * vx + vy * vy + vz * vz) + radius * np.sqrt(
-            sx * sx + sy * sy + sz * sz
-        )
+        speed = np.sqrt(vx * vx + vy * vy + vz * vz) + radius * np.sqrt(sx * sx + sy * sy + sz * sz)
         worst = max(worst, speed)
     return worst

@@ -81,9 +81,11 @@ def _verdict(row: Any, summary: dict[str, Any], certificate: dict[str, Any]) -> 
 def _problem(row: Any, summary: dict[str, Any]) -> dict[str, str] | None:
     error = row.error or {}
     if row.status == "failed":
-        text = error.get("detail") or summary.get("reason") or "No reason was recorded."
-        where = f"{error['where']}: " if error.get("where") else ""
-        return {"heading": "This fold could not be computed", "text": where + str(text)}
+        text = str(error.get("detail") or summary.get("reason") or "No reason was recorded.")
+        where = error.get("where")
+        if where and where not in text:
+            text = f"{where}: {text}"
+        return {"heading": "This fold could not be computed", "text": text}
     if row.status == "cancelled":
         return {"heading": "This fold was cancelled", "text": "Nothing was computed to show."}
     return None

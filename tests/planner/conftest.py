@@ -1,11 +1,19 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path as FilePath
 
 import pytest
 
 from planner.chain import Chain
+from planner.parameters import Parameters
 from planner.paths import Path
+from planner.plan import Plan
+from planner.playback import Playback
+from planner.record import Record
+from planner.stages import STAGES, Request, run_stage, write_request
 
 SHAPES = FilePath(__file__).parents[2] / "examples" / "shapes"
 
@@ -27,3 +35,43 @@ def hook_chain(hook: Path) -> Chain:
 def example(request: pytest.FixtureRequest) -> FilePath:
     """Each example shape's file."""
     return request.param
+
+
+@dataclass(frozen=True)
+class Folded:
+    """A fold that has been through all stages, and what they left behind. Look, don't touch."""
+
+    directory: FilePath
+    chain: Chain
+    parameters: Parameters
+    record: Record | None
+    playback: Playback | None
+    plan: Plan
+
+
+Fold = Callable[..., Folded]
+
+
+@pytest.fixture(scope="session")
+def folded(tmp_path_factory: pytest.TempPathFactory) -> Fold:
+    """Folds an example shape once for all tests that want it: ``folded("wrench-24")``."""
+
+    @cache
+    def made(shape: str, preset: str = "default", seed: int = 0) -> Folded:
+        directory = tmp_path_factory.mktemp(f"{shape}-{preset}-{seed}")
+        request = Request(preset=preset, seed=seed)
+        write_request(directory, request, (SHAPES / f"{shape}.json").read_bytes())
+        for stage in STAGES:
+            run_stage(stage, directory)
+        record, playback = directory / "record.npz", directory / "playback.npz"
+        plan = Plan.load(directory / "plan.npz")
+        return Folded(
+            directory=directory,
+            chain=plan.chain,
+            parameters=request.parameters(),
+            record=Record.load(record) if record.exists() else None,
+            playback=Playback.load(playback) if playback.exists() else None,
+            plan=plan,
+        )
+
+    return made

@@ -23,8 +23,8 @@ async function start(fields, label) {
     const answer = await fetch("/api/folds", { method: "POST", body: form });
     const body = await answer.json().catch(() => ({}));
     if (!answer.ok) {
-      const where = body.where ? `${body.where}: ` : "";
-      say(where + (body.detail ?? `The server answered ${answer.status}.`), "bad");
+      const detail = body.detail ?? `The server answered ${answer.status}.`;
+      say(body.where && !detail.includes(body.where) ? `${body.where}: ${detail}` : detail, "bad");
       return;
     }
     if (body.owner_token) localStorage.setItem(`foldback:owner:${body.id}`, body.owner_token);

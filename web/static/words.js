@@ -15,7 +15,7 @@ export function whole(number) {
 
 export function radians(value) {
   if (value === null || value === undefined) return "not recorded";
-  if (value === 0) return "0 rad";
+  if (value < 1e-6) return value > 0 ? "< 0.000001 rad" : "0 rad";
   return `${Number(value.toPrecision(2))} rad`;
 }
 
