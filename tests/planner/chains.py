@@ -1,0 +1,62 @@
+"""Chains and random configurations for tests."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.modules import CUBE
+from planner.paths import Path
+from planner.segments import State, turned
+
+Array = NDArray[np.float64]
+
+
+def line(modules: int) -> Chain:
+    """A chain whose folded configuration is straight."""
+    return Chain.from_path(Path.from_cells([(i, 0, 0) for i in range(modules)], name="line"))
+
+
+def coil(modules: int) -> Chain:
+    """A chain that folds into layers of 2 × 2 cells, one on the other."""
+    turns = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    there_and_back = [*turns, *turns[::-1]]
+    cells = [(*there_and_back[i % 8], i // 4) for i in range(modules)]
+    return Chain.from_path(Path.from_cells(cells, name="coil"))
+
+
+def random_angles(chain: Chain, rng: np.random.Generator, most: float = 1.5) -> Array:
+    """(J,) hinge angles."""
+    return rng.uniform(-most, most, len(chain.folded_rad))
+
+
+def random_rotation(rng: np.random.Generator) -> Array:
+    """(3, 3)."""
+    return turned(rng.normal(size=3) * 2.0)
+
+
+def random_state(chain: Chain, seed: int, most: float = 0.3) -> State:
+    """A moving chain anywhere, its angles small enough not to overlap."""
+    rng = np.random.default_rng(seed)
+    return State(
+        angles=random_angles(chain, rng, most),
+        rates=rng.normal(size=len(chain.folded_rad)) * 0.3,
+        position=rng.normal(size=3),
+        rotation=random_rotation(rng),
+        velocity=rng.normal(size=3),
+        spin=rng.normal(size=3) * 0.3,
+    )
+
+
+def overlapping(modules: int = 5) -> Chain:
+    """A chain whose last module is folded into its first ones: no reader would let it in."""
+    angles = np.zeros(2 * (modules - 2))
+    angles[0::2] = np.pi / 2
+    return Chain(
+        name="overlapping",
+        module=CUBE,
+        folded_rad=angles,
+        folded_position=np.zeros(3),
+        folded_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+    )

@@ -1,0 +1,145 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from planner.kernels import pairs as module
+from planner.kernels.pairs import largest_approach_speed, near_pairs, repulsion
+from planner.model import Material
+from planner.segments import Segments
+from tests.planner.chains import line, random_state
+
+Array = NDArray[np.float64]
+
+
+def wandering(count: int, seed: int, stiffness: float) -> Array:
+    """Points one apart, each a random turn from the last."""
+    rng = np.random.default_rng(seed)
+    steps = np.empty((count, 3))
+    step = np.array([1.0, 0.0, 0.0])
+    for i in range(count):
+        step = stiffness * step + rng.normal(size=3)
+        step /= np.linalg.norm(step)
+        steps[i] = step
+    return np.cumsum(steps, axis=0)
+
+
+def all_pairs(points: Array, cutoff: float, apart: int) -> set[tuple[int, int]]:
+    gaps = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    first, second = np.nonzero(gaps < cutoff)
+    return {(i, j) for i, j in zip(first.tolist(), second.tolist(), strict=True) if j >= i + apart}
+
+
+@given(
+    st.integers(2, 150),
+    st.integers(0, 2**32 - 1),
+    st.floats(0.0, 3.0),
+    st.floats(0.3, 6.0),
+    st.integers(1, 5),
+)
+def test_walking_finds_all_pairs(
+    count: int, seed: int, stiffness: float, cutoff: float, apart: int
+) -> None:
+    points = wandering(count, seed, stiffness)
+    found = near_pairs(points, cutoff, apart).tolist()
+    assert {(i, j) for i, j in found} == all_pairs(points, cutoff, apart)
+    assert len(found) == len({(i, j) for i, j in found})
+
+
+@settings(max_examples=15)
+@given(st.integers(1000, 1300), st.integers(0, 2**32 - 1), st.floats(0.0, 3.0), st.floats(0.8, 4.0))
+def test_the_grid_finds_all_pairs(count: int, seed: int, stiffness: float, cutoff: float) -> None:
+    assert count >= module.SKIP_BELOW
+    points = wandering(count, seed, stiffness)
+    found = near_pairs(points, cutoff, 2).tolist()
+    assert {(i, j) for i, j in found} == all_pairs(points, cutoff, 2)
+    assert len(found) == len({(i, j) for i, j in found})
+
+
+def test_more_pairs_than_expected_are_kept() -> None:
+    points = np.zeros((60, 3))
+    assert len(near_pairs(points, 1.0, 1)) == 60 * 59 // 2
+
+
+@pytest.mark.parametrize("count", [10, 1100])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200])
+def test_a_point_that_is_nowhere_is_near_nothing_and_hides_nothing(count: int, bad: float) -> None:
+    points = wandering(count, 1, 0.0)
+    sound = all_pairs(points, 2.5, 2)
+    points[4] = bad
+    found = {(i, j) for i, j in near_pairs(points, 2.5, 2).tolist()}
+    # Walking from a far point skips what it cannot reach; from a lost one it must not.
+    assert found == {pair for pair in sound if 4 not in pair}
+
+
+@given(st.floats(0.05, 5.0), st.floats(0.1, 10.0), st.integers(0, 2**32 - 1))
+def test_two_points_repel_with_the_gain_over_the_square(
+    distance: float, gain: float, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    away = rng.normal(size=3)
+    away /= np.linalg.norm(away)
+    points = np.stack([np.ones(3), np.ones(3) + distance * away])
+    forces = np.zeros((2, 3))
+    repulsion(points, np.array([[0, 1]]), gain, forces)
+    np.testing.assert_allclose(forces[1], gain / distance**2 * away, rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(forces[0], -forces[1])
+
+
+def test_repulsion_has_no_resultant_and_no_moment() -> None:
+    points = wandering(80, 4, 0.5)
+    forces = np.ones((80, 3))
+    repulsion(points, near_pairs(points, 2.5, 2), 1.0, forces)
+    forces -= 1.0
+    assert np.abs(forces).max() > 0.1
+    scale = np.abs(forces).sum()
+    assert np.abs(forces.sum(axis=0)).max() < 1e-12 * scale
+    assert np.abs(np.cross(points, forces).sum(axis=0)).max() < 1e-10 * scale
+
+
+def test_points_in_the_same_place_get_a_finite_push() -> None:
+    forces = np.zeros((2, 3))
+    repulsion(np.zeros((2, 3)), np.array([[0, 1]]), 1.0, forces)
+    assert np.isfinite(forces).all()
+
+
+def test_no_surface_point_moves_faster_against_another_module_than_said() -> None:
+    chain = line(20)
+    segments = Segments(chain, Material())
+    for seed in range(10):
+        state = random_state(chain, seed, most=1.5)
+        segments.place(state)
+        pairs = near_pairs(segments.positions, 2.5, 2)
+        radius = chain.module.radius
+        said = largest_approach_speed(
+            segments.positions, segments.velocities, segments.spins, pairs, radius
+        )
+        # Corners of j seen from the frame of i, which moves and turns with i.
+        for i, j in pairs.tolist():
+            corners = chain.module.vertices @ segments.rotations[j].T
+            places = segments.positions[j] + corners
+            speeds = segments.velocities[j] + np.cross(segments.spins[j], corners)
+            seen = (
+                speeds
+                - segments.velocities[i]
+                - np.cross(segments.spins[i], places - segments.positions[i])
+            )
+            near = np.linalg.norm(places - segments.positions[i], axis=1).min()
+            slack = 0.5 * np.linalg.norm(segments.spins[j] - segments.spins[i]) * (near + 2.5)
+            assert np.linalg.norm(seen, axis=1).max() <= said + slack + 1e-9
+
+
+def test_a_rigid_motion_brings_nothing_closer() -> None:
+    chain = line(12)
+    segments = Segments(chain, Material())
+    state = random_state(chain, 0, most=1.5)
+    state.rates[:] = 0.0
+    segments.place(state)
+    pairs = near_pairs(segments.positions, 4.0, 2)
+    speed = largest_approach_speed(
+        segments.positions, segments.velocities, segments.spins, pairs, chain.module.radius
+    )
+    assert speed == pytest.approx(0.0, abs=1e-12)

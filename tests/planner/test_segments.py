@@ -1,0 +1,173 @@
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.errors import SimulationError
+from planner.model import Material, tree_spec
+from planner.rotations import wxyz_from_matrix
+from planner.segments import Acceleration, Segments, State, turned
+from tests.planner.chains import coil, line, random_state
+
+Array = NDArray[np.float64]
+MATERIAL = Material(geom_size=0.5, stiffness=3.0, armature=10.0)
+
+
+def tree_acceleration(
+    chain: Chain, material: Material, state: State, forces: Array
+) -> tuple[Acceleration, int]:
+    """What one MuJoCo tree of the whole chain says."""
+    model: Any = tree_spec(chain, material).compile()
+    model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+    model.opt.iterations = 100
+    model.opt.tolerance = 1e-10
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
+    data: Any = mujoco.MjData(model)
+    data.joint("root").qpos[:] = [*state.position, *wxyz_from_matrix(state.rotation)]
+    data.joint("root").qvel[:] = [*state.velocity, *state.spin]
+    for name, angle, rate in zip(chain.joint_names, state.angles, state.rates, strict=True):
+        data.joint(name).qpos[0] = angle
+        data.joint(name).qvel[0] = rate
+    for i, force in enumerate(forces):
+        data.xfrc_applied[model.body(f"module_{i}").id, :3] = force
+    mujoco.mj_forward(model, data)
+    root = data.joint("root").qacc
+    hinges = np.array([data.joint(name).qacc[0] for name in chain.joint_names])
+    found = Acceleration(
+        hinges=hinges, linear=root[:3], angular=root[3:], contacts=data.ncon, depth=0.0
+    )
+    return found, int(data.ncon)
+
+
+def difference(a: Acceleration, b: Acceleration) -> float:
+    mine = np.concatenate([a.hinges, a.linear, a.angular])
+    other = np.concatenate([b.hinges, b.linear, b.angular])
+    return float(np.linalg.norm(mine - other) / np.linalg.norm(other))
+
+
+@pytest.mark.parametrize("modules", [3, 4, 9, 17, 18, 40])
+def test_welds_are_closed_wherever_the_chain_goes(modules: int) -> None:
+    chain = line(modules)
+    segments = Segments(chain, MATERIAL)
+    state = random_state(chain, modules, most=1.5)
+    segments.place(state)
+    segments.accelerations(state, np.zeros((modules, 3)))
+    data = segments.data
+    mujoco.mj_kinematics(segments.model, data)
+    poses = chain.poses(state.angles, state.position, wxyz_from_matrix(state.rotation))
+    np.testing.assert_allclose(segments.positions, poses.positions, atol=1e-12)
+    for i in range(modules):
+        body = data.body(f"module_{i}")
+        np.testing.assert_allclose(body.xpos, poses.positions[i], atol=1e-11)
+        np.testing.assert_allclose(body.xmat, poses.rotations[i].ravel(), atol=1e-11)
+    for start in segments.starts[1:]:
+        ghost, root = data.body(f"ghost_{start}"), data.body(f"module_{start}")
+        np.testing.assert_allclose(ghost.xpos, root.xpos, atol=1e-11)
+        np.testing.assert_allclose(ghost.xmat, root.xmat, atol=1e-11)
+
+
+@pytest.mark.parametrize("modules", [3, 4, 9, 17, 18, 40])
+def test_accelerations_are_those_of_the_whole_tree(modules: int) -> None:
+    chain = line(modules)
+    segments = Segments(chain, MATERIAL)
+    for seed in range(3):
+        state = random_state(chain, seed)
+        forces = np.random.default_rng(seed).normal(size=(modules, 3))
+        segments.place(state)
+        mine = segments.accelerations(state, forces)
+        other, contacts = tree_acceleration(chain, MATERIAL, state, forces)
+        assert contacts == mine.contacts == 0
+        assert difference(mine, other) < 2e-3
+
+
+@pytest.mark.parametrize("segment_modules", [5, 8, 12])
+def test_where_the_chain_is_cut_makes_no_difference(segment_modules: int) -> None:
+    chain = line(40)
+    segments = Segments(chain, MATERIAL, segment_modules=segment_modules)
+    state = random_state(chain, 5)
+    segments.place(state)
+    mine = segments.accelerations(state, np.zeros((40, 3)))
+    other, _ = tree_acceleration(chain, MATERIAL, state, np.zeros((40, 3)))
+    assert difference(mine, other) < 2e-3
+
+
+@pytest.mark.parametrize(("rate", "typical"), [(0.0, 0.03), (0.05, 0.06)])
+def test_contacts_push_as_they_do_in_the_whole_tree(rate: float, typical: float) -> None:
+    # Folded, slightly shaken, and hardly smaller than their cells: modules touch in many places.
+    # MuJoCo makes a contact as soft as its bodies are light, and those of a segment are lighter
+    # than those of a whole tree: a difference of a few per cent is what that costs.
+    chain = coil(32)
+    material = Material(geom_size=0.999, stiffness=3.0, armature=10.0)
+    segments = Segments(chain, material)
+    folded = chain.folded_poses
+    differences: list[float] = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        state = State.at_rest(
+            chain.folded_rad, folded.positions[chain.root], folded.rotations[chain.root]
+        )
+        state.angles += rng.normal(size=len(state.angles)) * 0.001
+        state.rates[:] = rng.normal(size=len(state.rates)) * rate
+        forces = rng.normal(size=(32, 3)) * 5.0
+        segments.place(state)
+        mine = segments.accelerations(state, forces)
+        other, contacts = tree_acceleration(chain, material, state, forces)
+        assert mine.contacts == contacts > 20
+        assert 0.0 < mine.depth < 0.02
+        differences.append(difference(mine, other))
+    assert np.mean(differences) < typical
+    assert max(differences) < 0.15
+
+
+def test_a_force_on_one_module_moves_the_centre_of_mass_by_newton() -> None:
+    chain = line(21)
+    segments = Segments(chain, MATERIAL)
+    state = State.at_rest(np.zeros(len(chain.folded_rad)), np.zeros(3), np.eye(3))
+    forces = np.zeros((21, 3))
+    forces[-1] = [0.0, 2.1, 0.0]
+    segments.place(state)
+    acceleration = segments.accelerations(state, forces)
+    step = 1e-4
+    state.accelerate(acceleration, step, drag=0.0)
+    segments.place(state)
+    np.testing.assert_allclose(segments.velocities.mean(axis=0) / step, [0.0, 0.1, 0.0], atol=1e-4)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
+@pytest.mark.parametrize("field", ["angles", "rates", "position", "velocity"])
+def test_numbers_that_are_none_raise(bad: float, field: str) -> None:
+    chain = line(12)
+    segments = Segments(chain, MATERIAL)
+    state = random_state(chain, 0)
+    getattr(state, field)[1] = bad
+    with np.errstate(all="ignore"), pytest.raises(SimulationError, match="finite"):
+        segments.place(state)
+        segments.accelerations(state, np.zeros((12, 3)))
+
+
+def test_a_rotation_vector_turns_by_its_length_about_itself() -> None:
+    np.testing.assert_allclose(
+        turned(np.array([0.0, 0.0, np.pi / 2])), [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15
+    )
+    np.testing.assert_array_equal(turned(np.zeros(3)), np.eye(3))
+    tiny = turned(np.array([1e-13, 0.0, 0.0]))
+    assert tiny[2, 1] == pytest.approx(1e-13, rel=1e-6)
+
+
+def test_drag_slows_everything_by_the_same_factor() -> None:
+    chain = line(6)
+    state = random_state(chain, 1)
+    before = state.copy()
+    nothing = Acceleration(
+        hinges=np.zeros(8), linear=np.zeros(3), angular=np.zeros(3), contacts=0, depth=0.0
+    )
+    state.accelerate(nothing, 0.5, drag=2.0)
+    for name in ("rates", "velocity", "spin"):
+        np.testing.assert_allclose(getattr(state, name), getattr(before, name) / 2.0)
+    np.testing.assert_array_equal(before.angles, state.angles)

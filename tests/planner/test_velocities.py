@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.chain import Chain
+from planner.model import Material
+from planner.rotations import wxyz_from_matrix
+from planner.segments import Segments, State
+from tests.planner.chains import line, random_state
+
+STEP = 1e-6
+
+
+def poses_after(chain: Chain, state: State, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    later = state.copy()
+    later.advance(seconds)
+    poses = chain.poses(later.angles, later.position, wxyz_from_matrix(later.rotation))
+    return poses.positions, poses.rotations
+
+
+@pytest.mark.parametrize("modules", [3, 4, 10, 25])
+def test_velocities_are_how_fast_the_poses_change(modules: int) -> None:
+    chain = line(modules)
+    segments = Segments(chain, Material())
+    state = random_state(chain, modules, most=1.5)
+    segments.place(state)
+    before, after = poses_after(chain, state, -STEP), poses_after(chain, state, STEP)
+    np.testing.assert_allclose(
+        segments.velocities, (after[0] - before[0]) / (2 * STEP), atol=1e-7 * modules
+    )
+    # dR/dt = [ω]× R
+    rate = (after[1] - before[1]) / (2 * STEP)
+    cross = np.einsum("nij,nkj->nik", rate, segments.rotations)
+    spins = np.stack([cross[:, 2, 1], cross[:, 0, 2], cross[:, 1, 0]], axis=1)
+    np.testing.assert_allclose(segments.spins, spins, atol=1e-7 * modules)
+
+
+def test_a_chain_that_turns_as_a_whole_is_a_rigid_body() -> None:
+    chain = line(9)
+    segments = Segments(chain, Material())
+    state = random_state(chain, 2, most=1.5)
+    state.rates[:] = 0.0
+    segments.place(state)
+    spin = state.rotation @ state.spin
+    arms = segments.positions - state.position
+    np.testing.assert_allclose(segments.velocities, state.velocity + np.cross(spin, arms))
+    np.testing.assert_allclose(segments.spins, np.broadcast_to(spin, (9, 3)))
