@@ -127,6 +127,8 @@ def _known(context: Context, submission: Submission, token: str) -> Receipt | No
     if submission.shape is not None and not row.public:
         context.store.publish(row.id, submission.shape)
     context.store.claim(row.id, token)
+    if row.status == "queued":  # if its job was lost in a crash, this brings it back
+        context.jobs.enqueue(row.id, gallery=row.public)
     return Receipt(row=row, token=token, existing=True)
 
 

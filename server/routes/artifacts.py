@@ -46,7 +46,7 @@ def get_frames(
     row = context.store.fold(fold_id)
     try:
         timeline = Timeline.open(context.store.directory(fold_id) / "timeline.zarr")
-    except TimelineError as error:
+    except (TimelineError, OSError, KeyError) as error:  # or it is just being made anew
         raise _not_there(row, "timeline") from error
     total, chain = len(timeline), timeline.chain
     end = total if stop is None else min(stop, total)

@@ -39,11 +39,14 @@ def test_a_server_killed_in_mid_explosion(service_with) -> None:
     fold_id = service.fold(shape="wrench-160")["id"]
     waiting = service.fold(SNAKE)["id"]
     assert service.wait_exploding(fold_id)["status"] == "running"
+    read = service.data_dir / "folds" / fold_id / "chain.json"
+    made = read.stat().st_mtime_ns
     service.kill()
     service.start()
     assert service.state(fold_id)["status"] == "running"
     check_finished(service, fold_id)
     check_finished(service, waiting)
+    assert read.stat().st_mtime_ns == made, "a step that was completed was repeated"
 
 
 def test_an_orderly_stop_keeps_the_fold_for_the_next_start(service_with) -> None:
@@ -148,3 +151,14 @@ def test_what_was_being_uploaded_at_the_end_leaves_nothing(service_with) -> None
     service.start()
     assert not left.exists()
     assert service.http.get("/api/folds").json() == {"folds": []}
+
+
+def test_asking_again_brings_a_lost_job_back(service_with) -> None:
+    service = service_with(workers=0).start()
+    fold_id = service.fold(SNAKE)["id"]
+    with sqlite3.connect(service.data_dir / "jobs.db") as jobs:
+        assert jobs.execute("DELETE FROM workflow_status").rowcount == 1
+    jobs.close()
+    assert service.fold(SNAKE)["id"] == fold_id
+    with service.worker():
+        check_finished(service, fold_id)
