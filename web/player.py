@@ -33,26 +33,15 @@ import math
 import threading
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Final
+from typing import Final
 
-import numpy as np
 import viser
 
-from web.camera import (
-    ELEVATION_RAD,
-    TURN_RAD_S,
-    WIDE,
-    Follower,
-    View,
-    angles_of,
-    blended,
-    distance_needed,
-    framing,
-)
 from web.film import Film, Snapshot
+from web.following import Following
 from web.scene import Scene
+from web.telling import Message, module_of, moment_of, outline_of
 
-Message = dict[str, Any]
 Listener = Callable[[Message], None]
 FilmSource = Callable[[], Film | None]
 
@@ -62,10 +51,7 @@ SLOWEST_FPS: Final = 12.0
 CATCH_UP_S: Final = 0.4
 HOLD_S: Final = 1.2
 LONGEST_TICK_S: Final = 0.2
-LOOK_FOR_FILM_S: Final = 0.15
-GOAL_EVERY: Final = 12
-GOALS_ASIDE: Final = 4
-MOST_GOALS: Final = 4000
+LOOK_EVERY_S: Final = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,7 +77,7 @@ class Player:
         self._lock = threading.RLock()
         self._listeners: list[Listener] = []
         self._head = Playhead()
-        self._camera = Follower()
+        self._following: Following | None = None
         self._film: Film | None = None
         self._scene: Scene | None = None
         self._shown: Snapshot | None = None
@@ -101,10 +87,8 @@ class Player:
         self._next_look = 0.0
         self._hold_until = 0.0
         self._coarse = False
-        self._aspect = WIDE
-        self._visible = False
-        self._direction: tuple[float, float] | None = None
-        self._goals: dict[object, View] = {}
+        self._connections = 0
+        self._gliding = False
         server.on_client_connect(self._connected)
 
     @property
@@ -130,9 +114,9 @@ class Player:
             if self._film is None:
                 listener({"is": "waiting"})
             else:
-                listener(self._outline())
+                listener(outline_of(self._film))
                 listener(self._state())
-                if self._visible:
+                if self._connections:
                     listener({"is": "viewing"})
                 if self._scene is not None and self._scene.selected is not None:
                     listener(self._module())
@@ -162,16 +146,21 @@ class Player:
             passed = min(now - before, LONGEST_TICK_S)
             if self._film is None:
                 if now >= self._next_look:
-                    self._next_look = now + LOOK_FOR_FILM_S
+                    self._next_look = now + LOOK_EVERY_S
                     self._find_film()
                 return
             if self._film.growing:
                 self._film.refresh()
             if self._film.version != self._seen_version:
                 self._grew()
+            resting = not (self._gliding or self._head.playing or self._head.live)
+            if resting and not self._head.turn and now < self._next_look:
+                return
+            # A window that changes its shape is noticed even when nothing moves.
+            self._next_look = now + LOOK_EVERY_S
             with self._server.atomic():
                 self._advance(passed, now)
-                self._move_camera(passed)
+                self._settle(passed)
             self._server.flush()
 
     # What a message does.
@@ -224,8 +213,8 @@ class Player:
                 head = replace(head, **{name: message[name]})
         if head.live and not self._head.live:
             head = replace(head, playing=False)
-        if head.follow and not self._head.follow:
-            self._take_direction()
+        if head.follow and not self._head.follow and self._following is not None:
+            self._following.take_over()
         self._head = head
         self._aim()
 
@@ -257,12 +246,13 @@ class Player:
         self._film = film
         self._scene = Scene(self._server, film.chain)
         self._scene.on_pick(self._picked)
+        self._following = Following(self._server, film, self._scene)
         if film.growing:
             self._head = replace(self._head, live=True, frame=float(len(film) - 1))
         self._seen_version = film.version
         self._show()
-        self._tell(self._outline())
-        if self._visible:
+        self._tell(outline_of(self._film))
+        if self._connections:
             self._tell({"is": "viewing"})
 
     def _grew(self) -> None:
@@ -270,7 +260,7 @@ class Player:
         self._seen_version = self._film.version
         if self._head.frame > self._last_frame():
             self._head = replace(self._head, frame=self._last_frame())
-        self._tell(self._outline())
+        self._tell(outline_of(self._film))
         self._show(again=True)
 
     def _advance(self, passed: float, now: float) -> None:
@@ -314,6 +304,7 @@ class Player:
             self._shown = film.snapshot(frame)
             scene.show(self._shown, scale_rad=film.error_scale_rad)
             self._aim()
+            self._gliding = True
         if moved and scene.selected is not None:
             self._tell(self._module())
         state = self._state()
@@ -321,103 +312,28 @@ class Player:
             self._told = state
             self._tell(state)
 
-    # The camera.
-
-    def _aim(self) -> None:
-        if self._scene is None or self._shown is None or not self._head.follow:
+    def _settle(self, passed: float) -> None:
+        """Lets camera and ground glide on; rests when they have arrived."""
+        scene, shown, head = self._scene, self._shown, self._head
+        if scene is None or shown is None:
             return
-        # The frames before and after count too, so that the camera moves evenly and in time.
-        here = self._head.frame / GOAL_EVERY
-        last = int(self._last_frame() // GOAL_EVERY)
-        around = [
-            k
-            for k in range(round(here) - GOALS_ASIDE, round(here) + GOALS_ASIDE + 1)
-            if 0 <= k <= last
-        ]
-        goal = self._framing(self._shown)
-        if around and not self._head.turn:
-            weights = np.exp(-(((np.array(around) - here) / GOALS_ASIDE * 1.8) ** 2))
-            goal = blended([self._goal(k) for k in around], weights, nearest=goal)
-        first = self._camera.view is None
-        self._camera.aim(goal, at_once=first)
-        if first:
-            self._scene.look(goal)
-
-    def _goal(self, index: int) -> View:
-        assert self._film is not None
-        key = (index, self._aspect, self._direction, self._seen_version)
-        found = self._goals.get(key)
-        if found is None:
-            if len(self._goals) > MOST_GOALS:
-                self._goals.clear()
-            found = self._framing(self._film.snapshot(float(index * GOAL_EVERY)))
-            self._goals[key] = found
-        return found
-
-    def _framing(self, snapshot: Snapshot) -> View:
-        assert self._scene is not None
-        azimuth, elevation = self._direction or (None, ELEVATION_RAD)
-        if self._head.turn and self._camera.view is not None:
-            azimuth = self._camera.view.azimuth_rad
-        return framing(
-            self._scene.points(snapshot),
-            radius=self._scene.radius,
-            aspect=self._aspect,
-            azimuth_rad=azimuth,
-            elevation_rad=elevation,
-        )
-
-    def _move_camera(self, passed: float) -> None:
-        if self._scene is not None:
-            self._scene.move_ground(passed)
-        if not self._head.follow:
-            return
-        for client in self._server.get_clients().values():
-            aspect = round(float(client.camera.aspect), 3)
-            if aspect > 0 and aspect != self._aspect:
-                self._aspect = aspect
-                self._aim()
-        if self._head.turn and self._camera.view is not None:
-            view = self._camera.view
-            spun = replace(view, azimuth_rad=view.azimuth_rad + TURN_RAD_S * passed)
-            self._camera.view = spun
-            self._aim()
-            self._camera.move(passed)
-            moved = True
-        else:
-            moved = self._camera.move(passed)
-        view, scene = self._camera.view, self._scene
-        if moved and view is not None and scene is not None and self._shown is not None:
-            points = scene.points(self._shown)
-            least = distance_needed(points, view, radius=scene.radius, aspect=self._aspect)
-            if view.distance < least:
-                self._camera.view = view = replace(view, distance=least)
-            scene.look(view)
+        gliding = scene.move_ground(passed)
+        if head.follow and self._following is not None:
+            gliding |= self._following.move(passed, shown, turn=head.turn)
+        self._gliding = gliding
 
     def _connected(self, client: viser.ClientHandle) -> None:
         with self._lock:
-            self._aspect = round(float(client.camera.aspect), 3) or WIDE
-            if self._head.follow:
-                self._camera.view = None
+            self._connections += 1
+            if self._following is not None:
+                self._following.begin(client)
                 self._aim()
-            if self._film is not None:
                 self._tell({"is": "viewing"})
-            self._visible = True
 
-    def _take_direction(self) -> None:
-        """Goes on from where the visitor has turned the camera."""
-        for client in self._server.get_clients().values():
-            position, target = np.array(client.camera.position), np.array(client.camera.look_at)
-            azimuth, elevation = angles_of(position, target)
-            self._direction = (azimuth, min(max(elevation, -1.2), 1.2))
-            if self._camera.view is not None:
-                self._camera.view = replace(
-                    self._camera.view,
-                    target=target,
-                    azimuth_rad=azimuth,
-                    elevation_rad=elevation,
-                    distance=float(np.linalg.norm(position - target)),
-                )
+    def _aim(self) -> None:
+        if self._following is not None and self._shown is not None and self._head.follow:
+            self._following.aim(self._shown, turn=self._head.turn)
+            self._gliding = True
 
     # What is told.
 
@@ -426,69 +342,26 @@ class Player:
             listener(message)
 
     def _state(self) -> Message:
-        head = asdict(self._head)
-        head["frame"] = round(self._head.frame, 3)
-        shown = self._shown
-        largest = math.nan
-        if shown is not None and np.isfinite(shown.module_error_rad).any():
-            largest = float(np.nanmax(shown.module_error_rad))
         return {
             "is": "state",
-            **head,
+            **asdict(self._head),
+            "frame": round(self._head.frame, 3),
             "frames": len(self._film) if self._film is not None else 0,
             "growing": self._growing(),
-            "time_s": round(shown.time_s, 4) if shown is not None else 0.0,
-            "phase": shown.phase if shown is not None else None,
-            "error_rad": _finite(largest),
-        }
-
-    def _outline(self) -> Message:
-        film = self._film
-        assert film is not None
-        chain = film.chain
-        return {
-            "is": "outline",
-            **film.outline(),
-            "modules": len(chain),
-            "joints": len(chain) - 1 - chain.module.rigid_links,
+            **moment_of(self._shown),
         }
 
     def _module(self) -> Message:
         film, scene, shown = self._film, self._scene, self._shown
         if film is None or scene is None or shown is None or scene.selected is None:
             return {"is": "module", "index": None}
-        index = scene.selected
-        chain = film.chain
-        hinges = chain.module.hinges_per_joint
-        first = (index - chain.module.rigid_links) * hinges
-        columns = range(first, first + hinges) if 0 <= first < len(chain.folded_rad) else ()
-        cell = np.rint(chain.folded_poses.positions[index]).astype(int)
-        return {
-            "is": "module",
-            "index": index,
-            "modules": len(chain),
-            "cell": [int(c) for c in cell],
-            "error_rad": _finite(float(shown.module_error_rad[index])),
-            "joints": [
-                {
-                    "name": chain.joint_names[j],
-                    "angle_rad": round(float(shown.joint_angles_rad[j]), 6),
-                    "target_rad": round(float(chain.folded_rad[j]), 6),
-                    "error_rad": _finite(float(shown.joint_error_rad[j])),
-                }
-                for j in columns
-            ],
-        }
+        return module_of(film, shown, scene.selected)
 
     def _growing(self) -> bool:
         return self._film is not None and self._film.growing
 
     def _last_frame(self) -> float:
         return float(max(len(self._film) - 1, 0)) if self._film is not None else 0.0
-
-
-def _finite(value: float) -> float | None:
-    return float(f"{value:.4g}") if math.isfinite(value) else None
 
 
 def _number(value: object) -> float:

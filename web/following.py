@@ -1,0 +1,130 @@
+"""Following: the camera of one visitor's scene, led so that the whole chain stays in view."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import viser
+
+from web.camera import (
+    ELEVATION_RAD,
+    TURN_RAD_S,
+    WIDE,
+    Follower,
+    View,
+    angles_of,
+    blended,
+    distance_needed,
+    framing,
+)
+from web.film import Film, Snapshot
+from web.scene import Scene
+
+GOAL_EVERY: Final = 12
+GOALS_ASIDE: Final = 4
+GOAL_SPREAD: Final = 1.8
+MOST_GOALS: Final = 4000
+STEEPEST_RAD: Final = 1.2
+
+
+class Following:
+    """Looks ahead and back along the film, so that the camera moves evenly and in time."""
+
+    def __init__(self, server: viser.ViserServer, film: Film, scene: Scene) -> None:
+        self._server = server
+        self._film = film
+        self._scene = scene
+        self._follower = Follower()
+        self._aspect = WIDE
+        self._direction: tuple[float, float] | None = None
+        self._goals: dict[object, View] = {}
+
+    def begin(self, client: viser.ClientHandle) -> None:
+        """Jumps to where the camera should be, for a browser that has just connected."""
+        self._aspect = _aspect(client) or WIDE
+        self._follower = Follower()
+
+    def aim(self, shown: Snapshot, *, turn: bool = False) -> None:
+        """Sets where the camera should go to show a snapshot."""
+        azimuth = None
+        if turn and self._follower.view is not None:
+            azimuth = self._follower.view.azimuth_rad
+        goal = self._framing(shown, azimuth)
+        here = shown.frame / GOAL_EVERY
+        last = max(len(self._film) - 1, 0) // GOAL_EVERY
+        low, high = round(here) - GOALS_ASIDE, round(here) + GOALS_ASIDE
+        around = range(max(low, 0), min(high, last) + 1)
+        if around and not turn:
+            weights = np.exp(-(((np.array(around) - here) / GOALS_ASIDE * GOAL_SPREAD) ** 2))
+            goal = blended([self._goal(k) for k in around], weights, nearest=goal)
+        first = self._follower.view is None
+        self._follower.aim(goal, at_once=first)
+        if first:
+            self._scene.look(goal)
+
+    def move(self, seconds: float, shown: Snapshot, *, turn: bool = False) -> bool:
+        """Glides on for some time; True while the camera moves."""
+        if self._window_changed():
+            self.aim(shown, turn=turn)
+        view = self._follower.view
+        if turn and view is not None:
+            spun = replace(view, azimuth_rad=view.azimuth_rad + TURN_RAD_S * seconds)
+            self._follower.view = spun
+            self.aim(shown, turn=True)
+        moved = self._follower.move(seconds) or turn
+        view = self._follower.view
+        if moved and view is not None:
+            least = distance_needed(
+                self._scene.points(shown), view, radius=self._scene.radius, aspect=self._aspect
+            )
+            if view.distance < least:
+                self._follower.view = view = replace(view, distance=least)
+            self._scene.look(view)
+        return moved
+
+    def take_over(self) -> None:
+        """Goes on from where the visitor has turned the camera, and keeps that direction."""
+        for client in self._server.get_clients().values():
+            position, target = np.array(client.camera.position), np.array(client.camera.look_at)
+            azimuth, elevation = angles_of(position, target)
+            self._direction = (azimuth, float(np.clip(elevation, -STEEPEST_RAD, STEEPEST_RAD)))
+            self._follower.view = View(
+                target=target,
+                azimuth_rad=azimuth,
+                elevation_rad=elevation,
+                distance=float(np.linalg.norm(position - target)),
+            )
+
+    def _window_changed(self) -> bool:
+        for client in self._server.get_clients().values():
+            aspect = _aspect(client)
+            if aspect > 0 and aspect != self._aspect:
+                self._aspect = aspect
+                return True
+        return False
+
+    def _goal(self, index: int) -> View:
+        key = (index, self._aspect, self._direction, self._film.version)
+        found = self._goals.get(key)
+        if found is None:
+            if len(self._goals) > MOST_GOALS:
+                self._goals.clear()
+            found = self._framing(self._film.snapshot(float(index * GOAL_EVERY)), None)
+            self._goals[key] = found
+        return found
+
+    def _framing(self, snapshot: Snapshot, azimuth: float | None) -> View:
+        direction, elevation = self._direction or (None, ELEVATION_RAD)
+        return framing(
+            self._scene.points(snapshot),
+            radius=self._scene.radius,
+            aspect=self._aspect,
+            azimuth_rad=direction if azimuth is None else azimuth,
+            elevation_rad=elevation,
+        )
+
+
+def _aspect(client: viser.ClientHandle) -> float:
+    return round(float(client.camera.aspect), 3)
