@@ -37,15 +37,17 @@ def straightening(
     """
     angles = state.angles
     centre = _centres(chain, state, angles[None])[0].mean(axis=0)
-    straight = np.zeros_like(angles)
-    ends = _centres(chain, state, np.stack([angles, straight]))
-    ends -= ends.mean(axis=1, keepdims=True)
-    moved = float(np.sqrt(((ends[1] - ends[0]) ** 2).sum(axis=1).max()))
-    count = int(
-        np.ceil(max(np.abs(angles).max() / snapshot_rad, 1.2 * moved / snapshot_distance, 1.0))
-    )
-    scales = np.linspace(1.0, 0.0, count + 1)[1:]
-    way = scales[:, None] * angles
+    count = int(np.ceil(max(np.abs(angles).max() / snapshot_rad, 1.0)))
+    while True:
+        scales = np.linspace(1.0, 0.0, count + 1)
+        centres = _centres(chain, state, scales[:, None] * angles)
+        centred = centres - centres.mean(axis=1, keepdims=True)
+        moved = float(np.sqrt((np.diff(centred, axis=0) ** 2).sum(axis=2).max()))
+        if moved <= snapshot_distance:
+            break
+        # A long chain does not straighten evenly: its ends move most at first.
+        count = int(np.ceil(1.05 * count * moved / snapshot_distance))
+    way = scales[1:, None] * angles
     for row in way:
         poses = forward_kinematics(chain.module, row, root=chain.root)
         place = closest(
@@ -53,12 +55,11 @@ def straightening(
         )
         if place.clearance < LEAST_CLEARANCE:
             return None
-    centres = _centres(chain, state, way)
     return Frames.of_phase(
         "explosion",
         time_s=start_s + FRAME_S * np.arange(1.0, count + 1.0),
         joint_angles_rad=way,
-        root_position=state.position + centre - centres.mean(axis=1),
+        root_position=state.position + centre - centres[1:].mean(axis=1),
         root_wxyz=np.broadcast_to(wxyz_from_matrix(state.rotation), (count, 4)).copy(),
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from planner.fold import fold
+from planner.folding import fold
 from planner.paths import Path
 
 SMALL_SHAPE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (1, 1, 1), (1, 0, 1)]

@@ -60,3 +60,26 @@ def overlapping(modules: int = 5) -> Chain:
         folded_position=np.zeros(3),
         folded_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
     )
+
+
+def knotted(tail: int = 6) -> Chain:
+    """A trefoil of thick cells with two loose ends.
+
+    Drawn on a 5 × 5 grid, two cells wide: upright strokes in one layer, lying ones two layers
+    below. The stroke at the right is left out and its ends are led away to the right.
+    """
+    corners = [(8 + tail, 2, 0)]
+    row = 1
+    for column in (1, 3, 0, 2):
+        # Along the row to the column at the bottom, up, along the column at the top, down.
+        to = (column + 2) % 5 if row == column else column
+        corners += [(2 * column, 2 * row, 0), (2 * column, 2 * row, 2)]
+        corners += [(2 * column, 2 * to, 2), (2 * column, 2 * to, 0)]
+        row = to
+    corners.append((8 + tail, 2 * row, 0))
+    cells = [np.array(corners[0])]
+    for corner in corners[1:]:
+        step = np.sign(np.array(corner) - cells[-1])
+        while (cells[-1] != corner).any():
+            cells.append(cells[-1] + step)
+    return Chain.from_path(Path.from_cells(np.array(cells), name="knot"))

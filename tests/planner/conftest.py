@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path as FilePath
 
 import pytest
+from hypothesis import settings
 
 from planner.chain import Chain
 from planner.parameters import Parameters
@@ -14,6 +15,10 @@ from planner.plan import Plan
 from planner.playback import Playback
 from planner.record import Record
 from planner.stages import STAGES, Request, run_stage, write_request
+
+# A busy machine, or kernels that compile first, must not fail a property.
+settings.register_profile("patient", deadline=None)
+settings.load_profile("patient")
 
 SHAPES = FilePath(__file__).parents[2] / "examples" / "shapes"
 
