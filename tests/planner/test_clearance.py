@@ -1,0 +1,149 @@
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from planner.clearance import closest
+from planner.kernels.clearance import pair_separation
+from planner.modules import CUBE
+from planner.segments import turned
+from tests.planner.chains import coil, random_rotation
+
+Array = NDArray[np.float64]
+UPRIGHT = np.eye(3)
+ON_EDGE = turned(np.array([0.0, 0.0, np.pi / 4]))
+# The diagonal of the cube along x: a corner looks at the other module.
+ON_CORNER = turned(np.array([0.0, np.arctan(1 / np.sqrt(2)), 0.0])) @ ON_EDGE.T
+
+
+def separation(
+    gap: Array, first: Array, second: Array, *, size: float = 1.0, enough: float = 100.0
+) -> float:
+    return pair_separation(
+        np.asarray(gap, dtype=np.float64),
+        first,
+        second,
+        CUBE.vertices,
+        CUBE.face_normals,
+        CUBE.edge_directions,
+        size,
+        enough,
+    )
+
+
+@pytest.mark.parametrize("distance", [1.5, 1.0001, 0.9, 0.2])
+def test_face_to_face(distance: float) -> None:
+    assert separation([distance, 0.2, -0.1], UPRIGHT, UPRIGHT) == pytest.approx(distance - 1.0)
+
+
+@pytest.mark.parametrize("distance", [2.0, 1.3, 1.1])
+def test_edge_to_face(distance: float) -> None:
+    wanted = distance - 0.5 - np.sqrt(0.5)
+    assert separation([distance, 0.0, 0.0], UPRIGHT, ON_EDGE) == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize("distance", [2.0, 1.5, 1.35])
+def test_corner_to_face(distance: float) -> None:
+    assert ON_CORNER @ np.array([1.0, 1.0, 1.0]) == pytest.approx([np.sqrt(3), 0.0, 0.0])
+    wanted = distance - 0.5 - np.sqrt(0.75)
+    assert separation([distance, 0.0, 0.0], UPRIGHT, ON_CORNER) == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize("distance", [2.0, 1.5, 1.4])
+def test_crossed_edges(distance: float) -> None:
+    # One shows an edge along z, the other one along y: only a product of edges parts them.
+    other = turned(np.array([0.0, np.pi / 4, 0.0]))
+    wanted = distance - 2.0 * np.sqrt(0.5)
+    assert separation([distance, 0.0, 0.0], ON_EDGE, other) == pytest.approx(wanted)
+
+
+def test_depth_of_one_in_the_other() -> None:
+    assert separation([0.0, 0.0, 0.0], UPRIGHT, UPRIGHT) == pytest.approx(-1.0)
+    assert separation([0.7, 0.0, 0.0], UPRIGHT, UPRIGHT, size=0.9) == pytest.approx(-0.2)
+
+
+def test_corner_to_corner_is_a_lower_bound() -> None:
+    # Their distance is √3 · 0.3; no axis of faces or edges shows all of it.
+    value = separation([1.3, 1.3, 1.3], UPRIGHT, UPRIGHT)
+    assert 0.0 < value <= np.sqrt(3) * 0.3
+    assert value == pytest.approx(0.3)
+
+
+def two_boxes(size: float) -> mujoco.MjModel:
+    body = '<body><freejoint/><geom type="box" size="{0} {0} {0}" mass="1"/></body>'
+    boxes = 2 * body.format(0.5 * size)
+    return mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{boxes}</worldbody></mujoco>")
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.3, 1.8), st.floats(0.5, 1.0))
+def test_the_sign_is_mujocos_and_the_value_never_more(
+    seed: int, distance: float, size: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    first, second = random_rotation(rng), random_rotation(rng)
+    gap = rng.normal(size=3)
+    gap *= distance / np.linalg.norm(gap)
+    mine = separation(gap, first, second, size=size)
+    model = two_boxes(size)
+    data = mujoco.MjData(model)
+    for k, (place, rotation) in enumerate(((np.zeros(3), first), (gap, second))):
+        data.qpos[7 * k : 7 * k + 3] = place
+        mujoco.mju_mat2Quat(data.qpos[7 * k + 3 : 7 * k + 7], rotation.ravel())
+    mujoco.mj_kinematics(model, data)
+    theirs = mujoco.mj_geomDistance(model, data, 0, 1, 10.0, None)
+    if mine > 1e-5:
+        assert theirs > 0.0
+        assert mine <= theirs + 1e-5
+    elif mine < -1e-5:
+        assert theirs < 1e-5
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.1, 3.0))
+def test_who_is_first_where_and_how_turned_makes_no_difference(seed: int, factor: float) -> None:
+    rng = np.random.default_rng(seed)
+    first, second, turn = (random_rotation(rng) for _ in range(3))
+    gap = rng.normal(size=3)
+    value = separation(gap, first, second, size=0.9)
+    assert separation(-gap, second, first, size=0.9) == pytest.approx(value, abs=1e-9)
+    turned_ = separation(turn @ gap, turn @ first, turn @ second, size=0.9)
+    assert turned_ == pytest.approx(value, abs=1e-9)
+    scaled = separation(factor * gap, first, second, size=0.9 * factor)
+    assert scaled == pytest.approx(factor * value, abs=1e-9)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.5))
+def test_stopping_early_only_says_that_it_is_enough(seed: int, enough: float) -> None:
+    rng = np.random.default_rng(seed)
+    first, second, gap = random_rotation(rng), random_rotation(rng), rng.normal(size=3)
+    whole = separation(gap, first, second)
+    early = separation(gap, first, second, enough=enough)
+    if early < enough:
+        assert early == whole
+    else:
+        assert whole >= enough
+
+
+@pytest.mark.parametrize("size", [0.6, 0.9, 0.95, 0.98])
+def test_a_folded_chain_has_the_gaps_of_its_lattice(size: float) -> None:
+    poses = coil(20).folded_poses
+    place = closest(CUBE, poses.positions, poses.rotations, size=size)
+    assert place.clearance == pytest.approx(1.0 - size, abs=1e-12)
+    assert place.modules is not None
+    assert place.modules[1] - place.modules[0] >= 2
+
+
+def test_modules_larger_than_their_cells_overlap() -> None:
+    poses = coil(20).folded_poses
+    place = closest(CUBE, poses.positions, poses.rotations, size=1.1)
+    assert place.clearance == pytest.approx(-0.1)
+
+
+def test_far_modules_are_told_apart_no_further() -> None:
+    positions = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]])
+    place = closest(CUBE, positions, np.broadcast_to(np.eye(3), (4, 3, 3)), size=0.5, enough=0.3)
+    assert place.clearance == 0.3
+    assert place.modules is None

@@ -1,0 +1,41 @@
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from planner.record import Record, save_npz
+from planner.timeline import Frames
+
+
+def some_record() -> Record:
+    rng = np.random.default_rng(0)
+    frames = Frames.of_phase(
+        "explosion",
+        time_s=np.arange(4.0),
+        joint_angles_rad=rng.normal(size=(4, 6)),
+        root_position=rng.normal(size=(4, 3)),
+        root_wxyz=rng.normal(size=(4, 4)),
+    )
+    return Record(
+        status="stalled", reason="it hangs — at 3°.", frames=frames, steps=77, seconds=1.5
+    )
+
+
+def test_a_record_is_read_back_as_it_was(tmp_path: FilePath) -> None:
+    record = some_record()
+    record.save(tmp_path / "record.npz")
+    again = Record.load(tmp_path / "record.npz")
+    assert again.summary() == record.summary()
+    for name in Frames.__dataclass_fields__:
+        mine, theirs = getattr(record.frames, name), getattr(again.frames, name)
+        np.testing.assert_array_equal(mine, theirs)
+        assert mine.dtype == theirs.dtype
+
+
+def test_nothing_but_the_file_is_left(tmp_path: FilePath) -> None:
+    for steps in (1, 2):
+        save_npz(tmp_path / "a.npz", {"steps": np.array(steps)})
+    assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as arrays:
+        assert int(arrays["steps"]) == 2

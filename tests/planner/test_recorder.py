@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import numpy as np
+
+from planner.chain import Chain
+from planner.recorder import Recorder, Step
+from planner.segments import State
+from planner.timeline import Frames
+from tests.planner.chains import line
+
+
+def step_of(chain: Chain, time_s: float, angle: float) -> Step:
+    angles = np.zeros(len(chain.folded_rad))
+    angles[chain.joint_names.index(f"joint_{chain.root}_z")] = angle
+    state = State.at_rest(angles, np.zeros(3), np.eye(3))
+    poses = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    return Step.of(time_s, state, poses.positions)
+
+
+def recorder(chain: Chain, parts: list[Frames], *, distance: float = 100.0) -> Recorder:
+    return Recorder(
+        chain, snapshot_rad=0.1, snapshot_distance=distance, size=0.9, sink=parts.append
+    )
+
+
+def test_snapshots_are_as_sparse_as_allowed_and_no_sparser() -> None:
+    chain, parts = line(6), []
+    recording = recorder(chain, parts)
+    for k in range(100):
+        recording.add(step_of(chain, 0.1 * k, 0.03 * k))
+        if k % 10 == 0:
+            recording.commit()
+    recording.commit(end=True)
+    frames = recording.frames()
+    steps = np.diff(frames.joint_angles_rad.max(axis=1))
+    assert steps.max() < 0.1 + 1e-12
+    assert steps[:-1].min() > 0.05
+    assert frames.joint_angles_rad[0].max() == 0.0
+    assert frames.joint_angles_rad[-1].max() == 0.03 * 99
+    assert (np.diff(frames.time_s) > 0).all()
+
+
+def test_a_module_that_moves_far_counts_as_well() -> None:
+    chain, parts = line(40), []
+    recording = recorder(chain, parts, distance=0.5)
+    for k in range(11):
+        recording.add(step_of(chain, k, 0.009 * k))
+    recording.commit(end=True)
+    # The end of the chain swings by nearly twenty times the angle.
+    centres = chain.poses(
+        recording.frames().joint_angles_rad, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    ).positions
+    moved = np.linalg.norm(np.diff(centres, axis=0), axis=2).max(axis=1)
+    assert len(recording) > 3
+    assert moved.max() <= 0.5
+
+
+def test_what_was_taken_back_is_not_recorded() -> None:
+    chain, parts = line(6), []
+    recording = recorder(chain, parts)
+    recording.add(step_of(chain, 0.0, 0.0))
+    recording.commit()
+    recording.add(step_of(chain, 1.0, 2.0))
+    recording.take_back()
+    recording.add(step_of(chain, 1.0, 0.5))
+    recording.commit(end=True)
+    np.testing.assert_array_equal(recording.frames().joint_angles_rad.max(axis=1), [0.0, 0.5])
+
+
+def test_the_sink_gets_every_snapshot_once_and_in_order() -> None:
+    chain, parts = line(6), []
+    recording = recorder(chain, parts)
+    for k in range(50):
+        recording.add(step_of(chain, k, 0.07 * k))
+        recording.commit()
+    recording.commit(end=True)
+    passed_on = Frames.joined(parts)
+    np.testing.assert_array_equal(passed_on.time_s, recording.frames().time_s)
+    assert len(passed_on) == len(recording)
+    assert np.isnan(passed_on.joint_error_rad).all()
+
+
+def test_steps_are_copies() -> None:
+    chain, parts = line(6), []
+    state = State.at_rest(np.zeros(8), np.zeros(3), np.eye(3))
+    recording = recorder(chain, parts)
+    recording.add(Step.of(0.0, state, np.zeros((6, 3))))
+    state.angles[:] = 9.0
+    state.position[:] = 9.0
+    recording.commit(end=True)
+    assert np.abs(recording.frames().joint_angles_rad).max() == 0.0
+    assert np.abs(recording.frames().root_position).max() == 0.0

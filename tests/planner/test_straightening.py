@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.chain import Chain
+from planner.rotations import wxyz_from_matrix
+from planner.segments import State
+from planner.straightening import straightening
+from planner.timeline import Frames
+from tests.planner.chains import coil, line, random_state
+
+
+def straightened(chain: Chain, state: State, *, rad: float = 0.02) -> Frames | None:
+    return straightening(
+        chain, state, start_s=5.0, snapshot_rad=rad, snapshot_distance=0.5, size=0.95
+    )
+
+
+def gentle(chain: Chain, seed: int) -> State:
+    state = random_state(chain, seed, most=0.1)
+    state.angles[1::2] = 0.0
+    return state
+
+
+@pytest.mark.parametrize("modules", [3, 10, 40])
+def test_it_ends_straight_and_never_steps_too_far(modules: int) -> None:
+    chain = line(modules)
+    state = gentle(chain, modules)
+    frames = straightened(chain, state)
+    assert frames is not None
+    np.testing.assert_array_equal(frames.joint_angles_rad[-1], 0.0)
+    way = np.concatenate([state.angles[None], frames.joint_angles_rad])
+    assert np.abs(np.diff(way, axis=0)).max() <= 0.02 + 1e-12
+    roots = np.concatenate([state.position[None], frames.root_position])
+    wxyz = wxyz_from_matrix(state.rotation)
+    poses = chain.poses(way, roots, np.broadcast_to(wxyz, (len(way), 4)))
+    moved = np.linalg.norm(np.diff(poses.positions, axis=0), axis=2)
+    assert moved.max() <= 0.5
+    # The centre of mass stays.
+    centres = poses.positions.mean(axis=1)
+    np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=1e-12)
+    assert frames.time_s[0] > 5.0
+    assert (np.diff(frames.time_s) > 0).all()
+
+
+@pytest.mark.parametrize("modules", [40, 160])
+def test_a_bow_opens_without_a_jump(modules: int) -> None:
+    # Every hinge is bent a little the same way: the ends come from far and not evenly.
+    chain = line(modules)
+    state = State.at_rest(np.zeros(len(chain.folded_rad)), np.zeros(3), np.eye(3))
+    state.angles[::2] = 4.0 / modules
+    frames = straightened(chain, state)
+    assert frames is not None
+    way = np.concatenate([state.angles[None], frames.joint_angles_rad])
+    roots = np.concatenate([state.position[None], frames.root_position])
+    upright = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (len(way), 4))
+    moved = np.linalg.norm(
+        np.diff(chain.poses(way, roots, upright).positions, axis=0), axis=2
+    ).max()
+    assert moved <= 0.5
+
+
+def test_a_chain_that_would_come_too_close_is_left_alone() -> None:
+    chain = coil(16)
+    folded = chain.folded_poses
+    state = State.at_rest(
+        chain.folded_rad, folded.positions[chain.root], folded.rotations[chain.root]
+    )
+    assert straightened(chain, state) is None
+
+
+def test_a_straight_chain_is_straight_in_one_frame() -> None:
+    chain = line(7)
+    frames = straightened(chain, State.at_rest(np.zeros(10), np.ones(3), np.eye(3)))
+    assert frames is not None
+    assert len(frames) == 1
+    np.testing.assert_allclose(frames.root_position[0], 1.0)

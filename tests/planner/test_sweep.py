@@ -1,0 +1,136 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.clearance import closest
+from planner.kinematics import forward_kinematics
+from planner.sweep import ENOUGH, sweep
+from tests.planner.chains import coil, line
+
+Array = NDArray[np.float64]
+
+
+def clearance_of(chain: Chain, angles: Array, size: float) -> float:
+    poses = forward_kinematics(chain.module, angles, root=chain.root)
+    place = closest(chain.module, poses.positions, poses.rotations, size=size, enough=ENOUGH)
+    return place.clearance
+
+
+def densely(chain: Chain, frames: Array, size: float, samples: int) -> float:
+    """The least clearance at evenly spaced moments of a motion, by nothing but looking."""
+    found = ENOUGH
+    for a, b in zip(frames[:-1], frames[1:], strict=True):
+        for s in np.linspace(0.0, 1.0, samples):
+            found = min(found, clearance_of(chain, (1.0 - s) * a + s * b, size))
+    return found
+
+
+def test_a_collision_between_two_clear_frames_is_found() -> None:
+    chain, frames = crossing()
+    size = 0.95
+    assert clearance_of(chain, frames[0], size) > 0.0
+    assert clearance_of(chain, frames[1], size) > 0.0
+    found = sweep(chain, frames, size=size)
+    assert found.clearance < 0.0
+    assert found.frame not in (0.0, 1.0)
+    assert found.modules is not None
+    assert found.bound <= 0.0
+    at = (1.0 - found.frame) * frames[0] + found.frame * frames[1]
+    assert clearance_of(chain, at, size) == pytest.approx(found.clearance, abs=1e-9)
+
+
+def crossing() -> tuple[Chain, Array]:
+    """Two clear frames between which a chain passes through itself, found by looking."""
+    chain = line(8)
+    rng = np.random.default_rng(0)
+    while True:
+        frames = rng.uniform(-1.5, 1.5, (2, len(chain.folded_rad)))
+        if min(clearance_of(chain, f, 0.95) for f in frames) < 0.05:
+            continue
+        if clearance_of(chain, frames.mean(axis=0), 0.95) < 0.0:
+            continue
+        if densely(chain, frames, 0.95, 60) < -0.05:
+            return chain, frames
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 2**32 - 1), st.integers(4, 12), st.sampled_from([0.05, 0.2, 0.6, 1.5, 3.0]))
+def test_nothing_is_closer_than_the_bound(seed: int, modules: int, step: float) -> None:
+    chain = line(modules)
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(-1.5, 1.5, len(chain.folded_rad))
+    end = np.clip(start + rng.uniform(-step, step, len(start)), -1.6, 1.6)
+    frames = np.stack([start, end])
+    found = sweep(chain, frames, size=0.95)
+    dense = densely(chain, frames, 0.95, 101)
+    assert found.bound <= found.clearance
+    if dense < -1e-3:
+        assert found.clearance < 0.0 or found.bound <= 0.0
+    if found.clearance >= 0.0:
+        assert found.bound <= dense + 1e-9
+
+
+@pytest.mark.parametrize("shape", ["wrench-24", "mallet-64"])
+def test_the_bound_of_real_records_holds(shape: str, folded: Callable[..., Any]) -> None:
+    record = folded(shape).record
+    chain = folded(shape).chain
+    frames = record.frames.joint_angles_rad[::3]
+    found = sweep(chain, frames, size=0.95)
+    assert found.clearance > 0.0
+    assert found.bound <= densely(chain, frames, 0.95, 8) + 1e-9
+
+
+def test_each_frame_has_its_own_clearance() -> None:
+    chain = coil(20)
+    # More frames than are looked at in one go.
+    frames = np.linspace(1.0, 0.9, 150)[:, None] * chain.folded_rad
+    found = sweep(chain, frames, size=0.9)
+    alone = [clearance_of(chain, angles, 0.9) for angles in frames]
+    np.testing.assert_allclose(found.per_frame, alone, atol=1e-12)
+    assert found.clearance <= min(alone)
+
+
+@pytest.mark.parametrize("size", [0.9, 0.95])
+def test_a_chain_that_stays_folded_has_the_gap_of_its_lattice(size: float) -> None:
+    chain = coil(20)
+    found = sweep(chain, np.stack([chain.folded_rad] * 3), size=size)
+    assert found.clearance == pytest.approx(1.0 - size, abs=1e-12)
+    assert found.bound == pytest.approx(1.0 - size, abs=1e-12)
+
+
+def test_back_and_forth_are_the_same_motion() -> None:
+    chain = coil(16)
+    frames = np.linspace(0.0, 1.0, 30)[:, None] * chain.folded_rad
+    there, back = sweep(chain, frames, size=0.9), sweep(chain, frames[::-1].copy(), size=0.9)
+    assert there.clearance == pytest.approx(back.clearance, abs=1e-9)
+    np.testing.assert_allclose(there.per_frame, back.per_frame[::-1], atol=1e-9)
+
+
+def test_larger_modules_have_less_room() -> None:
+    chain = coil(16)
+    frames = np.stack([chain.folded_rad, 0.97 * chain.folded_rad])
+    found = [sweep(chain, frames, size=size).clearance for size in (0.8, 0.9, 0.95, 1.0, 1.05)]
+    assert found == sorted(found, reverse=True)
+    assert found[-1] < 0.0
+
+
+def test_one_frame_is_a_motion_too() -> None:
+    chain = coil(12)
+    found = sweep(chain, chain.folded_rad[None], size=0.95)
+    assert found.clearance == pytest.approx(0.05)
+    assert found.in_betweens == 0
+
+
+def test_a_cancelled_sweep_covers_nothing_more() -> None:
+    chain = coil(12)
+    found = sweep(chain, chain.folded_rad[None], size=1.5, cancelled=lambda: True)
+    assert found.in_betweens == 0
+    assert found.clearance == ENOUGH
