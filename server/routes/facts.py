@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, cast
 
@@ -98,7 +99,7 @@ def _properties(
     explosion = summary.get("explosion") or {}
     playback = summary.get("playback") or {}
     chain = _json(directory / "chain.json")
-    plan = _json(directory / "plan.json") if row.status in ("verified", "failed") else {}
+    plan = _settings_of(directory / "plan.json") if row.status in ("verified", "failed") else {}
     groups: list[tuple[str, list[tuple[str, Any]]]] = [
         (
             "Fold",
@@ -168,7 +169,33 @@ def _pitches(values: dict[str, Any], key: str, digits: int) -> str | None:
     return _with(_number(values, key, digits), "pitch")
 
 
+def _settings_of(path: Path) -> dict[str, Any]:
+    """Parameters and versions of a plan; its frames make it a long file, so it is read once."""
+    try:
+        return _settings_at(path, path.stat().st_mtime_ns)
+    except OSError:
+        return {}
+
+
+@lru_cache(maxsize=512)
+def _settings_at(path: Path, changed_ns: int) -> dict[str, Any]:
+    del changed_ns
+    plan = _json(path)
+    return {key: plan.get(key) for key in ("parameters", "versions")}
+
+
 def _simulated_s(directory: Path) -> str | None:
+    """Simulated time of a timeline; looked up once for each length that it has had."""
+    try:
+        changed_ns = (directory / "timeline.zarr" / "zarr.json").stat().st_mtime_ns
+    except OSError:
+        return None
+    return _simulated_at(directory, changed_ns)
+
+
+@lru_cache(maxsize=512)
+def _simulated_at(directory: Path, changed_ns: int) -> str | None:
+    del changed_ns
     try:
         timeline = Timeline.open(directory / "timeline.zarr")
         if not len(timeline):

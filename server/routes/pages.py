@@ -7,7 +7,7 @@ import hashlib
 import json
 import mimetypes
 import secrets
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,7 +18,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 
 from planner.errors import PlannerError
 from planner.readers import read
-from planner.timeline import Timeline
+from planner.timeline import chain_from_attributes
 from server.routes.facts import fold_facts, shown_name
 from server.routes.finding import Found, find_fold
 from web.colours import ERROR, NEUTRAL, UNKNOWN, css
@@ -172,14 +172,23 @@ def _featured(store: Any) -> Any:
 
 def _drawing(found: Found) -> str:
     """The folded shape, shown until the view is there."""
+    chain = found.directory / "chain.json"
+    return _drawing_of(chain if chain.exists() else found.directory / "input", chain.exists())
+
+
+@lru_cache(maxsize=256)
+def _drawing_of(path: Path, is_chain: bool) -> str:
+    """A drawing of a chain that is known, or of an input that is still to be read."""
+    cells: Any = np.array(PAWN)
     try:
-        chain = Timeline.open(found.directory / "timeline.zarr").chain
-        cells = np.rint(chain.folded_poses.positions).astype(int)
-    except (PlannerError, OSError):
-        try:
-            cells = _cells(read((found.directory / "input").read_bytes()))
-        except (PlannerError, OSError):
-            cells = np.array(PAWN)
+        if is_chain:
+            attributes = json.loads(path.read_text(encoding="utf-8"))
+            folded = chain_from_attributes(attributes).folded_poses.positions
+            cells = np.rint(folded).astype(int)
+        else:
+            cells = _cells(read(path.read_bytes()))
+    except (PlannerError, OSError, ValueError, KeyError):
+        pass  # a drawing is not worth an error
     return isometric_svg(cells) if len(cells) <= LARGEST_DRAWING else ""
 
 
