@@ -162,7 +162,8 @@ class Plan:
         """
         try:
             if path.suffix == ".npz":
-                with np.load(path, allow_pickle=False) as file:
+                # NumPy leaves a file open that it opened itself and cannot read.
+                with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                     values = json.loads(str(file["plan"]))
                     values.update({name: file[name] for name in _ARRAYS})
             else:
