@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.chain import Chain
 from planner.errors import SimulationError
 from planner.explosion import explode
 from planner.parameters import ExplosionParameters

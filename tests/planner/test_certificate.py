@@ -1,0 +1,320 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from planner.certificate import GRAVITY_M_S2, Certificate, certify
+from planner.chain import Chain
+from planner.errors import InputError
+from planner.parameters import Parameters, preset
+from planner.paths import Path
+from planner.playback import Playback
+from planner.record import Record
+from planner.sweep import sweep
+from planner.timeline import Frames
+from tests.planner.chains import coil, line
+
+Array = NDArray[np.float64]
+PARAMETERS = Parameters()
+
+
+def playback_of(plan: Array, *, frames: Array | None = None, **changes: Any) -> Playback:
+    """A playback that did what the plan says, or says that it did."""
+    done = plan if frames is None else frames
+    count = len(done)
+    values: dict[str, Any] = {
+        "status": "folded",
+        "reason": "",
+        "frames": Frames.of_phase(
+            "playback",
+            time_s=np.arange(count, dtype=np.float64),
+            joint_angles_rad=done,
+            root_position=np.zeros((count, 3)),
+            root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+            joint_error_rad=np.zeros_like(done),
+        ),
+        "reference_rad": plan,
+        "steps": 100,
+        "seconds": 1.0,
+        "rms_position_error": 0.0,
+        "max_angle_error_rad": 0.0,
+        "peak_torque": 1.0,
+        "rms_torque": 0.5,
+    }
+    return Playback(**(values | changes))
+
+
+def record_of(frames: Array) -> Record:
+    count = len(frames)
+    return Record(
+        status="straight",
+        reason="",
+        frames=Frames.of_phase(
+            "explosion",
+            time_s=np.arange(count, dtype=np.float64),
+            joint_angles_rad=frames,
+            root_position=np.zeros((count, 3)),
+            root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+        ),
+        steps=10,
+        seconds=1.0,
+    )
+
+
+def closing(steps: int = 40) -> tuple[Chain, Array]:
+    """A line that closes to a C, all of it clear."""
+    cells = [(1, 0, 0), (0, 0, 0), (0, 1, 0), (0, 2, 0), (1, 2, 0)]
+    chain = Chain.from_path(Path.from_cells(cells))
+    return chain, np.linspace(0.0, 1.0, steps)[:, None] * chain.folded_rad
+
+
+def verdict(chain: Chain, playback: Playback | None, record: Record | None = None) -> str:
+    certificate = certify(chain, record, playback, PARAMETERS)
+    # Whatever is certified must be something that can be sent on.
+    json.dumps(certificate.as_dict(), allow_nan=False)
+    return certificate.verdict
+
+
+def test_a_sound_plan_is_verified() -> None:
+    chain, plan = closing()
+    certificate = certify(chain, record_of(plan[::-1]), playback_of(plan), PARAMETERS)
+    assert certificate.verdict == "verified"
+    assert certificate.verified
+    assert certificate.min_clearance is not None
+    assert certificate.min_clearance > 0.0
+    assert certificate.rms_position_error == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("shape", ["wrench-24", "mallet-24", "mallet-64", "wrench-94"])
+def test_real_plans_are_verified(shape: str, folded: Callable[..., Any]) -> None:
+    certificate = folded(shape).plan.certificate
+    assert certificate.verdict == "verified"
+    assert certificate.clearance_bound > 0.0
+    assert certificate.clearance_bound <= certificate.min_clearance <= 0.05 + 1e-9
+    assert certificate.min_clearance_playback > 0.0
+    assert certificate.rms_position_error <= 1e-3
+    assert certificate.max_angle_error_rad <= 2e-3
+
+
+# A verdict is attacked from here on: none of these plans may pass.
+
+
+def test_one_frame_inside_itself_is_enough() -> None:
+    chain, plan = closing()
+    plan[20, :] = [np.pi / 2, 0.0, np.pi / 2, 0.0, np.pi / 2, 0.0]
+    found = verdict(chain, playback_of(plan))
+    assert found.startswith("failed: in the plan, modules 0 and 4 overlap by")
+    assert "at frame 20" in found
+
+
+def test_a_collision_of_the_simulated_playback_counts_as_well() -> None:
+    chain, plan = closing()
+    done = plan.copy()
+    done[20, :] = [np.pi / 2, 0.0, np.pi / 2, 0.0, np.pi / 2, 0.0]
+    found = verdict(chain, playback_of(plan, frames=done))
+    assert found.startswith("failed: in the simulated playback, modules 0 and 4 overlap")
+
+
+def test_two_frames_that_jump_over_the_collision_are_caught() -> None:
+    # Folding a coil in one go, all hinges at once, with nothing between start and end.
+    chain = coil(16)
+    plan = np.stack([np.zeros_like(chain.folded_rad), chain.folded_rad])
+    found = verdict(chain, playback_of(plan))
+    assert found.startswith("failed: in the plan, modules")
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "word"),
+    [
+        (0, 0.01, "does not begin straight"),
+        (-1, 0.01, "does not end folded"),
+        (20, np.deg2rad(92.5), "beyond its range"),
+    ],
+)
+def test_a_plan_between_other_ends_or_beyond_its_joints(
+    where: int, value: float, word: str
+) -> None:
+    chain, plan = closing()
+    plan[where, 1] += value
+    assert word in verdict(chain, playback_of(plan))
+
+
+def test_a_mirrored_end_is_not_the_folded_one() -> None:
+    chain, plan = closing()
+    assert "does not end folded" in verdict(chain, playback_of(-plan))
+
+
+def test_a_playback_that_ended_elsewhere() -> None:
+    chain, plan = closing()
+    found = verdict(chain, playback_of(plan, frames=0.9 * plan))
+    assert found.startswith("failed: the playback ends")
+
+
+@pytest.mark.parametrize("status", ["missed", "diverged", "cancelled", "timeout"])
+def test_a_playback_that_says_it_failed(status: Any) -> None:
+    chain, plan = closing()
+    found = verdict(chain, playback_of(plan, status=status, reason="of this."))
+    assert found == f"failed: the playback {status}: of this."
+
+
+@pytest.mark.parametrize("status", ["stalled", "diverged", "cancelled", "timeout"])
+def test_an_explosion_that_says_it_failed(status: Any) -> None:
+    chain, plan = closing()
+    record = replace(record_of(plan[::-1]), status=status, reason="of that.")
+    assert verdict(chain, playback_of(plan), record) == f"failed: the explosion {status}: of that."
+    assert verdict(chain, None, record) == f"failed: the explosion {status}: of that."
+
+
+def test_no_playback_at_all() -> None:
+    chain, plan = closing()
+    assert verdict(chain, None) == "failed: there is no playback"
+    assert verdict(chain, None, record_of(plan)) == "failed: there is no playback"
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("frame", [0, 17, -1])
+@pytest.mark.parametrize("what", ["plan", "playback", "record", "root", "time"])
+def test_what_is_not_a_number_is_no_plan(bad: float, frame: int, what: str) -> None:
+    chain, plan = closing()
+    record, playback = record_of(plan[::-1].copy()), playback_of(plan.copy(), frames=plan.copy())
+    array = {
+        "plan": playback.reference_rad,
+        "playback": playback.frames.joint_angles_rad,
+        "record": record.frames.joint_angles_rad,
+        "root": playback.frames.root_position,
+        "time": playback.frames.time_s,
+    }[what]
+    array[frame] = bad
+    assert verdict(chain, playback, record).startswith("failed: the")
+
+
+def test_arrays_of_other_shapes_are_no_plan() -> None:
+    chain, plan = closing()
+    assert "shape" in verdict(chain, playback_of(plan[:20], frames=plan))
+    assert "shape" in verdict(chain, playback_of(plan[:, :4]))
+    assert verdict(chain, playback_of(plan[:0])).startswith("failed")
+    assert verdict(chain, playback_of(plan[:1])).startswith("failed")
+    assert verdict(line(9), playback_of(plan)).startswith("failed")
+
+
+def test_time_must_not_run_backwards() -> None:
+    chain, plan = closing()
+    playback = playback_of(plan)
+    playback.frames.time_s[10] = 3.0
+    assert "run backwards" in verdict(chain, playback)
+
+
+@pytest.mark.parametrize("size", [np.nan, np.inf, 0.0, -1.0])
+def test_a_module_without_a_size_is_a_broken_call(size: float) -> None:
+    chain, plan = closing()
+    with pytest.raises(InputError, match="module size"):
+        certify(chain, None, playback_of(plan), replace(PARAMETERS, module_size=size))
+
+
+@pytest.mark.parametrize("times", [1, 2, 3, 50])
+def test_once_cancelled_is_cancelled(times: int) -> None:
+    # Even when whoever cancelled asks no more: parts of the motion were never looked at.
+    chain, plan = closing(200)
+    asked = 0
+
+    def cancelled() -> bool:
+        nonlocal asked
+        asked += 1
+        return asked == times
+
+    certificate = certify(
+        chain, record_of(plan), playback_of(plan), PARAMETERS, cancelled=cancelled
+    )
+    assert certificate.verified is (asked < times)
+    if asked >= times:
+        assert certificate.verdict == "failed: it was cancelled"
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_nothing_random_is_verified_that_a_dense_look_refuses(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cells = 7
+    chain = coil(cells)
+    ways = rng.integers(1, 4)
+    stops = [np.zeros_like(chain.folded_rad)]
+    stops += [rng.uniform(-1.5, 1.5, len(chain.folded_rad)) for _ in range(ways)]
+    plan = np.stack([*stops, chain.folded_rad])
+    certificate = certify(chain, None, playback_of(plan), PARAMETERS)
+    fine = np.concatenate(
+        [np.linspace(a, b, 40, endpoint=False) for a, b in zip(plan[:-1], plan[1:], strict=True)]
+        + [plan[-1:]]
+    )
+    clear = all(
+        value >= -1e-6 for value in sweep(chain, fine, size=PARAMETERS.module_size).per_frame
+    )
+    if certificate.verdict == "verified":
+        assert clear
+
+
+@pytest.mark.parametrize("size", [0.9, 0.95, 0.97])
+def test_the_clearance_of_a_fold_is_that_of_its_lattice(size: float) -> None:
+    chain = coil(16)
+    still = np.stack([chain.folded_rad] * 2)
+    certificate = certify(chain, None, playback_of(still), replace(PARAMETERS, module_size=size))
+    assert certificate.min_clearance == pytest.approx(1.0 - size, abs=1e-12)
+    assert certificate.verdict == "failed: the plan does not begin straight"
+
+
+def test_larger_modules_fail_honestly(folded: Callable[..., Any]) -> None:
+    fold = folded("mallet-24")
+    parameters = replace(fold.parameters, module_size=1.05)
+    certificate = certify(fold.chain, fold.record, fold.playback, parameters)
+    assert certificate.verdict.startswith("failed: in the plan, modules")
+    assert "module size 1.05" in certificate.verdict
+    assert certificate.min_clearance <= -0.05 + 1e-9
+
+
+@pytest.mark.parametrize("preset_name", ["default", "paper", "direct"])
+def test_torques_in_newton_metres(preset_name: str) -> None:
+    # 1 cm cubes of 2700 kg/m³: m g L = 2.65e-4 N·m. A straight line of 11, held in the middle,
+    # hangs 1 + 2 + … + 5 of them on its root's hinge.
+    parameters = preset(preset_name)
+    chain = line(11)
+    assert chain.pitch_m == 0.01
+    plan = np.zeros((3, len(chain.folded_rad)))
+    certificate = certify(chain, None, playback_of(plan), parameters)
+    weight = 2700.0 * 1e-6 * GRAVITY_M_S2 * 0.01
+    assert weight == pytest.approx(2.65e-4, rel=1e-3)
+    assert certificate.gravity_torque_straight_nm == pytest.approx(15 * weight)
+    assert certificate.gravity_torque_folded_nm == pytest.approx(15 * weight)
+
+
+def test_the_speed_limit_sets_the_fold_time_and_the_torque() -> None:
+    chain, plan = closing(41)
+    # 40 s for a quarter turn: the fastest hinge does π/80 rad/s.
+    slow, fast = (
+        certify(chain, None, playback_of(plan), replace(PARAMETERS, joint_speed_limit_rad_s=limit))
+        for limit in (0.5, 1.0)
+    )
+    assert slow.fold_time_s == pytest.approx(np.pi)
+    assert fast.fold_time_s == pytest.approx(np.pi / 2)
+    assert fast.peak_torque_nm == pytest.approx(4.0 * slow.peak_torque_nm)
+    assert slow.max_joint_step_rad == pytest.approx(np.pi / 80)
+    assert slow.joints_moving_most == np.count_nonzero(chain.folded_rad)
+
+
+@pytest.mark.parametrize("shape", ["wrench-24", "mallet-64"])
+def test_a_certificate_survives_json(shape: str, folded: Callable[..., Any]) -> None:
+    certificate = folded(shape).plan.certificate
+    text = json.dumps(certificate.as_dict(), allow_nan=False)
+    assert Certificate.from_dict(json.loads(text)) == certificate
+
+
+def test_a_failed_certificate_survives_json_too() -> None:
+    certificate = certify(line(5), None, None, PARAMETERS)
+    text = json.dumps(certificate.as_dict(), allow_nan=False)
+    assert Certificate.from_dict(json.loads(text)) == certificate
+    assert not certificate.verified

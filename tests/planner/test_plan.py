@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.errors import InputError
+from planner.plan import FORMAT, Plan, versions
+
+ARRAYS = ("time_s", "joint_angles_rad", "root_position", "root_wxyz", "max_error_rad")
+
+
+@pytest.fixture(scope="module")
+def plan(folded: Callable[..., Any]) -> Plan:
+    return folded("wrench-24").plan
+
+
+@pytest.mark.parametrize("suffix", ["json", "npz"])
+def test_a_plan_is_read_back_as_it_was(plan: Plan, suffix: str, tmp_path: FilePath) -> None:
+    path = tmp_path / f"plan.{suffix}"
+    plan.save_json(path) if suffix == "json" else plan.save_npz(path)
+    again = Plan.load(path)
+    for name in ARRAYS:
+        mine, theirs = getattr(plan, name), getattr(again, name)
+        assert mine.shape == theirs.shape
+        np.testing.assert_allclose(theirs, mine, atol=1e-11, rtol=0)
+        if suffix == "npz":
+            np.testing.assert_array_equal(theirs, mine)
+    assert again.certificate == plan.certificate
+    assert again.summary() == plan.summary()
+    assert again.parameters == json.loads(json.dumps(plan.parameters))
+    np.testing.assert_array_equal(again.chain.folded_rad, plan.chain.folded_rad)
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_the_json_form_is_plain_json_with_all_that_was_promised(plan: Plan) -> None:
+    def no_constant(word: str) -> None:
+        raise AssertionError(word)
+
+    text = json.dumps(plan.as_dict(), allow_nan=False)
+    values = json.loads(text, parse_constant=no_constant)
+    frames, joints = plan.joint_angles_rad.shape
+    assert values["format"] == FORMAT
+    assert len(values["time_s"]) == len(values["phase"]) == frames
+    assert len(values["joint_names"]) == joints
+    assert np.array(values["root_wxyz"]).shape == (frames, 4)
+    for key in ("chain", "parameters", "seed", "versions", "certificate"):
+        assert values[key] is not None
+    assert values["time_s"][0] == 0.0
+
+
+def test_the_npz_form_needs_no_pickle(plan: Plan, tmp_path: FilePath) -> None:
+    plan.save_npz(tmp_path / "plan.npz")
+    with np.load(tmp_path / "plan.npz", allow_pickle=False) as arrays:
+        assert {*ARRAYS, "plan", "phase", "joint_names"} == set(arrays.files)
+        assert all(arrays[name].dtype != object for name in arrays.files)
+
+
+def test_frames_run_from_straight_to_folded(plan: Plan) -> None:
+    np.testing.assert_array_equal(plan.joint_angles_rad[0], 0.0)
+    np.testing.assert_allclose(plan.joint_angles_rad[-1], plan.chain.folded_rad, atol=1e-9)
+    assert (np.diff(plan.time_s) > 0).all()
+
+
+def damaged(values: dict[str, Any], how: str) -> Any:
+    if how == "another format":
+        values["format"] = "foldback-plan/2"
+    elif how == "no certificate":
+        del values["certificate"]
+    elif how == "angles of another chain":
+        values["joint_angles_rad"] = [row[:-1] for row in values["joint_angles_rad"]]
+    elif how == "words for numbers":
+        values["time_s"][3] = "soon"
+    elif how == "fewer times than frames":
+        values["time_s"] = values["time_s"][:-1]
+    elif how == "unknown module":
+        values["chain"]["module"] = "sphere"
+    elif how == "a list":
+        return [values]
+    elif how == "a certificate that knows more":
+        values["certificate"]["beauty"] = 1
+    return values
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        "another format",
+        "no certificate",
+        "angles of another chain",
+        "words for numbers",
+        "fewer times than frames",
+        "unknown module",
+        "a list",
+        "a certificate that knows more",
+    ],
+)
+def test_what_is_no_plan_is_refused(plan: Plan, how: str, tmp_path: FilePath) -> None:
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(damaged(plan.as_dict(), how)))
+    with pytest.raises(InputError):
+        Plan.load(path)
+
+
+@pytest.mark.parametrize("suffix", ["json", "npz"])
+def test_damaged_files_are_refused(plan: Plan, suffix: str, tmp_path: FilePath) -> None:
+    path = tmp_path / f"plan.{suffix}"
+    plan.save_json(path) if suffix == "json" else plan.save_npz(path)
+    whole = path.read_bytes()
+    middle = len(whole) // 2
+    for data in (
+        b"",
+        b"\x00" * 50,
+        whole[:middle],
+        whole[: middle // 20],
+        whole[:600] + b"\x00" * 64 + whole[664:],
+        b"[" * 100_000,
+    ):
+        path.write_bytes(data)
+        with pytest.raises(InputError, match=path.name):
+            Plan.load(path)
+    with pytest.raises(InputError, match="not-there"):
+        Plan.load(tmp_path / f"not-there.{suffix}")
+
+
+def test_versions_name_what_a_plan_depends_on() -> None:
+    assert {"python", "foldback", "mujoco", "numpy"} <= set(versions())
