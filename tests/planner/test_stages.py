@@ -1,0 +1,269 @@
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.errors import InputError, SimulationError
+from planner.formats import write_chain, write_path
+from planner.paths import Path
+from planner.plan import Plan
+from planner.progress import Progress
+from planner.record import Record
+from planner.segments import Acceleration, Segments, State
+from planner.stages import STAGES, Request, chain_of, run_stage, write_request
+from planner.timeline import PHASES, Timeline
+from tests.planner.chains import coil
+from tests.planner.conftest import SHAPES
+
+Array = NDArray[np.float64]
+COIL = Path.from_cells(np.round(coil(12).folded_poses.positions).astype(int), name="coil")
+OUTPUTS = {
+    "read": ["chain.json"],
+    "explode": ["record.npz"],
+    "play_back": ["playback.npz"],
+    "certify": ["certificate.json"],
+    "export": ["model.xml", "plan.json", "plan.npz"],
+}
+
+
+def begun(directory: FilePath, **values: Any) -> FilePath:
+    directory.mkdir(exist_ok=True)
+    write_request(directory, Request(**values), write_path(COIL))
+    return directory
+
+
+def run(directory: FilePath, *stages: str) -> list[dict[str, Any]]:
+    results = [run_stage(stage, directory) for stage in stages]
+    for result in results:
+        json.dumps(result, allow_nan=False)
+    return results
+
+
+def timeless(value: Any) -> Any:
+    """Without what a clock says."""
+    if isinstance(value, dict):
+        return {k: timeless(v) for k, v in value.items() if k != "seconds"}
+    return value
+
+
+def test_all_stages_make_a_verified_plan(tmp_path: FilePath) -> None:
+    directory = begun(tmp_path / "fold")
+    read, explode, play_back, certify, export = run(directory, *STAGES)
+    assert (read["name"], read["modules"], read["joints"]) == ("coil", 12, 20)
+    assert explode["status"] == "straight"
+    assert play_back["status"] == "folded"
+    assert certify["verdict"] == "verified"
+    assert export["status"] == "verified"
+    assert export["reason"] == ""
+    expected = {name for names in OUTPUTS.values() for name in names}
+    present = {path.name for path in directory.iterdir()}
+    assert present == expected | {"request.json", "input", "timeline.zarr"}
+    assert Plan.load(directory / "plan.json").verified
+
+
+def test_the_timeline_holds_explosion_then_playback(folded: Callable[..., Any]) -> None:
+    fold = folded("wrench-24")
+    timeline = Timeline.open(fold.directory / "timeline.zarr")
+    frames = timeline.frames()
+    assert timeline.status == "complete"
+    explosion = int((frames.phase == PHASES.index("explosion")).sum())
+    assert explosion == len(fold.record.frames)
+    assert (np.diff(frames.phase.astype(int)) >= 0).all()
+    assert (np.diff(frames.time_s) >= 0).all()
+    np.testing.assert_array_equal(
+        frames.joint_angles_rad[explosion:], fold.playback.frames.joint_angles_rad
+    )
+    assert np.isnan(frames.joint_error_rad[:explosion]).all()
+    assert np.isfinite(frames.joint_error_rad[explosion:]).all()
+    # The playback begins where the explosion has left the chain.
+    np.testing.assert_allclose(
+        frames.root_position[explosion], frames.root_position[explosion - 1], atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("again_from", STAGES)
+def test_any_stage_can_be_run_again(
+    again_from: str, folded: Callable[..., Any], tmp_path: FilePath
+) -> None:
+    first = folded("wrench-24").directory
+    directory = tmp_path / "again"
+    shutil.copytree(first, directory)
+    later = STAGES[STAGES.index(again_from) :]
+    for stage in later:
+        for name in OUTPUTS[stage]:
+            (directory / name).unlink()
+    run(directory, *later)
+    before, after = Plan.load(first / "plan.npz"), Plan.load(directory / "plan.npz")
+    assert timeless(before.summary()) == timeless(after.summary())
+    np.testing.assert_array_equal(before.joint_angles_rad, after.joint_angles_rad)
+    np.testing.assert_array_equal(before.root_position, after.root_position)
+    mine, theirs = (Timeline.open(d / "timeline.zarr").frames() for d in (first, directory))
+    np.testing.assert_array_equal(mine.joint_angles_rad, theirs.joint_angles_rad)
+    np.testing.assert_array_equal(mine.phase, theirs.phase)
+    np.testing.assert_array_equal(mine.time_s, theirs.time_s)
+
+
+class Killed(BaseException):
+    """The process ends here."""
+
+
+@pytest.mark.parametrize("stage", ["explode", "play_back", "certify"])
+def test_a_stage_killed_half_way_leaves_nothing_half_written(
+    stage: str, folded: Callable[..., Any], tmp_path: FilePath
+) -> None:
+    whole = folded("wrench-24")
+    directory = tmp_path / "killed"
+    shutil.copytree(whole.directory, directory)
+    for later in STAGES[STAGES.index(stage) :]:
+        for name in OUTPUTS[later]:
+            (directory / name).unlink()
+    asked = 0
+
+    def killed() -> bool:
+        nonlocal asked
+        asked += 1
+        if asked == 4:
+            raise Killed
+        return False
+
+    with pytest.raises(Killed):
+        run_stage(stage, directory, cancelled=killed)
+    left = {path.name for path in directory.iterdir()}
+    earlier = [name for s in STAGES[: STAGES.index(stage)] for name in OUTPUTS[s]]
+    assert left == {*earlier, "request.json", "input", "timeline.zarr"}
+    Timeline.open(directory / "timeline.zarr").frames()
+    run(directory, *STAGES[STAGES.index(stage) :])
+    again = Plan.load(directory / "plan.npz")
+    np.testing.assert_array_equal(again.joint_angles_rad, whole.plan.joint_angles_rad)
+    assert timeless(again.summary()) == timeless(whole.plan.summary())
+
+
+def break_explosions(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
+    original = Segments.accelerations
+    calls = 0
+
+    def broken(self: Segments, state: State, forces: Array) -> Acceleration:
+        nonlocal calls
+        calls += 1
+        if calls > after:
+            raise SimulationError("it blew up.")
+        return original(self, state, forces)
+
+    monkeypatch.setattr(Segments, "accelerations", broken)
+
+
+@pytest.mark.parametrize("after", [0, 60])
+def test_a_failed_explosion_still_gives_a_plan_that_says_so(
+    after: int, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    directory = begun(tmp_path / "fold")
+    break_explosions(monkeypatch, after)
+    _, explode, play_back, certify, export = run(directory, *STAGES)
+    assert explode["status"] == "diverged"
+    assert play_back["status"] == "skipped"
+    assert certify["verdict"].startswith("failed: the explosion diverged")
+    assert export["status"] == "failed"
+    assert "it blew up" in export["reason"]
+    plan = Plan.load(directory / "plan.json")
+    assert not plan.verified
+    assert len(plan.time_s) == 0
+    assert plan.summary()["explosion"]["status"] == "diverged"
+    timeline = Timeline.open(directory / "timeline.zarr")
+    assert timeline.status == "failed"
+    assert len(timeline) == len(Record.load(directory / "record.npz").frames)
+
+
+def test_a_good_fold_leaves_nothing_to_a_bad_one_in_the_same_place(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    directory = begun(tmp_path / "fold")
+    assert run(directory, *STAGES)[-1]["status"] == "verified"
+    break_explosions(monkeypatch, 60)
+    write_request(directory, Request(seed=1), write_path(COIL))
+    export = run(directory, *STAGES)[-1]
+    assert export["status"] == "failed"
+    assert export["playback"] is None
+    assert len(Plan.load(directory / "plan.npz").time_s) == 0
+
+
+def test_direct_servoing_has_no_explosion(tmp_path: FilePath) -> None:
+    directory = begun(tmp_path / "fold")
+    run(directory, *STAGES)
+    write_request(directory, Request(preset="direct"), write_path(COIL))
+    _, explode, play_back, certify, export = run(directory, *STAGES)
+    assert explode["status"] == "none"
+    assert play_back["steps"] > 0
+    assert certify["min_clearance_record"] is None
+    assert export["explosion"] == {"steps": 0, "frames": 0, "seconds": 0.0}
+    timeline = Timeline.open(directory / "timeline.zarr")
+    assert set(timeline.frames().phase.tolist()) == {PHASES.index("playback")}
+
+
+@pytest.mark.parametrize("stage", ["explode", "play_back", "certify"])
+def test_a_cancelled_stage_is_never_a_verified_plan(
+    stage: str, folded: Callable[..., Any], tmp_path: FilePath
+) -> None:
+    directory = tmp_path / "cancelled"
+    shutil.copytree(folded("wrench-24").directory, directory)
+    place = STAGES.index(stage)
+    result = run_stage(stage, directory, cancelled=lambda: True)
+    if stage != "certify":
+        assert result["status"] == "cancelled"
+    run(directory, *STAGES[place + 1 :])
+    plan = Plan.load(directory / "plan.npz")
+    assert not plan.verified
+    assert "cancelled" in plan.certificate.verdict
+
+
+def test_progress_of_every_stage_ends_at_one(tmp_path: FilePath) -> None:
+    directory = begun(tmp_path / "fold")
+    for stage in STAGES:
+        told: list[Progress] = []
+        run_stage(stage, directory, progress=told.append)
+        assert {p.stage for p in told} == {stage}
+        assert told[-1].fraction == 1.0
+        assert all(0.0 <= p.fraction <= 1.0 for p in told)
+
+
+@pytest.mark.parametrize(
+    ("values", "code"),
+    [
+        ({"preset": "ours"}, "unknown-preset"),
+        ({"seed": -1}, "bad-seed"),
+        ({"seed": 2**63}, "bad-seed"),
+        ({"module_size": 0.01}, "bad-module-size"),
+        ({"module_size": 1.01}, "bad-module-size"),
+        ({"module_size": float("nan")}, "bad-module-size"),
+    ],
+)
+def test_a_request_out_of_range_is_refused(
+    values: dict[str, Any], code: str, tmp_path: FilePath
+) -> None:
+    directory = begun(tmp_path / "fold", **values)
+    with pytest.raises(InputError) as refused:
+        run_stage("read", directory)
+    assert refused.value.code == code
+    assert not (directory / "chain.json").exists()
+
+
+def test_a_chain_file_is_as_good_as_a_path() -> None:
+    chain = coil(12)
+    again = chain_of(write_chain(chain), "coil.json")
+    np.testing.assert_allclose(again.folded_rad, chain.folded_rad)
+    from_path = chain_of((SHAPES / "wrench-24.json").read_bytes(), None)
+    assert len(from_path) == 24
+
+
+def test_bad_input_is_refused_and_nothing_is_written(tmp_path: FilePath) -> None:
+    directory = begun(tmp_path / "fold")
+    (directory / "input").write_bytes(b"[[0,0,0],[2,0,0],[3,0,0]]")
+    with pytest.raises(InputError, match="cells 0 and 1"):
+        run_stage("read", directory)
+    assert not (directory / "chain.json").exists()
