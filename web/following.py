@@ -26,6 +26,8 @@ GOAL_EVERY: Final = 12
 GOALS_ASIDE: Final = 4
 GOAL_SPREAD: Final = 1.8
 MOST_GOALS: Final = 4000
+ROOM: Final = 1.08
+"""How much farther than needed the camera stays, so that nothing touches the edge."""
 STEEPEST_RAD: Final = 1.2
 
 
@@ -59,6 +61,7 @@ class Following:
         if around and not turn:
             weights = np.exp(-(((np.array(around) - here) / GOALS_ASIDE * GOAL_SPREAD) ** 2))
             goal = blended([self._goal(k) for k in around], weights, nearest=goal)
+        goal = replace(goal, distance=max(goal.distance, ROOM * self._needed(shown, goal)))
         first = self._follower.view is None
         self._follower.aim(goal, at_once=first)
         if first:
@@ -76,9 +79,7 @@ class Following:
         moved = self._follower.move(seconds) or turn
         view = self._follower.view
         if moved and view is not None:
-            least = distance_needed(
-                self._scene.points(shown), view, radius=self._scene.radius, aspect=self._aspect
-            )
+            least = self._needed(shown, view)
             if view.distance < least:
                 self._follower.view = view = replace(view, distance=least)
             self._scene.look(view)
@@ -96,6 +97,10 @@ class Following:
                 elevation_rad=elevation,
                 distance=float(np.linalg.norm(position - target)),
             )
+
+    def _needed(self, shown: Snapshot, view: View) -> float:
+        points = self._scene.points(shown)
+        return distance_needed(points, view, radius=self._scene.radius, aspect=self._aspect)
 
     def _window_changed(self) -> bool:
         for client in self._server.get_clients().values():

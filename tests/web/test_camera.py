@@ -1,11 +1,21 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from web.camera import FIELD_OF_VIEW_RAD, Follower, View, angles_of, blended, framing
+from web.camera import (
+    FIELD_OF_VIEW_RAD,
+    Follower,
+    View,
+    angles_of,
+    blended,
+    distance_needed,
+    framing,
+)
 
 RADIUS = 0.87
 
@@ -47,6 +57,14 @@ def test_the_picture_is_centred() -> None:
     spots = seen(box, framing(box, radius=RADIUS), 1.6)
     middle = (spots.max(axis=0) + spots.min(axis=0)) / 2
     assert np.abs(middle).max() < 0.05
+
+
+def test_the_distance_needed_is_just_enough() -> None:
+    line = np.arange(-80, 81)[:, None] * [0.5, 0.8, 0.1]
+    view = framing(line, radius=0.0, aspect=0.5)
+    view = replace(view, target=view.target + [3.0, 1.0, 2.0])
+    least = distance_needed(line, view, radius=0.0, aspect=0.5)
+    assert np.abs(seen(line, replace(view, distance=least), 0.5)).max() == pytest.approx(1.0)
 
 
 def test_following_arrives_and_then_rests() -> None:
