@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.reference import Reference, record_lengths
+from planner.sweep import sweep
+from tests.planner.chains import line
+
+SHAPES = ("wrench-24", "mallet-64")
+
+
+def reference_of(fold: Any) -> Reference:
+    angles = fold.record.frames.joint_angles_rad[::-1]
+    return Reference.through(fold.chain, angles, spacing_rad=0.03, distance_weight=0.03)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_it_runs_from_straight_to_folded(shape: str, folded: Callable[..., Any]) -> None:
+    fold = folded(shape)
+    reference = reference_of(fold)
+    np.testing.assert_allclose(reference.spline(0.0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(reference.spline(1.0), fold.chain.folded_rad, atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_it_is_smooth_and_its_derivatives_are_its_derivatives(
+    shape: str, folded: Callable[..., Any]
+) -> None:
+    reference = reference_of(folded(shape))
+    u = np.linspace(0.01, 0.99, 200)
+    h = 1e-5
+    slope = (reference.spline(u + h) - reference.spline(u - h)) / (2 * h)
+    scale = np.abs(slope).max()
+    np.testing.assert_allclose(reference.first(u), slope, atol=1e-4 * scale)
+    bend = (reference.first(u + h) - reference.first(u - h)) / (2 * h)
+    np.testing.assert_allclose(reference.second(u), bend, atol=2e-2 * np.abs(bend).max())
+    # C²: the second derivative has no jumps, at knots either.
+    knots = np.unique(reference.spline.t)[1:-1]
+    jumps = np.abs(reference.second(knots + 1e-9) - reference.second(knots - 1e-9)).max()
+    assert jumps < 1e-3 * np.abs(bend).max()
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_it_stays_near_the_record_and_clear(shape: str, folded: Callable[..., Any]) -> None:
+    fold = folded(shape)
+    reference = reference_of(fold)
+    record = fold.record.frames.joint_angles_rad
+    curve = reference.spline(np.linspace(0.0, 1.0, 400))
+    gaps = np.abs(curve[:, None] - record[None]).max(axis=2).min(axis=1)
+    assert gaps.max() < 0.05
+    assert sweep(fold.chain, curve, size=0.95).clearance > 0.0
+
+
+def test_lengths_count_the_largest_hinge_motion() -> None:
+    chain = line(5)
+    angles = np.zeros((4, 6))
+    angles[:, 0] = [0.0, 0.1, 0.3, 0.2]
+    angles[:, 3] = [0.0, 0.05, 0.0, 0.4]
+    lengths = record_lengths(chain, angles, distance_weight=0.0)
+    np.testing.assert_allclose(lengths, [0.0, 0.1, 0.3, 0.7])
+
+
+def test_a_long_chain_that_whips_counts_by_its_displacement() -> None:
+    # The middle hinge of 41 modules turned a little: the ends sweep some 5 pitches a radian.
+    chain = line(41)
+    angles = np.zeros((2, len(chain.folded_rad)))
+    angles[1, chain.joint_names.index("joint_20_z")] = 0.1
+    by_hinge, by_way = (
+        record_lengths(chain, angles, distance_weight=weight)[-1] for weight in (0.03, 1.0)
+    )
+    assert by_hinge == pytest.approx(0.1)
+    assert by_way > 0.5
+
+
+def test_many_frames_are_measured_as_few() -> None:
+    chain = line(6)
+    rng = np.random.default_rng(0)
+    angles = np.cumsum(rng.normal(size=(200, 8)) * 0.01, axis=0)
+    whole = record_lengths(chain, angles, 0.1)
+    parts = [record_lengths(chain, angles[k : k + 2], 0.1)[-1] for k in range(199)]
+    np.testing.assert_allclose(np.diff(whole), parts, atol=1e-12)
+
+
+def test_a_record_that_does_not_move_is_a_curve_too() -> None:
+    chain = line(6)
+    reference = Reference.through(chain, np.zeros((3, 8)), spacing_rad=0.03, distance_weight=0.03)
+    assert reference.length_rad == 0.0
+    np.testing.assert_array_equal(reference.spline(np.linspace(0, 1, 7)), 0.0)

@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from planner.chain import Chain
+from planner.errors import SimulationError
+from planner.model import Material
+from planner.rotations import wxyz_from_matrix
+from planner.tree import Tree
+from tests.planner.chains import line, random_state
+
+SOFT = Material(geom_size=0.3)
+
+
+def moving(chain: Chain, seed: int, step_s: float = 0.01) -> Tree:
+    tree = Tree(chain, SOFT, step_s=step_s)
+    state = random_state(chain, seed, most=0.8)
+    tree.place(state.angles, state.position, wxyz_from_matrix(state.rotation))
+    tree.data.qvel[:3], tree.data.qvel[3:6] = state.velocity, state.spin
+    for name, rate in zip(chain.joint_names, state.rates, strict=True):
+        tree.data.joint(name).qvel[0] = rate
+    return tree
+
+
+@pytest.mark.parametrize("modules", [3, 4, 9, 24])
+def test_torques_give_the_accelerations_that_were_asked_for(modules: int) -> None:
+    chain = line(modules)
+    tree = moving(chain, modules)
+    wanted = np.random.default_rng(1).normal(size=len(chain.folded_rad))
+    tree.begin_step()
+    tree.apply_torques(tree.torques_for(wanted))
+    mujoco.mj_forward(tree.model, tree.data)
+    found = np.array([tree.data.joint(name).qacc[0] for name in chain.joint_names])
+    np.testing.assert_allclose(found, wanted, atol=1e-6)
+    # Nothing pushes on the root.
+    np.testing.assert_array_equal(tree.data.qfrc_applied[:6], 0.0)
+
+
+def test_asking_for_torques_changes_nothing() -> None:
+    chain = line(9)
+    tree = moving(chain, 2)
+    tree.begin_step()
+    before = (tree.data.qacc.copy(), tree.data.qpos.copy(), tree.data.qvel.copy())
+    tree.torques_for(np.ones(len(chain.folded_rad)))
+    for mine, theirs in zip(before, (tree.data.qacc, tree.data.qpos, tree.data.qvel), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+
+
+def momentum(tree: Tree) -> np.ndarray:
+    """(6,) linear momentum, and angular momentum about the centre of mass."""
+    mujoco.mj_subtreeVel(tree.model, tree.data)
+    root = tree.model.body(f"module_{tree.chain.root}").id
+    mass = tree.model.body_subtreemass[root]
+    return np.concatenate([mass * tree.data.subtree_linvel[root], tree.data.subtree_angmom[root]])
+
+
+def test_inner_torques_make_no_momentum() -> None:
+    # Explicit steps drift by their length squared: half the step leaves half the drift or less.
+    chain = line(9)
+    drifts: list[float] = []
+    for step_s in (1e-3, 5e-4):
+        tree = moving(chain, 3, step_s)
+        tree.begin_step()
+        before = momentum(tree)
+        rng = np.random.default_rng(0)
+        wanted = rng.normal(size=len(chain.folded_rad))
+        for _ in range(round(0.2 / step_s)):
+            tree.begin_step()
+            tree.apply_torques(tree.torques_for(wanted))
+            tree.end_step()
+        tree.begin_step()
+        after = momentum(tree)
+        scale = np.linalg.norm(before)
+        drifts.append(float(np.linalg.norm(after - before)) / scale)
+    assert drifts[0] < 0.01
+    assert drifts[1] < 0.6 * drifts[0]
+
+
+def test_a_free_chain_keeps_its_energy() -> None:
+    chain = line(7)
+    tree = moving(chain, 4, step_s=1e-4)
+    tree.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    energies: list[float] = []
+    for _ in range(1000):
+        tree.begin_step()
+        mujoco.mj_energyVel(tree.model, tree.data)
+        energies.append(float(tree.data.energy[1]))
+        tree.end_step()
+    assert max(energies) - min(energies) < 5e-3 * energies[0]
+
+
+def test_evaluating_leaves_the_whole_chain_without_momentum() -> None:
+    chain = line(12)
+    tree = Tree(chain, SOFT, step_s=0.01)
+    state = random_state(chain, 5, most=1.2)
+    tree.evaluate(state.angles, state.rates)
+    np.testing.assert_allclose(momentum(tree), 0.0, atol=1e-9)
+    np.testing.assert_allclose(tree.rates, state.rates)
+    np.testing.assert_allclose(tree.angles, state.angles)
+
+
+def test_placing_is_at_rest_and_read_back() -> None:
+    chain = line(6)
+    tree = moving(chain, 1)
+    state = random_state(chain, 8)
+    wxyz = wxyz_from_matrix(state.rotation)
+    tree.place(state.angles, state.position, wxyz)
+    np.testing.assert_array_equal(tree.angles, state.angles)
+    np.testing.assert_array_equal(tree.root_position, state.position)
+    np.testing.assert_array_equal(tree.root_wxyz, wxyz)
+    np.testing.assert_array_equal(tree.rates, 0.0)
+    # What is read is a copy.
+    tree.angles[:] = 9.0
+    tree.root_position[:] = 9.0
+    np.testing.assert_array_equal(tree.angles, state.angles)
+
+
+def test_bad_numbers_raise() -> None:
+    chain = line(6)
+    tree = moving(chain, 1)
+    tree.begin_step()
+    tree.apply_torques(np.full(len(chain.folded_rad), np.nan))
+    with pytest.raises(SimulationError, match="finite"):
+        tree.end_step()
+
+
+@pytest.mark.parametrize("limit", [0.5, 20.0])
+def test_a_servo_gives_no_more_than_its_limit(limit: float) -> None:
+    chain = line(6)
+    tree = Tree(chain, SOFT, step_s=0.01, servo=(1e4, 1e2, limit))
+    tree.place(np.zeros(8), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    largest = 0.0
+    for _ in range(50):
+        tree.begin_step()
+        tree.set_servo_targets(np.full(8, 0.5))
+        tree.end_step()
+        largest = max(largest, float(np.abs(tree.motor_torques).max()))
+    assert largest == pytest.approx(limit)
+
+
+def test_a_servo_holds_its_target() -> None:
+    chain = line(6)
+    tree = Tree(chain, SOFT, step_s=0.01, servo=(1e5, 1e4, None))
+    tree.place(np.zeros(8), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    target = np.linspace(-0.3, 0.3, 8)
+    for _ in range(800):
+        tree.begin_step()
+        tree.set_servo_targets(target)
+        tree.end_step()
+    np.testing.assert_allclose(tree.angles, target, atol=1e-3)
