@@ -1,0 +1,102 @@
+"""Makes the moving picture of the README: folds the 160 wrench and films its page in Chromium.
+
+Run from the repository's root, after ``make test`` has made sure of a Chromium::
+
+    .venv/bin/python docs/make_picture.py
+"""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+from playwright.sync_api import Page, sync_playwright
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
+
+from planner.timeline import Timeline  # noqa: E402
+from tests.browser.conftest import FLAGS  # noqa: E402
+from tests.browser.ensure_chromium import ensure  # noqa: E402
+
+OUT = ROOT / "docs" / "wrench.gif"
+SIZE = (640, 360)
+PICTURES = (26, 54)
+FRAME_MS = 90
+REST_MS = 900
+COLOURS = 48
+SEEK = """(frame) => {
+  const scrub = document.getElementById("scrub");
+  scrub.value = frame;
+  scrub.dispatchEvent(new Event("input", { bubbles: true }));
+}"""
+BARE = (
+    "header, footer, #legend, #drawer { display: none !important }"
+    "main.stage { position: fixed !important; inset: 0 !important }"
+)
+
+
+@contextmanager
+def player(directory: Path) -> Iterator[str]:
+    """The address of a fold's page while it is served."""
+    command = [sys.executable, "-m", "server.command_line"]
+    subprocess.run([*command, "fold", "wrench-160", "--out", str(directory)], check=True, cwd=ROOT)
+    serving = subprocess.Popen(
+        [*command, "play", str(directory), "--no-browser"], stdout=subprocess.PIPE, text=True
+    )
+    assert serving.stdout is not None
+    try:
+        yield next(word for word in serving.stdout.readline().split() if "http" in word)
+    finally:
+        serving.terminate()
+        serving.wait()
+
+
+def main() -> None:
+    """Writes the picture."""
+    with tempfile.TemporaryDirectory() as folder, player(Path(folder)) as address:
+        frames = Timeline.open(Path(folder) / "timeline.zarr").frames()
+        chromium = ensure()
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
+            page = browser.new_page(
+                viewport={"width": SIZE[0], "height": SIZE[1]}, color_scheme="light"
+            )
+            page.goto(address)
+            page.locator("#cover.gone").wait_for(state="attached")
+            page.add_style_tag(content=BARE)
+            pictures = [_picture(page, frame) for frame in _chosen(frames.phase)]
+            browser.close()
+    durations = [FRAME_MS] * len(pictures)
+    durations[PICTURES[0] - 1] = durations[-1] = REST_MS
+    palette = pictures[-1].quantize(COLOURS, dither=Image.Dither.NONE)
+    small = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
+    small[0].save(
+        OUT, save_all=True, append_images=small[1:], duration=durations, loop=0, optimize=True
+    )
+    print(f"{OUT.relative_to(ROOT)}: {OUT.stat().st_size / 1e6:.1f} MB")
+
+
+def _chosen(phase: np.ndarray) -> list[int]:
+    """Frames to show: some of the explosion, then more of the playback."""
+    first = int(np.argmax(phase == 1))
+    explosion = np.linspace(0, first - 1, PICTURES[0]).round().astype(int)
+    playback = np.linspace(first, len(phase) - 1, PICTURES[1]).round().astype(int)
+    return [*explosion.tolist(), *playback.tolist()]
+
+
+def _picture(page: Page, frame: int) -> Image.Image:
+    page.evaluate(SEEK, frame)
+    page.wait_for_timeout(700)
+    return Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+
+
+if __name__ == "__main__":
+    main()
