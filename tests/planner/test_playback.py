@@ -1,0 +1,220 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.alignment import aligned_distances
+from planner.certificate import certify
+from planner.chain import Chain
+from planner.errors import InputError
+from planner.parameters import Parameters, PlaybackParameters, preset
+from planner.paths import Path
+from planner.playback import Playback, play_back
+from planner.progress import Progress
+from planner.record import Record
+from planner.timeline import Frames
+from planner.tree import Tree
+
+Array = NDArray[np.float64]
+DEFAULT = PlaybackParameters()
+
+
+@pytest.fixture(scope="module")
+def small(folded: Callable[..., Any]) -> tuple[Chain, Record]:
+    fold = folded("wrench-24")
+    return fold.chain, fold.record
+
+
+@pytest.mark.parametrize("shape", ["wrench-24", "mallet-24", "mallet-64", "wrench-94"])
+def test_the_default_controller_folds_real_shapes(shape: str, folded: Callable[..., Any]) -> None:
+    fold = folded(shape)
+    playback = fold.playback
+    assert playback.status == "folded"
+    assert playback.rms_position_error <= 1e-3
+    assert playback.max_angle_error_rad <= 2e-3
+    last = playback.frames.joint_angles_rad[-1]
+    ends = fold.chain.poses(last, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    distances = aligned_distances(ends.positions, fold.chain.folded_poses.positions)
+    assert np.sqrt((distances**2).mean()) == pytest.approx(playback.rms_position_error, abs=1e-12)
+
+
+@pytest.mark.parametrize("shape", ["wrench-24", "mallet-64"])
+def test_frames_tell_the_truth(shape: str, folded: Callable[..., Any]) -> None:
+    fold = folded(shape)
+    playback, record = fold.playback, fold.record
+    frames = playback.frames
+    assert set(frames.phase.tolist()) == {1}
+    assert (np.diff(frames.time_s) > 0).all()
+    np.testing.assert_allclose(
+        frames.joint_error_rad,
+        np.abs(playback.reference_rad - frames.joint_angles_rad),
+        atol=1e-15,
+    )
+    assert frames.joint_error_rad.max() <= playback.max_angle_error_rad + 1e-15
+    # It starts where the record has left the chain, at rest.
+    np.testing.assert_array_equal(frames.joint_angles_rad[0], 0.0)
+    np.testing.assert_array_equal(frames.root_position[0], record.frames.root_position[-1])
+    np.testing.assert_allclose(frames.root_wxyz[0], record.frames.root_wxyz[-1], atol=1e-12)
+    assert frames.time_s[0] == record.frames.time_s[-1]
+
+
+@pytest.mark.parametrize("shape", ["wrench-24", "mallet-64"])
+def test_a_floating_chain_folds_about_its_centre_of_mass(
+    shape: str, folded: Callable[..., Any]
+) -> None:
+    fold = folded(shape)
+    frames = fold.playback.frames
+    poses = fold.chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
+    centres = poses.positions.mean(axis=1)
+    # Explicit steps let it drift by some thousandths of the chain's length.
+    assert np.linalg.norm(centres - centres[0], axis=1).max() < 0.01 * len(fold.chain)
+
+
+def test_a_playback_is_the_same_every_time(small: tuple[Chain, Record]) -> None:
+    first, again = (play_back(*small, DEFAULT) for _ in range(2))
+    np.testing.assert_array_equal(first.frames.joint_angles_rad, again.frames.joint_angles_rad)
+    np.testing.assert_array_equal(first.frames.root_position, again.frames.root_position)
+
+
+def test_a_servo_with_feed_forward_folds_as_well(small: tuple[Chain, Record]) -> None:
+    playback = play_back(*small, replace(DEFAULT, controller="servo"))
+    assert playback.status == "folded"
+    assert playback.rms_position_error <= 0.01
+    assert playback.max_angle_error_rad <= 0.05
+
+
+def test_motors_that_are_too_weak_miss_and_say_so(small: tuple[Chain, Record]) -> None:
+    chain, record = small
+    weak = replace(DEFAULT, controller="servo", torque_limit=0.05)
+    playback = play_back(chain, record, weak)
+    assert playback.status == "missed"
+    assert "pitches (RMS) from its target" in playback.reason
+    assert playback.rms_position_error > 0.1
+    assert playback.peak_torque <= 0.05 + 1e-12
+    certificate = certify(chain, record, playback, Parameters())
+    assert not certificate.verified
+
+
+def test_a_controller_that_blows_up_ends_as_data(small: tuple[Chain, Record]) -> None:
+    chain, record = small
+    playback = play_back(chain, record, replace(DEFAULT, bandwidth=1e6))
+    assert playback.status == "diverged"
+    assert np.isfinite(playback.frames.joint_angles_rad).all()
+    assert np.isfinite(playback.rms_position_error)
+    assert not certify(chain, record, playback, Parameters()).verified
+
+
+def test_torques_that_are_no_numbers_end_as_data(
+    small: tuple[Chain, Record], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    original = Tree.apply_torques
+    calls = 0
+
+    def broken(self: Tree, torques: Array) -> None:
+        nonlocal calls
+        calls += 1
+        original(self, torques * np.nan if calls > 300 else torques)
+
+    monkeypatch.setattr(Tree, "apply_torques", broken)
+    playback = play_back(*small, DEFAULT)
+    assert playback.status == "diverged"
+    assert "finite" in playback.reason
+    assert playback.steps == 300
+    assert len(playback.frames) > 3
+    for name in ("joint_angles_rad", "root_position", "root_wxyz", "joint_error_rad"):
+        assert np.isfinite(getattr(playback.frames, name)).all()
+    assert np.isfinite(playback.rms_position_error)
+    assert playback.rms_position_error > 0.1
+    assert np.isfinite(playback.peak_torque)
+
+
+def test_too_few_steps_end_as_data(small: tuple[Chain, Record]) -> None:
+    playback = play_back(*small, replace(DEFAULT, max_steps=100))
+    assert playback.status == "timeout"
+    assert "after 100 steps" in playback.reason
+    assert playback.steps == 100
+
+
+def test_a_cancelled_playback_keeps_its_frames(small: tuple[Chain, Record]) -> None:
+    asked = 0
+
+    def cancelled() -> bool:
+        nonlocal asked
+        asked += 1
+        return asked == 4
+
+    playback = play_back(*small, DEFAULT, cancelled=cancelled)
+    assert (playback.status, playback.steps) == ("cancelled", 100)
+    assert len(playback.frames) > 1
+
+
+@pytest.mark.parametrize("shape", ["mallet-64", "wrench-80"])
+def test_direct_servoing_of_a_real_shape_fails(shape: str, folded: Callable[..., Any]) -> None:
+    # All hinges at once lead the chain through itself.
+    certificate = folded(shape, "direct").plan.certificate
+    assert certificate.verdict.startswith("failed: in the plan, modules")
+    assert certificate.min_clearance < -0.5
+    assert folded(shape, "direct").playback.status in ("missed", "timeout", "diverged")
+    assert folded(shape, "direct").playback.reason
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 2, 0)],
+        [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1, 0), (0, 1, 0)],
+        [(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1)],
+    ],
+    ids=["L", "U", "corner"],
+)
+def test_direct_servoing_has_a_fair_chance(cells: list[tuple[int, int, int]]) -> None:
+    chain = Chain.from_path(Path.from_cells(cells))
+    parameters = preset("direct")
+    playback = play_back(chain, None, parameters.playback)
+    assert playback.status == "folded"
+    assert certify(chain, None, playback, parameters).verified
+
+
+def test_the_paper_servo_follows_its_snapshots(small: tuple[Chain, Record]) -> None:
+    paper = replace(DEFAULT, controller="paper", step_s=0.01, stiffness=1e4, max_steps=60_000)
+    playback = play_back(*small, paper)
+    assert playback.status in ("folded", "missed", "timeout")
+    # Its targets run ahead of the chain: that is the paper's rule.
+    assert playback.max_angle_error_rad > 0.01
+
+
+def test_what_cannot_be_played_is_a_broken_call(small: tuple[Chain, Record]) -> None:
+    chain, record = small
+    with pytest.raises(InputError, match="needs a record") as refused:
+        play_back(chain, None, DEFAULT)
+    assert refused.value.code == "no-record"
+    with pytest.raises(InputError, match="expected computed-torque") as refused:
+        play_back(chain, record, replace(DEFAULT, controller="magic"))
+    assert refused.value.code == "unknown-controller"
+
+
+def test_sink_and_progress(small: tuple[Chain, Record], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("planner.playback.REPORT_EVERY_S", 0.0)
+    parts: list[Frames] = []
+    told: list[Progress] = []
+    playback = play_back(*small, DEFAULT, sink=parts.append, progress=told.append, start_s=7.0)
+    np.testing.assert_array_equal(Frames.joined(parts).time_s, playback.frames.time_s)
+    assert playback.frames.time_s[0] == 7.0
+    fractions = [p.fraction for p in told]
+    assert fractions == sorted(fractions)
+    assert 0.0 <= fractions[0] < fractions[-1] <= 1.0
+
+
+def test_a_playback_is_read_back_as_it_was(folded: Callable[..., Any], tmp_path: FilePath) -> None:
+    playback = folded("wrench-24").playback
+    playback.save(tmp_path / "playback.npz")
+    again = Playback.load(tmp_path / "playback.npz")
+    assert again.summary() == playback.summary()
+    np.testing.assert_array_equal(again.reference_rad, playback.reference_rad)
+    np.testing.assert_array_equal(again.frames.joint_error_rad, playback.frames.joint_error_rad)
