@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 from tests.browser.ensure_chromium import ensure
 from tests.server.service import Service
 
 ARTIFACTS = Path(__file__).parents[2] / "artifacts"
 PATIENCE_MS = 90_000
+expect.set_options(timeout=PATIENCE_MS)
 # 3D by software, so that a machine without a graphics card draws as well.
 FLAGS = (
     "--no-sandbox",
