@@ -69,7 +69,12 @@ def verify(
     plan = Plan.load(directory / "plan.npz")
     problems = _differences(plan, Plan.load(directory / "plan.json"))
     timeline = Timeline.open(directory / "timeline.zarr")
-    record, playback = _results(plan, timeline)
+    try:
+        record, playback = _results(plan, timeline)
+    except (TypeError, AttributeError) as error:
+        raise InputError(
+            "not-a-plan", f"the plan's results cannot be read ({error}); plan the fold again."
+        ) from error
     size = plan.certificate.module_size if module_size is None else module_size
     parameters = replace(preset(plan.preset), module_size=size)
     certificate = certify(plan.chain, record, playback, parameters, progress=progress)
