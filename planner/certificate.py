@@ -253,7 +253,9 @@ def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> d
     figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
     figures["rms_position_error"] = float(np.sqrt((distances**2).mean()))
     figures["max_position_error"] = float(distances.max())
-    figures["max_angle_error_rad"] = playback.max_angle_error_rad
+    # The playback says how far off its hinges were at any step; its frames must bear it out.
+    off = float(np.abs(playback.frames.joint_angles_rad - plan).max())
+    figures["max_angle_error_rad"] = max(playback.max_angle_error_rad, off)
     if len(plan) < 2:
         return figures
     steps = np.abs(np.diff(plan, axis=0))
