@@ -196,6 +196,14 @@ def test_what_is_not_a_number_is_no_plan(bad: float, frame: int, what: str) -> N
     assert verdict(chain, playback, record).startswith("failed: the")
 
 
+def test_the_joint_error_is_seen_in_the_frames_whatever_the_playback_says() -> None:
+    chain, plan = closing()
+    done = plan.copy()
+    done[10, 0] += 0.25
+    certificate = certify(chain, None, playback_of(plan, frames=done), PARAMETERS)
+    assert certificate.max_angle_error_rad == pytest.approx(0.25)
+
+
 def test_arrays_of_other_shapes_are_no_plan() -> None:
     chain, plan = closing()
     assert "shape" in verdict(chain, playback_of(plan[:20], frames=plan))

@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.controllers import ComputedTorque, Servo
+from planner.guides import Target
+from planner.model import Material
+from planner.tree import Tree
+from tests.planner.chains import line
+
+Array = NDArray[np.float64]
+CHAIN = line(7)
+JOINTS = len(CHAIN.folded_rad)
+KP, KV = 1e4, 1e3
+
+
+def held(angles: Array) -> Target:
+    zero = np.zeros(JOINTS)
+    return Target(angles=angles, rates=zero, accelerations=zero, goal=angles, fraction=1.0)
+
+
+def placed(step_s: float, servo: tuple[float, float, float | None] | None = None) -> Tree:
+    tree = Tree(CHAIN, Material(geom_size=0.3), step_s=step_s, servo=servo)
+    tree.place(np.zeros(JOINTS), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    return tree
+
+
+@pytest.mark.parametrize("bandwidth", [1.0, 5.0])
+def test_computed_torque_makes_errors_die_out_critically_damped(bandwidth: float) -> None:
+    # ë + 2w ė + w² e = 0 from rest: e = e₀ (1 + w t) exp(−w t), whatever the chain.
+    tree = placed(2e-4)
+    target = held(np.linspace(-0.2, 0.3, JOINTS))
+    controller = ComputedTorque(bandwidth=bandwidth)
+    steps = 2000
+    for _ in range(steps):
+        tree.begin_step()
+        controller.drive(tree, target)
+        tree.end_step()
+    wt = bandwidth * steps * 2e-4
+    left = target.angles * (1.0 + wt) * np.exp(-wt)
+    np.testing.assert_allclose(target.angles - tree.angles, left, atol=2e-3)
+
+
+def test_computed_torque_on_target_does_nothing() -> None:
+    tree = placed(0.01)
+    tree.begin_step()
+    ComputedTorque(bandwidth=30.0).drive(tree, held(np.zeros(JOINTS)))
+    tree.end_step()
+    np.testing.assert_allclose(tree.motor_torques, 0.0, atol=1e-12)
+
+
+def test_feed_forward_gives_the_torque_of_the_inverse_dynamics() -> None:
+    tree = placed(1e-4, (KP, KV, None))
+    wanted = np.linspace(-1.0, 2.0, JOINTS)
+    zero = np.zeros(JOINTS)
+    target = Target(angles=zero, rates=zero, accelerations=wanted, goal=zero, fraction=0.5)
+    tree.begin_step()
+    torques = tree.torques_for(wanted)
+    Servo(stiffness=KP, damping=KV, feed_forward=True).drive(tree, target)
+    tree.end_step()
+    np.testing.assert_allclose(tree.motor_torques, torques, atol=1e-9)
+
+
+def test_without_it_the_servo_only_pulls_to_the_target() -> None:
+    tree = placed(1e-4, (KP, KV, None))
+    angles = np.linspace(-0.01, 0.02, JOINTS)
+    zero = np.zeros(JOINTS)
+    target = Target(
+        angles=angles, rates=zero + 5.0, accelerations=zero + 9.0, goal=angles, fraction=0.5
+    )
+    tree.begin_step()
+    Servo(stiffness=KP, damping=KV, feed_forward=False).drive(tree, target)
+    tree.end_step()
+    np.testing.assert_allclose(tree.motor_torques, KP * angles, atol=1e-9)

@@ -1,0 +1,103 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.guides import (
+    SETTLE_STEPS,
+    STILL_STEPS,
+    DirectGuide,
+    Guide,
+    SnapshotGuide,
+    Target,
+    TimedGuide,
+)
+from planner.reference import Reference
+from planner.timelaw import smooth_law
+
+Array = NDArray[np.float64]
+STEP_S = 0.02
+
+
+def obeyed(guide: Guide, start: Array, most: int = 20_000) -> list[Target]:
+    """All targets for a chain that is always where it should be, and then at rest."""
+    found: list[Target] = []
+    angles, rates = start, np.zeros_like(start)
+    while len(found) < most:
+        target = guide.target(angles, rates)
+        if target is None:
+            return found
+        found.append(target)
+        angles, rates = target.angles, target.rates
+    raise AssertionError("the guide does not end")
+
+
+def test_the_timed_guide_runs_along_its_reference(folded: Callable[..., Any]) -> None:
+    fold = folded("wrench-24")
+    reference = Reference.through(
+        fold.chain,
+        fold.record.frames.joint_angles_rad[::-1],
+        spacing_rad=0.03,
+        distance_weight=0.03,
+    )
+    law = smooth_law(steps=600, step_s=STEP_S)
+    targets = obeyed(TimedGuide(reference, law), np.zeros_like(fold.chain.folded_rad))
+    assert len(targets) == 600 + SETTLE_STEPS
+    angles = np.array([t.angles for t in targets])
+    rates = np.array([t.rates for t in targets])
+    accelerations = np.array([t.accelerations for t in targets])
+    np.testing.assert_allclose(angles[0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(angles[-1], fold.chain.folded_rad, atol=1e-12)
+    np.testing.assert_array_equal(rates[-1], 0.0)
+    by_difference = np.gradient(angles, STEP_S, axis=0)[1:590]
+    assert np.abs(by_difference - rates[1:590]).max() < 0.02 * np.abs(rates).max()
+    by_difference = np.gradient(rates, STEP_S, axis=0)[1:590]
+    assert np.abs(by_difference - accelerations[1:590]).max() < 0.1 * np.abs(accelerations).max()
+    fractions = [t.fraction for t in targets]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+
+
+def test_the_direct_guide_goes_in_a_line_and_waits() -> None:
+    folded_rad = np.array([np.pi / 2, 0.0, -np.pi / 2])
+    targets = obeyed(DirectGuide(folded_rad, 400, STEP_S), np.zeros(3))
+    angles = np.array([t.angles for t in targets])
+    np.testing.assert_array_equal(angles[0], 0.0)
+    np.testing.assert_array_equal(angles[-1], folded_rad)
+    np.testing.assert_allclose(angles[:, 0], -angles[:, 2])
+    assert len(targets) == 400 + STILL_STEPS - 1
+
+
+def test_a_chain_that_never_rests_is_waited_for() -> None:
+    guide = DirectGuide(np.ones(2), 10, STEP_S)
+    for _ in range(5000):
+        assert guide.target(np.zeros(2), np.ones(2)) is not None
+
+
+def paper_guide(snapshots: Array) -> SnapshotGuide:
+    return SnapshotGuide(snapshots, threshold_rad2=0.15, gain=1.0, step_s=STEP_S)
+
+
+def test_the_papers_rule_waits_for_the_chain() -> None:
+    snapshots = np.array([[0.0], [0.3], [0.6], [0.9], [1.2]])
+    guide = paper_guide(snapshots)
+    stuck = np.array([0.0])
+    moving = np.ones(1)
+    # The first three are within √0.15 = 0.387 of a chain that does not move; not the next.
+    goals = [guide.target(stuck, moving) for _ in range(50)]
+    assert goals[-1] is not None
+    assert goals[-1].goal[0] == pytest.approx(0.6)
+    follower = guide.target(np.array([0.3]), moving)
+    assert follower is not None
+    assert follower.goal[0] == pytest.approx(0.9)
+
+
+def test_the_papers_rule_ends_at_its_last_snapshot_at_rest() -> None:
+    snapshots = np.linspace(0.0, 1.0, 30)[:, None] * np.array([[1.0, -0.5]])
+    targets = obeyed(paper_guide(snapshots), np.zeros(2))
+    np.testing.assert_allclose(targets[-1].goal, snapshots[-1])
+    np.testing.assert_allclose(targets[-1].angles, snapshots[-1], atol=1e-3)

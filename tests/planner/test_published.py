@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.parameters import PaperExplosionParameters
+from planner.published import explode_as_published
+from planner.segments import Acceleration, Segments, State
+from planner.sweep import sweep
+from planner.timeline import Frames
+from tests.planner.chains import coil, line
+
+Array = NDArray[np.float64]
+PAPER = PaperExplosionParameters()
+
+
+def test_a_small_coil_comes_out_straight() -> None:
+    chain = coil(12)
+    parts: list[Frames] = []
+    record = explode_as_published(chain, PAPER, sink=parts.append)
+    assert record.status == "straight"
+    frames = record.frames
+    np.testing.assert_array_equal(frames.joint_angles_rad[0], chain.folded_rad)
+    np.testing.assert_array_equal(frames.joint_angles_rad[-1], 0.0)
+    assert (np.diff(frames.time_s) >= 0.0).all()
+    np.testing.assert_array_equal(Frames.joined(parts).time_s, frames.time_s)
+    # Snapshots come at a fixed interval of simulated time.
+    interval = PAPER.snapshot_every * PAPER.step_s
+    np.testing.assert_allclose(np.diff(frames.time_s)[:-1], interval, atol=1e-9)
+    assert sweep(chain, frames.joint_angles_rad, size=0.9).clearance > 0.0
+
+
+def test_a_line_is_straight_at_once() -> None:
+    record = explode_as_published(line(8), PAPER)
+    assert record.status == "straight"
+    assert record.steps == 0
+
+
+@pytest.mark.parametrize("most", [0, 1, 250])
+def test_too_few_steps_end_as_data(most: int) -> None:
+    chain = coil(12)
+    record = explode_as_published(chain, replace(PAPER, max_steps=most))
+    assert record.status == "timeout"
+    assert record.steps == most
+    np.testing.assert_array_equal(record.frames.joint_angles_rad[0], chain.folded_rad)
+
+
+def test_cancelled() -> None:
+    record = explode_as_published(coil(12), PAPER, cancelled=lambda: True)
+    assert (record.status, record.steps) == ("cancelled", 0)
+    assert len(record.frames) >= 1
+
+
+def test_bad_numbers_end_as_data(monkeypatch: pytest.MonkeyPatch) -> None:
+    original = Segments.accelerations
+    calls = 0
+
+    def broken(self: Segments, state: State, forces: Array) -> Acceleration:
+        nonlocal calls
+        calls += 1
+        return original(self, state, forces * np.nan if calls > 150 else forces)
+
+    monkeypatch.setattr(Segments, "accelerations", broken)
+    record = explode_as_published(coil(12), PAPER)
+    assert record.status == "diverged"
+    assert len(record.frames) >= 2
+    assert np.isfinite(record.frames.joint_angles_rad).all()
