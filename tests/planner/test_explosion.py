@@ -73,6 +73,7 @@ def test_momentum_is_not_made_from_nothing() -> None:
     original = Segments.accelerations
 
     def watched(self: Segments, state: State, forces: Array) -> Acceleration:
+        assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
         momentum = self.velocities.sum(axis=0)
         scale = np.linalg.norm(self.velocities, axis=1).sum()
         if scale > 1e-3:

@@ -117,19 +117,21 @@ def test_no_surface_point_moves_faster_against_another_module_than_said() -> Non
         said = largest_approach_speed(
             segments.positions, segments.velocities, segments.spins, pairs, radius
         )
-        # Corners of j seen from the frame of i, which moves and turns with i.
-        for i, j in pairs.tolist():
+        # Corners of each seen from the other's centre, in a frame that turns as both do on average.
+        for i, j in [*pairs.tolist(), *pairs[:, ::-1].tolist()]:
             corners = chain.module.vertices @ segments.rotations[j].T
             places = segments.positions[j] + corners
             speeds = segments.velocities[j] + np.cross(segments.spins[j], corners)
-            seen = (
-                speeds
-                - segments.velocities[i]
-                - np.cross(segments.spins[i], places - segments.positions[i])
-            )
-            near = np.linalg.norm(places - segments.positions[i], axis=1).min()
-            slack = 0.5 * np.linalg.norm(segments.spins[j] - segments.spins[i]) * (near + 2.5)
-            assert np.linalg.norm(seen, axis=1).max() <= said + slack + 1e-9
+            turning = 0.5 * (segments.spins[i] + segments.spins[j])
+            seen = speeds - segments.velocities[i]
+            seen -= np.cross(turning, places - segments.positions[i])
+            assert np.linalg.norm(seen, axis=1).max() <= said + 1e-9
+
+
+def test_two_modules_that_spin_against_each_other_touch_as_fast_as_their_corners() -> None:
+    points, spins = np.array([[0.0, 0, 0], [1.5, 0, 0]]), np.array([[0.0, 0, 1], [0.0, 0, -1]])
+    speed = largest_approach_speed(points, np.zeros((2, 3)), spins, np.array([[0, 1]]), 0.8)
+    assert speed == pytest.approx(2.0 * 0.8)
 
 
 def test_a_rigid_motion_brings_nothing_closer() -> None:

@@ -97,8 +97,12 @@ def test_where_the_chain_is_cut_makes_no_difference(segment_modules: int) -> Non
     assert difference(mine, other) < 2e-3
 
 
-@pytest.mark.parametrize(("rate", "typical"), [(0.0, 0.03), (0.05, 0.06)])
-def test_contacts_push_as_they_do_in_the_whole_tree(rate: float, typical: float) -> None:
+@pytest.mark.parametrize(
+    ("rate", "spin", "typical"), [(0.0, 0.0, 0.03), (0.05, 0.0, 0.06), (0.0, 3.0, 0.03)]
+)
+def test_contacts_push_as_they_do_in_the_whole_tree(
+    rate: float, spin: float, typical: float
+) -> None:
     # Folded, slightly shaken, and hardly smaller than their cells: modules touch in many places.
     # MuJoCo makes a contact as soft as its bodies are light, and those of a segment are lighter
     # than those of a whole tree: a difference of a few per cent is what that costs.
@@ -114,6 +118,7 @@ def test_contacts_push_as_they_do_in_the_whole_tree(rate: float, typical: float)
         )
         state.angles += rng.normal(size=len(state.angles)) * 0.001
         state.rates[:] = rng.normal(size=len(state.rates)) * rate
+        state.spin[:] = rng.normal(size=3) * spin
         forces = rng.normal(size=(32, 3)) * 5.0
         segments.place(state)
         mine = segments.accelerations(state, forces)
