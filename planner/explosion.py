@@ -34,8 +34,10 @@ FINISH_EVERY: Final = 50
 JAM_WINDOW: Final = 400
 JAM_PULSE: Final = (120, 300)
 """Steps of weak tension and strong repulsion, and of the whole pulse."""
-MOST_PULSES: Final = 12
+MOST_PULSES: Final = 8
+"""Pulses in a row that may bring no progress."""
 STUCK_RAD: Final = 1.0
+LEAST_PROGRESS: Final = 0.005
 BACK_OFF_DEPTH: Final = 0.015
 DEEP: Final = 0.02
 MOST_RETRIES: Final = 6
@@ -110,6 +112,7 @@ class _Explosion:
         self.retries = 0
         self.pulse_left = 0
         self.pulses = 0
+        self.unfolded = -1.0
         self.window_angles = np.abs(chain.folded_rad)
 
     def run(self, progress: Report, cancelled: Cancelled) -> Record:
@@ -270,33 +273,42 @@ class _Explosion:
         return True
 
     def _unjam(self) -> bool:
-        """Starts a pulse when a joint is stuck; False when enough pulses have been tried."""
+        """Starts a pulse when nothing moves on; False when enough of them were in vain."""
         angles = np.abs(self.state.angles)
         stuck = (angles > STUCK_RAD) & (angles > self.window_angles - 0.05)
         eased = (angles > 0.6).sum() < 0.95 * (self.window_angles > 0.6).sum()
         self.window_angles = angles
-        if stuck.any() and not eased:
+        unfolded = self._unfolded()
+        advanced = unfolded > self.unfolded + LEAST_PROGRESS
+        if advanced:
+            self.unfolded = unfolded
+            self.pulses = 0
+        if (stuck.any() and not eased) or not advanced:
             self.pulses += 1
             self.pulse_left = JAM_PULSE[1]
         return self.pulses <= MOST_PULSES
+
+    def _unfolded(self) -> float:
+        """0 when folded, 1 when straight: half by the joints' bends, half by the chain's span."""
+        positions = self.segments.positions
+        # A chain that folds into a line has nothing to unbend.
+        bent = np.abs(self.state.angles).sum() / max(np.abs(self.chain.folded_rad).sum(), 1e-9)
+        span = np.linalg.norm(positions[-1] - positions[0]) / (len(positions) - 1)
+        return float(0.5 * (1.0 - bent) + 0.5 * span)
 
     def _stall_reason(self) -> str:
         angles = np.abs(self.state.angles).reshape(-1, self.chain.module.hinges_per_joint)
         worst = int(np.argmax(angles.max(axis=1))) + self.chain.module.rigid_links
         return (
-            f"the chain is stuck: the joint of module {worst} stays bent by "
-            f"{np.rad2deg(angles.max()):.0f}° after {self.pulses} pushes; try another seed, or "
+            f"the chain is stuck: {self.pulses} pushes in a row moved nothing on, and the joint of "
+            f"module {worst} stays bent by {np.rad2deg(angles.max()):.0f}°; it may be knotted. Try "
             "another path through the same cells."
         )
 
     def _progress(self, rate: float) -> Progress:
-        positions = self.segments.positions
-        # A chain that folds into a line has nothing to unbend.
-        bent = np.abs(self.state.angles).sum() / max(np.abs(self.chain.folded_rad).sum(), 1e-9)
-        span = np.linalg.norm(positions[-1] - positions[0]) / (len(positions) - 1)
         return Progress(
             stage="explode",
-            fraction=float(np.clip(0.5 * (1.0 - bent) + 0.5 * span, 0.0, 0.99)),
+            fraction=float(np.clip(self._unfolded(), 0.0, 0.99)),
             steps=self.steps,
             steps_per_second=rate,
             message="exploding",
