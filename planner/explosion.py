@@ -302,7 +302,7 @@ class _Explosion:
         return (
             f"the chain is stuck: {self.pulses} pushes in a row moved nothing on, and the joint of "
             f"module {worst} stays bent by {np.rad2deg(angles.max()):.0f}°; it may be knotted. Try "
-            "another path through the same cells."
+            "another seed, or another path through the same cells."
         )
 
     def _progress(self, rate: float) -> Progress:

@@ -211,9 +211,9 @@ def test_a_hiccup_is_survived_by_going_back(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_a_knot_stays_tied_and_is_reported() -> None:
     chain = knotted()
-    record = explode(chain, replace(DEFAULT, max_steps=2500))
-    assert record.status in ("timeout", "stalled")
-    assert "another" in record.reason
+    record = explode(chain, DEFAULT)
+    assert record.status == "stalled"
+    assert "knotted" in record.reason
     assert np.isfinite(record.frames.joint_angles_rad).all()
     # It did not cheat: nothing passed through anything on the way.
     assert sweep(chain, record.frames.joint_angles_rad, size=0.9).clearance > 0.0
