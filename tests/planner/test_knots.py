@@ -1,0 +1,207 @@
+"""Knots: known ones are found, and nothing that keeps a knot changes the answer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.kernels.knots import determinant, reduced, tightened
+from planner.knots import Knot, knot_of, knot_of_polygon
+from planner.knots import _determinant as exact_determinant
+from planner.knots import _fewest_crossings as fewest_crossings
+
+Cells = NDArray[np.int64]
+
+# One overhand knot: each crossing is passed once above and once below, in turn.
+OVERHAND = (
+    (0, 0, 0), (6, 0, 0), (6, 4, 0), (2, 4, 0), (2, 4, 2), (2, -2, 2),
+    (4, -2, 2), (4, -2, -2), (4, 2, -2), (4, 2, 2), (4, 6, 2),
+)  # fmt: skip
+
+
+def walk(corners: NDArray[np.int64] | tuple[tuple[int, int, int], ...], scale: int = 1) -> Cells:
+    """Cells along straight lines between corners."""
+    points = scale * np.array(corners)
+    cells = [points[0]]
+    for corner in points[1:]:
+        while (cells[-1] != corner).any():
+            axis = int(np.argmax(corner != cells[-1]))
+            cells.append(cells[-1] + np.sign(corner - cells[-1]) * (np.arange(3) == axis))
+    return np.array(cells)
+
+
+def on_lattice(curve: NDArray[np.float64], scale: float) -> Cells:
+    """A closed curve as a walk on the lattice that visits no cell twice."""
+    cells = walk(np.round(scale * np.concatenate([curve, curve[:1]])).astype(np.int64))[:-1]
+    assert len(np.unique(cells, axis=0)) == len(cells)
+    return cells
+
+
+def torus_winding(p: int, q: int, points: int = 4000) -> NDArray[np.float64]:
+    """p times around the axis, q times around the ring."""
+    u = np.linspace(0, 2 * np.pi, points, endpoint=False)
+    rho = 3 + np.cos(q * u)
+    return np.stack([rho * np.cos(p * u), rho * np.sin(p * u), np.sin(q * u)], axis=1)
+
+
+def figure_eight(points: int = 4000) -> NDArray[np.float64]:
+    u = np.linspace(0, 2 * np.pi, points, endpoint=False)
+    rho = 2 + np.cos(2 * u)
+    return np.stack([rho * np.cos(3 * u), rho * np.sin(3 * u), np.sin(4 * u)], axis=1)
+
+
+def snake(a: int, b: int, c: int) -> Cells:
+    """Back and forth through a box."""
+    cells: list[tuple[int, int, int]] = []
+    for z in range(c):
+        for y in range(b)[:: 1 if z % 2 == 0 else -1]:
+            forth = len(cells) // a % 2 == 0
+            cells += [(x, y, z) for x in range(a)[:: 1 if forth else -1]]
+    return np.array(cells)
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        walk(((0, 0, 0), (9, 0, 0))),
+        walk(((0, 0, 0), (4, 0, 0), (4, 5, 0))),
+        walk(((0, 0, 0), (4, 0, 0), (4, 1, 0), (0, 1, 0))),
+        walk(((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), (1, 0, 1))),
+        snake(6, 6, 6),
+        snake(3, 4, 5),
+        np.array([(0, 0, 0), (1, 0, 0)]),
+    ],
+    ids=["straight", "l", "u", "block", "box", "flat-box", "two-cells"],
+)
+def test_plain_paths_are_unknotted(cells: Cells) -> None:
+    assert knot_of(cells) == Knot(verdict="unknot", determinant=1, crossings=0)
+
+
+@pytest.mark.parametrize("scale", [1, 2, 5])
+def test_an_overhand_knot_is_a_trefoil(scale: int) -> None:
+    cells = walk(OVERHAND, scale)
+    assert len(np.unique(cells, axis=0)) == len(cells)
+    knot = knot_of(cells)
+    assert knot == Knot(verdict="knotted", determinant=3, crossings=3)
+    assert str(knot) == "knotted (determinant 3)"
+
+
+def test_one_crossing_changed_undoes_the_overhand_knot() -> None:
+    """The strand that went below the first one now goes above it as well."""
+    corners = [c for c in OVERHAND if c[2] >= 0]
+    assert knot_of(walk(tuple(corners), 2)).verdict == "unknot"
+
+
+def test_two_overhand_knots_in_a_row_multiply() -> None:
+    one = np.array(OVERHAND)
+    turned = one[:, [1, 0, 2]] * (1, 1, -1) + (4, 9, 2)
+    assert knot_of(walk(np.concatenate([one, turned]))).determinant == 9
+
+
+@pytest.mark.parametrize(
+    ("p", "q", "expected"),
+    [(2, 3, 3), (2, 5, 5), (2, 7, 7), (3, 4, 3), (4, 3, 3), (5, 1, 1), (1, 6, 1)],
+)
+def test_windings_of_a_torus(p: int, q: int, expected: int) -> None:
+    """Torus knots of 2 and q have determinant q; of 3 and 4, 3; once around either way is none."""
+    knot = knot_of(on_lattice(torus_winding(p, q), 9.0), closed=True)
+    assert (knot.verdict, knot.determinant) == ("unknot" if expected == 1 else "knotted", expected)
+
+
+def test_a_knot_of_determinant_one_is_found_by_its_polynomial() -> None:
+    """The torus knot of 3 and 5: |Δ(−1)| is 1, Δ is not."""
+    knot = knot_of(on_lattice(torus_winding(3, 5), 9.0), closed=True)
+    assert (knot.verdict, knot.determinant) == ("knotted", 1)
+
+
+def test_a_figure_eight_has_determinant_five() -> None:
+    cells = on_lattice(figure_eight(), 8.0)
+    assert knot_of(cells, closed=True).determinant == 5
+    # Cut where it is farthest out, it is the same knot in an open chain.
+    outermost = int(np.argmax(cells[:, 0]))
+    cut = np.roll(cells, -outermost, axis=0)[2:]
+    assert knot_of(cut).determinant == 5
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    axes=st.permutations([0, 1, 2]),
+    signs=st.tuples(*[st.sampled_from([1, -1])] * 3),
+    shift=st.tuples(*[st.integers(-50, 50)] * 3),
+    reverse=st.booleans(),
+    knotted=st.booleans(),
+)
+def test_turning_mirroring_shifting_and_reversing_keep_the_answer(
+    axes: list[int],
+    signs: tuple[int, int, int],
+    shift: tuple[int, int, int],
+    reverse: bool,
+    knotted: bool,
+) -> None:
+    cells = walk(OVERHAND) if knotted else snake(4, 4, 4)
+    moved = cells[:, axes] * signs + shift
+    knot = knot_of(moved[::-1] if reverse else moved)
+    assert knot.determinant == (3 if knotted else 1)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), sticks=st.integers(6, 60))
+def test_making_a_random_polygon_smaller_keeps_its_determinant(seed: int, sticks: int) -> None:
+    rng = np.random.default_rng(seed)
+    steps = rng.normal(size=(sticks, 3))
+    polygon = np.cumsum(steps - steps.mean(axis=0), axis=0)
+    expected = raw_determinant(polygon, rng)
+    smaller = reduced(polygon)
+    assert len(smaller) <= len(polygon)
+    for points in (smaller, tightened(polygon, 0.9), tightened(smaller, 0.5)):
+        assert raw_determinant(points, rng) == expected
+    knot = knot_of_polygon(polygon, rng)
+    assert knot.determinant == expected
+    assert (knot.verdict == "unknot") <= (expected == 1)
+
+
+def raw_determinant(polygon: NDArray[np.float64], rng: np.random.Generator) -> int:
+    places, signs = fewest_crossings(polygon, rng)
+    return exact_determinant(places, signs) if len(signs) > 1 else 1
+
+
+def test_an_end_deep_inside_does_not_hide_the_answer() -> None:
+    """A layer, around the edge to another one, then a spiral between them to the middle."""
+    above = snake(5, 5, 1)
+    around = np.array([(5, 4, 0), (5, 4, -1), (5, 4, -2)])
+    below = above[::-1] - (0, 0, 2)
+    rounds = ((0, 0), (4, 0), (4, 4), (0, 4), (0, 1), (3, 1), (3, 3), (1, 3), (1, 2), (2, 2))
+    spiral = walk(tuple((x, y, -1) for x, y in rounds))
+    cells = np.concatenate([above, around, below, spiral])
+    assert (np.abs(np.diff(cells, axis=0)).sum(axis=1) == 1).all()
+    assert len(np.unique(cells, axis=0)) == len(cells)
+    assert knot_of(cells).verdict == "unknot"
+
+
+def test_the_determinant_modulo_a_prime_is_that_of_the_matrix() -> None:
+    rng = np.random.default_rng(5)
+    for n in range(1, 9):
+        matrix = rng.integers(-4, 5, (n, n))
+        expected = round(float(np.linalg.det(matrix)))
+        assert determinant(matrix, 2**31 - 1) == expected % (2**31 - 1)
+
+
+def test_ten_thousand_cells_come_down_to_a_triangle() -> None:
+    assert knot_of(snake(20, 20, 25)).verdict == "unknot"
+
+
+def test_a_long_tail_does_not_hide_a_knot() -> None:
+    tail = snake(20, 20, 24) - (30, 0, 0)
+    to = walk((tuple(tail[-1].tolist()), (-5, int(tail[-1][1]), int(tail[-1][2])), (-5, 0, 0)))
+    cells = np.concatenate([tail, to[1:], walk(((-4, 0, 0), (-1, 0, 0))), walk(OVERHAND)])
+    assert knot_of(cells).determinant == 3
+
+
+@pytest.mark.parametrize("bad", [[(0, 0)], [(0.0, 0.0, np.nan)], 3])
+def test_other_things_than_cells_are_refused(bad: object) -> None:
+    with pytest.raises(InputError, match="expected \\(n, 3\\) finite"):
+        knot_of(np.asarray(bad))
