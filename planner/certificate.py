@@ -268,8 +268,9 @@ def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> d
     figures["joints_moving_mean"] = float(moving.mean()) if len(moving) else 0.0
     figures["joints_moving_most"] = int(moving.max()) if len(moving) else 0
     unit = _torque_unit(chain, parameters) / max(slower, 1e-12) ** 2
-    figures["peak_torque_nm"] = playback.peak_torque * unit
-    figures["rms_torque_nm"] = playback.rms_torque * unit
+    if playback.peak_torque is not None and playback.rms_torque is not None:
+        figures["peak_torque_nm"] = playback.peak_torque * unit
+        figures["rms_torque_nm"] = playback.rms_torque * unit
     return figures
 
 

@@ -112,6 +112,7 @@ class PlaybackParameters:
         gain: Of the paper's servo, in 1/s: the motors' rate for one radian that is left.
         direct_steps: Steps in which the baseline's target goes from straight to folded.
         threshold_rad2: The paper's rule: next snapshot below this squared error.
+        dynamic_up_to: Longer chains are not simulated: the playback is kinematic.
         max_steps: Give up after so many steps.
     """
 
@@ -128,6 +129,7 @@ class PlaybackParameters:
     threshold_rad2: float = 0.15
     gain: float = 1.0
     direct_steps: int = 4000
+    dynamic_up_to: int = 500
     max_steps: int = 200_000
 
 

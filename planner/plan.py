@@ -43,7 +43,8 @@ class Plan:
         joint_angles_rad: (F, J) what the hinges should be.
         root_position: (F, 3) centre of the root module in the simulated playback, in pitches.
         root_wxyz: (F, 4) its orientation.
-        max_error_rad: (F,) largest joint error of the simulated playback.
+        max_error_rad: (F,) largest joint error of the simulated playback; NaN, in JSON null, where
+            there was no simulation.
         explosion: Status, reason, steps, frames and seconds of the explosion; None without one.
         playback: Status, reason, steps, seconds and errors of the playback; None without one.
         certificate: What was verified.
@@ -240,4 +241,6 @@ def write_whole(path: FilePath, data: bytes) -> None:
 
 
 def _listed(array: Array) -> Any:
+    if np.isnan(array).any():
+        return [None if np.isnan(value) else value for value in np.round(array, DIGITS).tolist()]
     return np.round(array, DIGITS).tolist()

@@ -21,7 +21,7 @@ from planner.parameters import PlaybackParameters
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.record import Record, frames_arrays, frames_from_arrays, save_npz
 from planner.reference import Reference
-from planner.timelaw import torque_bounded_law
+from planner.timelaw import smooth_law, torque_bounded_law
 from planner.timeline import Frames
 from planner.tree import Tree
 
@@ -36,6 +36,7 @@ FOLDED_WITHIN: Final = 0.1
 LAW_SAMPLES_A_RAD: Final = 45
 REPORT_EVERY_S: Final = 0.1
 CHECK_EVERY: Final = 25
+KINEMATIC_CHUNK: Final = 256
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,6 +54,8 @@ class Playback:
         max_angle_error_rad: Largest joint error over all steps.
         peak_torque: Largest hinge torque, in units of module mass · pitch² / s².
         rms_torque: Root mean square over the steps of the largest hinge torque.
+        kind: ``dynamic`` when it was simulated; ``kinematic`` when the reference itself was taken,
+            for chains too long for the single tree. Torques are then None, joint errors NaN.
     """
 
     status: PlaybackStatus
@@ -63,8 +66,9 @@ class Playback:
     seconds: float
     rms_position_error: float
     max_angle_error_rad: float
-    peak_torque: float
-    rms_torque: float
+    peak_torque: float | None
+    rms_torque: float | None
+    kind: Literal["dynamic", "kinematic"] = "dynamic"
 
     def summary(self) -> dict[str, Any]:
         """The figures without the frames."""
@@ -75,7 +79,7 @@ class Playback:
         save_npz(
             path,
             {
-                **{name: np.array(getattr(self, name)) for name in _SCALARS},
+                **{name: _stored(getattr(self, name)) for name in _SCALARS},
                 "reference_rad": self.reference_rad,
                 **frames_arrays(self.frames),
             },
@@ -88,8 +92,17 @@ class Playback:
             return cls(
                 frames=frames_from_arrays(arrays),
                 reference_rad=arrays["reference_rad"],
-                **{name: arrays[name].item() for name in _SCALARS},
+                **{name: _loaded(arrays[name].item()) for name in _SCALARS},
             )
+
+
+def _stored(value: Any) -> NDArray[Any]:
+    """A figure as an array; one that there is none of as NaN."""
+    return np.array(np.nan if value is None else value)
+
+
+def _loaded(value: Any) -> Any:
+    return None if isinstance(value, float) and np.isnan(value) else value
 
 
 _SCALARS: Final = (
@@ -101,6 +114,7 @@ _SCALARS: Final = (
     "max_angle_error_rad",
     "peak_torque",
     "rms_torque",
+    "kind",
 )
 
 
@@ -131,6 +145,8 @@ def play_back(
         InputError: An unknown controller, or a controller that needs a record without one.
     """
     begun = time.perf_counter()
+    if record is not None and len(chain) > parameters.dynamic_up_to:
+        return _followed(chain, record, parameters, sink, start_s)
     run = _Run(chain, record, parameters, module_size, start_s)
     status, reason = run.simulate(sink, progress, cancelled)
     error = run.final_error()
@@ -152,6 +168,58 @@ def play_back(
         max_angle_error_rad=run.largest_error,
         peak_torque=run.peak_torque,
         rms_torque=float(np.sqrt(run.square_torque / max(1, run.steps))),
+    )
+
+
+def _followed(
+    chain: Chain,
+    record: Record,
+    parameters: PlaybackParameters,
+    sink: Callable[[Frames], None] | None,
+    start_s: float,
+) -> Playback:
+    """A kinematic playback: the reference itself, its centre of mass at rest."""
+    begun = time.perf_counter()
+    reference = Reference.through(
+        chain,
+        record.frames.joint_angles_rad[::-1],
+        spacing_rad=parameters.spacing_rad,
+        distance_weight=parameters.distance_weight,
+    )
+    count = max(2, int(np.ceil(reference.length_rad / FRAME_RAD)))
+    law = smooth_law(steps=count, step_s=parameters.step_s * parameters.steps_per_rad * FRAME_RAD)
+    last = record.frames[-1:]
+    centre = chain.poses(
+        last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0]
+    ).positions.mean(axis=0)
+    kept: list[Frames] = []
+    for start in range(0, count + 1, KINEMATIC_CHUNK):
+        part = slice(start, min(start + KINEMATIC_CHUNK, count + 1))
+        angles = reference.spline(law.u[part])
+        free = chain.poses(angles, np.zeros(3), last.root_wxyz[0]).positions.mean(axis=1)
+        frames = Frames.of_phase(
+            "playback",
+            time_s=start_s + law.step_s * np.arange(count + 1.0)[part],
+            joint_angles_rad=angles,
+            root_position=centre - free,
+            root_wxyz=np.broadcast_to(last.root_wxyz[0], (len(angles), 4)).copy(),
+        )
+        kept.append(frames)
+        if sink is not None:
+            sink(frames)
+    frames = Frames.joined(kept)
+    return Playback(
+        status="folded",
+        reason="",
+        frames=frames,
+        reference_rad=frames.joint_angles_rad,
+        steps=0,
+        seconds=time.perf_counter() - begun,
+        rms_position_error=0.0,
+        max_angle_error_rad=0.0,
+        peak_torque=None,
+        rms_torque=None,
+        kind="kinematic",
     )
 
 

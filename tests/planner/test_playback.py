@@ -218,3 +218,33 @@ def test_a_playback_is_read_back_as_it_was(folded: Callable[..., Any], tmp_path:
     assert again.summary() == playback.summary()
     np.testing.assert_array_equal(again.reference_rad, playback.reference_rad)
     np.testing.assert_array_equal(again.frames.joint_error_rad, playback.frames.joint_error_rad)
+
+
+def test_a_long_chain_is_played_back_by_kinematics(
+    small: tuple[Chain, Record], tmp_path: FilePath
+) -> None:
+    chain, record = small
+    seen: list[Frames] = []
+    playback = play_back(
+        chain, record, replace(DEFAULT, dynamic_up_to=len(chain) - 1), sink=seen.append, start_s=3.0
+    )
+    assert playback.kind == "kinematic"
+    assert playback.peak_torque is None
+    frames = playback.frames
+    assert frames.time_s[0] == 3.0
+    assert (np.diff(frames.time_s) > 0.0).all()
+    assert (frames.joint_angles_rad[0] == 0.0).all()
+    assert frames.joint_angles_rad[-1] == pytest.approx(chain.folded_rad, abs=1e-12)
+    # Nothing was simulated, so there is no error to show, and nothing pushes the chain away.
+    assert np.isnan(frames.joint_error_rad).all()
+    centres = chain.poses(
+        frames.joint_angles_rad, frames.root_position, frames.root_wxyz
+    ).positions.mean(axis=1)
+    assert np.abs(centres - centres[0]).max() < 1e-9
+    assert np.array_equal(Frames.joined(seen).joint_angles_rad, frames.joint_angles_rad)
+    certificate = certify(chain, record, playback, Parameters())
+    assert certificate.verdict == "verified"
+    assert certificate.peak_torque_nm is None
+    playback.save(tmp_path / "playback.npz")
+    again = Playback.load(tmp_path / "playback.npz")
+    assert (again.kind, again.peak_torque) == ("kinematic", None)
