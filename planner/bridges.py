@@ -1,0 +1,111 @@
+"""Bridges: parts of a shape that fell apart are joined by cells that the solid touches."""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOST_BRIDGES: Final = 64
+LEAST_PART: Final = 0.005
+
+Cell = tuple[int, int, int]
+NEIGHBOURS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Bridged:
+    """A shape in one piece.
+
+    Attributes:
+        cells: (X, Y, Z) which cells it has.
+        parts: In how many parts it was.
+        added: Cells added to join parts.
+        dropped: Cells left out: specks, and parts that nothing joins.
+    """
+
+    cells: NDArray[np.bool_]
+    parts: int
+    added: int
+    dropped: int
+
+
+def parts_of(cells: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Parts that hang together by faces: their numbers from 1, and (P,) their sizes."""
+    from scipy import ndimage  # not before a mesh is read: importing it takes a while
+
+    label: Any = ndimage.label
+    numbers, _ = label(cells)
+    return numbers, np.bincount(numbers.ravel())[1:]
+
+
+def bridged(cells: NDArray[np.bool_], filled: NDArray[np.float64]) -> Bridged:
+    """Joins the parts of a shape along the fullest of the cells between them.
+
+    Args:
+        cells: (X, Y, Z) which cells the shape has, at least one.
+        filled: (X, Y, Z) share of each cell that the solid fills; bridges go where it is not 0.
+    """
+    numbers, sizes = parts_of(cells)
+    if len(sizes) == 1:
+        return Bridged(cells=cells, parts=1, added=0, dropped=0)
+    main = int(np.argmax(sizes)) + 1
+    least = max(2.0, LEAST_PART * float(sizes.sum()))
+    order = np.argsort(-sizes, kind="stable") + 1
+    wanted = {int(p) for p in order[: MOST_BRIDGES + 1] if p != main and sizes[p - 1] >= least}
+    joined = numbers == main
+    added = 0
+    for end, came_from in _ways(numbers, filled, main, wanted):
+        joined |= numbers == numbers[end]
+        cell: Cell | None = end
+        while cell is not None:
+            if not joined[cell]:
+                part = int(numbers[cell])
+                if part:
+                    joined |= numbers == part
+                else:
+                    joined[cell] = True
+                    added += 1
+            cell = came_from.get(cell)
+    dropped = int((cells & ~joined).sum())
+    return Bridged(cells=joined, parts=len(sizes), added=added, dropped=dropped)
+
+
+def _ways(
+    numbers: NDArray[np.int32], filled: NDArray[np.float64], main: int, wanted: set[int]
+) -> list[tuple[Cell, dict[Cell, Cell]]]:
+    """The cheapest way from the main part to each wanted one: its last cell, and where from."""
+    left = set(wanted)
+    found: list[tuple[Cell, dict[Cell, Cell]]] = []
+    cost: dict[Cell, float] = {}
+    came_from: dict[Cell, Cell] = {}
+    queue: list[tuple[float, Cell]] = []
+    for row in np.argwhere(numbers == main).tolist():
+        start: Cell = (row[0], row[1], row[2])
+        cost[start] = 0.0
+        queue.append((0.0, start))
+    done: set[Cell] = set()
+    while queue and left:
+        paid, cell = heapq.heappop(queue)
+        if cell in done:
+            continue
+        done.add(cell)
+        part = int(numbers[cell])
+        if part in left:
+            left.discard(part)
+            found.append((cell, came_from))
+        for step in NEIGHBOURS:
+            near: Cell = (cell[0] + step[0], cell[1] + step[1], cell[2] + step[2])
+            if min(near) < 0 or any(n >= s for n, s in zip(near, numbers.shape, strict=True)):
+                continue
+            if near in done or (filled[near] <= 0.0 and not numbers[near]):
+                continue
+            price = 1e-6 if numbers[near] else 1.0 + 4.0 * (1.0 - float(filled[near]))
+            if paid + price < cost.get(near, np.inf):
+                cost[near] = paid + price
+                came_from[near] = cell
+                heapq.heappush(queue, (paid + price, near))
+    return found

@@ -1,0 +1,156 @@
+"""Seams of meshes: which edges are shared, welding of vertices, closing of holes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOST_LOOSE: Final = 100_000
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Edges:
+    """How triangles share edges.
+
+    Attributes:
+        open: How many edges an odd number of triangles share.
+        oriented: Whether each edge is run through as often one way as the other.
+        loose: (E, 2) open edges as the triangle runs that has them; only where one has.
+    """
+
+    open: int
+    oriented: bool
+    loose: Ints
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Closed:
+    """A mesh after its holes were closed.
+
+    Attributes:
+        vertices: With a middle for each hole.
+        faces: With a fan for each hole.
+        holes: How many were closed.
+        share: Area of the fans over that of the whole.
+    """
+
+    vertices: Floats
+    faces: Ints
+    holes: int
+    share: float
+
+
+def edges_of(faces: Ints) -> Edges:
+    """Counts how triangles share edges."""
+    runs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    forward = runs[:, 0] < runs[:, 1]
+    low, high = runs.min(axis=1), runs.max(axis=1)
+    keys = low * (int(faces.max()) + 1) + high
+    order = np.argsort(keys, kind="stable")
+    ordered = keys[order]
+    starts = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
+    counts = np.diff(np.append(starts, len(ordered)))
+    balance = np.add.reduceat(np.where(forward[order], 1, -1), starts)
+    return Edges(
+        open=int((counts % 2).sum()),
+        oriented=not balance.any(),
+        loose=runs[order[starts[counts == 1]]],
+    )
+
+
+def welded(
+    points: Floats, faces: Ints, *, tolerance: float, once: bool = True
+) -> tuple[Floats, Ints]:
+    """Makes one vertex of those that are equal, or equal after rounding to ``tolerance``.
+
+    Triangles that collapse are left out, and with ``once`` those that come again with the same
+    corners in the same order. Without it a closed mesh stays closed.
+    """
+    low = points.min(axis=0)
+    keys = np.round((points - low) / tolerance) if tolerance > 0 else points + 0.0
+    first, inverse = _equal_rows(keys)
+    joined = inverse[faces]
+    a, b, c = joined.T
+    kept = (a != b) & (b != c) & (c != a)
+    joined = joined[kept]
+    if not len(joined) or not once:
+        return points[first], joined
+    turn = np.argmin(joined, axis=1)
+    turned = np.take_along_axis(joined, (turn[:, None] + np.arange(3)) % 3, axis=1)
+    again, _ = _equal_rows(turned.astype(np.float64))
+    return points[first], turned[np.sort(again)] if len(again) < len(turned) else turned
+
+
+def closed_holes(points: Floats, faces: Ints, edges: Edges) -> Closed:
+    """Closes holes by fans around the middles of their rims; too many loose edges are left."""
+    loops = _loops(edges.loose)
+    new_points, new_faces = [points], [faces]
+    next_row = len(points)
+    for loop in loops:
+        rim = points[loop]
+        ahead = np.roll(loop, -1)
+        # The fan runs against the triangles at the rim, so that both agree on what is outside.
+        if len(loop) == 3:
+            new_faces.append(loop[::-1].reshape(1, 3))
+            continue
+        new_points.append(rim.mean(axis=0, keepdims=True))
+        new_faces.append(np.column_stack([ahead, loop, np.full(len(loop), next_row)]))
+        next_row += 1
+    all_points, all_faces = np.concatenate(new_points), np.concatenate(new_faces)
+    areas = _areas(all_points, all_faces)
+    share = float(areas[len(faces) :].sum() / max(areas.sum(), np.finfo(float).tiny))
+    return Closed(vertices=all_points, faces=all_faces, holes=len(loops), share=share)
+
+
+def _loops(loose: Ints) -> list[Ints]:
+    """Rims of holes, cut where they meet themselves, so that each passes its vertices once."""
+    if len(loose) > MOST_LOOSE:
+        return []
+    ahead: dict[int, list[int]] = {}
+    for start, end in loose.tolist():
+        ahead.setdefault(start, []).append(end)
+    loops: list[Ints] = []
+    for start in list(ahead):
+        rim, place = [start], {start: 0}
+        while ahead.get(rim[-1]):
+            vertex = ahead[rim[-1]].pop()
+            if vertex not in place:
+                place[vertex] = len(rim)
+                rim.append(vertex)
+                continue
+            loop = rim[place[vertex] :]
+            for passed in loop[1:]:
+                del place[passed]
+            del rim[place[vertex] + 1 :]
+            if len(loop) >= 3:
+                loops.append(np.array(loop, dtype=np.int64))
+    return loops
+
+
+def _areas(points: Floats, faces: Ints) -> Floats:
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def _equal_rows(rows: Floats) -> tuple[Ints, Ints]:
+    """First of each kind of row, and for each row which of those it equals.
+
+    Rows are told apart by a hash of 64 bits, which sorts much faster than rows do.
+    """
+    bits = np.ascontiguousarray(rows).view(np.uint64).reshape(rows.shape)
+    with np.errstate(over="ignore"):
+        mixed = np.zeros(len(rows), dtype=np.uint64)
+        for column in range(rows.shape[1]):
+            mixed = (mixed ^ bits[:, column]) * np.uint64(0x9E3779B97F4A7C15)
+            mixed ^= mixed >> np.uint64(29)
+    _, first, inverse = np.unique(mixed, return_index=True, return_inverse=True)
+    if (bits[first][inverse] == bits).all():
+        return first.astype(np.int64), inverse.astype(np.int64)
+    _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return first.astype(np.int64), inverse.reshape(-1).astype(np.int64)
