@@ -1,0 +1,1 @@
+"""Paths through shapes: an order in which a chain can visit every cell once."""

@@ -1,0 +1,86 @@
+"""Who touches whom on the cubic lattice, and what that says about an order of cells."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+Ints = NDArray[np.int64]
+
+STEPS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+"""The six ways to a neighbour; step k and step k ^ 1 are opposite."""
+
+
+def keys_of(cells: Ints, low: Ints, size: Ints) -> Ints:
+    """(n,) one number for each cell of a box, in lexicographic order."""
+    x, y, z = np.moveaxis(cells - low, -1, 0)
+    return (x * size[1] + y) * size[2] + z
+
+
+def neighbours(cells: Ints) -> Ints:
+    """(n, 6) index of the cell on each side, in the order of ``STEPS``; −1 where there is none."""
+    low = cells.min(axis=0) - 1
+    size = cells.max(axis=0) - low + 2
+    keys = keys_of(cells, low, size)
+    order = np.argsort(keys)
+    ranked = keys[order]
+    found = np.empty((len(cells), 6), dtype=np.int64)
+    for k, step in enumerate(STEPS):
+        wanted = keys_of(cells + np.array(step), low, size)
+        place = np.minimum(np.searchsorted(ranked, wanted), len(cells) - 1)
+        found[:, k] = np.where(ranked[place] == wanted, order[place], -1)
+    return found
+
+
+def contacts(cells: Ints) -> Ints:
+    """(m, 2) pairs of cells that share a face, each pair once."""
+    near = neighbours(cells)[:, ::2]
+    first, side = np.nonzero(near >= 0)
+    return np.stack([first, near[first, side]], axis=1).astype(np.int64)
+
+
+def surface(cells: Ints) -> NDArray[np.bool_]:
+    """(n,) whether a cell has a free face."""
+    return (neighbours(cells) < 0).any(axis=1)
+
+
+def colours(cells: Ints) -> Ints:
+    """(n,) 0 or 1, as on a chessboard: neighbours differ."""
+    return cells.sum(axis=1) & 1
+
+
+def graph(cells: Ints) -> csr_array:
+    """(n, n) adjacency of the cells."""
+    pairs = contacts(cells)
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    ones = np.ones(len(both), dtype=np.int8)
+    return csr_array((ones, (both[:, 0], both[:, 1])), shape=(len(cells), len(cells)))
+
+
+def parts(cells: Ints) -> tuple[int, Ints]:
+    """How many connected parts there are, and (n,) the part of each cell."""
+    count, labels = connected_components(graph(cells), directed=False)
+    return int(count), np.asarray(labels, dtype=np.int64)
+
+
+def spread(order: Ints) -> float:
+    """How far apart along a path cells are that touch each other: less is easier to unfold."""
+    pairs = contacts(order)
+    return float(np.abs(pairs[:, 0] - pairs[:, 1]).mean()) if len(pairs) else 0.0
+
+
+def spreads_of_cuts(cycle: Ints) -> NDArray[np.float64]:
+    """(n,) the spread of a closed cycle cut open before each of its cells."""
+    n = len(cycle)
+    pairs = contacts(cycle)
+    low, high = pairs.min(axis=1), pairs.max(axis=1)
+    gap = high - low
+    # A cut between the two, before one of low + 1 … high, makes their distance n − gap.
+    change = np.zeros(n + 1, dtype=np.int64)
+    np.add.at(change, low + 1, n - 2 * gap)
+    np.add.at(change, high + 1, 2 * gap - n)
+    return (gap.sum() + np.cumsum(change[:n])) / len(pairs)
