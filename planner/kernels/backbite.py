@@ -1,0 +1,184 @@
+"""Paths on a graph by turning their ends round, compiled.
+
+The last cell of a path touches some earlier cell w. Turning round what follows w makes a path of
+the same cells with another end (Pósa, 1976; "backbite" among those who study polymers).
+"""
+# pyright: reportUntypedFunctionDecorator=false
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+
+@njit(cache=True)
+def _turn(path: Ints, place: Ints, low: int, high: int) -> None:
+    """Turns path[low … high] round."""
+    while low < high:
+        a = path[low]
+        b = path[high]
+        path[low] = b
+        place[b] = low
+        path[high] = a
+        place[a] = high
+        low += 1
+        high -= 1
+    if low == high:
+        place[path[low]] = low
+
+
+@njit(cache=True)
+def _free(cell: int, near: Ints, place: Ints) -> int:
+    """How many neighbours of a cell are not on the path."""
+    count = 0
+    for k in range(6):
+        other = near[cell, k]
+        if other >= 0 and place[other] < 0:
+            count += 1
+    return count
+
+
+@njit(cache=True)
+def grow(near: Ints, ends: Flags, start: int, moves: int, seed: int) -> tuple[int, Ints]:
+    """Grows a path by extending and turning its ends until it visits every cell.
+
+    Args:
+        near: (n, 6) neighbours of each cell, −1 where there is none.
+        ends: (n,) cells that a complete path may begin and end with.
+        start: The cell that it begins with, −1 for any.
+        moves: How many moves at most.
+        seed: Of the choices.
+
+    Returns:
+        How many cells are on the longest path found, and (n,) that path when it is complete and
+        its ends may be ends; a complete one with other ends counts as one cell less.
+    """
+    np.random.seed(seed)
+    n = near.shape[0]
+    path = np.empty(n, dtype=np.int64)
+    place = np.full(n, -1, dtype=np.int64)
+    choice = np.empty(6, dtype=np.int64)
+    length = 1
+    path[0] = start if start >= 0 else np.random.randint(n)
+    place[path[0]] = 0
+    best = 1
+    for _ in range(moves):
+        if length == n and ends[path[0]] and ends[path[n - 1]]:
+            return n, path
+        if start < 0 and np.random.random() < 0.1:
+            _turn(path, place, 0, length - 1)
+        tail = path[length - 1]
+        # Go on to the neighbour that has fewest ways on itself.
+        fewest = 7
+        found = 0
+        for k in range(6):
+            other = near[tail, k]
+            if other >= 0 and place[other] < 0:
+                free = _free(other, near, place)
+                if free < fewest:
+                    fewest = free
+                    found = 0
+                if free == fewest:
+                    choice[found] = other
+                    found += 1
+        if found > 0:
+            other = choice[np.random.randint(found)]
+            path[length] = other
+            place[other] = length
+            length += 1
+            best = max(best, min(length, n - 1))
+            continue
+        # Turn: rather so that the new end has somewhere to go.
+        good = 0
+        for k in range(6):
+            other = near[tail, k]
+            if other >= 0 and place[other] < length - 2:
+                if _free(path[place[other] + 1], near, place) > 0:
+                    if good == 0:
+                        found = 0
+                    good = 1
+                    choice[found] = other
+                    found += 1
+                elif good == 0:
+                    choice[found] = other
+                    found += 1
+        if found > 0 and (good == 1 or start >= 0 or np.random.random() < 0.9):
+            _turn(path, place, place[choice[np.random.randint(found)]] + 1, length - 1)
+        elif start < 0:
+            _turn(path, place, 0, length - 1)
+            if found == 0 and _stuck(path, length, near, place):
+                return best, path
+        else:
+            return best, path
+    return best, path
+
+
+@njit(cache=True)
+def _stuck(path: Ints, length: int, near: Ints, place: Ints) -> bool:
+    """Whether neither end of a path has a neighbour besides its own next cell."""
+    for tail, inner in ((path[0], path[min(1, length - 1)]), (path[length - 1], path[length - 2])):
+        for k in range(6):
+            other = near[tail, k]
+            if other >= 0 and other != inner:
+                return False
+    return True
+
+
+@njit(cache=True)
+def _total(path: Ints, place: Ints, near: Ints) -> int:
+    total = 0
+    for cell in range(path.shape[0]):
+        for k in range(0, 6, 2):
+            if near[cell, k] >= 0:
+                total += abs(place[cell] - place[near[cell, k]])
+    return total
+
+
+@njit(cache=True)
+def ease(path: Ints, near: Ints, ends: Flags, start: int, moves: int, seed: int) -> Ints:
+    """Brings cells that touch closer along a path, by turning its ends while that cools down.
+
+    Args:
+        path: (n,) a complete path.
+        near: (n, 6) neighbours of each cell, −1 where there is none.
+        ends: (n,) cells that it may begin and end with.
+        start: The cell that it begins with, −1 for any.
+        moves: How many turns are tried.
+        seed: Of the choices.
+
+    Returns:
+        (n,) the path with the least sum of distances that was met, with ends that may be ends.
+    """
+    np.random.seed(seed)
+    n = near.shape[0]
+    path = path.copy()
+    place = np.empty(n, dtype=np.int64)
+    for k in range(n):
+        place[path[k]] = k
+    total = _total(path, place, near)
+    best = total
+    kept = path.copy()
+    hot = 0.1 * total
+    for move in range(moves):
+        heat = hot * (1e-4 ** (move / moves))
+        if start < 0 and np.random.random() < 0.5:
+            _turn(path, place, 0, n - 1)
+        tail = path[n - 1]
+        other = near[tail, np.random.randint(6)]
+        if other < 0 or place[other] >= n - 2:
+            continue
+        low = place[other] + 1
+        _turn(path, place, low, n - 1)
+        after = _total(path, place, near)
+        if after > total and np.random.random() >= np.exp((total - after) / heat):
+            _turn(path, place, low, n - 1)
+            continue
+        total = after
+        if total < best and ends[path[0]] and ends[path[n - 1]]:
+            best = total
+            kept[:] = path
+    return kept

@@ -1,0 +1,176 @@
+"""Paths through any set of cells: tests that prove there is none, a fast search, then a solver."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.kernels.backbite import ease, grow
+from planner.pathfinding.circuits import circuit
+from planner.pathfinding.lattice import colours, neighbours, surface
+from planner.pathfinding.obstacles import Cell, obstacles
+from planner.shapes import Shape
+
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+TURNS: Final = 40_000_000
+"""Cells that may be turned round in one attempt, about: a quarter of a second."""
+FEWEST_MOVES: Final = 2_000
+EASING_MOVES: Final = 200_000
+EASED: Final = 600
+"""Cells up to which paths are eased; each move looks at all of them."""
+ATTEMPTS: Final = 6
+"""Fast attempts before the solver is asked, and after each time it was."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ExactSearch:
+    """What a search for a path came to.
+
+    Attributes:
+        status: ``infeasible`` is proved; ``undecided`` means that the time was up.
+        cells: (n, 3) the cells in order, None when no path was found.
+        reason: One plain sentence.
+    """
+
+    status: Literal["found", "infeasible", "undecided"]
+    cells: Ints | None
+    reason: str
+
+
+def exact_path(
+    shape: Shape,
+    *,
+    time_limit_s: float = 20.0,
+    seed: int = 0,
+    start: Cell | None = None,
+    ends_on_surface: bool = False,
+    eased: bool = True,
+) -> ExactSearch:
+    """Looks for a path that visits every cell of a shape once.
+
+    Args:
+        shape: The shape.
+        time_limit_s: Seconds, by the clock.
+        seed: Of all choices.
+        start: The cell that the path begins with, None for any.
+        ends_on_surface: Both its ends have a free face.
+        eased: Bring cells that touch closer along the path, which then unfolds more easily.
+
+    Raises:
+        InputError: ``not-a-cell`` when the start is none of the shape's cells.
+    """
+    deadline = time.monotonic() + time_limit_s
+    cells = shape.cells
+    first = index_of(cells, start)
+    problems = obstacles(cells)
+    if problems:
+        reason = " ".join(_sentence(problem.detail) for problem in problems)
+        return ExactSearch(status="infeasible", cells=None, reason=reason)
+    ends = surface(cells) if ends_on_surface else np.ones(len(cells), dtype=np.bool_)
+    refused = _refused_ends(cells, ends, first)
+    if refused:
+        return ExactSearch(status="infeasible", cells=None, reason=refused)
+    search = _Search(cells, ends, first, np.random.default_rng(seed))
+    status, order = search.run(deadline)
+    if order is None:
+        return ExactSearch(status=status, cells=None, reason=_REASONS[status](time_limit_s))
+    if eased and len(cells) <= EASED:
+        order = search.eased(order)
+    return ExactSearch(status="found", cells=cells[order], reason="A path was found.")
+
+
+_REASONS: Final[dict[str, Callable[[float], str]]] = {
+    "infeasible": lambda _: "The solver proved that no path visits every cell once with such ends.",
+    "undecided": lambda limit: f"No path was found in {limit:g} s, and none ruled out; "
+    "give it more time, repair the shape or double it.",
+}
+
+
+def index_of(cells: Ints, start: Cell | None) -> int | None:
+    """Index of a cell.
+
+    Raises:
+        InputError: ``not-a-cell`` when it is not among them.
+    """
+    if start is None:
+        return None
+    found = np.flatnonzero((cells == np.array(start)).all(axis=1))
+    if not len(found):
+        raise InputError("not-a-cell", f"got {start} to start with, expected a cell of the shape.")
+    return int(found[0])
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _refused_ends(cells: Ints, ends: Flags, start: int | None) -> str | None:
+    """Why no path has such ends, as far as colours tell."""
+    shades = colours(cells)
+    excess = len(cells) - 2 * int(shades.sum())
+    more = 0 if excess > 0 else 1
+    if start is not None and not ends[start]:
+        return "The cell to start with does not lie on the surface."
+    if start is not None and excess and shades[start] != more:
+        return (
+            "A path through an odd number of cells begins with the chessboard colour that there "
+            "is more of; start with a neighbour of that cell."
+        )
+    if excess and int((ends & (shades == more)).sum()) < 2:
+        return "Fewer than two cells of the colour that the ends need lie on the surface."
+    return None
+
+
+class _Search:
+    """Fast attempts and the solver by turns, until one of them is done or the time is up."""
+
+    def __init__(
+        self, cells: Ints, ends: Flags, start: int | None, rng: np.random.Generator
+    ) -> None:
+        self.cells, self.ends, self.start, self.rng = cells, ends, start, rng
+        self.near = neighbours(cells)
+        self.moves = max(FEWEST_MOVES, TURNS // len(cells))
+
+    def run(
+        self, deadline: float
+    ) -> tuple[Literal["found", "infeasible", "undecided"], Ints | None]:
+        effort = 2.0
+        while True:
+            for attempt in range(ATTEMPTS):
+                # A short attempt first: most shapes need no more.
+                order = self.grown(self.moves // (20 if attempt < ATTEMPTS // 2 else 1))
+                if order is not None:
+                    return "found", order
+                if time.monotonic() > deadline:
+                    return "undecided", None
+            left = deadline - time.monotonic()
+            found = circuit(
+                self.cells,
+                self.rng,
+                ends=self.ends,
+                start=self.start,
+                effort=effort,
+                time_limit_s=max(0.1, left),
+                taste=False,
+            )
+            if found.status != "undecided":
+                return found.status, found.order
+            effort *= 2.0
+
+    def grown(self, moves: int) -> Ints | None:
+        start = -1 if self.start is None else self.start
+        count, order = grow(self.near, self.ends, start, moves, int(self.rng.integers(1 << 30)))
+        return order if count == len(self.cells) else None
+
+    def eased(self, order: Ints) -> Ints:
+        start = -1 if self.start is None else self.start
+        seed = int(self.rng.integers(1 << 30))
+        return ease(order, self.near, self.ends, start, EASING_MOVES, seed)

@@ -1,0 +1,206 @@
+"""What keeps a shape from having a path, told in linear time and in plain words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.paths import FEWEST_CELLS
+from planner.pathfinding.lattice import colours, neighbours, parts
+
+Ints = NDArray[np.int64]
+Cell: TypeAlias = tuple[int, int, int]
+
+MOST_SHOWN: Final = 200
+"""Cells that a problem names at most."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """Why there is no path.
+
+    Attributes:
+        code: ``too-few``, ``disconnected``, ``parity``, ``dead-ends``, ``cut-cells`` or
+            ``no-path``.
+        detail: One plain sentence: what was found, what a path needs.
+        cells: The cells that it is about, the first of them when there are many.
+        amount: By how much a path is missed; larger is worse.
+    """
+
+    code: str
+    detail: str
+    cells: tuple[Cell, ...] = ()
+    amount: int = 1
+
+
+def obstacles(cells: Ints) -> tuple[Problem, ...]:
+    """What proves that no path visits all these cells; empty when nothing that is looked for does.
+
+    Args:
+        cells: (n, 3) distinct cells.
+    """
+    return tuple(_obstacles(cells))
+
+
+def _obstacles(cells: Ints) -> Iterator[Problem]:
+    n = len(cells)
+    if n < FEWEST_CELLS:
+        yield Problem(
+            code="too-few",
+            detail=f"got {n} cell{'s' * (n != 1)}, expected at least {FEWEST_CELLS}.",
+            cells=tuples(cells),
+            amount=FEWEST_CELLS - n,
+        )
+        return
+    count, labels = parts(cells)
+    if count > 1:
+        sizes = np.bincount(labels)
+        largest = int(np.argmax(sizes))
+        yield Problem(
+            code="disconnected",
+            detail=f"the cells are in {count} parts that share no face, the largest of "
+            f"{sizes[largest]} of {n} cells; a chain cannot jump.",
+            cells=tuples(cells[labels != largest]),
+            amount=1000 * (count - 1),
+        )
+        return
+    balance = 1 - 2 * colours(cells)
+    excess = abs(int(balance.sum()))
+    if excess > 1:
+        white = (n + excess) // 2
+        yield Problem(
+            code="parity",
+            detail=f"coloured like a chessboard there are {white} cells of one colour and "
+            f"{n - white} of the other; a path takes turns between them, so they may differ by "
+            "one at most.",
+            cells=tuples(cells[balance == np.sign(balance.sum())]),
+            amount=excess - 1,
+        )
+    near = neighbours(cells)
+    dead = np.flatnonzero((near >= 0).sum(axis=1) == 1)
+    if len(dead) > 2:
+        yield Problem(
+            code="dead-ends",
+            detail=f"{len(dead)} cells have one neighbour only; a path can begin in one and end "
+            "in one, not more.",
+            cells=tuples(cells[dead]),
+            amount=len(dead) - 2,
+        )
+    yield from _cut_cells(cells, near, balance)
+
+
+def tuples(cells: Ints) -> tuple[Cell, ...]:
+    """The first cells as tuples."""
+    return tuple((int(x), int(y), int(z)) for x, y, z in cells[:MOST_SHOWN])
+
+
+def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
+    pieces = _pieces(near, balance)
+    split = [cell for cell, sums in pieces.sums.items() if len(sums) > 2]
+    if split:
+        most = max(len(pieces.sums[cell]) for cell in split)
+        yield Problem(
+            code="cut-cells",
+            detail=f"up to {most} parts hang together by a single cell; a path that has left a "
+            "part through it cannot come back, so there may be two.",
+            cells=tuples(cells[sorted(split)]),
+            amount=sum(len(pieces.sums[cell]) - 2 for cell in split),
+        )
+    branching = [cuts for cuts in pieces.cuts if len(cuts) > 2]
+    if branching:
+        yield Problem(
+            code="cut-cells",
+            detail=f"a part has {max(map(len, branching))} arms that each hang on a single cell; "
+            "a path can begin in one arm and end in another, not more.",
+            cells=tuples(cells[sorted({cell for cuts in branching for cell in cuts})]),
+            amount=sum(len(cuts) - 2 for cuts in branching),
+        )
+    if split or branching:
+        return
+    # What lies on one side of a cut cell is visited in one go that begins next to the cut cell.
+    uneven = [
+        (cell, amount)
+        for cell, sums in pieces.sums.items()
+        if (amount := sum(max(s, -1 - s, 0) for s in (s * int(balance[cell]) for s in sums)))
+    ]
+    if uneven:
+        yield Problem(
+            code="parity",
+            detail="a part that hangs on a single cell has too many cells of one chessboard "
+            "colour; a path through it takes turns between the colours.",
+            cells=tuples(cells[sorted(cell for cell, _ in uneven)]),
+            amount=max(amount for _, amount in uneven),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Pieces:
+    """What falls apart when single cells are taken away.
+
+    Attributes:
+        sums: For each cut cell the balance of colours of every piece that it leaves.
+        cuts: For each piece that no single cell takes apart, its cut cells.
+    """
+
+    sums: dict[int, list[int]]
+    cuts: list[list[int]]
+
+
+def _pieces(near: Ints, balance: Ints) -> _Pieces:
+    """Biconnected components of a connected graph (Hopcroft and Tarjan, 1973)."""
+    links = [[other for other in row if other >= 0] for row in near.tolist()]
+    weight = balance.tolist()
+    n = len(links)
+    number, low, below = [-1] * n, [0] * n, list(weight)
+    next_link = [0] * n
+    number[0] = 0
+    stack, piece, counted = [0], [0], 1
+    parent = [-1] * n
+    members: list[list[int]] = []
+    hung: dict[int, list[int]] = {}
+    while stack:
+        cell = stack[-1]
+        if next_link[cell] < len(links[cell]):
+            other = links[cell][next_link[cell]]
+            next_link[cell] += 1
+            if number[other] < 0:
+                parent[other] = cell
+                number[other] = low[other] = counted
+                counted += 1
+                stack.append(other)
+                piece.append(other)
+            elif other != parent[cell]:
+                low[cell] = min(low[cell], number[other])
+            continue
+        stack.pop()
+        if not stack:
+            break
+        above = parent[cell]
+        below[above] += below[cell]
+        low[above] = min(low[above], low[cell])
+        if low[cell] >= number[above]:
+            hung.setdefault(above, []).append(below[cell])
+            at = _index(piece, cell)
+            members.append([above, *piece[at:]])
+            del piece[at:]
+    total = below[0]
+    sums: dict[int, list[int]] = {}
+    for cell, found in hung.items():
+        if cell != 0:
+            sums[cell] = [*found, total - sum(found) - weight[cell]]
+        elif len(found) > 1:
+            sums[cell] = found
+    cuts = [[cell for cell in piece if cell in sums] for piece in members]
+    return _Pieces(sums=sums, cuts=cuts)
+
+
+def _index(piece: list[int], cell: int) -> int:
+    """Where a cell is, looked for from the end."""
+    at = len(piece) - 1
+    while piece[at] != cell:
+        at -= 1
+    return at
