@@ -55,12 +55,16 @@ class Following:
             azimuth = self._follower.view.azimuth_rad
         goal = self._framing(shown, azimuth)
         here = shown.frame / GOAL_EVERY
-        last = max(len(self._film) - 1, 0) // GOAL_EVERY
+        end = max(len(self._film) - 1, 0) / GOAL_EVERY
+        last = int(end)
+        # Towards both ends of a whole film it looks less far, and at rest there it frames exactly.
+        reach = GOALS_ASIDE if self._film.growing else min(GOALS_ASIDE, here, end - here)
         low, high = round(here) - GOALS_ASIDE, round(here) + GOALS_ASIDE
         around = range(max(low, 0), min(high, last) + 1)
-        if around and not turn:
-            weights = np.exp(-(((np.array(around) - here) / GOALS_ASIDE * GOAL_SPREAD) ** 2))
-            goal = blended([self._goal(k) for k in around], weights, nearest=goal)
+        if around and reach > 1e-6 and not turn:
+            weights = np.exp(-(((np.array(around) - here) / reach * GOAL_SPREAD) ** 2))
+            views = [goal, *(self._goal(k) for k in around)]
+            goal = blended(views, np.concatenate([[1.0], weights]), nearest=goal)
         goal = replace(goal, distance=max(goal.distance, ROOM * self._needed(shown, goal)))
         first = self._follower.view is None
         self._follower.aim(goal, at_once=first)
