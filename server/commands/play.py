@@ -79,9 +79,10 @@ def row_of(directory: Path) -> FolderRow:
     certificate = plan.get("certificate") or _json(directory / "certificate.json")
     verified = certificate.get("verdict") == "verified"
     status = "verified" if verified else "failed"
+    reason = str(certificate.get("verdict") or "no certificate is there")
     summary: dict[str, Any] = {
         "status": status,
-        "reason": None if verified else certificate.get("verdict") or "no certificate is there",
+        "reason": None if verified else reason.removeprefix("failed: "),
         "certificate": certificate,
         **{k: plan[k] for k in ("explosion", "playback", "seed") if k in plan},
     }

@@ -86,9 +86,11 @@ def _problem(row: Any, summary: dict[str, Any]) -> dict[str, str] | None:
         where = error.get("where")
         if where and where not in text:
             text = f"{where}: {text}"
-        return {"heading": "This fold could not be computed", "text": text}
+        judged = error.get("code", "not-verified") == "not-verified" and "certificate" in summary
+        heading = "This plan is not verified" if judged else "This fold could not be computed"
+        return {"heading": heading, "text": text}
     if row.status == "cancelled":
-        return {"heading": "This fold was cancelled", "text": "Nothing was computed to show."}
+        return {"heading": "This fold was cancelled", "text": "It was stopped before its end."}
     return None
 
 
@@ -116,13 +118,14 @@ def _properties(
         (
             "Certificate",
             [
+                ("Verdict", certificate.get("verdict")),
                 ("Module size", _pitches(certificate, "module_size", 2)),
                 ("Least clearance", _pitches(certificate, "min_clearance", 3)),
                 ("Same, simulated playback", _pitches(certificate, "min_clearance_playback", 3)),
                 ("Final position error, RMS", _pitches(playback, "rms_position_error", 2)),
                 ("Largest joint error", _with(_number(playback, "max_angle_error_rad"), "rad")),
                 ("Largest joint step", _with(_number(certificate, "max_joint_step_rad", 3), "rad")),
-                ("Joints moving, most", certificate.get("joints_moving_most")),
+                ("Hinges moving, most", certificate.get("joints_moving_most")),
                 ("Peak torque", _with(_number(certificate, "peak_torque_nm", 4), "N m")),
                 ("Time to fold", _with(_number(certificate, "fold_time_s", 1), "s")),
                 (
