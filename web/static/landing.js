@@ -6,6 +6,7 @@ const get = (id) => document.getElementById(id);
 const drop = get("drop");
 const message = get("drop-message");
 const hero = get("hero");
+const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 function say(text, tone = "") {
   message.textContent = text;
@@ -14,7 +15,7 @@ function say(text, tone = "") {
 
 async function start(fields, label) {
   say(`Sending ${label}…`);
-  hero.control?.send({ do: "pause" });
+  const resting = hero.control?.send({ do: "pause" });
   const form = new FormData();
   for (const [key, value] of Object.entries(fields)) form.set(key, value);
   form.set("preset", get("preset").value);
@@ -25,6 +26,7 @@ async function start(fields, label) {
     if (!answer.ok) {
       const detail = body.detail ?? `The server answered ${answer.status}.`;
       say(body.where && !detail.includes(body.where) ? `${body.where}: ${detail}` : detail, "bad");
+      if (resting && !calm) hero.control.send({ do: "play" });
       return;
     }
     if (body.owner_token) localStorage.setItem(`foldback:owner:${body.id}`, body.owner_token);
@@ -58,7 +60,6 @@ for (const card of document.querySelectorAll("[data-shape]")) {
 }
 
 if (hero.dataset.fold && hasWebGL()) {
-  const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
   const control = (hero.control = new Control(hero.dataset.fold, hero.dataset.visitor));
   control.on("hello", ({ again }) => { if (again) get("view").contentWindow.location.reload(); });
   control.on("outline", () => {
