@@ -20,6 +20,7 @@ bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
 Here = Annotated[Context, Depends(context_of)]
 Bearer = Annotated[HTTPAuthorizationCredentials | None, Depends(bearer)]
 MOST_SEED = 2**32 - 1
+LEAST_MODULE_SIZE = 0.1
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -43,7 +44,7 @@ def post_fold(
     preset: Annotated[Literal["default", "paper"], Form()] = "default",
     seed: Annotated[int, Form(ge=0, le=MOST_SEED)] = 0,
     module_size: Annotated[
-        float | None, Form(gt=0, le=1, description="Edge of a module in pitches.")
+        float | None, Form(ge=LEAST_MODULE_SIZE, le=1, description="Edge of a module in pitches.")
     ] = None,
 ) -> Accepted:
     """Accepts it and puts it into the queue. The same upload again gives the same fold."""
