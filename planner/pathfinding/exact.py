@@ -22,7 +22,8 @@ Flags = NDArray[np.bool_]
 
 TURNS: Final = 40_000_000
 """Cells that may be turned round in one attempt, about: a quarter of a second."""
-FEWEST_MOVES: Final = 2_000
+MOVES_A_CELL: Final = 20
+"""An attempt makes at least so many moves for each cell."""
 EASING_MOVES: Final = 200_000
 EASED: Final = 600
 """Cells up to which paths are eased; each move looks at all of them."""
@@ -89,8 +90,10 @@ def exact_path(
 
 _REASONS: Final[dict[str, Callable[[float], str]]] = {
     "infeasible": lambda _: "The solver proved that no path visits every cell once with such ends.",
-    "undecided": lambda limit: f"No path was found in {limit:g} s, and none ruled out; "
-    "give it more time, repair the shape or double it.",
+    "undecided": lambda limit: (
+        f"No path was found in {limit:g} s, and none ruled out; "
+        "give it more time, repair the shape or double it."
+    ),
 }
 
 
@@ -137,7 +140,8 @@ class _Search:
     ) -> None:
         self.cells, self.ends, self.start, self.rng = cells, ends, start, rng
         self.near = neighbours(cells)
-        self.moves = max(FEWEST_MOVES, TURNS // len(cells))
+        self.least = MOVES_A_CELL * len(cells)
+        self.moves = max(self.least, TURNS // len(cells))
 
     def run(
         self, deadline: float
@@ -146,7 +150,8 @@ class _Search:
         while True:
             for attempt in range(ATTEMPTS):
                 # A short attempt first: most shapes need no more.
-                order = self.grown(self.moves // (20 if attempt < ATTEMPTS // 2 else 1))
+                short = attempt < ATTEMPTS // 2
+                order = self.grown(max(self.least, self.moves // 20) if short else self.moves)
                 if order is not None:
                     return "found", order
                 if time.monotonic() > deadline:

@@ -34,10 +34,14 @@ def block_corners(cells: frozenset[Cell]) -> list[Cell] | None:
     return corners
 
 
-def loose_block_path(
-    cells: frozenset[Cell], rng: np.random.Generator
-) -> NDArray[np.int64] | None:
-    """(n, 3) a path through blocks, or None: their rings joined along a breadth-first tree."""
+def loose_block_path(cells: frozenset[Cell], rng: np.random.Generator) -> NDArray[np.int64] | None:
+    """(n, 3) a path through blocks, or None: their cycle cut open where it unfolds best."""
+    cycle = loose_block_cycle(cells, rng)
+    return None if cycle is None else cut(cycle, int(np.argmin(cut_costs(cycle))))
+
+
+def loose_block_cycle(cells: frozenset[Cell], rng: np.random.Generator) -> NDArray[np.int64] | None:
+    """(n, 3) a closed cycle through blocks, or None: rings joined along a breadth-first tree."""
     corners = block_corners(cells)
     if corners is None:
         return None
@@ -56,8 +60,7 @@ def loose_block_path(
                 joined += 1
         if not joined:
             return None
-    cycle = np.array(_cycle_of(edges), dtype=np.int64)
-    return cut(cycle, int(np.argmin(cut_costs(cycle))))
+    return np.array(_cycle_of(edges), dtype=np.int64)
 
 
 def _plus(a: Cell, b: Cell) -> Cell:

@@ -9,8 +9,8 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.paths import FEWEST_CELLS
 from planner.pathfinding.lattice import colours, neighbours, parts
+from planner.paths import FEWEST_CELLS
 
 Ints = NDArray[np.int64]
 Cell: TypeAlias = tuple[int, int, int]

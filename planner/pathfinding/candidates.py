@@ -1,0 +1,245 @@
+"""Candidates: several paths through one shape, the one that promises most first."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import permutations
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.knots import knot_of
+from planner.pathfinding.blocks import aligned_blocks, block_cycle, cut, cut_costs, halved
+from planner.pathfinding.exact import exact_path, index_of
+from planner.pathfinding.lattice import parts, spread, spreads_of_cuts, surface
+from planner.pathfinding.loose_blocks import loose_block_cycle
+from planner.pathfinding.obstacles import Cell
+from planner.pathfinding.snake import is_box, snake_path
+from planner.paths import Path
+from planner.shapes import Shape
+
+__all__ = ["METHODS", "PathSearch", "find_paths", "halved"]
+
+Ints = NDArray[np.int64]
+Ends: TypeAlias = Literal["any", "surface"]
+
+METHODS: Final = ("auto", "blocks", "exact", "snake")
+ENDS: Final = ("any", "surface")
+TRIES: Final = 4
+"""Paths that are made for each one that is kept."""
+LARGEST_KNOT: Final = 10_000
+"""Cells up to which a candidate's knot is looked at; block paths and snakes have none."""
+LARGEST_CHOICE: Final = 20_000
+"""Cells up to which there is a choice; a larger shape gets one path."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PathSearch:
+    """Paths through a shape.
+
+    Attributes:
+        paths: The best first; empty when none was found.
+        method: What made them: ``blocks``, ``exact`` or ``snake``.
+        reason: Why there is none, in plain words; empty when there is.
+        notes: What else is worth knowing.
+    """
+
+    paths: tuple[Path, ...]
+    method: str
+    reason: str = ""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Wishes:
+    ends: str
+    start: Cell | None
+    seed: int
+    tries: int
+    deadline: float
+
+
+def find_paths(
+    shape: Shape,
+    *,
+    method: str = "auto",
+    ends: str = "any",
+    start: Cell | None = None,
+    seed: int = 0,
+    candidates: int = 4,
+    time_limit_s: float = 20.0,
+) -> PathSearch:
+    """Finds paths that visit every cell once and ranks them.
+
+    Unknotted ones come first, then those with both ends on the surface, then those where cells that
+    touch lie close along the path, which unfold in fewer steps.
+
+    Args:
+        shape: The shape.
+        method: ``blocks`` (shapes of 2×2×2 blocks), ``snake`` (boxes), ``exact`` (any cells) or
+            ``auto``, which takes blocks or a snake where they work.
+        ends: ``surface`` when both ends must have a free face.
+        start: The cell that the path begins with, None for any.
+        seed: The same seed gives the same paths.
+        candidates: How many paths at most.
+        time_limit_s: Seconds for ``exact``, by the clock.
+
+    Raises:
+        InputError: A wish that is none, or a start that is not among the cells.
+    """
+    if method not in METHODS:
+        raise InputError(
+            "unknown-method", f"got the method {method!r}, expected one of: {', '.join(METHODS)}."
+        )
+    if ends not in ENDS:
+        raise InputError("unknown-ends", f"got the ends {ends!r}, expected any or surface.")
+    index_of(shape.cells, start)
+    wishes = _Wishes(
+        ends=ends,
+        start=start,
+        seed=seed,
+        tries=1 if len(shape) > LARGEST_CHOICE else candidates * TRIES,
+        deadline=time.monotonic() + time_limit_s,
+    )
+    box, coarse = is_box(shape), aligned_blocks(shape.cells)
+    if method == "snake" or (method == "auto" and box):
+        found = list(_snakes(shape, wishes)) if box else []
+        if found or method == "snake":
+            return _search(shape, found, candidates, "snake", _no_snake(box))
+    if method == "blocks" or (method == "auto" and len(shape) % 8 == 0):
+        connected = parts(shape.cells)[0] == 1
+        found = list(_blocks(shape, wishes, coarse)) if connected else []
+        if found or method == "blocks":
+            return _search(shape, found, candidates, "blocks", _no_blocks(connected))
+    return _exact(shape, wishes, candidates)
+
+
+def _search(
+    shape: Shape, found: list[Ints], candidates: int, method: str, reason: str
+) -> PathSearch:
+    paths = tuple(
+        Path.from_cells(cells, name=shape.name, pitch_m=shape.pitch_m)
+        for cells in ranked(found)[:candidates]
+    )
+    return PathSearch(paths=paths, method=method, reason="" if paths else reason)
+
+
+def ranked(found: list[Ints]) -> list[Ints]:
+    """Different paths, the one that promises most first; the order is always the same."""
+    different = list({cells.tobytes(): cells for cells in found}.values())
+    if len(different) < 2:
+        return different
+    return sorted(different, key=_rank)
+
+
+def _rank(cells: Ints) -> tuple[int, int, float, bytes]:
+    knotted = 0
+    if len(cells) <= LARGEST_KNOT:
+        knotted = ("unknot", "undecided", "knotted").index(knot_of(cells).verdict)
+    buried = 2 - int(surface(cells)[[0, -1]].sum())
+    return knotted, buried, spread(cells), cells.tobytes()
+
+
+def _fits(cells: Ints, wishes: _Wishes) -> bool:
+    if wishes.start is not None and tuple(cells[0].tolist()) != wishes.start:
+        return False
+    return wishes.ends == "any" or bool(surface(cells)[[0, -1]].all())
+
+
+def _snakes(shape: Shape, wishes: _Wishes) -> Iterator[Ints]:
+    low = shape.cells.min(axis=0)
+    x, y, z = (int(side) for side in shape.cells.max(axis=0) - low + 1)
+    for a, b, c in permutations((0, 1, 2)):
+        path = snake_path((x, y, z), axes=(a, b, c)) + low
+        if wishes.start is not None:
+            path = _turned_to(path, np.array(wishes.start), low, (x, y, z))
+        if _fits(path, wishes):
+            yield path
+
+
+def _turned_to(path: Ints, start: Ints, low: Ints, sides: tuple[int, int, int]) -> Ints:
+    """The snake of a box mirrored so that it begins in another corner."""
+    mirrored = 2 * low + np.array(sides) - 1 - path
+    return np.where(start == low, path, mirrored)
+
+
+def _no_snake(box: bool) -> str:
+    if box:
+        return "A snake begins in a corner of its box; start there or use another method."
+    return "The cells do not fill a box; a snake needs one. Use blocks or exact."
+
+
+def _blocks(shape: Shape, wishes: _Wishes, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:
+    loose = None if coarse else frozenset((x, y, z) for x, y, z in shape.cells.tolist())
+    for attempt in range(wishes.tries):
+        rng = np.random.default_rng([wishes.seed, attempt])
+        if coarse is not None:
+            cycle = block_cycle(coarse[0], rng) + coarse[1]
+        else:
+            cycle = loose_block_cycle(loose or frozenset(), rng)
+        if cycle is None:
+            if attempt >= TRIES:
+                return
+            continue
+        path = _opened(cycle, wishes)
+        if path is not None:
+            yield path
+
+
+def _opened(cycle: Ints, wishes: _Wishes) -> Ints | None:
+    """A cycle cut open as wished, None when no cut is."""
+    if wishes.start is None:
+        path = cut(cycle, int(np.argmin(cut_costs(cycle))))
+        return path if _fits(path, wishes) else None
+    at = int(np.flatnonzero((cycle == np.array(wishes.start)).all(axis=1))[0])
+    costs = spreads_of_cuts(cycle)
+    ways = [
+        (float(costs[at]), cut(cycle, at)),
+        (float(costs[(at + 1) % len(cycle)]), cut(cycle, at + 1)[::-1]),
+    ]
+    fitting = [way for way in ways if _fits(way[1], wishes)]
+    return np.ascontiguousarray(min(fitting, key=lambda way: way[0])[1]) if fitting else None
+
+
+def _no_blocks(connected: bool) -> str:
+    if not connected:
+        return "The cells are in several parts that share no face; keep one or join them."
+    return (
+        "The cells do not consist of 2×2×2 blocks whose path has such ends; double the shape or "
+        "use exact."
+    )
+
+
+def _exact(shape: Shape, wishes: _Wishes, candidates: int) -> PathSearch:
+    found: list[Ints] = []
+    outside = wishes.ends == "surface"
+    for attempt in range(wishes.tries):
+        left = wishes.deadline - time.monotonic()
+        if attempt and left <= 0:
+            break
+        search = exact_path(
+            shape,
+            time_limit_s=max(left, 0.0),
+            seed=wishes.seed * 1000 + attempt,
+            start=wishes.start,
+            ends_on_surface=outside,
+        )
+        if search.cells is not None:
+            found.append(search.cells)
+            outside = True  # better where it can be had
+        elif not found:
+            return PathSearch(paths=(), method="exact", reason=search.reason)
+        elif wishes.ends == "surface":
+            break
+        else:
+            outside = False
+    made = _search(shape, found, candidates, "exact", "No path was found in the time given.")
+    wanted = min(candidates, wishes.tries)
+    if made.paths and len(found) < wanted:
+        note = f"The time was enough for {len(found)} of {wanted} candidates."
+        return replace(made, notes=(*made.notes, note))
+    return made
