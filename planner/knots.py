@@ -29,6 +29,8 @@ FAR: Final = 4.0
 """How far outside the ends meet, in sizes of the chain."""
 STRAND_ROOM: Final = 0.75
 """A ray this far from all other points is out in the open."""
+TOUCHING: Final = 1.05
+"""Ends closer than this are neighbours."""
 FEWEST_STICKS: Final = 6
 """A polygon with fewer edges has no knot."""
 FEWEST_CROSSINGS: Final = 3
@@ -68,8 +70,9 @@ UNKNOT: Final = Knot(verdict="unknot", determinant=1, crossings=0)
 def knot_of(cells: ArrayLike, *, closed: bool = False) -> Knot:
     """Finds the knot of a chain.
 
-    An end with a free way out goes that way. One that has none is drawn out in several directions;
-    where these don't agree the verdict is ``undecided``.
+    Ends that touch go out side by side, which is as if they were joined. Otherwise an end with a
+    free way out goes that way, and one that has none is drawn out in several directions; where
+    these don't agree the verdict is ``undecided``.
 
     Args:
         cells: (n, 3) centres in order, in pitches; neighbours in space a pitch apart or so.
@@ -91,7 +94,7 @@ def knot_of(cells: ArrayLike, *, closed: bool = False) -> Knot:
     rng = np.random.default_rng(len(points))
     points = points - points.mean(axis=0)
     moved = points + rng.uniform(-JITTER, JITTER, points.shape)
-    if closed:
+    if closed or float(np.linalg.norm(points[-1] - points[0])) < TOUCHING:
         return knot_of_polygon(moved, rng)
     first, last = _ways_out(points, 0, rng), _ways_out(points, len(points) - 1, rng)
     found: list[Knot] = []

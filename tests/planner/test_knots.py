@@ -182,6 +182,13 @@ def test_an_end_deep_inside_does_not_hide_the_answer() -> None:
     assert knot_of(cells).verdict == "unknot"
 
 
+def test_ends_that_touch_in_a_narrow_place_are_joined() -> None:
+    """A closed trefoil cut open anywhere is a trefoil, though its ends lie amid other strands."""
+    cells = on_lattice(torus_winding(2, 3), 3.0)
+    for place in range(0, len(cells), 7):
+        assert knot_of(np.roll(cells, place, axis=0)).determinant == 3
+
+
 def test_the_determinant_modulo_a_prime_is_that_of_the_matrix() -> None:
     rng = np.random.default_rng(5)
     for n in range(1, 9):
