@@ -8,6 +8,10 @@ from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import Final
+
+UNTAGGED: Final = ("paper",)
+"""What the first shapes are: those of the paper."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,12 +23,14 @@ class GalleryShape:
         title: What people call it.
         modules: Modules of its chain.
         data: The bytes of its path file.
+        tags: What kind of shape it is: ``animal``, ``tool``, ``letter`` …
     """
 
     name: str
     title: str
     modules: int
     data: bytes
+    tags: tuple[str, ...] = ()
 
     @property
     def filename(self) -> str:
@@ -66,9 +72,12 @@ def _shape(entry: Traversable) -> GalleryShape:
     data = entry.read_bytes()
     content = json.loads(data)
     name = entry.name.removesuffix(".json")
+    modules = len(content["cells"])
+    title = str(content.get("title") or content.get("name") or name)
     return GalleryShape(
         name=name,
-        title=str(content.get("name") or name),
-        modules=len(content["cells"]),
+        title=title.removesuffix(f", {modules} modules"),
+        modules=modules,
+        tags=tuple(map(str, content.get("tags", UNTAGGED))),
         data=data,
     )

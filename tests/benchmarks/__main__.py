@@ -11,10 +11,11 @@ from rich.console import Console
 
 from tests.benchmarks.baselines import direct, paper
 from tests.benchmarks.folds import folds
+from tests.benchmarks.gallery import gallery
 from tests.benchmarks.machine import machine
 from tests.benchmarks.page import page
 
-SECTIONS = {"folds": folds, "page": page, "direct": direct, "paper": paper}
+SECTIONS = {"folds": folds, "gallery": gallery, "page": page, "direct": direct, "paper": paper}
 
 
 def main() -> None:

@@ -1,0 +1,170 @@
+"""Makes the shapes of the gallery: `python examples/make_gallery.py [NAME …]`.
+
+`gallery.txt` has drawings of blocks; round and hollow shapes are formulas below. A block becomes
+2×2×2 modules, whose path is made by merging the blocks' cycles along a tree. The same seed makes
+the same file. `run_gallery.py` folds them.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from planner.formats import write_path
+from planner.pathfinding.blocks import block_path
+from planner.pathfinding.lattice import spread
+from planner.paths import Path
+
+HERE = FilePath(__file__).parent
+HEADING = re.compile(r"([a-z0-9-]+): (.+) \((.+)\) (front|plan) (\d+)")
+CANDIDATES = 8
+TIMES = re.compile(r"x(\d+)")
+
+Block = tuple[int, int, int]
+Inside = Callable[[float, float, float], bool]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawing:
+    """A shape to make: what it is called, what kind it is of, its blocks, the seed of its path."""
+
+    name: str
+    title: str
+    tags: tuple[str, ...]
+    blocks: frozenset[Block]
+    seed: int = 0
+
+
+# Drawn shapes -------------------------------------------------------------------------------------
+
+
+def drawn(text: str) -> Iterator[Drawing]:
+    """The shapes of a text: see the top of `gallery.txt`."""
+    for part in text.split("\n\n"):
+        heading, *rows = part.strip().splitlines()
+        found = HEADING.fullmatch(heading)
+        if found:
+            name, title, tags, view, seed = found.groups()
+            yield Drawing(
+                name=name,
+                title=title,
+                tags=tuple(tags.split()),
+                blocks=standing(slices(rows)) if view == "front" else lying(slices(rows)),
+                seed=int(seed),
+            )
+
+
+def slices(rows: list[str]) -> list[list[str]]:
+    """Pictures side by side, each as often as the number above it says."""
+    times = [int(n) for n in TIMES.findall(rows[0])]
+    columns = list(zip(*(row.split() for row in rows[bool(times) :]), strict=True))
+    return [
+        list(column)
+        for column, count in zip(columns, times or [1] * len(columns), strict=True)
+        for _ in range(count)
+    ]
+
+
+def standing(pictures: list[list[str]]) -> frozenset[Block]:
+    """Blocks of slices seen from the front: x comes forward, y goes right, z up."""
+    return frozenset(
+        (x, y, len(picture) - 1 - row)
+        for x, picture in enumerate(pictures)
+        for row, line in enumerate(picture)
+        for y, mark in enumerate(line)
+        if mark == "#"
+    )
+
+
+def lying(pictures: list[list[str]]) -> frozenset[Block]:
+    """Blocks of layers seen from above."""
+    return frozenset(
+        (x, y, z)
+        for z, picture in enumerate(pictures)
+        for x, line in enumerate(picture)
+        for y, mark in enumerate(line)
+        if mark == "#"
+    )
+
+
+# Round and hollow shapes --------------------------------------------------------------------------
+
+
+def solid(size: Block, inside: Inside) -> frozenset[Block]:
+    """Blocks of a box whose middles, seen from the middle of the box, are inside."""
+    a, b, c = ((n - 1) / 2 for n in size)
+    return frozenset(
+        (x, y, z) for x, y, z in product(*(range(n) for n in size)) if inside(x - a, y - b, z - c)
+    )
+
+
+# Names, titles, tags, blocks along x, y and z, and which of them are filled.
+FORMULAS: tuple[tuple[str, str, str, Block, Inside], ...] = (
+    ("sphere", "Sphere", "solid", (4, 4, 4), lambda x, y, z: x * x + y * y + z * z < 4),
+    ("octahedron", "Octahedron", "solid", (5, 5, 5), lambda x, y, z: abs(x) + abs(y) + abs(z) < 3),
+    ("cross-3d", "Cross in space", "solid", (5, 5, 5), lambda x, y, z: [x, y, z].count(0) >= 2),
+    ("sponge", "Sponge", "solid hollow", (3, 3, 3), lambda x, y, z: [x, y, z].count(0) < 2),
+    (
+        "hollow-box",
+        "Hollow box",
+        "hollow",
+        (4, 4, 3),
+        lambda x, y, z: max(x, -x, y, -y, -2 * z) > 1,
+    ),
+    ("frame", "Frame", "hollow", (4, 4, 4), lambda x, y, z: sum(abs(v) > 1 for v in (x, y, z)) > 1),
+    ("tube", "Tube", "ring hollow", (5, 3, 3), lambda x, y, z: (y, z) != (0, 0)),
+    ("ring", "Ring", "ring", (7, 7, 1), lambda x, y, z: 3.5 < x * x + y * y < 10.5),
+    ("torus", "Torus", "ring", (6, 6, 2), lambda x, y, z: 3 < x * x + y * y < 9),
+    ("nut", "Nut", "ring tool", (5, 5, 2), lambda x, y, z: 1 < abs(x) + abs(y) < 4),
+    (
+        "picture-frame",
+        "Picture frame",
+        "ring",
+        (1, 6, 5),
+        lambda x, y, z: max(y, -y, z + 0.5, 0.5 - z) > 2,
+    ),
+)
+
+
+def drawings() -> list[Drawing]:
+    """All shapes that this script makes."""
+    text = (HERE / "gallery.txt").read_text(encoding="utf-8")
+    said = (
+        Drawing(name=name, title=title, tags=tuple(tags.split()), blocks=solid(size, inside))
+        for name, title, tags, size, inside in FORMULAS
+    )
+    return [*drawn(text), *said]
+
+
+# Paths --------------------------------------------------------------------------------------------
+
+
+def make(shape: Drawing) -> bytes:
+    """The file of a shape: the best of some paths, by how close neighbours stay along them."""
+    blocks = np.array(sorted(shape.blocks))
+    rng = np.random.default_rng(shape.seed)
+    cells = min((block_path(blocks, rng) for _ in range(CANDIDATES)), key=spread)
+    path = Path.from_cells(cells, name=shape.name)
+    tags = json.dumps(shape.tags)
+    return write_path(path, title=shape.title).replace(
+        b'  "pitch_m"', b'  "tags": ' + tags.encode() + b',\n  "pitch_m"', 1
+    )
+
+
+def main(names: list[str]) -> None:
+    """Writes the shapes named, all of them when none is."""
+    for shape in drawings():
+        if not names or shape.name in names:
+            (HERE / "shapes" / f"{shape.name}.json").write_bytes(make(shape))
+            print(f"{shape.name}: {8 * len(shape.blocks)} modules")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
