@@ -19,14 +19,15 @@ from server.gallery import Gallery
 from server.jobs import Jobs
 from server.limits import ChildLimits
 from server.metrics import CountAnswers, Metrics
-from server.routes import artifacts, folds, health, pages, shapes, viewers
+from server.previews import NoSuchPreviewError, Previews
+from server.routes import artifacts, folds, health, pages, previews, shapes, viewers
 from server.security import BodyLimit, SameOrigin, SecurityHeaders
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store
 from server.watch import Watch
 from web.viewers import Viewers
 
-ROUTERS: Final = (folds, artifacts, shapes, health, pages, viewers)
+ROUTERS: Final = (folds, artifacts, shapes, health, pages, previews, viewers)
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -40,11 +41,13 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.state.context = context
         # In a thread: starting a process takes a moment that the first answer need not wait for.
         threading.Thread(target=context.reader.start, daemon=True).start()
+        threading.Thread(target=context.preparer.start, daemon=True).start()
         try:
             yield
         finally:
             context.viewers.close()
             context.reader.close()
+            context.preparer.close()
             context.jobs.close()
             context.store.close()
 
@@ -63,7 +66,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     async def on_no_such_fold(request: Request, error: Exception) -> Response:
         return problems.no_such_fold().response()
 
+    async def on_no_such_preview(request: Request, error: Exception) -> Response:
+        return problems.no_such_preview().response()
+
     app.add_exception_handler(NoSuchFoldError, on_no_such_fold)
+    app.add_exception_handler(NoSuchPreviewError, on_no_such_preview)
     for module in ROUTERS:
         app.include_router(module.router)
 
@@ -87,6 +94,8 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         jobs=jobs,
         viewers=Viewers(settings.max_viewers, settings.viewer_idle_s),
         reader=Reader(ChildLimits.of(settings), wall_s=settings.read_seconds),
+        preparer=Reader(ChildLimits.of(settings), wall_s=settings.preview_seconds, kind="preparer"),
+        previews=Previews(settings),
         gallery=Gallery(),
         watch=Watch(store),
         metrics=metrics,

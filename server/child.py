@@ -12,6 +12,7 @@ import threading
 import traceback
 from collections.abc import Callable
 from fcntl import LOCK_EX, flock
+from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -99,22 +100,22 @@ def _stages() -> Task:
 
 
 def _reader() -> Task:
-    from planner.chain import Chain
-    from planner.paths import Path as CellPath
-    from planner.readers import read
+    from server.reading import check, preview
 
-    def check(
+    def read(
         task: str,
         directory: Path,
         progress: Callable[[Progress], None],
         cancelled: Callable[[], bool],
     ) -> dict[str, Any]:
-        request = json.loads((directory / "request.json").read_text())
-        found = read((directory / "input").read_bytes(), filename=request["filename"])
-        chain = Chain.from_path(found) if isinstance(found, CellPath) else found
-        return {"name": chain.name, "module": chain.module.name, "modules": len(chain)}
+        return {"check": check, "preview": preview}[task](directory)
 
-    return check
+    return read
+
+
+def _preparer() -> Task:
+    import_module("planner.preparation")  # so that the first preview need not wait for it
+    return _reader()
 
 
 def main() -> None:
@@ -124,7 +125,7 @@ def main() -> None:
     os.dup2(2, 1)  # what a library prints must not get between the events
     parent = _Parent(events)
     try:
-        task = {"stages": _stages, "reader": _reader}[kind]()
+        task = {"stages": _stages, "reader": _reader, "preparer": _preparer}[kind]()
         _limit(limits["memory_bytes"], limits["cpu_s"])
     except Exception as error:
         traceback.print_exc()

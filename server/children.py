@@ -25,7 +25,7 @@ import psutil
 from planner.errors import InputError
 from server.limits import ChildLimits, memory_words
 
-Kind = Literal["stages", "reader"]
+Kind = Literal["stages", "reader", "preparer"]
 POLL_S: Final = 0.05
 CANCEL_GRACE_S: Final = 0.7
 START_S: Final = 180.0
@@ -258,10 +258,14 @@ class Children:
 class Reader:
     """Reads uploads in one child that is kept, and replaced when an upload was too much for it."""
 
-    def __init__(self, limits: ChildLimits, *, wall_s: float) -> None:
-        self._children = Children("reader", limits)
+    def __init__(
+        self, limits: ChildLimits, *, wall_s: float, kind: Literal["reader", "preparer"] = "reader"
+    ) -> None:
+        self._children = Children(kind, limits)
         self._wall_s = wall_s
         self._lock = threading.Lock()
+        self._counting = threading.Lock()
+        self._waiting = 0
         self._child: Child | None = None
 
     def start(self) -> None:
@@ -274,22 +278,52 @@ class Reader:
         Raises:
             InputError: When it can't be used.
         """
-        with self._lock:
-            child = self._child
-            if child is None:
-                child = self._child = self._children.take()
-            elif not child.alive:
-                self._children.release(child)
-                child = self._child = self._children.take()
-            try:
-                return child.call("check", directory, wall_s=self._wall_s)
-            except ChildError as error:
-                self._child = None
-                self._children.release(child)
-                self._children.prewarm()
-                if error.code == "no-start":
-                    raise
-                raise InputError("unreadable", f"reading the file failed: {error.detail}") from None
+        try:
+            return self.call("check", directory)
+        except ChildError as error:
+            if error.code == "no-start":
+                raise
+            raise InputError("unreadable", f"reading the file failed: {error.detail}") from None
+
+    def call(
+        self, task: str, directory: Path, *, most_waiting: int | None = None
+    ) -> dict[str, Any]:
+        """Has one task done, when those that came before are done.
+
+        Args:
+            task: ``check``, or ``preview``.
+            directory: Where the input lies.
+            most_waiting: How many may wait for the child at once.
+
+        Raises:
+            InputError: When the input can't be used.
+            ChildError: When the child crashed or went beyond a limit; ``busy`` when too many wait.
+        """
+        with self._counting:
+            if most_waiting is not None and self._waiting >= most_waiting:
+                raise ChildError("busy", "many shapes are being read just now; try again soon.")
+            self._waiting += 1
+        try:
+            with self._lock:
+                return self._call(task, directory)
+        finally:
+            with self._counting:
+                self._waiting -= 1
+
+    def _call(self, task: str, directory: Path) -> dict[str, Any]:
+        child = self._child
+        if child is None:
+            child = self._child = self._children.take()
+        elif not child.alive:
+            self._children.release(child)
+            child = self._child = self._children.take()
+        try:
+            return child.call(task, directory, wall_s=self._wall_s)
+        except ChildError:
+            self._child = None
+            self._children.release(child)
+            self._children.prewarm()
+            raise
 
     def close(self) -> None:
         """Ends the child."""

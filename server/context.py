@@ -15,6 +15,7 @@ from server.children import Reader
 from server.gallery import Gallery
 from server.jobs import Jobs
 from server.metrics import Metrics
+from server.previews import Previews
 from server.settings import Settings
 from server.store import Store
 from server.watch import Watch
@@ -32,6 +33,8 @@ class Context:
     jobs: Jobs
     viewers: Viewers
     reader: Reader
+    preparer: Reader
+    previews: Previews
     gallery: Gallery
     watch: Watch
     metrics: Metrics

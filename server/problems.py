@@ -72,6 +72,13 @@ def no_such_fold() -> Problem:
     return Problem(404, "no-such-fold", "There is no fold at this address; it may be deleted.")
 
 
+def no_such_preview() -> Problem:
+    """For an id that is not, or is no longer, a preview."""
+    return Problem(
+        404, "no-such-preview", "There is no such preview, or not any more; send the file again."
+    )
+
+
 def install(app: FastAPI) -> None:
     """Makes the application answer every error as a problem."""
 

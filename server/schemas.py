@@ -137,12 +137,90 @@ class Shape(BaseModel):
     name: str
     title: str
     modules: int
+    tags: list[str] = Field(description="What kind of shape it is.")
 
 
 class Shapes(BaseModel):
     """The gallery, shortest chain first."""
 
     shapes: list[Shape]
+
+
+class Trouble(BaseModel):
+    """Why there is no path through cells."""
+
+    code: str
+    detail: str
+    cells: list[list[int]] = Field(description="Where.")
+
+
+class Repair(BaseModel):
+    """What to change so that there is a path."""
+
+    detail: str
+    add: list[list[int]]
+    drop: list[list[int]]
+
+
+class Feasibility(BaseModel):
+    """Whether there can be a path through cells."""
+
+    feasible: bool | None = Field(description="null when nobody knows.")
+    problems: list[Trouble]
+    repairs: list[Repair] = Field(description="The smallest first; `repair` applies that one.")
+
+
+class Knot(BaseModel):
+    """Whether the folded chain is knotted, its ends closed far away."""
+
+    verdict: Literal["unknot", "knotted", "undecided"]
+    determinant: int | None
+
+
+class PlacedMesh(BaseModel):
+    """The solid, where the cells are: the centre of a cell has whole coordinates."""
+
+    vertices: list[list[float]]
+    faces: list[list[int]]
+
+
+class PreviewLinks(BaseModel):
+    """Where to go from a preview."""
+
+    page: str
+    folds: str = Field(description="POST the id here, as `preview`, with the same wishes.")
+
+
+class Preview(BaseModel):
+    """What would come of a shape."""
+
+    id: str
+    key: str = Field(description="Stands for the wishes.")
+    kind: Literal["path", "chain", "voxels", "mesh"]
+    name: str
+    modules: int
+    asked: int | None
+    below: int | None = Field(description="The nearest reachable number of modules below.")
+    above: int | None = Field(description="The nearest reachable number of modules above.")
+    iou: float | None = Field(description="Intersection of cells and solid by their union.")
+    pitch: float | None = Field(description="Distance of modules in the solid's own units.")
+    method: str
+    has_path: bool
+    candidates: int = Field(description="Paths that a fold will try, one after the other.")
+    cells: list[list[int]] = Field(description="In the order of the path, if there is one.")
+    feasibility: Feasibility | None
+    knot: Knot | None
+    notes: list[str]
+    expected_s: float = Field(description="About how long the fold will take.")
+    mesh: PlacedMesh | None
+    links: PreviewLinks
+
+    @classmethod
+    def of(cls, preview_id: str, key: str, report: dict[str, Any], *, full: bool) -> Preview:
+        """The report of a preview; without what is large unless ``full``."""
+        large = {} if full else {"cells": [], "mesh": None}
+        links = PreviewLinks(page=f"/previews/{preview_id}", folds="/api/folds")
+        return cls.model_validate({**report, **large, "id": preview_id, "key": key, "links": links})
 
 
 class FramesBody(BaseModel):

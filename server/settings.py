@@ -51,6 +51,17 @@ class Settings(BaseSettings):
         default=64 * MIB, ge=0, description="Refuse uploads below this."
     )
     read_seconds: float = Field(default=10.0, gt=0, description="Time to read one upload.")
+    preview_seconds: float = Field(default=10.0, gt=0, description="Time to prepare a preview.")
+    preview_search_seconds: float = Field(
+        default=4.0, gt=0, description="Of it, for searching a path through exact cells."
+    )
+    previews_waiting: int = Field(default=8, ge=1, description="Previews that may wait at once.")
+    preview_keep_s: float = Field(
+        default=86400.0, gt=0, description="A preview untouched for so long is forgotten."
+    )
+    previews_bytes: int = Field(
+        default=512 * MIB, ge=MIB, description="Disk that previews may take before that."
+    )
     stage_seconds: float = Field(
         default=1800.0, gt=0, description="Wall time of one stage of a fold."
     )
@@ -84,6 +95,11 @@ class Settings(BaseSettings):
     def uploads_dir(self) -> Path:
         """Holds uploads until they are accepted."""
         return self.root / "uploads"
+
+    @property
+    def previews_dir(self) -> Path:
+        """Holds uploads that somebody looks at before folding them."""
+        return self.root / "previews"
 
     @property
     def store_url(self) -> str:

@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
@@ -16,6 +16,7 @@ from planner.errors import InputError
 from server.children import ChildError
 from server.context import Context
 from server.database import FoldRow
+from server.previews import ShapeWishes
 from server.problems import Problem
 from server.store import new_id, new_token
 
@@ -34,6 +35,7 @@ class Submission:
     module_size: float | None
     visitor: str
     token: str | None = None
+    wishes: ShapeWishes = field(default_factory=ShapeWishes)
 
     @property
     def content_key(self) -> str:
@@ -45,6 +47,7 @@ class Submission:
             "seed": self.seed,
             "module_size": self.module_size,
             "content": hashlib.sha256(self.data).hexdigest(),
+            **self.wishes.changed(),
         }
         return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()
 
@@ -161,6 +164,7 @@ def _write(directory: Path, submission: Submission) -> None:
         "preset": submission.preset,
         "seed": submission.seed,
         "module_size": submission.module_size,
+        **submission.wishes.changed(),
     }
     for name, data in (
         ("input", submission.data),

@@ -23,6 +23,12 @@ SELECTED: Final[Rgb] = (10, 84, 240)
 FIRST: Final[Rgb] = (255, 255, 255)
 LAST: Final[Rgb] = (38, 42, 50)
 
+CIVIDIS: Final = (
+    *("00224e", "123570", "3b496c", "575d6d", "707173"),
+    *("8a8678", "a59c74", "c3b369", "e1cc55", "fee838"),
+)
+"""Even steps of a perceptual ramp that colour-blind people read as well."""
+
 SMALLEST_SCALE_RAD: Final = 1e-3
 RAMP_STEPS: Final = 256
 
@@ -52,6 +58,15 @@ def error_ramp(steps: int = RAMP_STEPS) -> NDArray[np.uint8]:
     start, end = (linear_from_srgb(np.array(c) / 255.0) for c in (NEUTRAL, ERROR))
     t = np.linspace(0.0, 1.0, steps)[:, None]
     return np.rint(srgb_from_linear(start + (end - start) * t) * 255.0).astype(np.uint8)
+
+
+def ramp_colours(shares: Array) -> NDArray[np.uint8]:
+    """(n,) places along a chain from 0 to 1 to (n, 3) sRGB bytes of the cividis ramp."""
+    stops = np.array([[int(c[k : k + 2], 16) for k in (0, 2, 4)] for c in CIVIDIS], np.float64)
+    at = np.linspace(0.0, 1.0, len(stops))
+    return np.rint(np.column_stack([np.interp(shares, at, stops[:, k]) for k in range(3)])).astype(
+        np.uint8
+    )
 
 
 def error_scale(largest_rad: float) -> float:

@@ -14,9 +14,9 @@ import secrets
 import threading
 import time
 import weakref
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import rich
 import viser
@@ -24,7 +24,7 @@ from viser._messages import ShareUrlDisconnect, ShareUrlRequest
 
 from planner.errors import TimelineError
 from web.film import Film
-from web.player import Player
+from web.player import Listener, Message, Player
 
 log = logging.getLogger(__name__)
 
@@ -39,10 +39,28 @@ class ViewersBusy(Exception):
     """No viewer can be opened now; the message says what to do."""
 
 
+class Playing(Protocol):
+    """What drives the scene of a viewer; see ``web.player`` and ``web.preview``."""
+
+    def subscribe(self, listener: Listener) -> Callable[[], None]:
+        """Sends every message out to ``listener`` too, until what is returned is called."""
+        ...
+
+    def handle(self, message: Message) -> None:
+        """Does what a message says."""
+        ...
+
+    def tick(self, now: float) -> None:
+        """Lets time pass up to ``now``."""
+        ...
+
+
 class Viewer:
     """One visitor's viser server and player."""
 
-    def __init__(self, fold_id: str, visitor: str, films: Films, timeline: Path) -> None:
+    def __init__(
+        self, fold_id: str, visitor: str, make: Callable[[viser.ViserServer], Playing]
+    ) -> None:
         self.fold_id = fold_id
         self.visitor = visitor
         self.epoch = secrets.token_hex(6)
@@ -52,7 +70,7 @@ class Viewer:
             self.server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         _close_share_url(self.server)
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)
-        self.player = Player(self.server, lambda: films.get(timeline))
+        self.player = make(self.server)
 
     @property
     def port(self) -> int:
@@ -119,22 +137,30 @@ class Viewers:
         return len(self._viewers)
 
     def open(self, fold_id: str, visitor: str, timeline: Path) -> Viewer:
-        """The viewer of a visitor, made when there is none.
+        """The viewer of a visitor of a fold, made when there is none.
 
         Raises:
             ValueError: For a visitor token of the wrong form.
             ViewersBusy: When there are too many, and all of them are in use.
         """
+        return self.opened(
+            fold_id, visitor, lambda server: Player(server, lambda: self._films.get(timeline))
+        )
+
+    def opened(
+        self, what: str, visitor: str, make: Callable[[viser.ViserServer], Playing]
+    ) -> Viewer:
+        """The same for whatever can be looked at; ``make`` makes what plays in a new viewer."""
         if not VISITOR.fullmatch(visitor):
             raise ValueError("expected a visitor token of 16 to 64 letters, digits, - and _.")
-        key = (fold_id, visitor)
+        key = (what, visitor)
         with self._lock:
             if self._stop.is_set():
                 raise ViewersBusy("The server is closing; try again in a moment.")
             viewer = self._viewers.get(key)
             if viewer is None:
                 self._make_room()
-                viewer = self._viewers[key] = Viewer(fold_id, visitor, self._films, timeline)
+                viewer = self._viewers[key] = Viewer(what, visitor, make)
         viewer.touch()
         viewer.player.tick(time.monotonic())
         return viewer

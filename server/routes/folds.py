@@ -10,6 +10,7 @@ from fastapi.responses import Response, StreamingResponse
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from server.context import Context, context_of
+from server.previews import ShapeWishes
 from server.problems import Problem
 from server.schemas import Accepted, Fold, Folds, Links, ProblemBody
 from server.submissions import Submission, submit
@@ -23,6 +24,33 @@ MOST_SEED = 2**32 - 1
 LEAST_MODULE_SIZE = 0.1
 
 
+def _wishes(
+    modules: Annotated[
+        int | None,
+        Form(ge=8, le=20_000, description="About how many modules; meshes get 160 if not said."),
+    ] = None,
+    method: Annotated[
+        Literal["auto", "blocks", "exact", "snake"],
+        Form(description="How a path is found: `blocks` makes 2×2×2 modules of each voxel."),
+    ] = "auto",
+    repair: Annotated[
+        bool, Form(description="Add or drop cells where there is no path otherwise.")
+    ] = False,
+    ends: Annotated[
+        Literal["any", "surface"], Form(description="`surface`: both ends on the outside.")
+    ] = "any",
+    as_voxels: Annotated[
+        bool, Form(description="Take a list of cells as a shape, not as a path.")
+    ] = False,
+) -> ShapeWishes:
+    return ShapeWishes(
+        modules=modules, method=method, repair=repair, ends=ends, as_voxels=as_voxels
+    )
+
+
+Wishes = Annotated[ShapeWishes, Depends(_wishes)]
+
+
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """How OpenAPI says which problems a route answers with."""
     content = {"application/problem+json": {"schema": ProblemBody.model_json_schema()}}
@@ -33,14 +61,18 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     "",
     status_code=202,
     summary="Fold an upload or a shape of the gallery",
-    responses=problems(413, 422, 429, 503, 507),
+    responses=problems(404, 413, 422, 429, 503, 507),
 )
 def post_fold(
     request: Request,
     context: Here,
     credentials: Bearer,
-    file: Annotated[UploadFile | None, File(description="A path or chain file.")] = None,
+    wishes: Wishes,
+    file: Annotated[
+        UploadFile | None, File(description="A mesh, voxels, a path or a chain.")
+    ] = None,
     shape: Annotated[str | None, Form(description="Or the name of a gallery shape.")] = None,
+    preview: Annotated[str | None, Form(description="Or the id of a preview.")] = None,
     preset: Annotated[Literal["default", "paper"], Form()] = "default",
     seed: Annotated[int, Form(ge=0, le=MOST_SEED)] = 0,
     module_size: Annotated[
@@ -48,23 +80,7 @@ def post_fold(
     ] = None,
 ) -> Accepted:
     """Accepts it and puts it into the queue. The same upload again gives the same fold."""
-    if (file is None) == (shape is None):
-        raise Problem(
-            422,
-            "file-or-shape",
-            f"got {'both' if file is not None else 'neither'} of the form fields 'file' and "
-            "'shape', expected one of them.",
-        )
-    if file is not None:
-        data, filename = file.file.read(), clean_filename(file.filename)
-    else:
-        found = context.gallery.shape(shape or "")
-        if found is None:
-            names = ", ".join(s.name for s in context.gallery.shapes())
-            raise Problem(
-                422, "no-such-shape", f"got the shape '{shape}', expected one of {names}."
-            )
-        data, filename = found.data, found.filename
+    data, filename = input_of(context, file, shape, preview)
     receipt = submit(
         context,
         Submission(
@@ -76,6 +92,7 @@ def post_fold(
             module_size=module_size,
             visitor=context.visitor(request),
             token=_token(credentials),
+            wishes=wishes,
         ),
     )
     return Accepted(
@@ -151,6 +168,38 @@ def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
         context.jobs.forget(fold_id)
         shutil.rmtree(store.directory(fold_id), ignore_errors=True)
     return Response(status_code=204)
+
+
+def input_of(
+    context: Context, file: UploadFile | None, shape: str | None, preview: str | None
+) -> tuple[bytes, str | None]:
+    """The bytes and the name of what a form brings, be it a file, a gallery shape or a preview.
+
+    Raises:
+        NoSuchPreviewError: When the preview is not there any more.
+        Problem: When it is none of them, or several.
+    """
+    given = [
+        name
+        for name, value in (("file", file), ("shape", shape), ("preview", preview))
+        if value is not None
+    ]
+    if len(given) != 1:
+        raise Problem(
+            422,
+            "file-or-shape",
+            f"got {' and '.join(given) or 'none'} of the form fields 'file', 'shape' and "
+            "'preview', expected one of them.",
+        )
+    if file is not None:
+        return file.file.read(), clean_filename(file.filename)
+    if preview is not None:
+        return context.previews.upload(preview)
+    found = context.gallery.shape(shape or "")
+    if found is None:
+        names = ", ".join(s.name for s in context.gallery.shapes())
+        raise Problem(422, "no-such-shape", f"got the shape '{shape}', expected one of {names}.")
+    return found.data, found.filename
 
 
 def clean_filename(name: str | None) -> str | None:

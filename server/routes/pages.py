@@ -7,6 +7,7 @@ import hashlib
 import json
 import mimetypes
 import secrets
+from collections import Counter
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -45,6 +46,23 @@ POLICY: Final = "; ".join(
         "frame-ancestors 'self'",
     )
 )
+KINDS: Final = {
+    "tool": "Tools",
+    "animal": "Animals",
+    "thing": "Things",
+    "building": "Buildings",
+    "letter": "Letters",
+    "hollow": "Hollow",
+    "furniture": "Furniture",
+    "vehicle": "Vehicles",
+    "kitchen": "Kitchen",
+    "solid": "Solids",
+    "ring": "Rings",
+    "number": "Numbers",
+    "sign": "Signs",
+    "plant": "Plants",
+    "paper": "From the paper",
+}
 PAWN: Final = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1))
 
 
@@ -52,12 +70,29 @@ PAWN: Final = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1))
 async def landing(request: Request) -> Response:
     """The first page."""
     context = request.app.state.context
-    shapes = await asyncio.to_thread(_cards, context.gallery)
     featured = await asyncio.to_thread(_featured, context.store)
-    still = next((s["still"] for s in shapes if s["name"] == FEATURED), None)
-    if still is None:
-        still = shapes[0]["still"] if shapes else isometric_svg(PAWN)
-    return _page("landing.html", shapes=shapes, featured=featured, visitor=_visitor(), still=still)
+    still = await asyncio.to_thread(_still, context.gallery, FEATURED, 480)
+    return page(
+        "landing.html",
+        shapes=_cards(context.gallery),
+        kinds=_kinds(context.gallery),
+        featured=featured,
+        visitor=new_visitor(),
+        still=still or isometric_svg(PAWN),
+    )
+
+
+@router.get("/shapes/{name}.svg")
+async def drawing_of_shape(request: Request, name: str) -> Response:
+    """The drawing of a gallery shape."""
+    svg = await asyncio.to_thread(_still, request.app.state.context.gallery, name, 160)
+    if svg is None:
+        return Response("not found", status_code=404, media_type="text/plain")
+    headers = {
+        "Cache-Control": "public, max-age=3600",
+        "Content-Security-Policy": "default-src 'none'",
+    }
+    return Response(svg, media_type="image/svg+xml", headers=headers)
 
 
 @router.get("/folds/{fold_id}", response_class=HTMLResponse)
@@ -69,12 +104,12 @@ async def fold_page(request: Request, fold_id: str) -> Response:
             "There is no such fold", "The link may be incomplete, or the fold was deleted."
         )
     facts = await asyncio.to_thread(fold_facts, found, api=_has_api(request))
-    facts["visitor"] = visitor = _visitor()
+    facts["visitor"] = visitor = new_visitor()
     drawing = await asyncio.to_thread(_drawing, found)
-    return _page(
+    return page(
         "fold.html",
         facts=facts,
-        facts_json=_script_json(facts),
+        facts_json=script_json(facts),
         visitor=visitor,
         drawing=drawing,
         colours={"none": css(NEUTRAL), "full": css(ERROR), "unknown": css(UNKNOWN)},
@@ -107,10 +142,11 @@ async def static_file(request: Request, name: str) -> Response:
 def not_found_page(heading: str, text: str, *, status_code: int = 404) -> Response:
     """A page that says in words why there is nothing to see."""
     drawing = isometric_svg(PAWN)
-    return _page("message.html", status_code, heading=heading, text=text, drawing=drawing)
+    return page("message.html", status_code, heading=heading, text=text, drawing=drawing)
 
 
-def _page(template: str, status_code: int = 200, /, **values: Any) -> Response:
+def page(template: str, status_code: int = 200, /, **values: Any) -> Response:
+    """A page made of a template, under the policy of all pages."""
     html = _templates().get_template(template).render(**values)
     headers = {"Content-Security-Policy": POLICY, "Cache-Control": "no-store"}
     return HTMLResponse(html, status_code=status_code, headers=headers)
@@ -141,23 +177,35 @@ def _static() -> dict[str, tuple[bytes, str, str]]:
 
 @cache
 def _cards(gallery: Gallery) -> list[dict[str, Any]]:
-    """The gallery as cards."""
-    cards: list[dict[str, Any]] = []
-    for shape in gallery.shapes():
-        try:
-            cells = _cells(read(shape.data, filename=shape.filename))
-        except PlannerError:
-            continue
-        cards.append(
-            {
-                "name": shape.name,
-                "title": shown_name(shape.title),
-                "modules": shape.modules,
-                "drawing": isometric_svg(cells),
-                "still": isometric_svg(cells, size=480),
-            }
-        )
-    return cards
+    """The gallery as cards; their drawings are files of their own, loaded when seen."""
+    return [
+        {
+            "name": shape.name,
+            "title": shown_name(shape.title),
+            "modules": shape.modules,
+            "tags": shape.tags or (("solid",) if shape.name.startswith("box-") else ("paper",)),
+        }
+        for shape in gallery.shapes()
+    ]
+
+
+@cache
+def _kinds(gallery: Gallery) -> list[tuple[str, str]]:
+    """The kinds of shape there are and what they are called, the most common first."""
+    counts = Counter(tag for card in _cards(gallery) for tag in card["tags"])
+    return [(tag, KINDS.get(tag, tag.capitalize())) for tag, _ in counts.most_common()]
+
+
+@cache
+def _still(gallery: Gallery, name: str, size: int) -> str | None:
+    """The drawing of a gallery shape; None when there is no such shape, or it can't be drawn."""
+    shape = gallery.shape(name)
+    if shape is None:
+        return None
+    try:
+        return isometric_svg(_cells(read(shape.data, filename=shape.filename)), size=size)
+    except PlannerError:
+        return None
 
 
 def _featured(store: Any) -> Any:
@@ -198,7 +246,8 @@ def _cells(read_in: Any) -> Any:
     return np.rint(read_in.folded_poses.positions).astype(int)
 
 
-def _visitor() -> str:
+def new_visitor() -> str:
+    """A token for one visit, which nobody can guess."""
     return secrets.token_urlsafe(18)
 
 
@@ -206,7 +255,7 @@ def _has_api(request: Request) -> bool:
     return getattr(request.app.state.context, "jobs", None) is not None
 
 
-def _script_json(value: Any) -> str:
+def script_json(value: Any) -> str:
     """JSON that may stand inside a script element."""
     text = json.dumps(value, ensure_ascii=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

@@ -1,13 +1,16 @@
-"""Routes of shapes: the gallery."""
+"""Routes of shapes: the gallery, and what would come of a shape before it is folded."""
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from dataclasses import replace
+from typing import Annotated
+
+from fastapi import APIRouter, File, Form, UploadFile
 from fastapi.responses import Response
 
 from server.problems import Problem
-from server.routes.folds import Here, problems
-from server.schemas import Shape, Shapes
+from server.routes.folds import MOST_SEED, Here, Wishes, input_of, problems
+from server.schemas import Preview, Shape, Shapes
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
 
@@ -17,10 +20,48 @@ def get_shapes(context: Here) -> Shapes:
     """Example shapes that `POST /api/folds` takes by name."""
     return Shapes(
         shapes=[
-            Shape(name=shape.name, title=shape.title, modules=shape.modules)
+            Shape(name=shape.name, title=shape.title, modules=shape.modules, tags=list(shape.tags))
             for shape in context.gallery.shapes()
         ]
     )
+
+
+@router.post(
+    "/preview",
+    summary="What would come of a shape, before folding it",
+    responses=problems(404, 413, 422, 429, 503, 504, 507),
+)
+def post_preview(
+    context: Here,
+    wishes: Wishes,
+    file: Annotated[
+        UploadFile | None, File(description="A mesh, voxels, a path or a chain.")
+    ] = None,
+    shape: Annotated[str | None, Form(description="Or the name of a gallery shape.")] = None,
+    preview: Annotated[
+        str | None, Form(description="Or the id of an earlier preview, with other wishes.")
+    ] = None,
+    seed: Annotated[int, Form(ge=0, le=MOST_SEED)] = 0,
+    full: Annotated[
+        bool, Form(description="Whether to answer with cells and mesh too, which may be large.")
+    ] = True,
+) -> Preview:
+    """Voxels, a path through them, and whether there is one. `POST /api/folds` takes its id."""
+    settings = context.settings
+    if wishes.modules is not None and wishes.modules > settings.max_modules:
+        raise Problem(
+            422,
+            "too-many-modules",
+            f"got {wishes.modules} modules, expected at most {settings.max_modules}.",
+        )
+    if preview is None or file is not None or shape is not None:
+        data, filename = input_of(context, file, shape, preview)
+        preview = context.previews.add(data, filename)
+    wishes = replace(wishes, seed=seed)
+    report = context.previews.report(
+        preview, wishes, context.preparer, most_waiting=settings.previews_waiting
+    )
+    return Preview.of(preview, wishes.key, report, full=full)
 
 
 @router.get(

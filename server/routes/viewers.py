@@ -12,7 +12,7 @@ import asyncio
 import contextlib
 import json
 import logging
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Awaitable, Callable
 from pathlib import Path
 from typing import Any, Final, cast
 
@@ -31,6 +31,8 @@ router = APIRouter(include_in_schema=False)
 
 LARGEST_MESSAGE: Final = 64 * 1024
 GOING_AWAY, REFUSED, TRY_LATER = 1001, 1008, 1013
+OpenViewer = Callable[[], Awaitable[Viewer | None]]
+"""The viewer to connect to; None when there is no such view."""
 COALESCED: Final = ("state", "outline", "module", "waiting")
 
 
@@ -38,7 +40,12 @@ COALESCED: Final = ("state", "outline", "module", "waiting")
 async def view_page(request: Request, fold_id: str, visitor: str) -> Response:
     """Viser's client, to be framed by the fold's page."""
     found = await find_fold(request.app, fold_id)
-    if found is None or not VISITOR.fullmatch(visitor):
+    return client_page(request, found is not None and VISITOR.fullmatch(visitor) is not None)
+
+
+def client_page(request: Request, known: bool) -> Response:
+    """Viser's client, if there is something to see."""
+    if not known:
         return Response("There is no such view.", status_code=404, media_type="text/plain")
     page = client()
     headers = {
@@ -55,7 +62,12 @@ async def view_page(request: Request, fold_id: str, visitor: str) -> Response:
 @router.websocket("/folds/{fold_id}/view/{visitor}")
 async def view_socket(websocket: WebSocket, fold_id: str, visitor: str) -> None:
     """Carries viser's messages between a browser and the visitor's viser server."""
-    async with _viewer(websocket, fold_id, visitor) as viewer:
+    await carry_view(websocket, _opener(websocket, fold_id, visitor))
+
+
+async def carry_view(websocket: WebSocket, open_viewer: OpenViewer) -> None:
+    """Carries viser's messages between a browser and a viewer."""
+    async with _viewer(websocket, open_viewer) as viewer:
         if viewer is None:
             return
         offered = [Subprotocol(p) for p in websocket.scope.get("subprotocols", [])]
@@ -71,14 +83,19 @@ async def view_socket(websocket: WebSocket, fold_id: str, visitor: str) -> None:
                 await websocket.accept(subprotocol=inner.subprotocol)
                 await _first_of(_inward(websocket, inner, viewer), _outward(websocket, inner))
         except (OSError, TimeoutError, websockets.WebSocketException) as error:
-            log.info("view of fold %s ended: %s", fold_id, error)
+            log.info("view of %s ended: %s", viewer.fold_id, error)
         await _close(websocket, GOING_AWAY)
 
 
 @router.websocket("/folds/{fold_id}/control/{visitor}")
 async def control_socket(websocket: WebSocket, fold_id: str, visitor: str) -> None:
     """Carries the timeline bar's messages to the visitor's player, and back."""
-    async with _viewer(websocket, fold_id, visitor) as viewer:
+    await carry_control(websocket, _opener(websocket, fold_id, visitor))
+
+
+async def carry_control(websocket: WebSocket, open_viewer: OpenViewer) -> None:
+    """Carries a page's messages to what plays in a viewer, and back."""
+    async with _viewer(websocket, open_viewer) as viewer:
         if viewer is None:
             return
         await websocket.accept()
@@ -92,24 +109,31 @@ async def control_socket(websocket: WebSocket, fold_id: str, visitor: str) -> No
         await _close(websocket, GOING_AWAY)
 
 
+def _opener(websocket: WebSocket, fold_id: str, visitor: str) -> OpenViewer:
+    async def open_viewer() -> Viewer | None:
+        found: Found | None = None
+        if VISITOR.fullmatch(visitor):
+            found = await find_fold(websocket.app, fold_id)
+        if found is None:
+            return None
+        viewers = cast("Viewers", websocket.app.state.context.viewers)
+        timeline: Path = found.directory / "timeline.zarr"
+        return await asyncio.to_thread(viewers.open, fold_id, visitor, timeline)
+
+    return open_viewer
+
+
 @contextlib.asynccontextmanager
-async def _viewer(
-    websocket: WebSocket, fold_id: str, visitor: str
-) -> AsyncGenerator[Viewer | None]:
+async def _viewer(websocket: WebSocket, open_viewer: OpenViewer) -> AsyncGenerator[Viewer | None]:
     """The visitor's viewer for as long as a socket lasts; None when the socket was refused."""
-    found: Found | None = None
-    if VISITOR.fullmatch(visitor):
-        found = await find_fold(websocket.app, fold_id)
-    if found is None:
-        await _refuse(websocket, REFUSED, "no such view")
-        yield None
-        return
-    viewers = cast("Viewers", websocket.app.state.context.viewers)
-    timeline: Path = found.directory / "timeline.zarr"
     try:
-        viewer = await asyncio.to_thread(viewers.open, fold_id, visitor, timeline)
+        viewer = await open_viewer()
     except ViewersBusy as busy:
         await _refuse(websocket, TRY_LATER, str(busy))
+        yield None
+        return
+    if viewer is None:
+        await _refuse(websocket, REFUSED, "no such view")
         yield None
         return
     with viewer.connected():

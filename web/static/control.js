@@ -1,8 +1,8 @@
 // The websocket between this page and the visitor's player; it comes back by itself.
 export class Control extends EventTarget {
-  constructor(fold, visitor) {
+  constructor(id, visitor, under = "folds") {
     super();
-    this.address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/folds/${fold}/control/${visitor}`;
+    this.address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/${under}/${id}/control/${visitor}`;
     this.tries = 0;
     this.viewer = null;
     this.open();

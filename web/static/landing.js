@@ -8,6 +8,9 @@ const message = get("drop-message");
 const hero = get("hero");
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
+const NO_PATH = new Set(["not-adjacent", "repeated-cell"]);
+const FIRST_CARDS = 28;
+
 function say(text, tone = "") {
   message.textContent = text;
   message.dataset.tone = tone;
@@ -36,7 +39,37 @@ async function start(fields, label) {
   }
 }
 
-const send = (file) => start({ file }, file.name);
+// A path or a chain is folded at once, unless it is knotted; all else is looked at first.
+async function send(file, asVoxels = false) {
+  say(`Reading ${file.name}…`);
+  offer(null);
+  const form = new FormData();
+  form.set("file", file);
+  form.set("full", "false");
+  if (asVoxels) form.set("as_voxels", "true");
+  try {
+    const answer = await fetch("/api/shapes/preview", { method: "POST", body: form });
+    const body = await answer.json().catch(() => ({}));
+    if (!answer.ok) {
+      const detail = body.detail ?? `The server answered ${answer.status}.`;
+      say(body.where && !detail.includes(body.where) ? `${body.where}: ${detail}` : detail, "bad");
+      if (NO_PATH.has(body.code)) offer(file);
+      return;
+    }
+    const straight = (body.kind === "path" || body.kind === "chain") && body.knot?.verdict !== "knotted";
+    if (straight) await start({ preview: body.id }, file.name);
+    else location.href = `${body.links.page}${asVoxels ? "?as_voxels=true" : ""}`;
+  } catch {
+    say("The server cannot be reached. Check the connection and try again.", "bad");
+  }
+}
+
+function offer(file) {
+  const button = get("drop-voxels");
+  button.hidden = !file;
+  button.onclick = () => send(file, true);
+}
+
 drop.addEventListener("submit", (event) => event.preventDefault());
 get("file").addEventListener("change", (event) => { if (event.target.files[0]) send(event.target.files[0]); event.target.value = ""; });
 let depth = 0;
@@ -51,6 +84,34 @@ addEventListener("drop", (event) => {
   if (files.length > 1) say("One file at a time, please.", "bad");
   else if (files[0]) send(files[0]);
 });
+// The gallery: kinds, sizes, and the rest of it on demand.
+let kind = "";
+let everything = false;
+function filter() {
+  const [least, most] = get("sizes").value.split("-").map(Number);
+  const cards = [...get("cards").querySelectorAll("[data-tags]")];
+  const fit = cards.filter(({ dataset }) => (!kind || dataset.tags.split(" ").includes(kind))
+    && dataset.modules >= least && dataset.modules <= most);
+  const shown = new Set(everything ? fit : fit.slice(0, FIRST_CARDS));
+  for (const card of cards) card.hidden = !shown.has(card);
+  get("no-cards").hidden = fit.length > 0;
+  get("all-cards").hidden = shown.size === fit.length;
+  get("all-cards").textContent = `Show all ${fit.length}`;
+}
+for (const pick of document.querySelectorAll(".pick")) {
+  pick.onclick = () => {
+    kind = pick.dataset.kind;
+    everything = false;
+    for (const other of document.querySelectorAll(".pick")) other.setAttribute("aria-pressed", String(other === pick));
+    filter();
+  };
+}
+if (get("sizes")) {
+  get("sizes").onchange = () => { everything = false; filter(); };
+  get("all-cards").onclick = () => { everything = true; filter(); };
+  filter();
+}
+
 for (const card of document.querySelectorAll("[data-shape]")) {
   card.onclick = async () => {
     card.setAttribute("aria-busy", "true");

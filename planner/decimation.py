@@ -1,0 +1,53 @@
+"""Decimation: fewer triangles for looking at a mesh, by merging vertices that lie close."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Faces = NDArray[np.int64]
+
+FINER: Final = 1.25
+MOST_ROUNDS: Final = 40
+
+
+def decimated(vertices: Array, faces: Faces, *, most: int) -> tuple[Array, Faces]:
+    """A mesh of at most ``most`` triangles that looks like the one given.
+
+    Vertices in one cell of a grid become one, in their middle; triangles that vanish are left out.
+    The grid is made coarser until few enough are left.
+
+    Args:
+        vertices: (V, 3) points.
+        faces: (F, 3) indices.
+        most: Triangles there may be.
+    """
+    if len(faces) <= most:
+        return vertices, faces
+    low = vertices.min(axis=0)
+    size = float((vertices.max(axis=0) - low).max())
+    cells = max(4.0, 2.0 * np.sqrt(most / 4.0))
+    for _ in range(MOST_ROUNDS):
+        fewer = _merged(vertices, faces, low, size / cells if size > 0 else 1.0)
+        if len(fewer[1]) <= most:
+            return fewer
+        cells /= FINER
+    return vertices[:0], faces[:0]
+
+
+def _merged(vertices: Array, faces: Faces, low: Array, grid: float) -> tuple[Array, Faces]:
+    places = np.floor((vertices - low) / grid).astype(np.int64)
+    _, first, of = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    of = of.reshape(-1)
+    counts = np.bincount(of, minlength=len(first)).astype(np.float64)
+    middles = np.column_stack(
+        [np.bincount(of, weights=vertices[:, k], minlength=len(first)) / counts for k in range(3)]
+    )
+    mapped = of[faces]
+    a, b, c = mapped.T
+    kept = mapped[(a != b) & (b != c) & (c != a)]
+    _, index = np.unique(np.sort(kept, axis=1), axis=0, return_index=True)
+    return middles, kept[np.sort(index)]

@@ -1,0 +1,191 @@
+"""Previews: shapes that somebody looks at before folding, kept for a day or while there is room.
+
+A directory holds one upload; under it lies a directory for each set of wishes, with what they were
+(``request.json``) and what came of them (``report.json``).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import threading
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from planner.errors import InputError
+from server.children import ChildError, Reader
+from server.problems import Problem
+from server.settings import Settings
+from server.store import new_id
+
+KEY: Final = re.compile(r"[0-9a-f]{24}")
+MOST_WISHES: Final = 400
+"""Sets of wishes that are kept for one upload."""
+SWEEP_EVERY_S: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShapeWishes:
+    """How a shape is to become a path; the words are those of ``planner.preparation.Wishes``."""
+
+    modules: int | None = None
+    method: str = "auto"
+    repair: bool = False
+    ends: str = "any"
+    as_voxels: bool = False
+    seed: int = 0
+
+    @property
+    def key(self) -> str:
+        """The same for the same wishes."""
+        text = json.dumps(asdict(self), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+    def changed(self) -> dict[str, Any]:
+        """Those that are not as they would be anyway, without the seed."""
+        plain = asdict(ShapeWishes())
+        return {k: v for k, v in asdict(self).items() if k != "seed" and v != plain[k]}
+
+
+class NoSuchPreviewError(LookupError):
+    """There is no preview with this id, or not any more."""
+
+
+class Previews:
+    """Uploads under preview, on disk. Safe to use from many threads."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._root = settings.previews_dir
+        self._root.mkdir(parents=True, exist_ok=True)
+        self._lock = threading.Lock()
+        self._swept = 0.0
+
+    def add(self, data: bytes, filename: str | None) -> str:
+        """Keeps an upload; its id, which nobody can guess.
+
+        Raises:
+            Problem: When the disk has no room for it.
+        """
+        self._sweep(len(data))
+        preview_id = new_id()
+        directory = self._root / preview_id
+        try:
+            if shutil.disk_usage(self._root).free < self._settings.min_free_disk_bytes + len(data):
+                raise Problem(507, "no-room", "The disk of the service is nearly full; try later.")
+            directory.mkdir()
+            (directory / "input").write_bytes(data)
+            (directory / "upload.json").write_text(json.dumps({"filename": filename}))
+        except OSError as error:
+            shutil.rmtree(directory, ignore_errors=True)
+            raise Problem(
+                507, "no-room", f"The upload could not be stored ({error.strerror}); try later."
+            ) from error
+        return preview_id
+
+    def directory(self, preview_id: str) -> Path:
+        """Where an upload is; ids are checked before they become a path.
+
+        Raises:
+            NoSuchPreviewError: When there is none.
+        """
+        safe = preview_id.isascii() and preview_id.isalnum() and len(preview_id) <= 32
+        directory = self._root / preview_id
+        if not safe or not (directory / "upload.json").is_file():
+            raise NoSuchPreviewError(preview_id)
+        return directory
+
+    def upload(self, preview_id: str) -> tuple[bytes, str | None]:
+        """The bytes that were uploaded, and what they were called.
+
+        Raises:
+            NoSuchPreviewError: When there is none.
+        """
+        directory = self.directory(preview_id)
+        try:
+            about = json.loads((directory / "upload.json").read_bytes())
+            return (directory / "input").read_bytes(), about["filename"]
+        except OSError as error:  # swept away this very moment
+            raise NoSuchPreviewError(preview_id) from error
+
+    def report(
+        self, preview_id: str, wishes: ShapeWishes, reader: Reader, *, most_waiting: int
+    ) -> dict[str, Any]:
+        """What comes of an upload with these wishes; computed once.
+
+        Raises:
+            NoSuchPreviewError: When there is no such upload.
+            Problem: When it cannot be used (422), took too long (504), or too many wait (503).
+        """
+        directory = self.directory(preview_id)
+        os.utime(directory)
+        place = directory / wishes.key
+        if (known := read_report(place)) is not None:
+            return known
+        if sum(1 for _ in directory.iterdir()) > MOST_WISHES:
+            raise Problem(429, "too-many-previews", "Too many previews of one file; send it again.")
+        place.mkdir(exist_ok=True)
+        request = {"filename": self.upload(preview_id)[1], **asdict(wishes)}
+        request["time_limit_s"] = self._settings.preview_search_seconds
+        (place / "request.json").write_text(json.dumps(request))
+        try:
+            reader.call("preview", place, most_waiting=most_waiting)
+        except InputError as error:
+            raise Problem.of_input(error) from None
+        except ChildError as error:
+            raise _problem(error, self._settings.preview_seconds) from None
+        found = read_report(place)
+        if found is None:
+            raise NoSuchPreviewError(preview_id)
+        return found
+
+    def _sweep(self, coming: int) -> None:
+        """Forgets what is old, and the oldest while there is too much."""
+        with self._lock:
+            now = time.time()
+            if now - self._swept < SWEEP_EVERY_S and coming < 2**20:
+                return
+            self._swept = now
+            found = sorted(
+                (entry.stat().st_mtime, _size(entry), entry)
+                for entry in self._root.iterdir()
+                if entry.is_dir()
+            )
+            total = coming + sum(size for _, size, _ in found)
+            for touched, size, entry in found:
+                old = now - touched > self._settings.preview_keep_s
+                if old or total > self._settings.previews_bytes:
+                    shutil.rmtree(entry, ignore_errors=True)
+                    total -= size
+
+
+def read_report(place: Path) -> dict[str, Any] | None:
+    """The report in a directory of wishes, if it is there."""
+    try:
+        return json.loads((place / "report.json").read_bytes())
+    except (OSError, ValueError):
+        return None
+
+
+def _size(directory: Path) -> int:
+    return sum(f.stat().st_size for f in directory.rglob("*") if f.is_file())
+
+
+def _problem(error: ChildError, seconds: float) -> Problem:
+    if error.code == "busy":
+        return Problem(503, "busy", error.detail, headers={"Retry-After": "2"})
+    if error.code == "time-limit":
+        return Problem(
+            504,
+            "preview-too-slow",
+            f"no path was found within the {seconds:g} s that a preview may take; ask for fewer "
+            "modules, or for the method 'blocks'.",
+        )
+    if error.code == "no-start":
+        return Problem(503, error.code, error.detail)
+    return Problem(422, "unreadable", f"reading the file failed: {error.detail}")

@@ -1,0 +1,269 @@
+// The preview page: wishes in the panel, their report in figures, and the scene that shows it.
+import { Control } from "./control.js";
+import { View, hasWebGL } from "./view.js";
+import { element, whole } from "./words.js";
+
+const get = (id) => document.getElementById(id);
+const facts = JSON.parse(get("facts").textContent);
+const LEAST = 8;
+const PATIENCE_MS = 220;
+const HINTS = {
+  auto: "The way that suits the shape.",
+  blocks: "Each voxel becomes 2×2×2 modules: there is a path in any case, and it folds best.",
+  exact: "One module for each voxel. Finer, but there may be no path.",
+  snake: "Back and forth, layer by layer. For boxes only.",
+};
+
+// Wishes live in the address, so that a link shows the same.
+const query = new URLSearchParams(location.search);
+const wishes = {
+  modules: Number(query.get("modules")) || null,
+  method: HINTS[query.get("method")] ? query.get("method") : "auto",
+  ends: query.get("ends") === "surface" ? "surface" : "any",
+  repair: query.get("repair") === "true",
+  as_voxels: query.get("as_voxels") === "true",
+  seed: Number(query.get("seed")) || 0,
+};
+let report = null;
+let running = false;
+let again = false;
+let timer = null;
+
+const modulesAt = (place) => Math.round(LEAST * (facts.most_modules / LEAST) ** (place / 1000));
+const placeOf = (modules) => Math.round((1000 * Math.log(modules / LEAST)) / Math.log(facts.most_modules / LEAST));
+
+function form() {
+  const form = new FormData();
+  form.set("preview", facts.id);
+  for (const [key, value] of Object.entries(wishes)) if (value !== null) form.set(key, String(value));
+  return form;
+}
+
+function remember() {
+  const kept = new URLSearchParams();
+  for (const [key, value] of Object.entries(wishes)) {
+    if (value && value !== "auto" && value !== "any") kept.set(key, String(value));
+  }
+  history.replaceState(null, "", `${location.pathname}${kept.size ? `?${kept}` : ""}`);
+}
+
+function busy(on) {
+  get("progress").hidden = !on;
+  document.body.classList.toggle("busy-now", on);
+  document.querySelector(".stage").setAttribute("aria-busy", String(on));
+  get("fold").disabled = on || !report?.has_path;
+}
+
+function cover(text, more = "", still = true) {
+  const cover = get("cover");
+  cover.classList.remove("gone");
+  cover.classList.toggle("still", still);
+  get("cover-text").textContent = text;
+  get("cover-more").textContent = more;
+  get("cover-button").hidden = !still;
+}
+
+function problem(text) {
+  get("problem").hidden = !text;
+  get("problem").textContent = text;
+}
+
+// One request at a time; what was wished for meanwhile is asked for next.
+async function look() {
+  clearTimeout(timer);
+  if (running) { again = true; return; }
+  running = true;
+  busy(true);
+  remember();
+  const body = form();
+  body.set("full", "false");
+  try {
+    const answer = await fetch("/api/shapes/preview", { method: "POST", body });
+    const told = await answer.json().catch(() => ({}));
+    if (answer.ok) {
+      report = told;
+      problem("");
+      show();
+    } else {
+      const text = told.detail ?? `The server answered ${answer.status}.`;
+      const said = told.where && !text.includes(told.where) ? `${told.where}: ${text}` : text;
+      if (report) {
+        report = { ...report, has_path: false };
+        problem(said);
+        get("verdict").textContent = "No preview for these wishes";
+      } else cover("This shape cannot be shown", said);
+    }
+  } catch {
+    problem("The server cannot be reached. Check the connection and try again.");
+    if (!report) cover("The server cannot be reached", "Check the connection, then load the page again.");
+  }
+  running = false;
+  busy(false);
+  if (again) { again = false; look(); }
+}
+
+function soon() {
+  clearTimeout(timer);
+  document.body.classList.add("busy-now");
+  timer = setTimeout(look, PATIENCE_MS);
+}
+
+function duration(seconds) {
+  if (seconds < 90) return `about ${Math.max(1, Math.round(seconds))} s`;
+  if (seconds < 5400) return `about ${Math.round(seconds / 60)} min`;
+  return `about ${Math.round(seconds / 3600)} h`;
+}
+
+function put(id, text, tone = "") {
+  get(id).textContent = text;
+  get(id).dataset.tone = tone;
+}
+
+function show() {
+  const { kind, name, modules, iou, feasibility, knot, has_path: path } = report;
+  get("name").textContent = name;
+  document.title = `${name}, preview · foldback`;
+  const kept = iou === null ? "" : ` · ${Math.round(100 * iou)} % of the shape`;
+  get("verdict").textContent = path ? `${whole(modules)} modules${kept}` : `${whole(modules)} cells, no path yet`;
+
+  const resizable = kind === "mesh";
+  const fixed = kind === "path" || kind === "chain";
+  get("how").hidden = fixed;
+  get("modules-part").hidden = !resizable;
+  if (resizable && !wishes.modules) set(modules, false);
+  const asked = report.asked ?? modules;
+  get("got").textContent = asked === modules ? `${whole(modules)} modules` : `${whole(modules)} is what fits`;
+  const near = [report.below, modules, report.above].filter((n) => n && n !== modules);
+  get("nearest").replaceChildren(...near.map((count) => {
+    const button = element("button", { type: "button", title: "The nearest count that can be reached" }, whole(count));
+    button.onclick = () => { set(count); look(); };
+    return button;
+  }));
+
+  get("iou-part").hidden = iou === null;
+  put("iou", iou === null ? "" : `${Math.round(100 * iou)} %`);
+  get("iou-part").style.setProperty("--share", iou ?? 0);
+  put("expected", path ? duration(report.expected_s) : "–");
+  put("candidates", String(report.candidates));
+  const knots = { unknot: "None", knotted: "Knotted", undecided: "Undecided" };
+  put("knot", knot ? knots[knot.verdict] : "–", knot?.verdict === "knotted" ? "bad" : "");
+  get("knot").title = knot?.determinant ? `determinant ${knot.determinant}` : "";
+  if (knot?.verdict === "knotted" && knot.determinant) get("knot").textContent += ` (${knot.determinant})`;
+
+  const problems = feasibility?.problems ?? [];
+  get("trouble").hidden = path;
+  get("trouble-title").textContent = feasibility?.feasible === false
+    ? "There is no path through these cells" : "No path was found";
+  get("problems").replaceChildren(...problems.map(({ detail }) => element("li", {}, detail)));
+  const ways = path ? [] : repairs(feasibility);
+  get("repairs").replaceChildren(...ways);
+  const repaired = report.notes.find((note) => note.startsWith("Repaired"));
+  get("repaired").hidden = !(wishes.repair && repaired);
+  get("repaired-text").textContent = repaired ?? "";
+
+  const notes = report.notes.filter((note) => note !== repaired);
+  get("notes-part").hidden = !notes.length;
+  get("notes").replaceChildren(...notes.map((note) => element("li", {}, note)));
+  get("fold").textContent = path ? `Fold ${whole(modules)} modules` : "Fold";
+  get("legend").hidden = !path;
+  get("layers").hidden = false;
+  for (const button of get("layers").children) {
+    button.hidden = (button.dataset.layer === "solid" && !resizable) || (button.dataset.layer === "path" && !path);
+  }
+  control.send({ do: "show", key: report.key });
+  if (!hasWebGL()) cover("This browser shows no 3D graphics", "WebGL is missing or switched off. The figures hold all the same, and the shape can be folded.");
+  else if (viewing) uncover();
+}
+
+function repairs(feasibility) {
+  const ways = (feasibility?.repairs ?? []).slice(0, 1).map((repair) => {
+    const button = element("button", { type: "button", class: "button primary" }, `Repair: ${repair.detail}`);
+    button.onclick = () => { wishes.repair = true; look(); };
+    return button;
+  });
+  if (wishes.method !== "blocks") {
+    const button = element("button", { type: "button", class: "button" }, "Use blocks: 2×2×2 modules for each voxel");
+    button.onclick = () => { choose("method", "blocks"); look(); };
+    ways.push(button);
+  }
+  return ways;
+}
+
+function set(modules, wished = true) {
+  const count = Math.min(facts.most_modules, Math.max(LEAST, Math.round(modules) || LEAST));
+  if (wished) wishes.modules = count;
+  get("modules").value = placeOf(count);
+  get("modules").setAttribute("aria-valuetext", `${count} modules`);
+  get("modules-number").value = count;
+}
+
+function choose(name, value) {
+  wishes[name] = value;
+  document.querySelector(`[name="${name}"][value="${value}"]`).checked = true;
+  get("method-hint").textContent = HINTS[wishes.method];
+}
+
+get("wishes").addEventListener("submit", (event) => { event.preventDefault(); look(); });
+get("modules").addEventListener("input", () => { set(modulesAt(Number(get("modules").value))); soon(); });
+get("modules-number").addEventListener("change", () => { set(Number(get("modules-number").value)); look(); });
+get("seed").addEventListener("change", () => { wishes.seed = Math.max(0, Math.floor(Number(get("seed").value)) || 0); look(); });
+for (const input of document.querySelectorAll(".choice input")) {
+  input.addEventListener("change", () => { choose(input.name, input.value); look(); });
+}
+get("unrepair").onclick = () => { wishes.repair = false; look(); };
+for (const button of get("layers").children) {
+  button.onclick = () => {
+    const on = button.getAttribute("aria-pressed") !== "true";
+    button.setAttribute("aria-pressed", String(on));
+    control.send({ do: "layers", [button.dataset.layer]: on });
+  };
+}
+
+get("fold").onclick = async () => {
+  const button = get("fold");
+  button.disabled = true;
+  button.textContent = "Sending…";
+  problem("");
+  const body = form();
+  body.set("preset", get("preset").value);
+  try {
+    const answer = await fetch("/api/folds", { method: "POST", body });
+    const told = await answer.json().catch(() => ({}));
+    if (answer.ok) {
+      if (told.owner_token) localStorage.setItem(`foldback:owner:${told.id}`, told.owner_token);
+      location.href = `/folds/${told.id}`;
+      return;
+    }
+    problem(told.detail ?? `The server answered ${answer.status}.`);
+  } catch {
+    problem("The server cannot be reached. Check the connection and try again.");
+  }
+  button.disabled = false;
+  button.textContent = `Fold ${whole(report.modules)} modules`;
+};
+
+// The scene.
+let viewing = false;
+let shown = false;
+const control = new Control(facts.id, facts.visitor, "previews");
+const view = new View(get("view"), { onKey: () => {}, onTouch: () => control.send({ do: "set" }) });
+function uncover() { if (shown) setTimeout(() => get("cover").classList.add("gone"), 200); }
+control.on("hello", ({ again }) => {
+  if (again) view.reload();
+  for (const button of get("layers").children) {
+    if (button.getAttribute("aria-pressed") === "false") control.send({ do: "layers", [button.dataset.layer]: false });
+  }
+  if (report) control.send({ do: "show", key: report.key });
+});
+control.on("shown", () => { shown = true; if (viewing) uncover(); });
+control.on("viewing", () => { viewing = true; uncover(); });
+control.on("closed", ({ code, reason }) => {
+  if (code === 1013) cover("Many people are looking just now", reason);
+});
+
+addEventListener("pageshow", (event) => { if (event.persisted) busy(false); });
+choose("method", wishes.method);
+choose("ends", wishes.ends);
+get("seed").value = wishes.seed;
+if (wishes.modules) set(wishes.modules);
+look();
