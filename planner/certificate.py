@@ -61,7 +61,7 @@ class Certificate:
         max_joint_step_rad: Largest step of a hinge between two frames of the plan.
         joint_speed_limit_rad_s: Fastest a hinge may turn on a robot.
         fold_time_s: Duration of the fold under that limit.
-        joints_moving_mean, joints_moving_most: Hinges that move at the same time.
+        hinges_moving_mean, hinges_moving_most: Hinges that move at the same time.
         peak_torque_nm, rms_torque_nm: Of the playback in that time, floating, without gravity.
         gravity_torque_folded_nm, gravity_torque_straight_nm: Largest static torque when held at
             the root without support.
@@ -83,8 +83,8 @@ class Certificate:
     max_joint_step_rad: float | None
     joint_speed_limit_rad_s: float
     fold_time_s: float | None
-    joints_moving_mean: float | None
-    joints_moving_most: int | None
+    hinges_moving_mean: float | None
+    hinges_moving_most: int | None
     peak_torque_nm: float | None
     rms_torque_nm: float | None
     gravity_torque_folded_nm: float
@@ -198,8 +198,8 @@ _PLAN_FIGURES: Final = (
     "max_angle_error_rad",
     "max_joint_step_rad",
     "fold_time_s",
-    "joints_moving_mean",
-    "joints_moving_most",
+    "hinges_moving_mean",
+    "hinges_moving_most",
     "peak_torque_nm",
     "rms_torque_nm",
 )
@@ -265,8 +265,8 @@ def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> d
     slower = float(fastest.max()) / parameters.joint_speed_limit_rad_s
     figures["max_joint_step_rad"] = float(steps.max())
     figures["fold_time_s"] = float(times[-1] - times[0]) * slower
-    figures["joints_moving_mean"] = float(moving.mean()) if len(moving) else 0.0
-    figures["joints_moving_most"] = int(moving.max()) if len(moving) else 0
+    figures["hinges_moving_mean"] = float(moving.mean()) if len(moving) else 0.0
+    figures["hinges_moving_most"] = int(moving.max()) if len(moving) else 0
     unit = _torque_unit(chain, parameters) / max(slower, 1e-12) ** 2
     if playback.peak_torque is not None and playback.rms_torque is not None:
         figures["peak_torque_nm"] = playback.peak_torque * unit
@@ -291,7 +291,8 @@ def _verdict(
         if found.clearance < 0.0:
             return (
                 f"failed: in the {name}, modules {_pair(found)} overlap by {-found.clearance:.3g} "
-                f"pitch at frame {found.frame:g} (module size {size:g})"
+                f"pitch at module size {size:g}, {_percent(found):.0f} % into the fold (frame "
+                f"{found.frame:g} of the {name})"
             )
     plan = playback.reference_rad
     if playback.status != "folded":
@@ -310,6 +311,10 @@ def _verdict(
     if of_plan.bound <= 0.0 or of_playback.bound <= 0.0:
         return "verified with gaps: some moments between two frames could not be bounded"
     return "verified"
+
+
+def _percent(found: Sweep) -> float:
+    return 100.0 * found.frame / max(1, len(found.per_frame) - 1)
 
 
 def _pair(found: Sweep) -> str:

@@ -11,7 +11,13 @@ from planner.errors import InputError
 from planner.kinematics import Poses, forward_kinematics
 from planner.modules import CUBE, Module
 from planner.overlap import first_close_pair
-from planner.paths import DEFAULT_PITCH_M, FEWEST_CELLS, Path
+from planner.paths import (
+    DEFAULT_PITCH_M,
+    FEWEST_CELLS,
+    LARGEST_PITCH_M,
+    SMALLEST_PITCH_M,
+    Path,
+)
 from planner.rotations import wxyz_from_matrix
 
 Array = NDArray[np.float64]
@@ -129,9 +135,10 @@ class Chain:
                 f"{np.rad2deg(module.angle_limit_rad):g}° either way.",
                 where=f"joint {index // module.hinges_per_joint}",
             )
-        if not 0.0 < pitch_m <= 1000.0:
+        if not SMALLEST_PITCH_M <= pitch_m <= LARGEST_PITCH_M:
             raise InputError(
-                "bad-pitch", f"got a pitch of {pitch_m} m, expected more than 0 and at most 1000."
+                "bad-pitch",
+                f"got a pitch of {pitch_m} m, expected {SMALLEST_PITCH_M} to {LARGEST_PITCH_M:g}.",
             )
         for array in (folded, position, wxyz):
             array.setflags(write=False)
@@ -147,6 +154,11 @@ class Chain:
     def __len__(self) -> int:
         """Number of modules."""
         return len(self.folded_rad) // self.module.hinges_per_joint + 1 + self.module.rigid_links
+
+    @property
+    def joint_count(self) -> int:
+        """Number of joints; a joint has one hinge or two."""
+        return len(self.folded_rad) // self.module.hinges_per_joint
 
     @property
     def joint_names(self) -> tuple[str, ...]:

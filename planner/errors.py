@@ -17,7 +17,7 @@ class InputError(PlannerError):
     """
 
     def __init__(self, code: str, detail: str, *, where: str | None = None) -> None:
-        super().__init__(f"{where}: {detail}" if where else detail)
+        super().__init__(f"{where}: {detail}" if where and where not in detail else detail)
         self.code = code
         self.where = where
         self.detail = detail

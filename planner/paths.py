@@ -13,6 +13,8 @@ from planner.errors import InputError
 LARGEST_COORDINATE: Final = 1_000_000
 FEWEST_CELLS: Final = 3
 DEFAULT_PITCH_M: Final = 0.01
+SMALLEST_PITCH_M: Final = 1e-6
+LARGEST_PITCH_M: Final = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,9 +52,10 @@ class Path:
                 f"got an array of shape {raw.shape} and type {raw.dtype}, expected (n, 3) whole "
                 "numbers: one cell a row.",
             )
-        if not 0.0 < pitch_m <= 1000.0:
+        if not SMALLEST_PITCH_M <= pitch_m <= LARGEST_PITCH_M:
             raise InputError(
-                "bad-pitch", f"got a pitch of {pitch_m} m, expected more than 0 and at most 1000."
+                "bad-pitch",
+                f"got a pitch of {pitch_m} m, expected {SMALLEST_PITCH_M} to {LARGEST_PITCH_M:g}.",
             )
         _check_numbers(raw)
         whole = raw.astype(np.int64)

@@ -107,7 +107,8 @@ class Plan:
             "name": self.chain.name,
             "module": self.chain.module.name,
             "modules": len(self.chain),
-            "joints": len(self.chain.folded_rad),
+            "joints": self.chain.joint_count,
+            "hinges": len(self.chain.folded_rad),
             "preset": self.preset,
             "seed": self.seed,
             "explosion": self.explosion or nothing,
@@ -241,6 +242,6 @@ def write_whole(path: FilePath, data: bytes) -> None:
 
 
 def _listed(array: Array) -> Any:
-    if np.isnan(array).any():
+    if array.ndim == 1 and np.isnan(array).any():
         return [None if np.isnan(value) else value for value in np.round(array, DIGITS).tolist()]
     return np.round(array, DIGITS).tolist()

@@ -345,7 +345,8 @@ class _Run:
         except SimulationError as broken:
             return "diverged", f"the simulation broke off: {broken}"
         return "timeout", (
-            f"the chain was not folded after {self.parameters.max_steps} steps; "
+            f"the chain had not come to rest in its folded shape after {self.parameters.max_steps} "
+            f"steps: it is {self.final_error():.2g} pitches (RMS) from there, and "
             f"{self.bent_wrong()} of {len(self.chain.folded_rad)} hinges are off by more than "
             "0.1 rad."
         )

@@ -30,7 +30,7 @@ from planner.timeline import TimelineWriter, chain_attributes, chain_from_attrib
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 MODULE_SIZES: Final = (0.1, 1.0)
-LARGEST_SEED: Final = 2**63 - 1
+LARGEST_SEED: Final = 2**32 - 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,7 +142,8 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
         "name": chain.name,
         "module": chain.module.name,
         "modules": len(chain),
-        "joints": len(chain.folded_rad),
+        "joints": chain.joint_count,
+        "hinges": len(chain.folded_rad),
         "pitch_m": chain.pitch_m,
     }
 

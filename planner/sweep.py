@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 CHUNK: Final = 64
 MOST_HALVINGS: Final = 10
 ENOUGH: Final = 0.2
-"""Clearances of this and more are not told apart."""
+"""Clearances of this and more are not told apart, unless there is nothing less."""
+FAR: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,11 +58,16 @@ def sweep(chain: Chain, angles_rad: Array, *, size: float, cancelled: Cancelled 
         size: Module size as a fraction of the pitch.
         cancelled: Asked now and then; a cancelled sweep covers what was looked at so far.
     """
-    return _Sweeping(chain, angles_rad, size).run(cancelled)
+    found = _Sweeping(chain, angles_rad, size, ENOUGH).run(cancelled)
+    if found.modules is None and not cancelled():
+        # A short chain may never come that close to itself: then how far it stays off.
+        found = _Sweeping(chain, angles_rad, size, FAR).run(cancelled)
+    return found
 
 
 class _Sweeping:
-    def __init__(self, chain: Chain, angles: Array, size: float) -> None:
+    def __init__(self, chain: Chain, angles: Array, size: float, enough: float) -> None:
+        self.enough = enough
         self.chain = chain
         self.angles = angles
         self.size = size
@@ -74,15 +80,15 @@ class _Sweeping:
             size,
         )
         self.reach = 2.0 * module.radius * size
-        self.best = ENOUGH
+        self.best = self.enough
         self.where = 0.0
         self.modules: tuple[int, int] | None = None
-        self.bound = ENOUGH
+        self.bound = self.enough
         self.in_betweens = 0
 
     def run(self, cancelled: Cancelled) -> Sweep:
         frames = len(self.angles)
-        per_frame = np.full(frames, ENOUGH)
+        per_frame = np.full(frames, self.enough)
         for start in range(0, frames, CHUNK):
             if cancelled():
                 break
@@ -107,8 +113,10 @@ class _Sweeping:
         return poses.positions, poses.rotations
 
     def _at_frame(self, frame: int, positions: Array, rotations: Array) -> float:
-        pairs = near_pairs(positions, self.reach + ENOUGH, APART)
-        value, first, second = least_separation(positions, rotations, pairs, *self.hull, ENOUGH)
+        pairs = near_pairs(positions, self.reach + self.enough, APART)
+        value, first, second = least_separation(
+            positions, rotations, pairs, *self.hull, self.enough
+        )
         self._take(value, float(frame), first, second)
         return value
 
@@ -143,7 +151,7 @@ class _Sweeping:
         depth: int,
     ) -> None:
         self.in_betweens += 1
-        value, first, second, bound, left = between(*a, *m, *b, pairs, *self.hull, ENOUGH)
+        value, first, second, bound, left = between(*a, *m, *b, pairs, *self.hull, self.enough)
         self._take(value, start + half, first, second)
         self.bound = min(self.bound, bound)
         if not len(left):

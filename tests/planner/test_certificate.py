@@ -311,7 +311,7 @@ def test_the_speed_limit_sets_the_fold_time_and_the_torque() -> None:
     assert fast.fold_time_s == pytest.approx(np.pi / 2)
     assert fast.peak_torque_nm == pytest.approx(4.0 * slow.peak_torque_nm)
     assert slow.max_joint_step_rad == pytest.approx(np.pi / 80)
-    assert slow.joints_moving_most == np.count_nonzero(chain.folded_rad)
+    assert slow.hinges_moving_most == np.count_nonzero(chain.folded_rad)
 
 
 @pytest.mark.parametrize("shape", ["wrench-24", "mallet-64"])

@@ -56,7 +56,7 @@ def timeless(value: Any) -> Any:
 def test_all_stages_make_a_verified_plan(tmp_path: FilePath) -> None:
     directory = begun(tmp_path / "fold")
     read, explode, play_back, certify, export = run(directory, *STAGES)
-    assert (read["name"], read["modules"], read["joints"]) == ("coil", 12, 20)
+    assert (read["name"], read["modules"], read["joints"], read["hinges"]) == ("coil", 12, 10, 20)
     assert explode["status"] == "straight"
     assert play_back["status"] == "folded"
     assert certify["verdict"] == "verified"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from planner.chain import Chain
 from planner.clearance import closest
 from planner.kinematics import forward_kinematics
-from planner.sweep import ENOUGH, sweep
+from planner.sweep import ENOUGH, FAR, sweep
 from tests.planner.chains import coil, line
 
 Array = NDArray[np.float64]
@@ -20,13 +20,13 @@ Array = NDArray[np.float64]
 
 def clearance_of(chain: Chain, angles: Array, size: float) -> float:
     poses = forward_kinematics(chain.module, angles, root=chain.root)
-    place = closest(chain.module, poses.positions, poses.rotations, size=size, enough=ENOUGH)
+    place = closest(chain.module, poses.positions, poses.rotations, size=size, enough=FAR)
     return place.clearance
 
 
 def densely(chain: Chain, frames: Array, size: float, samples: int) -> float:
     """The least clearance at evenly spaced moments of a motion, by nothing but looking."""
-    found = ENOUGH
+    found = FAR
     for a, b in zip(frames[:-1], frames[1:], strict=True):
         for s in np.linspace(0.0, 1.0, samples):
             found = min(found, clearance_of(chain, (1.0 - s) * a + s * b, size))
