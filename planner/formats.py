@@ -9,7 +9,8 @@ import numpy as np
 
 from planner.chain import Chain
 from planner.paths import Path
-from planner.readers.json_files import CHAIN_FORMAT, PATH_FORMAT
+from planner.readers.json_files import CHAIN_FORMAT, PATH_FORMAT, VOXELS_FORMAT
+from planner.shapes import Shape
 
 ROWS_A_LINE = 8
 
@@ -45,6 +46,16 @@ def write_chain(chain: Chain) -> bytes:
         row if hinges > 1 else row[0] for row in angles.reshape(-1, hinges).tolist()
     ]
     return _document(head, "joint_angles_deg", rows)
+
+
+def write_shape(shape: Shape) -> bytes:
+    """A shape as ``foldback-voxels/1``."""
+    head: dict[str, object] = {
+        "format": VOXELS_FORMAT,
+        "name": shape.name,
+        "pitch_m": shape.pitch_m,
+    }
+    return _document(head, "cells", shape.cells.tolist())
 
 
 def _document(head: dict[str, object], key: str, rows: Sequence[object]) -> bytes:

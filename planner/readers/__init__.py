@@ -1,47 +1,104 @@
-"""Readers: from the bytes of a file to a path or a chain.
+"""Readers: from the bytes of a file to a path, a chain, a shape or a solid.
 
-The content decides which reader takes a file; its name is only used to name the shape.
+The content decides which reader takes a file; its name only names the shape, and hints where a
+damaged file could be of several kinds. Nothing outside of the bytes is ever read or fetched.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 from planner.chain import Chain
 from planner.errors import InputError
 from planner.paths import Path
+from planner.readers.binvox import is_binvox, read_binvox
 from planner.readers.csv_cells import is_csv, read_csv
+from planner.readers.gltf import is_glb, read_glb
 from planner.readers.json_files import is_json, read_json
 from planner.readers.kinds import refuse_other_kinds
-from planner.readers.limits import MOST_CELLS, Source, check_size, clean_name
+from planner.readers.limits import (
+    MOST_BYTES,
+    MOST_CELLS,
+    Source,
+    check_bytes,
+    check_size,
+    clean_name,
+)
 from planner.readers.npy import is_npy, read_npy
+from planner.readers.obj import is_obj, read_obj
+from planner.readers.off import is_off, read_off
+from planner.readers.ply import is_ply, read_ply
+from planner.readers.stl import is_stl, read_stl
 from planner.readers.text import decode, refuse_prose
+from planner.readers.threemf import is_zip, read_threemf
+from planner.readers.vox import is_vox, read_vox
 from planner.readers.xyz import read_xyz
+from planner.shapes import Shape
+from planner.solids import MOST_TRIANGLES, Solid
 
 FORMATS: Final = (
-    "foldback-path/1 or foldback-chain/1 JSON, a bare JSON list, CSV, XYZ or .npy (N, 3)"
+    "a mesh (STL, OBJ, PLY, OFF, GLB, glTF, 3MF), voxels (.vox, .binvox, .npy, "
+    "foldback-voxels/1), or cells (foldback-path/1 or foldback-chain/1 JSON, a JSON list, CSV, "
+    "XYZ, .npy)"
+)
+
+Kind = tuple[Callable[[bytes], bool], Callable[[bytes, Source], Path | Shape | Solid]]
+BINARY_KINDS: Final[tuple[Kind, ...]] = (
+    (is_npy, read_npy),
+    (is_vox, read_vox),
+    (is_binvox, read_binvox),
+    (is_glb, read_glb),
+    (is_ply, read_ply),
+    (is_zip, read_threemf),
+    (is_off, read_off),
 )
 
 
-def read(data: bytes, *, filename: str | None = None, most_cells: int = MOST_CELLS) -> Path | Chain:
-    """Reads a path or a chain from a file's bytes.
+def read(
+    data: bytes,
+    *,
+    filename: str | None = None,
+    as_voxels: bool = False,
+    most_cells: int = MOST_CELLS,
+    most_triangles: int = MOST_TRIANGLES,
+    most_bytes: int = MOST_BYTES,
+) -> Path | Chain | Shape | Solid:
+    """Reads what a file holds.
 
     Args:
         data: The whole file.
         filename: What the file was called; names the shape where the file itself does not.
-        most_cells: Larger files are refused before much memory is spent on them.
+        as_voxels: Lists of cells are voxels in no order, not a path.
+        most_cells: Files of more cells are refused before much memory is spent on them.
+        most_triangles: Meshes of more triangles are.
+        most_bytes: Larger files are.
 
     Returns:
-        A ``Path`` for lists of cells, a ``Chain`` for ``foldback-chain/1``.
+        A ``Path`` for lists of cells, a ``Chain`` for ``foldback-chain/1``, a ``Shape`` for voxels,
+        a ``Solid`` for meshes.
 
     Raises:
         InputError: Saying what was found, where, what was expected and what to do.
     """
-    source = Source(name=clean_name(_stem(filename)), most_cells=most_cells)
-    check_size(data, most_cells)
-    if is_npy(data):
-        return read_npy(data, source)
+    source = Source(
+        name=clean_name(_stem(filename)),
+        most_cells=most_cells,
+        most_triangles=most_triangles,
+        as_voxels=as_voxels,
+    )
+    check_bytes(data, most_bytes)
+    for belongs, reader in BINARY_KINDS:
+        if belongs(data):
+            return reader(data, source)
+    called_stl = (filename or "").lower().endswith(".stl")
+    if is_stl(data, called_stl):
+        return read_stl(data, source, called_stl)
     refuse_other_kinds(data, FORMATS)
+    if is_obj(data):
+        return read_obj(data, source)
+    if not _looks_like_gltf(data):
+        check_size(data, most_cells)
     text = decode(data, FORMATS)
     if not text.strip():
         raise InputError("empty", f"got a file of nothing but white space, expected {FORMATS}.")
@@ -53,10 +110,14 @@ def read(data: bytes, *, filename: str | None = None, most_cells: int = MOST_CEL
     return read_xyz(text, source)
 
 
+def _looks_like_gltf(data: bytes) -> bool:
+    return data[:64].lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"{" and b'"accessors"' in data
+
+
 def _stem(filename: str | None) -> str:
     base = (filename or "").replace("\\", "/").rpartition("/")[2]
     stem, dot, _ = base.rpartition(".")
     return stem if dot and stem else base
 
 
-__all__ = ["FORMATS", "MOST_CELLS", "read"]
+__all__ = ["FORMATS", "MOST_BYTES", "MOST_CELLS", "MOST_TRIANGLES", "read"]

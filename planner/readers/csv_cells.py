@@ -7,8 +7,10 @@ from typing import Final
 
 from planner.errors import InputError
 from planner.paths import Path
+from planner.readers.cells import path_or_shape
 from planner.readers.limits import Source, quote, too_many
 from planner.readers.text import COMMENT, cells_array, coordinate, is_number
+from planner.shapes import Shape
 
 DELIMITERS: Final = (";", ",", "\t")
 AXES: Final = ("x", "y", "z")
@@ -19,7 +21,7 @@ def is_csv(text: str) -> bool:
     return _delimiter(_first_line(text)) is not None
 
 
-def read_csv(text: str, source: Source) -> Path:
+def read_csv(text: str, source: Source) -> Path | Shape:
     """A path from CSV. A header that names x, y and z picks those columns.
 
     Raises:
@@ -54,7 +56,7 @@ def read_csv(text: str, source: Source) -> Path:
         raise InputError(
             "bad-csv", f"{error}; expected three whole numbers.", where=f"line {reader.line_num}"
         ) from error
-    return Path.from_cells(cells_array(rows), name=source.name or "path")
+    return path_or_shape(cells_array(rows), source)
 
 
 def _first_line(text: str) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import struct
 from typing import Final
 
 from planner.errors import InputError
@@ -15,7 +13,6 @@ SIGNATURES: Final = (
     (b"RIFF", "a WebP picture, sound or film"),
     (b"%PDF", "a PDF document"),
     (b"\x1f\x8b", "a gzip archive"),
-    (b"PK\x03\x04", "a zip archive (3MF, npz and office files are zip archives too)"),
     (b"PK\x05\x06", "an empty zip archive"),
     (b"7z\xbc\xaf", "a 7z archive"),
     (b"\x28\xb5\x2f\xfd", "a zstd archive"),
@@ -23,17 +20,8 @@ SIGNATURES: Final = (
     (b"MZ", "a program"),
     (b"\x89HDF", "an HDF5 file"),
     (b"SQLite format 3", "an SQLite database"),
-    (b"glTF", "a GLB mesh"),
-    (b"VOX ", "a MagicaVoxel model"),
-    (b"#binvox", "a binvox model"),
-    (b"ply\n", "a PLY mesh"),
-    (b"ply\r", "a PLY mesh"),
-    (b"OFF\n", "an OFF mesh"),
-    (b"OFF\r", "an OFF mesh"),
     (b"ISO-10303", "a STEP model"),
 )
-STL_HEADER_BYTES: Final = 84
-STL_TRIANGLE_BYTES: Final = 50
 LOOKED_AT: Final = 2048
 
 
@@ -58,24 +46,11 @@ def looks_like(data: bytes) -> str | None:
     for signature, kind in SIGNATURES:
         if data.startswith(signature):
             return kind
-    if _is_binary_stl(data):
-        return "an STL mesh"
     start = data[:LOOKED_AT].lstrip(b"\xef\xbb\xbf \t\r\n")
-    if start.startswith(b"solid") and b"facet" in start:
-        return "an STL mesh"
     if start.startswith(b"<"):
         lower = start.lower()
         for mark, kind in ((b"<svg", "an SVG drawing"), (b"<html", "an HTML page")):
             if mark in lower:
                 return kind
         return "an XML or HTML file"
-    if re.search(rb"(?m)^v\s+[-+.\d]", start) and not start.startswith((b"{", b"[")):
-        return "an OBJ mesh"
     return None
-
-
-def _is_binary_stl(data: bytes) -> bool:
-    if len(data) < STL_HEADER_BYTES + STL_TRIANGLE_BYTES:
-        return False
-    (triangles,) = struct.unpack_from("<I", data, STL_HEADER_BYTES - 4)
-    return len(data) == STL_HEADER_BYTES + STL_TRIANGLE_BYTES * triangles

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from planner.errors import InputError
+from planner.solids import MOST_TRIANGLES
 
 MOST_CELLS: Final = 200_000
+MOST_BYTES: Final = 64 << 20
 LONGEST_NAME: Final = 80
 BYTES_A_CELL: Final = 96
 SPARE_BYTES: Final = 65_536
@@ -22,10 +24,14 @@ class Source:
     Attributes:
         name: What to call the shape when the file does not say; may be empty.
         most_cells: More cells, or modules, are refused.
+        most_triangles: More triangles are refused.
+        as_voxels: Lists of cells are voxels in no order.
     """
 
     name: str
     most_cells: int = MOST_CELLS
+    most_triangles: int = MOST_TRIANGLES
+    as_voxels: bool = False
 
 
 def clean_name(name: str) -> str:
@@ -43,14 +49,27 @@ def quote(found: object) -> str:
     return f"{shown[:LONGEST_QUOTE]}…" if len(text) > LONGEST_QUOTE else shown
 
 
-def check_size(data: bytes, most_cells: int) -> None:
-    """Refuses empty files and files too large to hold ``most_cells`` cells.
+def check_bytes(data: bytes, most_bytes: int) -> None:
+    """Refuses empty files and those of more bytes than any kind may have.
 
     Raises:
         InputError: ``empty`` or ``too-large``.
     """
     if not data:
-        raise InputError("empty", "got an empty file, expected cells or joint angles.")
+        raise InputError("empty", "got an empty file, expected cells or joint angles, or a mesh.")
+    if len(data) > most_bytes:
+        raise InputError(
+            "too-large",
+            f"got {len(data)} bytes, expected at most {most_bytes}; simplify the model.",
+        )
+
+
+def check_size(data: bytes, most_cells: int) -> None:
+    """Refuses files too large to hold ``most_cells`` cells.
+
+    Raises:
+        InputError: ``too-large``.
+    """
     most = SPARE_BYTES + BYTES_A_CELL * most_cells
     if len(data) > most:
         raise InputError(

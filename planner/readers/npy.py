@@ -1,4 +1,7 @@
-"""NumPy's .npy: an (N, 3) array of whole numbers, its header checked before its data is touched."""
+"""NumPy's .npy: (N, 3) whole numbers or a grid of voxels.
+
+Its header is checked before its data is touched.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,13 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.lib import format as npy_format
+from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.paths import Path
+from planner.readers.cells import path_or_shape
 from planner.readers.limits import Source, too_many
+from planner.shapes import Shape
 
 MAGIC: Final = b"\x93NUMPY"
 LONGEST_HEADER: Final = 4096
@@ -23,8 +29,8 @@ def is_npy(data: bytes) -> bool:
     return data.startswith(MAGIC)
 
 
-def read_npy(data: bytes, source: Source) -> Path:
-    """A path from an (N, 3) array; never runs anything that a pickle holds.
+def read_npy(data: bytes, source: Source) -> Path | Shape:
+    """A path from an (N, 3) array, a shape from a grid; never runs anything that a pickle holds.
 
     Raises:
         InputError: For other shapes and types, and for damaged and truncated files.
@@ -34,16 +40,20 @@ def read_npy(data: bytes, source: Source) -> Path:
         raise InputError(
             "wrong-type", "got an array of Python objects, expected whole numbers (N, 3)."
         )
-    if dtype.kind not in "iuf" or dtype.itemsize > 8:
-        hint = "; a grid of voxels has no order to follow" if dtype.kind == "b" else ""
+    is_grid = len(shape) == 3 and dtype.kind in "iub"
+    if not is_grid and (dtype.kind not in "iuf" or dtype.itemsize > 8):
         raise InputError(
-            "wrong-type", f"got an array of {dtype}, expected whole numbers (N, 3){hint}."
+            "wrong-type",
+            f"got an array of {dtype}, expected whole numbers (N, 3), or a grid of voxels "
+            "(X, Y, Z) of truth values.",
         )
-    if len(shape) != 2 or shape[1] != 3:
+    if not is_grid and (len(shape) != 2 or shape[1] != 3):
         raise InputError(
-            "wrong-shape", f"got an array of shape {shape}, expected (N, 3): one cell a row."
+            "wrong-shape",
+            f"got an array of shape {shape}, expected (N, 3): one cell a row, or a grid of voxels "
+            "(X, Y, Z) of truth values.",
         )
-    if shape[0] > source.most_cells:
+    if not is_grid and shape[0] > source.most_cells:
         raise too_many(shape[0], source.most_cells)
     expected = math.prod(shape) * dtype.itemsize
     found = len(data) - start
@@ -55,11 +65,20 @@ def read_npy(data: bytes, source: Source) -> Path:
             "save the file again.",
         )
     flat = np.frombuffer(data, dtype=dtype, offset=start)
+    if is_grid:
+        return _voxels(flat.reshape(shape, order="F" if fortran else "C"), source)
     with np.errstate(all="ignore"):
         cells = flat.reshape(shape, order="F" if fortran else "C").astype(
             np.float64 if dtype.kind == "f" else dtype.newbyteorder("=")
         )
-    return Path.from_cells(cells, name=source.name or "path")
+    return path_or_shape(cells, source)
+
+
+def _voxels(grid: NDArray[Any], source: Source) -> Shape:
+    filled = int(np.count_nonzero(grid))
+    if filled > source.most_cells:
+        raise too_many(filled, source.most_cells)
+    return Shape.from_cells(np.argwhere(grid), name=source.name or "shape")
 
 
 def _header(data: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any], int]:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 
 from planner.errors import InputError
 from planner.paths import DEFAULT_PITCH_M, Path
+from planner.readers.cells import path_or_shape
 from planner.readers.fields import number_field, text_field
 from planner.readers.limits import Source, quote, too_many
+from planner.shapes import Shape
 
 
-def read_path(document: dict[str, Any], source: Source) -> Path:
+def read_path(document: dict[str, Any], source: Source) -> Path | Shape:
     """A path from a ``foldback-path/1`` object. Keys that it does not know are left alone.
 
     Raises:
@@ -31,10 +34,21 @@ def read_path(document: dict[str, Any], source: Source) -> Path:
     )
 
 
+def read_voxels(document: dict[str, Any], source: Source) -> Shape:
+    """A shape from a ``foldback-voxels/1`` object. Keys that it does not know are left alone.
+
+    Raises:
+        InputError: Naming the key or the cell.
+    """
+    found = read_path(document, replace(source, as_voxels=True))
+    assert isinstance(found, Shape)
+    return found
+
+
 def path_from_rows(
     rows: list[Any], source: Source, *, name: str, where: str, pitch_m: float = DEFAULT_PITCH_M
-) -> Path:
-    """A path from parsed JSON rows.
+) -> Path | Shape:
+    """A path from parsed JSON rows, or a shape where voxels are asked for.
 
     Raises:
         InputError: Naming the cell.
@@ -42,7 +56,11 @@ def path_from_rows(
     if len(rows) > source.most_cells:
         raise too_many(len(rows), source.most_cells)
     if not rows:
-        raise InputError("empty", "got no cells, expected at least three.", where=where)
+        raise InputError(
+            "empty",
+            f"got no cells, expected at least {'one' if source.as_voxels else 'three'}.",
+            where=where,
+        )
     for index, row in enumerate(rows):
         if not isinstance(row, list) or len(cast("list[Any]", row)) != 3:
             raise InputError(
@@ -57,6 +75,4 @@ def path_from_rows(
                     f"got {quote(value)} for {axis}, expected a whole number.",
                     where=f"cell {index}",
                 )
-    return Path.from_cells(
-        np.array(rows, dtype=np.float64), name=name or source.name or "path", pitch_m=pitch_m
-    )
+    return path_or_shape(np.array(rows, dtype=np.float64), source, name=name, pitch_m=pitch_m)

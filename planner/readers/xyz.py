@@ -10,14 +10,16 @@ from typing import Final
 
 from planner.errors import InputError
 from planner.paths import Path
+from planner.readers.cells import path_or_shape
 from planner.readers.limits import Source, quote, too_many
 from planner.readers.text import COMMENT, cells_array, coordinate
+from planner.shapes import Shape
 
 AXES: Final = ("x", "y", "z")
 DIGITS_OF_A_COUNT: Final = 9
 
 
-def read_xyz(text: str, source: Source) -> Path:
+def read_xyz(text: str, source: Source) -> Path | Shape:
     """A path from white-space separated triples.
 
     Raises:
@@ -47,7 +49,7 @@ def read_xyz(text: str, source: Source) -> Path:
             "the file is cut, or more than one frame.",
             where=f"line {first + 1}",
         )
-    return Path.from_cells(cells_array(rows), name=source.name or "path")
+    return path_or_shape(cells_array(rows), source)
 
 
 def _is_comment(words: list[str]) -> bool:

@@ -115,7 +115,7 @@ def test_examples_are_read(example: FilePath) -> None:
     path = read(example.read_bytes(), filename=example.name)
     assert isinstance(path, Path)
     assert path.name == example.stem
-    assert len(path) == np.prod([int(n) for n in example.stem.split("-")[1].split("x")])
+    assert path.cells.tolist() == json.loads(example.read_bytes())["cells"]
 
 
 @pytest.mark.parametrize(
@@ -230,7 +230,6 @@ def pickled() -> bytes:
         (b'{"a":' * 100_000, "too-deep", None),
         (b'{"format":"foldback-path/1","cells":[],"cells":[]}', "duplicate-key", "key 'cells'"),
         (b"{}", "no-format", None),
-        (b'{"asset": {"version": "2.0"}}', "wrong-kind", None),
         (path_document(format="foldback-path/2"), "wrong-version", "format"),
         (chain_document(format="foldback-chain/0"), "wrong-version", "format"),
         (path_document(format="foldback-plan/1"), "wrong-format", "format"),
@@ -256,7 +255,7 @@ def pickled() -> bytes:
         # Arrays.
         (as_npy(np.zeros((5, 2))), "wrong-shape", None),
         (as_npy(np.zeros(3)), "wrong-shape", None),
-        (as_npy(np.zeros((4, 4, 4), dtype=bool)), "wrong-type", None),
+        (as_npy(np.zeros((4, 4, 4), dtype=bool)), "empty", None),
         (as_npy(np.zeros((4, 3), dtype=complex)), "wrong-type", None),
         (as_npy(np.array([["a", "b", "c"]])), "wrong-type", None),
         (pickled(), "wrong-type", None),
@@ -285,14 +284,7 @@ def test_a_header_that_announces_a_huge_array_is_refused_before_it_is_made() -> 
     [
         (b"\x89PNG\r\n\x1a\n" + bytes(50), "a PNG picture"),
         (b"\xff\xd8\xff\xe0" + bytes(50), "a JPEG picture"),
-        (b"PK\x03\x04" + bytes(50), "3MF"),
         (b"%PDF-1.7\n", "a PDF document"),
-        (b"glTF" + bytes(50), "a GLB mesh"),
-        (bytes(80) + b"\x01\x00\x00\x00" + bytes(50), "an STL mesh"),
-        (b"solid wrench\n  facet normal 0 0 1\n", "an STL mesh"),
-        (b"# OBJ\nv 0 0 0\nv 1 0 0\nf 1 2 3\n", "an OBJ mesh"),
-        (b"ply\nformat ascii 1.0\n", "a PLY mesh"),
-        (b"VOX \x96\x00\x00\x00", "MagicaVoxel"),
         (b"<svg xmlns='http://www.w3.org/2000/svg'/>", "an SVG drawing"),
         (b"<!doctype html><html>", "an HTML page"),
         (b"Dear reader,\nthis is a letter.", "Dear reader"),

@@ -1,0 +1,69 @@
+"""binvox: a header of text, then runs of empty and filled voxels."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.readers.limits import Source, quote, too_many
+from planner.shapes import Shape
+
+MAGIC: Final = b"#binvox"
+LONGEST_HEADER: Final = 4096
+LARGEST_SIDE: Final = 4096
+DATA: Final = re.compile(rb"(?m)^data[ \t]*\r?\n")
+
+
+def is_binvox(data: bytes) -> bool:
+    """Whether the bytes begin as binvox files do."""
+    return data.startswith(MAGIC)
+
+
+def read_binvox(data: bytes, source: Source) -> Shape:
+    """A shape from a binvox file; no grid is made of it, so that a lying header costs nothing.
+
+    Raises:
+        InputError: When header and data disagree.
+    """
+    end = DATA.search(data[:LONGEST_HEADER])
+    if end is None:
+        raise InputError("truncated", "the file ends within its header, expected a line 'data'.")
+    dim = next(
+        (w[1:] for line in data[: end.start()].splitlines() if (w := line.split())[:1] == [b"dim"]),
+        [],
+    )
+    if len(dim) != 3 or not all(w.isdigit() and 0 < int(w[:6]) <= LARGEST_SIDE for w in dim):
+        found = quote(b" ".join(dim).decode("latin-1"))
+        raise InputError(
+            "damaged",
+            f"got the size {found!r}, expected three whole numbers up to {LARGEST_SIDE} after "
+            "'dim'.",
+            where="header",
+        )
+    depth, width, height = (int(w) for w in dim)
+    runs = np.frombuffer(data, dtype=np.uint8, offset=end.end())
+    if len(runs) % 2:
+        raise InputError("truncated", "the file ends within a run of voxels; send it again.")
+    values, lengths = runs[0::2], runs[1::2].astype(np.int64)
+    total, expected = int(lengths.sum()), depth * width * height
+    if total != expected:
+        code = "truncated" if total < expected else "damaged"
+        raise InputError(
+            code,
+            f"the header announces {expected} voxels and the runs hold {total}; save the file "
+            "again.",
+        )
+    if (values > 1).any():
+        raise InputError("damaged", f"got a voxel of value {values.max()}, expected 0 or 1.")
+    filled = int(lengths[values == 1].sum())
+    if filled > source.most_cells:
+        raise too_many(filled, source.most_cells)
+    starts = (np.cumsum(lengths) - lengths)[values == 1]
+    lengths = lengths[values == 1]
+    places = np.repeat(starts - (np.cumsum(lengths) - lengths), lengths) + np.arange(filled)
+    x, rest = np.divmod(places, width * height)
+    z, y = np.divmod(rest, height)
+    return Shape.from_cells(np.column_stack([x, y, z]), name=source.name or "shape")

@@ -1,0 +1,73 @@
+"""JSON: strict parsing, bounded before it begins."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, Final
+
+from planner.errors import InputError
+from planner.readers.limits import MOST_CELLS, quote, too_many
+
+DIGITS_OF_AN_INTEGER: Final = 18
+HUGE: Final = 1e300
+SPARE_VALUES: Final = 1000
+
+
+def _check_amount(text: str, most_cells: int) -> None:
+    """Bounds what parsing can allocate, before it does."""
+    lists = text.count("[") + text.count("{")
+    if lists > most_cells + SPARE_VALUES:
+        raise too_many(lists, most_cells, "lists")
+    values = text.count(",")
+    if values > 4 * most_cells + SPARE_VALUES:
+        raise too_many(values, 4 * most_cells, "values")
+
+
+def parse(text: str, most_cells: int = MOST_CELLS) -> object:
+    """The value that strict JSON holds.
+
+    Raises:
+        InputError: Naming line and column, and for more values than ``most_cells`` cells take.
+    """
+    _check_amount(text, most_cells)
+    try:
+        return json.loads(
+            text,
+            parse_int=_integer,
+            object_pairs_hook=_no_duplicates,
+        )
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        if error.pos >= len(text.rstrip()) or error.msg.startswith("Unterminated string"):
+            raise InputError(
+                "truncated",
+                "the file ends in the middle of its JSON; save or send it again.",
+                where=where,
+            ) from error
+        raise InputError(
+            "bad-json", f"this is not JSON ({error.msg}); expected strict JSON.", where=where
+        ) from error
+    except RecursionError as error:
+        raise InputError(
+            "too-deep", "lists within lists too deep to follow; expected a list of cells."
+        ) from error
+
+
+def _integer(digits: str) -> int | float:
+    """An integer; very long ones are cut to a float that every later check finds too large."""
+    if len(digits) <= DIGITS_OF_AN_INTEGER:
+        return int(digits)
+    return max(-HUGE, min(HUGE, float(digits)))
+
+
+def _no_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise InputError(
+                "duplicate-key",
+                f"the key {quote(key)!r} comes twice; keep one of them.",
+                where=f"key {quote(key)!r}",
+            )
+        found[key] = value
+    return found

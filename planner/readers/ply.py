@@ -1,0 +1,285 @@
+"""PLY: elements that a header describes, binary or as text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.readers.limits import Source, quote
+from planner.readers.polygons import fans
+from planner.solids import Solid, check_triangles
+
+LONGEST_HEADER: Final = 65_536
+TYPES: Final = {
+    **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
+    **{"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4"},
+    **{"uint32": "u4", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8"},
+}
+FORMATS: Final = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+CORNERS: Final = ("vertex_indices", "vertex_index")
+
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Property:
+    """One property: its type, and for lists the type of their length."""
+
+    name: str
+    kind: str
+    length: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Element:
+    """What the header says of one kind of element."""
+
+    name: str
+    count: int
+    properties: list[_Property] = field(default_factory=list[_Property])
+
+    def column(self, names: tuple[str, ...]) -> int:
+        """Place of the first property with one of these names; −1 when there is none."""
+        return next((i for i, p in enumerate(self.properties) if p.name in names), -1)
+
+
+def is_ply(data: bytes) -> bool:
+    """Whether the first line is that of PLY files."""
+    return data[:4] in (b"ply\n", b"ply\r", b"ply ")
+
+
+def read_ply(data: bytes, source: Source) -> Solid:
+    """A solid from a PLY file.
+
+    Raises:
+        InputError: For lying headers, truncated data, and meshes that are no solid.
+    """
+    order, elements, start = _header(data)
+    body = _Text(data[start:]) if order == "" else _Binary(data[start:], order)
+    points: NDArray[np.float64] | None = None
+    triangles: Ints | None = None
+    for element in elements:
+        if element.name == "face":
+            check_triangles(element.count, source.most_triangles)
+        columns = body.read(element)
+        if element.name == "vertex":
+            places = [element.column((axis,)) for axis in "xyz"]
+            if -1 in places or any(element.properties[p].length for p in places):
+                raise _damaged("the vertices have no x, y and z")
+            points = np.column_stack([columns[p][0].astype(np.float64) for p in places])
+        elif element.name == "face":
+            place = element.column(CORNERS)
+            if place == -1 or not element.properties[place].length:
+                raise _damaged("the faces have no list of vertices")
+            corners, counts = columns[place]
+            triangles = fans(corners.astype(np.int64), counts)
+        if points is not None and triangles is not None:
+            break
+    if points is None or triangles is None:
+        raise InputError(
+            "no-triangles", "got a PLY file without faces: points alone bound no solid."
+        )
+    return Solid.from_triangles(
+        points,
+        triangles,
+        name=source.name or "solid",
+        most_triangles=source.most_triangles,
+    )
+
+
+def _damaged(found: str) -> InputError:
+    return InputError("damaged", f"{found}; save the mesh again as PLY.")
+
+
+def _header(data: bytes) -> tuple[str, list[_Element], int]:
+    end = data.find(b"end_header", 0, LONGEST_HEADER)
+    line_end = data.find(b"\n", end)
+    if end < 0 or line_end < 0:
+        raise InputError("truncated", "the file ends within its header; save or send it again.")
+    order: str | None = None
+    elements: list[_Element] = []
+    for number, line in enumerate(data[:end].decode("latin-1").splitlines(), 1):
+        words = line.split()
+        match words:
+            case ["format", name, _] if name in FORMATS:
+                order = FORMATS[name]
+            case ["element", name, count] if count.isascii() and count.isdigit():
+                elements.append(_Element(name=name, count=int(count[:15])))
+            case ["property", "list", length, kind, name] if (
+                elements and length in TYPES and kind in TYPES
+            ):
+                if TYPES[length][0] == "f":
+                    raise _damaged(f"line {number}: lists with lengths of type {length}")
+                elements[-1].properties.append(
+                    _Property(name=name, kind=TYPES[kind], length=TYPES[length])
+                )
+            case ["property", kind, name] if elements and kind in TYPES:
+                elements[-1].properties.append(_Property(name=name, kind=TYPES[kind]))
+            case [] | ["ply" | "comment" | "obj_info", *_]:
+                pass
+            case _:
+                raise _damaged(f"line {number} of the header is {quote(line.strip())!r}")
+    if order is None:
+        raise _damaged("the header names no format")
+    return order, elements, line_end + 1
+
+
+Columns = list[tuple[NDArray[Any], Ints]]
+
+
+class _Text:
+    """The data of a PLY file written as text."""
+
+    def __init__(self, data: bytes) -> None:
+        self._words = data.split()
+        self._at = 0
+
+    def read(self, element: _Element) -> Columns:
+        """Columns of an element: values one after the other, and how many each row has."""
+        wide = len(element.properties)
+        if element.count * wide > len(self._words) - self._at:
+            raise _truncated(element)
+        if not any(p.length for p in element.properties):
+            values = self._numbers(self._words[self._at : self._at + element.count * wide])
+            self._at += element.count * wide
+            ones = np.ones(element.count, dtype=np.int64)
+            return [(values[i::wide], ones) for i in range(wide)]
+        found: list[list[bytes]] = [[] for _ in element.properties]
+        counts: list[list[int]] = [[] for _ in element.properties]
+        at, words = self._at, self._words
+        try:
+            for _ in range(element.count):
+                for i, column in enumerate(element.properties):
+                    length = 1
+                    if column.length:
+                        length = int(words[at])
+                        at += 1
+                    if length < 0 or at + length > len(words):
+                        raise _truncated(element)
+                    found[i] += words[at : at + length]
+                    counts[i].append(length)
+                    at += length
+        except (ValueError, IndexError) as error:
+            raise _damaged(f"a row of the element {quote(element.name)!r} is broken") from error
+        self._at = at
+        return [
+            (self._numbers(f), np.array(c, dtype=np.int64))
+            for f, c in zip(found, counts, strict=True)
+        ]
+
+    def _numbers(self, words: list[bytes]) -> NDArray[np.float64]:
+        try:
+            return np.array([float(word) for word in words])
+        except ValueError as error:
+            raise _damaged(quote(str(error))) from error
+
+
+class _Binary:
+    """The data of a binary PLY file."""
+
+    def __init__(self, data: bytes, order: str) -> None:
+        self._data = data
+        self._order = order
+        self._at = 0
+
+    def read(self, element: _Element) -> Columns:
+        """Columns of an element: values one after the other, and how many each row has."""
+        if not element.properties:
+            raise _damaged(f"the element {quote(element.name)!r} has no properties")
+        lists = [p for p in element.properties if p.length]
+        least = sum(np.dtype(p.length or p.kind).itemsize for p in element.properties)
+        if element.count * least > len(self._data) - self._at:
+            raise _truncated(element)
+        if element.count == 0:
+            none = np.zeros(0, dtype=np.int64)
+            return [(none, none) for _ in element.properties]
+        lengths = self._lengths_of_first_row(element)
+        rows = self._rows(element, lengths)
+        if rows is not None and all(
+            (rows[f"n{i}"] == lengths[i]).all()
+            for i, p in enumerate(element.properties)
+            if p.length
+        ):
+            self._at += rows.nbytes
+            return [
+                (rows[f"v{i}"].reshape(-1), np.full(element.count, lengths[i]))
+                for i in range(len(element.properties))
+            ]
+        if not lists:
+            raise _truncated(element)
+        return self._row_by_row(element)
+
+    def _length(self, column: _Property, at: int) -> int:
+        if not column.length:
+            return 1
+        kind = np.dtype(self._order + column.length)
+        if at + kind.itemsize > len(self._data):
+            raise _damaged("the file ends within a list")
+        return int(np.frombuffer(self._data, kind, 1, at)[0])
+
+    def _lengths_of_first_row(self, element: _Element) -> list[int]:
+        at, lengths = self._at, list[int]()
+        for column in element.properties:
+            length = self._length(column, at)
+            if column.length:
+                at += np.dtype(column.length).itemsize
+            at += length * np.dtype(column.kind).itemsize
+            if length < 0 or at > len(self._data):
+                raise _truncated(element)
+            lengths.append(length)
+        return lengths
+
+    def _rows(self, element: _Element, lengths: list[int]) -> NDArray[Any] | None:
+        """All rows when they are like the first; None when the data is too short for that."""
+        fields: list[Any] = []
+        for i, (column, length) in enumerate(zip(element.properties, lengths, strict=True)):
+            if column.length:
+                fields.append((f"n{i}", self._order + column.length))
+            fields.append((f"v{i}", self._order + column.kind, (length,)))
+        row = np.dtype(fields)
+        if element.count * row.itemsize > len(self._data) - self._at:
+            return None
+        return np.frombuffer(self._data, row, element.count, self._at)
+
+    def _row_by_row(self, element: _Element) -> Columns:
+        values: list[list[bytes]] = [[] for _ in element.properties]
+        counts: list[list[int]] = [[] for _ in element.properties]
+        little = "little" if self._order == "<" else "big"
+        sizes = [
+            (
+                np.dtype(p.length).itemsize if p.length else 0,
+                p.length[:1] == "i",
+                np.dtype(p.kind).itemsize,
+            )
+            for p in element.properties
+        ]
+        at, data = self._at, self._data
+        for _ in range(element.count):
+            for i, (prefix, signed, size) in enumerate(sizes):
+                length = 1
+                if prefix:
+                    length = int.from_bytes(data[at : at + prefix], little, signed=signed)
+                    at += prefix
+                end = at + length * size
+                if length < 0 or end > len(data):
+                    raise _truncated(element)
+                values[i].append(data[at:end])
+                counts[i].append(length)
+                at = end
+        self._at = at
+        return [
+            (np.frombuffer(b"".join(v), self._order + p.kind), np.array(c, dtype=np.int64))
+            for v, c, p in zip(values, counts, element.properties, strict=True)
+        ]
+
+
+def _truncated(element: _Element) -> InputError:
+    return InputError(
+        "truncated",
+        f"the header announces {element.count} of the element {quote(element.name)!r} and the file "
+        "holds fewer; save or send it again.",
+    )

@@ -1,0 +1,113 @@
+"""STL: triangles one by one, binary or as text."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.readers.limits import Source, quote
+from planner.solids import Solid, check_triangles
+
+HEADER_BYTES: Final = 84
+TRIANGLE_BYTES: Final = 50
+LOOKED_AT: Final = 2048
+LONGEST_TAIL: Final = 4096
+VERTEX: Final = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
+
+
+def announced(data: bytes) -> int:
+    """How many triangles the header of a binary STL announces."""
+    return int.from_bytes(data[HEADER_BYTES - 4 : HEADER_BYTES], "little")
+
+
+def is_stl(data: bytes, hinted: bool) -> bool:
+    """Whether this is an STL: its size fits, its words do, or it is binary and called so."""
+    return is_binary(data, hinted) or is_text(data)
+
+
+def is_binary(data: bytes, hinted: bool) -> bool:
+    """Whether this is a binary STL; a wrong count is forgiven when the file's name hints at it."""
+    if len(data) < HEADER_BYTES:
+        return False
+    if len(data) == HEADER_BYTES + TRIANGLE_BYTES * announced(data):
+        return b"\0" in data[:HEADER_BYTES] or len(data) > HEADER_BYTES
+    looks_binary = b"\0" in data[: LOOKED_AT * 4]
+    fits = (len(data) - HEADER_BYTES) % TRIANGLE_BYTES == 0 and len(data) > HEADER_BYTES
+    return looks_binary and not is_text(data) and (hinted or (fits and data[:5] == b"solid"))
+
+
+def is_text(data: bytes) -> bool:
+    """Whether this is an STL written as text."""
+    start = data[:LOOKED_AT].lstrip(b"\xef\xbb\xbf \t\r\n").lower()
+    return start.startswith(b"solid") and (b"facet" in start or b"endsolid" in start)
+
+
+def read_stl(data: bytes, source: Source, hinted: bool) -> Solid:
+    """A solid from an STL of either kind.
+
+    Raises:
+        InputError: For lying and truncated files, and for meshes that are no solid.
+    """
+    if is_binary(data, hinted):
+        return _binary(data, source)
+    return _text(data, source)
+
+
+def _binary(data: bytes, source: Source) -> Solid:
+    count = announced(data)
+    check_triangles(count, source.most_triangles)
+    expected = HEADER_BYTES + TRIANGLE_BYTES * count
+    if len(data) < expected:
+        held = (len(data) - HEADER_BYTES) // TRIANGLE_BYTES
+        raise InputError(
+            "truncated",
+            f"the header announces {count} triangles and the file holds {held}; save or send it "
+            "again.",
+        )
+    if len(data) > expected + LONGEST_TAIL:
+        raise InputError(
+            "damaged",
+            f"the header announces {count} triangles and {len(data) - expected} bytes follow them; "
+            "save the file again.",
+        )
+    notes = () if len(data) == expected else ("bytes after the last triangle were left alone.",)
+    row = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    rows = np.frombuffer(data, dtype=row, count=count, offset=HEADER_BYTES)
+    with np.errstate(invalid="ignore"):
+        corners = rows["corners"].reshape(-1, 3).astype(np.float64)
+    return Solid.from_triangles(
+        corners,
+        np.arange(3 * count).reshape(-1, 3),
+        name=source.name or "solid",
+        notes=notes,
+        most_triangles=source.most_triangles,
+    )
+
+
+def _text(data: bytes, source: Source) -> Solid:
+    count = data.lower().count(b"endfacet")
+    check_triangles(count, source.most_triangles)
+    fields = VERTEX.findall(data)
+    if len(fields) != 3 * count:
+        raise InputError(
+            "damaged",
+            f"got {len(fields)} vertices in {count} triangles, expected three in each; the file is "
+            "cut or damaged.",
+        )
+    try:
+        corners = np.array([[float(x), float(y), float(z)] for x, y, z in fields])
+    except ValueError as error:
+        raise InputError(
+            "not-a-number", f"{quote(str(error))}; expected three numbers after each 'vertex'."
+        ) from error
+    if b"endsolid" not in data[-LOOKED_AT:].lower():
+        raise InputError("truncated", "the file ends before 'endsolid'; save or send it again.")
+    return Solid.from_triangles(
+        corners,
+        np.arange(3 * count).reshape(-1, 3),
+        name=source.name or "solid",
+        most_triangles=source.most_triangles,
+    )

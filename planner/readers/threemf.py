@@ -1,0 +1,246 @@
+"""3MF: a zip archive with meshes in XML. What it unpacks to is bounded before it is unpacked."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zipfile
+import zlib
+from dataclasses import dataclass, field
+from typing import Any, Final
+from xml.parsers import expat
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.readers.limits import Source, quote
+from planner.solids import Solid, check_triangles
+
+MAGIC: Final = b"PK\x03\x04"
+MOST_ENTRIES: Final = 4_000
+MOST_UNPACKED: Final = 400 << 20
+PLENTY_UNPACKED: Final = 16 << 20
+LARGEST_RATIO: Final = 100
+MOST_INSTANCES: Final = 20_000
+DEEPEST: Final = 64
+PIECE: Final = 1 << 18
+IDENTITY: Final = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Key = tuple[str, str]
+
+
+@dataclass(slots=True, kw_only=True)
+class _Object:
+    """An object of a model: its own mesh, or parts that are objects too."""
+
+    kind: str
+    points: list[tuple[float, float, float]] = field(
+        default_factory=list[tuple[float, float, float]]
+    )
+    corners: list[tuple[int, int, int]] = field(default_factory=list[tuple[int, int, int]])
+    parts: list[tuple[Key, Floats]] = field(default_factory=list[tuple[Key, Floats]])
+
+
+def is_zip(data: bytes) -> bool:
+    """Whether the bytes begin as zip archives do."""
+    return data.startswith(MAGIC)
+
+
+def read_threemf(data: bytes, source: Source) -> Solid:
+    """A solid from a 3MF archive.
+
+    Raises:
+        InputError: For other archives, bombs, damaged ones, and meshes that are no solid.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            names = _models(archive)
+            models = _Models(source)
+            for name in names:
+                models.read(archive, name)
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
+        raise _damaged(f"the archive is broken ({quote(str(error))})") from error
+    except (NotImplementedError, RuntimeError) as error:
+        raise InputError(
+            "unsupported", f"the archive is packed in a rare way ({quote(str(error))})."
+        ) from error
+    except (ValueError, KeyError, IndexError, OverflowError, struct.error) as error:
+        raise _damaged(f"its model is broken ({quote(str(error))})") from error
+    return models.solid()
+
+
+def _damaged(found: str) -> InputError:
+    return InputError("damaged", f"{found}; export the model again as 3MF.")
+
+
+def _models(archive: zipfile.ZipFile) -> list[str]:
+    """Names of the archive's models, the main one first; refuses bombs by what they announce."""
+    entries = archive.infolist()
+    if len(entries) > MOST_ENTRIES:
+        raise InputError("too-large", f"got {len(entries)} files in the archive: too many.")
+    models = [e for e in entries if e.filename.lower().endswith(".model")]
+    if not models:
+        raise InputError(
+            "wrong-kind",
+            "this looks like a zip archive without a 3MF model; unpack it and send the mesh that "
+            "it holds.",
+        )
+    if any(e.flag_bits & 1 for e in models):
+        raise InputError("unsupported", "the archive is encrypted; export it without a password.")
+    unpacked = sum(e.file_size for e in models)
+    packed = sum(e.compress_size for e in models)
+    if unpacked > MOST_UNPACKED or _is_bomb(unpacked, packed):
+        raise _bomb(unpacked, packed)
+    return [e.filename for e in sorted(models, key=lambda e: e.filename.count("/"))]
+
+
+def _is_bomb(unpacked: int, packed: int) -> bool:
+    return unpacked > PLENTY_UNPACKED and unpacked > LARGEST_RATIO * max(packed, 1)
+
+
+def _bomb(unpacked: int, packed: int) -> InputError:
+    return InputError(
+        "bomb",
+        f"{packed} bytes unpack to {unpacked} and more, which no mesh does; export the model "
+        "again.",
+    )
+
+
+class _Models:
+    """The objects and the build items of an archive's models."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._objects: dict[Key, _Object] = {}
+        self._items: list[tuple[Key, Floats]] = []
+        self._name = ""
+        self._now: _Object | None = None
+        self._triangles = 0
+        self._unpacked = 0
+
+    def read(self, archive: zipfile.ZipFile, name: str) -> None:
+        """Parses one model piece by piece."""
+        parser = expat.ParserCreate()
+        parser.StartElementHandler = self._start
+        parser.StartDoctypeDeclHandler = self._refuse_doctype
+        self._name, self._now = name.strip("/").lower(), None
+        packed = archive.getinfo(name).compress_size
+        unpacked = 0
+        try:
+            with archive.open(name) as stream:
+                while piece := stream.read(PIECE):
+                    unpacked += len(piece)
+                    self._unpacked += len(piece)
+                    if self._unpacked > MOST_UNPACKED or _is_bomb(unpacked, packed):
+                        raise _bomb(self._unpacked, packed)
+                    parser.Parse(piece, False)
+                parser.Parse(b"", True)
+        except expat.ExpatError as error:
+            raise _damaged(f"its XML is broken ({quote(str(error))})") from error
+
+    def _refuse_doctype(self, *_: Any) -> None:
+        raise InputError("damaged", "its XML declares a document type, which no 3MF model does.")
+
+    def _start(self, tag: str, fields: dict[str, str]) -> None:
+        match tag.rpartition(":")[2]:
+            case "vertex" if self._now is not None:
+                point = float(fields["x"]), float(fields["y"]), float(fields["z"])
+                self._now.points.append(point)
+            case "triangle" if self._now is not None:
+                corners = int(fields["v1"]), int(fields["v2"]), int(fields["v3"])
+                if max(corners) >= 1 << 31:
+                    raise ValueError("a vertex number that is too large")
+                self._now.corners.append(corners)
+                self._triangles += 1
+                check_triangles(self._triangles, self._source.most_triangles)
+            case "object":
+                self._now = _Object(kind=fields.get("type", "model"))
+                self._objects[self._name, fields["id"]] = self._now
+            case "component" if self._now is not None:
+                self._now.parts.append(self._reference(fields))
+            case "item":
+                self._items.append(self._reference(fields))
+            case _:
+                pass
+
+    def _reference(self, fields: dict[str, str]) -> tuple[Key, Floats]:
+        path = next((v for k, v in fields.items() if k.rpartition(":")[2] == "path"), "")
+        words = fields.get("transform", "").split()
+        numbers = [float(word) for word in words] if words else IDENTITY
+        if len(numbers) != 12 or not np.isfinite(numbers).all():
+            raise ValueError("a transform that is not twelve numbers")
+        key = path.strip("/").lower() or self._name, fields["objectid"]
+        return key, np.array(numbers).reshape(4, 3)
+
+    def solid(self) -> Solid:
+        """Everything that is built, as one solid."""
+        items = self._items or [(key, np.array(IDENTITY).reshape(4, 3)) for key in self._objects]
+        known: dict[Key, tuple[int, int]] = {}
+        triangles = instances = 0
+        for key, _ in items:
+            more = self._amount(key, known, 0)
+            triangles, instances = triangles + more[0], instances + more[1]
+        if instances > MOST_INSTANCES:
+            raise InputError("too-large", f"got {instances} parts, expected {MOST_INSTANCES}.")
+        check_triangles(triangles, self._source.most_triangles)
+        points: list[Floats] = []
+        faces: list[Ints] = []
+        rows = 0
+        arrays: dict[Key, tuple[Floats, Ints]] = {}
+        waiting = list(items)
+        while waiting:
+            key, transform = waiting.pop()
+            model = self._objects[key]
+            if model.kind in ("support", "solidsupport", "other"):
+                continue
+            waiting += [(part, _after(own, transform)) for part, own in model.parts]
+            if not model.corners:
+                continue
+            if key not in arrays:
+                arrays[key] = (
+                    np.array(model.points, dtype=np.float64).reshape(-1, 3),
+                    np.array(model.corners, dtype=np.int64),
+                )
+            own, corners = arrays[key]
+            if corners.min() < 0 or corners.max() >= len(own):
+                raise InputError(
+                    "bad-index",
+                    f"a triangle names vertex {corners.max()} of {len(own)}; export the model "
+                    "again.",
+                )
+            with np.errstate(all="ignore"):
+                points.append(own @ transform[:3] + transform[3])
+                mirrored = np.linalg.det(transform[:3]) < 0
+            faces.append((corners[:, ::-1] if mirrored else corners) + rows)
+            rows += len(own)
+        check_triangles(len(faces), self._source.most_triangles)
+        return Solid.from_triangles(
+            np.concatenate(points),
+            np.concatenate(faces),
+            name=self._source.name or "solid",
+            most_triangles=self._source.most_triangles,
+        )
+
+    def _amount(self, key: Key, known: dict[Key, tuple[int, int]], depth: int) -> tuple[int, int]:
+        """Triangles and parts that an object comes to, counted without making them."""
+        if key in known:
+            return known[key]
+        if key not in self._objects or depth > DEEPEST:
+            found = "parts within parts too deep" if key in self._objects else "a missing object"
+            raise _damaged(f"its model refers to {found}")
+        model = self._objects[key]
+        triangles, instances = len(model.corners), 1
+        for part, _ in model.parts:
+            more = self._amount(part, known, depth + 1)
+            triangles, instances = triangles + more[0], instances + more[1]
+        known[key] = triangles, instances
+        return known[key]
+
+
+def _after(inner: Floats, outer: Floats) -> Floats:
+    """First one transform of row vectors, then the other."""
+    with np.errstate(all="ignore"):
+        return np.vstack([inner[:3] @ outer[:3], inner[3] @ outer[:3] + outer[3]])

@@ -1,0 +1,232 @@
+"""MagicaVoxel's .vox: chunks with models of voxels, and a scene that places them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.readers.limits import Source, quote, too_many
+from planner.shapes import Shape
+
+MAGIC: Final = b"VOX "
+MOST_CHUNKS: Final = 100_000
+MOST_PLACED: Final = 10_000
+HEAD_BYTES: Final = 8
+CHUNK_BYTES: Final = 12
+
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Placed:
+    """A rotation (3, 3) and a shift (3,) of whole numbers."""
+
+    turn: Ints = field(default_factory=lambda: np.eye(3, dtype=np.int64))
+    shift: Ints = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
+
+
+@dataclass(slots=True, kw_only=True)
+class _File:
+    """What the chunks hold: models as (size, voxels), and the scene's nodes."""
+
+    sizes: list[Ints] = field(default_factory=list[Ints])
+    models: list[Ints] = field(default_factory=list[Ints])
+    moves: dict[int, tuple[int, _Placed]] = field(default_factory=dict[int, tuple[int, _Placed]])
+    groups: dict[int, list[int]] = field(default_factory=dict[int, list[int]])
+    shapes: dict[int, list[int]] = field(default_factory=dict[int, list[int]])
+
+
+def is_vox(data: bytes) -> bool:
+    """Whether the bytes begin as .vox files do."""
+    return data.startswith(MAGIC)
+
+
+def read_vox(data: bytes, source: Source) -> Shape:
+    """A shape from all models of a .vox file, placed as its scene has them.
+
+    Raises:
+        InputError: When chunks and their headers disagree.
+    """
+    if len(data) < HEAD_BYTES + CHUNK_BYTES or data[8:12] != b"MAIN":
+        raise _damaged("its first chunk is not MAIN")
+    found = _chunks(data)
+    if not found.models:
+        raise InputError("empty", "got a .vox file without voxels.")
+    cells: list[Ints] = []
+    total = 0
+    for model, placed in _placements(found):
+        if not 0 <= model < len(found.models):
+            raise _damaged(f"its scene names model {model} of {len(found.models)}")
+        total += len(found.models[model])
+        if total > source.most_cells:
+            raise too_many(total, source.most_cells)
+        # A model turns about its middle, and the middle of an even side is a corner: so in halves.
+        doubled = 2 * found.models[model] + 1 - 2 * (found.sizes[model] // 2)
+        cells.append((doubled @ placed.turn.T - 1) // 2 + placed.shift)
+    if total == 0:
+        raise InputError("empty", "got a .vox file without voxels.")
+    joined = np.concatenate(cells)
+    return Shape.from_cells(joined - joined.min(axis=0), name=source.name or "shape")
+
+
+def _damaged(found: str) -> InputError:
+    return InputError("damaged", f"{found}; save the model again.")
+
+
+def _chunks(data: bytes) -> _File:
+    found = _File()
+    at = HEAD_BYTES + CHUNK_BYTES + int.from_bytes(data[12:16], "little")
+    for _ in range(MOST_CHUNKS):
+        if at == len(data):
+            break
+        if at + CHUNK_BYTES > len(data):
+            raise InputError("truncated", "the file ends within a chunk; save or send it again.")
+        kind = data[at : at + 4]
+        size = int.from_bytes(data[at + 4 : at + 8], "little")
+        start = at + CHUNK_BYTES
+        if start + size > len(data):
+            raise InputError(
+                "truncated",
+                f"a chunk {quote(kind.decode('latin-1'))!r} announces {size} bytes and the file "
+                f"has {len(data) - start} left.",
+            )
+        _take(kind, _Reader(data[start : start + size]), found)
+        at = start + size
+    else:
+        raise InputError("too-large", f"got more than {MOST_CHUNKS} chunks.")
+    if len(found.sizes) != len(found.models):
+        raise _damaged("its models and their sizes do not match")
+    return found
+
+
+def _take(kind: bytes, reader: _Reader, found: _File) -> None:
+    match kind:
+        case b"SIZE":
+            found.sizes.append(np.array([reader.number() for _ in range(3)]))
+        case b"XYZI":
+            count = reader.number()
+            if count < 0 or 4 * count != reader.left:
+                raise _damaged(
+                    f"a model announces {count} voxels and holds {reader.left // 4} of them"
+                )
+            found.models.append(reader.voxels(count))
+            if len(found.sizes) < len(found.models):
+                raise _damaged("a model comes without its size")
+            if count and (found.models[-1] >= found.sizes[len(found.models) - 1]).any():
+                raise _damaged("a voxel lies outside of its model")
+        case b"nTRN":
+            node = reader.number()
+            reader.words()
+            child = reader.number()
+            reader.skip(12)
+            found.moves[node] = child, _placed(reader.words())
+        case b"nGRP":
+            node = reader.number()
+            reader.words()
+            found.groups[node] = reader.numbers()
+        case b"nSHP":
+            node = reader.number()
+            reader.words()
+            models: list[int] = []
+            for _ in range(reader.counted(8)):
+                models.append(reader.number())
+                reader.words()
+            found.shapes[node] = models[:1]
+        case _:
+            pass
+
+
+class _Reader:
+    """Numbers and words of a chunk, one after the other."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._at = 0
+
+    @property
+    def left(self) -> int:
+        """Bytes that are not read yet."""
+        return len(self._data) - self._at
+
+    def skip(self, size: int) -> bytes:
+        """The next bytes."""
+        if not 0 <= size <= self.left:
+            raise _damaged("a chunk ends too early")
+        self._at += size
+        return self._data[self._at - size : self._at]
+
+    def number(self) -> int:
+        """A signed whole number."""
+        return int.from_bytes(self.skip(4), "little", signed=True)
+
+    def counted(self, least: int) -> int:
+        """A number of things that take ``least`` bytes each."""
+        count = self.number()
+        if count < 0 or count * least > self.left:
+            raise _damaged(f"a chunk announces {count} things and holds fewer")
+        return count
+
+    def numbers(self) -> list[int]:
+        """A counted list of numbers."""
+        return [self.number() for _ in range(self.counted(4))]
+
+    def words(self) -> dict[bytes, bytes]:
+        """Pairs of words."""
+        return {self.skip(self.number()): self.skip(self.number()) for _ in range(self.counted(8))}
+
+    def voxels(self, count: int) -> Ints:
+        """(count, 3) places."""
+        rows = np.frombuffer(self.skip(4 * count), dtype=np.uint8).reshape(-1, 4)
+        return rows[:, :3].astype(np.int64)
+
+
+def _placed(words: dict[bytes, bytes]) -> _Placed:
+    turn, shift = np.eye(3, dtype=np.int64), np.zeros(3, dtype=np.int64)
+    try:
+        if b"_t" in words:
+            shift = np.array([int(word) for word in words[b"_t"].split()], dtype=np.int64)
+        code = int(words.get(b"_r", b"4"))
+    except (ValueError, OverflowError) as error:
+        raise _damaged("a node is placed by what is no number") from error
+    first, second = code & 3, (code >> 2) & 3
+    if shift.shape != (3,) or np.abs(shift).max() > 1 << 20 or {first, second} - {0, 1, 2}:
+        raise _damaged("a node is placed in an impossible way")
+    if first == second:
+        raise _damaged("a node is turned in an impossible way")
+    if b"_r" in words:
+        turn = np.zeros((3, 3), dtype=np.int64)
+        for row, column in enumerate((first, second, 3 - first - second)):
+            turn[row, column] = -1 if code >> (4 + row) & 1 else 1
+    return _Placed(turn=turn, shift=shift)
+
+
+def _placements(found: _File) -> list[tuple[int, _Placed]]:
+    """Models and where they go; without a scene, all of them where they are."""
+    nodes = len(found.moves) + len(found.groups) + len(found.shapes)
+    if not nodes or not found.moves:
+        return [(i, _Placed()) for i in range(len(found.models))]
+    placements: list[tuple[int, _Placed]] = []
+    waiting = [(0, _Placed())]
+    seen: set[int] = set()
+    while waiting:
+        node, above = waiting.pop()
+        if node in seen or len(seen) > MOST_PLACED:
+            raise _damaged(f"its scene reaches node {node} twice, or too many")
+        seen.add(node)
+        if node in found.moves:
+            child, own = found.moves[node]
+            shift = above.turn @ own.shift + above.shift
+            if np.abs(shift).max() > 1 << 30:
+                raise _damaged("its scene goes too far away")
+            waiting.append((child, _Placed(turn=above.turn @ own.turn, shift=shift)))
+        elif node in found.groups:
+            waiting += [(child, above) for child in found.groups[node]]
+        elif node in found.shapes:
+            placements += [(model, above) for model in found.shapes[node]]
+        else:
+            raise _damaged(f"its scene names node {node}, which it does not have")
+    return placements
