@@ -3,7 +3,7 @@
 The last cell of a path touches some earlier cell w. Turning round what follows w makes a path of
 the same cells with another end (Pósa, 1976; "backbite" among those who study polymers).
 """
-# pyright: reportUntypedFunctionDecorator=false
+# pyright: reportUntypedFunctionDecorator=false, reportArgumentType=false
 
 from __future__ import annotations
 

@@ -110,6 +110,7 @@ def block_cycle(coarse: Ints, rng: np.random.Generator, *, tree: Tree = "bfs") -
     faces = (2 * axes + (steps.sum(axis=1) < 0)).tolist()  # the child's face to its parent
     parent_of = parents.tolist()
     for rank, block in enumerate(order.tolist()):
+        there, parent = None, -1
         if rank:
             parent = parent_of[block]
             face = faces[rank - 1]
@@ -117,13 +118,13 @@ def block_cycle(coarse: Ints, rng: np.random.Generator, *, tree: Tree = "bfs") -
             bit = 4 >> (face >> 1)
             here = (there[0] ^ bit, there[1] ^ bit)
         else:
-            (face, here), parent = first, -1
+            face, here = first
         found = options[face, here]
         ring, edges_of_faces = found[picks[rank] % len(found)]
         chosen[block] = edges_of_faces
         links[block, :, :, 0] = block
         links[block, :, :, 1] = ring
-        if rank:
+        if there is not None:
             for a, b in zip(there, here, strict=True):
                 _relink(links, (parent, a), there, (block, b))
                 _relink(links, (block, b), here, (parent, a))

@@ -45,7 +45,7 @@ def contacts(cells: Ints) -> Ints:
 
 def surface(cells: Ints) -> NDArray[np.bool_]:
     """(n,) whether a cell has a free face."""
-    return (neighbours(cells) < 0).any(axis=1)
+    return np.asarray((neighbours(cells) < 0).any(axis=1))
 
 
 def colours(cells: Ints) -> Ints:

@@ -18,7 +18,7 @@ from planner.pathfinding.lattice import STEPS
 
 Cell: TypeAlias = tuple[int, int, int]
 Edge: TypeAlias = frozenset[Cell]
-CORNERS: Final = tuple(product((0, 1), repeat=3))
+CORNERS: Final = tuple(product((0, 1), (0, 1), (0, 1)))
 
 
 def block_corners(cells: frozenset[Cell]) -> list[Cell] | None:

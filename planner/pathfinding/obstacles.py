@@ -108,16 +108,17 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
             detail=f"up to {most} parts hang together by a single cell; a path that has left a "
             "part through it cannot come back, so there may be two.",
             cells=tuples(cells[sorted(split)]),
-            amount=sum(len(pieces.sums[cell]) - 2 for cell in split),
+            amount=sum(_beyond_two(pieces.sizes[cell]) for cell in split),
         )
-    branching = [cuts for cuts in pieces.cuts if len(cuts) > 2]
+    branching = {piece: cuts for piece, cuts in enumerate(pieces.cuts) if len(cuts) > 2}
     if branching:
         yield Problem(
             code="cut-cells",
-            detail=f"a part has {max(map(len, branching))} arms that each hang on a single cell; "
+            detail=f"a part has {max(map(len, branching.values()))} arms that each hang on a "
+            "single cell; "
             "a path can begin in one arm and end in another, not more.",
-            cells=tuples(cells[sorted({cell for cuts in branching for cell in cuts})]),
-            amount=sum(len(cuts) - 2 for cuts in branching),
+            cells=tuples(cells[sorted({cell for cuts in branching.values() for cell in cuts})]),
+            amount=sum(_beyond_two(pieces.arms[piece]) for piece in branching),
         )
     if split or branching:
         return
@@ -137,17 +138,26 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
         )
 
 
+def _beyond_two(sizes: list[int]) -> int:
+    """Cells besides the two largest parts."""
+    return sum(sorted(sizes)[:-2])
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Pieces:
     """What falls apart when single cells are taken away.
 
     Attributes:
-        sums: For each cut cell the balance of colours of every piece that it leaves.
+        sums: For each cut cell the balance of colours of every part that it leaves.
+        sizes: For each cut cell the number of cells of every part that it leaves.
         cuts: For each piece that no single cell takes apart, its cut cells.
+        arms: For each of these the number of cells that hang on the piece by it.
     """
 
     sums: dict[int, list[int]]
+    sizes: dict[int, list[int]]
     cuts: list[list[int]]
+    arms: list[list[int]]
 
 
 def _pieces(near: Ints, balance: Ints) -> _Pieces:
@@ -156,12 +166,11 @@ def _pieces(near: Ints, balance: Ints) -> _Pieces:
     weight = balance.tolist()
     n = len(links)
     number, low, below = [-1] * n, [0] * n, list(weight)
-    next_link = [0] * n
+    counts, next_link, parent = [1] * n, [0] * n, [-1] * n
     number[0] = 0
     stack, piece, counted = [0], [0], 1
-    parent = [-1] * n
     members: list[list[int]] = []
-    hung: dict[int, list[int]] = {}
+    hung: dict[int, list[int]] = {}  # the first cells of what hangs on a cell
     while stack:
         cell = stack[-1]
         if next_link[cell] < len(links[cell]):
@@ -181,21 +190,39 @@ def _pieces(near: Ints, balance: Ints) -> _Pieces:
             break
         above = parent[cell]
         below[above] += below[cell]
+        counts[above] += counts[cell]
         low[above] = min(low[above], low[cell])
         if low[cell] >= number[above]:
-            hung.setdefault(above, []).append(below[cell])
+            hung.setdefault(above, []).append(cell)
             at = _index(piece, cell)
             members.append([above, *piece[at:]])
             del piece[at:]
-    total = below[0]
+    return _told(members, hung, weight, below, counts)
+
+
+def _told(
+    members: list[list[int]],
+    hung: dict[int, list[int]],
+    weight: list[int],
+    below: list[int],
+    counts: list[int],
+) -> _Pieces:
     sums: dict[int, list[int]] = {}
-    for cell, found in hung.items():
-        if cell != 0:
-            sums[cell] = [*found, total - sum(found) - weight[cell]]
-        elif len(found) > 1:
-            sums[cell] = found
+    sizes: dict[int, list[int]] = {}
+    for cell, firsts in hung.items():
+        if cell or len(firsts) > 1:
+            sums[cell] = [below[first] for first in firsts]
+            sizes[cell] = [counts[first] for first in firsts]
+        if cell:
+            sums[cell].append(below[0] - sum(sums[cell]) - weight[cell])
+            sizes[cell].append(counts[0] - sum(sizes[cell]) - 1)
     cuts = [[cell for cell in piece if cell in sums] for piece in members]
-    return _Pieces(sums=sums, cuts=cuts)
+    arms: list[list[int]] = []
+    for piece, found in zip(members, cuts, strict=True):
+        # The piece lies below its own first cell and above what hangs on the others.
+        here = [counts[piece[1]] if cell == piece[0] else sizes[cell][-1] for cell in found]
+        arms.append([counts[0] - 1 - count for count in here])
+    return _Pieces(sums=sums, sizes=sizes, cuts=cuts, arms=arms)
 
 
 def _index(piece: list[int], cell: int) -> int:
