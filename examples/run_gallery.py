@@ -87,6 +87,7 @@ def main(names: list[str]) -> None:
         for name, file in files.items()
         if (name in names if names else results.get(name, {}).get("digest") != digest(file))
     ]
+    waiting.sort(key=lambda file: file.stat().st_size)
     with ProcessPoolExecutor(
         PROCESSES, mp_context=get_context("spawn"), initializer=warm_up
     ) as pool:
