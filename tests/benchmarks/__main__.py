@@ -14,8 +14,16 @@ from tests.benchmarks.folds import folds
 from tests.benchmarks.gallery import gallery
 from tests.benchmarks.machine import machine
 from tests.benchmarks.page import page
+from tests.benchmarks.paths import paths
 
-SECTIONS = {"folds": folds, "gallery": gallery, "page": page, "direct": direct, "paper": paper}
+SECTIONS = {
+    "folds": folds,
+    "gallery": gallery,
+    "paths": paths,
+    "page": page,
+    "direct": direct,
+    "paper": paper,
+}
 
 
 def main() -> None:
