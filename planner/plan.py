@@ -48,6 +48,7 @@ class Plan:
         explosion: Status, reason, steps, frames and seconds of the explosion; None without one.
         playback: Status, reason, steps, seconds and errors of the playback; None without one.
         certificate: What was verified.
+        attempts: Every explosion that was tried, the last one is the record.
     """
 
     chain: Chain
@@ -63,6 +64,7 @@ class Plan:
     explosion: dict[str, Any] | None
     playback: dict[str, Any] | None
     certificate: Certificate
+    attempts: tuple[dict[str, Any], ...] = ()
 
     @classmethod
     def assembled(
@@ -73,6 +75,7 @@ class Plan:
         record: Record | None,
         playback: Playback | None,
         certificate: Certificate,
+        attempts: tuple[dict[str, Any], ...] = (),
     ) -> Plan:
         """A plan from the results of the stages."""
         joints = len(chain.folded_rad)
@@ -91,6 +94,7 @@ class Plan:
             explosion=None if record is None else record.summary(),
             playback=None if playback is None else playback.summary(),
             certificate=certificate,
+            attempts=attempts,
         )
 
     @property
@@ -125,6 +129,7 @@ class Plan:
             "parameters": self.parameters,
             "seed": self.seed,
             "versions": self.versions,
+            "attempts": list(self.attempts),
             "explosion": self.explosion,
             "playback": self.playback,
             "certificate": self.certificate.as_dict(),
@@ -193,6 +198,7 @@ class Plan:
             return cls(
                 chain=chain,
                 certificate=Certificate.from_dict(values["certificate"]),
+                attempts=tuple(values.get("attempts", ())),
                 **{k: values[k] for k in _VALUES},
                 **arrays,
             )

@@ -19,18 +19,19 @@ from planner.errors import InputError
 from planner.explosion import explode
 from planner.exports.mjcf import mjcf
 from planner.parameters import PaperExplosionParameters, Parameters, preset
-from planner.paths import Path
 from planner.plan import Plan, write_whole
 from planner.playback import Playback, play_back
+from planner.preparation import Wishes, prepare
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.published import explode_as_published
-from planner.readers import read
 from planner.record import Record
 from planner.timeline import TimelineWriter, chain_attributes, chain_from_attributes
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 MODULE_SIZES: Final = (0.1, 1.0)
 LARGEST_SEED: Final = 2**32 - 1
+SHORT_SEED: Final = 2**31
+"""Path searches take seeds below this."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,12 +43,28 @@ class Request:
         preset: Name of a parameter set.
         seed: What randomness starts from.
         module_size: Size at which the plan is verified; None for the preset's.
+        modules, method, repair, ends, as_voxels: See ``planner.preparation.Wishes``.
     """
 
     filename: str | None = None
     preset: str = "default"
     seed: int = 0
     module_size: float | None = None
+    modules: int | None = None
+    method: str = "auto"
+    repair: bool = False
+    ends: str = "any"
+    as_voxels: bool = False
+
+    def wishes(self) -> Wishes:
+        """How a shape is to become a path."""
+        return Wishes(
+            modules=self.modules,
+            method=self.method,
+            repair=self.repair,
+            ends=self.ends,
+            as_voxels=self.as_voxels,
+        )
 
     def parameters(self) -> Parameters:
         """The parameters it asks for.
@@ -103,16 +120,6 @@ def write_request(directory: FilePath, request: Request, data: bytes) -> None:
     write_whole(directory / "request.json", json.dumps(values).encode())
 
 
-def chain_of(data: bytes, filename: str | None) -> Chain:
-    """The chain of an input, be it a path or a chain file.
-
-    Raises:
-        InputError: When it is neither.
-    """
-    found = read(data, filename=filename)
-    return Chain.from_path(found) if isinstance(found, Path) else found
-
-
 def _request(directory: FilePath) -> Request:
     return Request(**json.loads((directory / "request.json").read_bytes()))
 
@@ -135,10 +142,21 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
     del progress, cancelled
     request = _request(directory)
     request.parameters()
-    chain = chain_of((directory / "input").read_bytes(), request.filename)
-    attributes = chain_attributes(chain)
-    write_whole(directory / "chain.json", json.dumps(attributes).encode())
+    prepared = prepare(
+        (directory / "input").read_bytes(),
+        request.filename,
+        request.wishes(),
+        seed=request.seed % SHORT_SEED,
+    )
+    chain = prepared.chain
+    _write_json(directory / "candidates.json", [chain_attributes(c) for c in prepared.chains])
+    _write_json(directory / "chain.json", chain_attributes(chain))
     return {
+        "kind": prepared.kind,
+        "method": prepared.method,
+        "candidates": len(prepared.chains),
+        "notes": list(prepared.notes),
+        "knot": None if prepared.knot is None else prepared.knot.verdict,
         "name": chain.name,
         "module": chain.module.name,
         "modules": len(chain),
@@ -149,19 +167,44 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
 
 
 def _explode(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
-    request, chain = _request(directory), _chain(directory)
+    request = _request(directory)
     # What an earlier fold left in this directory must not pass for a result of this one.
     for name in ("record.npz", "playback.npz"):
         (directory / name).unlink(missing_ok=True)
+    candidates = [
+        chain_from_attributes(attributes)
+        for attributes in json.loads((directory / "candidates.json").read_bytes())
+    ]
+    if request.parameters().explosion is None:
+        TimelineWriter.create(directory / "timeline.zarr", candidates[0])
+        _write_json(directory / "attempts.json", [])
+        return {"status": "none", "reason": "", "steps": 0, "frames": 0, "seconds": 0.0}
+    attempts: list[dict[str, Any]] = []
+    record: Record | None = None
+    for number, chain in enumerate(candidates):
+        _write_json(directory / "chain.json", chain_attributes(chain))
+        record = _exploded(directory, request, chain, progress, cancelled)
+        attempts.append({"candidate": number, "seed": request.seed, **record.summary()})
+        if record.status in ("straight", "cancelled"):
+            break
+    assert record is not None
+    _write_json(directory / "attempts.json", attempts)
+    record.save(directory / "record.npz")
+    return {**record.summary(), "attempts": len(attempts)}
+
+
+def _exploded(
+    directory: FilePath, request: Request, chain: Chain, progress: Report, cancelled: Cancelled
+) -> Record:
+    """One explosion, on a timeline of its own."""
     how = request.parameters().explosion
     writer = TimelineWriter.create(directory / "timeline.zarr", chain)
-    if how is None:
-        return {"status": "none", "reason": "", "steps": 0, "frames": 0, "seconds": 0.0}
     if isinstance(how, PaperExplosionParameters):
         record = explode_as_published(
             chain, how, sink=writer.append, progress=progress, cancelled=cancelled
         )
     else:
+        assert how is not None
         record = explode(
             chain,
             how,
@@ -173,8 +216,7 @@ def _explode(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
     writer.flush()
     if record.status != "straight":
         writer.close("failed")
-    record.save(directory / "record.npz")
-    return record.summary()
+    return record
 
 
 def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
@@ -218,7 +260,7 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
         cancelled=cancelled,
     )
     values = certificate.as_dict()
-    write_whole(directory / "certificate.json", json.dumps(values).encode())
+    _write_json(directory / "certificate.json", values)
     return values
 
 
@@ -227,14 +269,25 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
     request, chain = _request(directory), _chain(directory)
     parameters = request.parameters()
     certificate = Certificate.from_dict(json.loads((directory / "certificate.json").read_bytes()))
+    attempts = json.loads((directory / "attempts.json").read_bytes())
     plan = Plan.assembled(
-        chain, parameters, request.seed, _record(directory), _playback(directory), certificate
+        chain,
+        parameters,
+        request.seed,
+        _record(directory),
+        _playback(directory),
+        certificate,
+        tuple(attempts),
     )
     text = mjcf(chain, module_size=parameters.module_size)
     write_whole(directory / "model.xml", text.encode())
     plan.save_npz(directory / "plan.npz")
     plan.save_json(directory / "plan.json")
     return plan.summary()
+
+
+def _write_json(path: FilePath, values: object) -> None:
+    write_whole(path, json.dumps(values).encode())
 
 
 _Stage = Callable[[FilePath, Report, Cancelled], dict[str, Any]]
@@ -245,4 +298,4 @@ _STAGES: Final[dict[str, _Stage]] = {
     "certify": _certify,
     "export": _export,
 }
-__all__ = ["STAGES", "Request", "chain_of", "run_stage", "write_request"]
+__all__ = ["STAGES", "Request", "run_stage", "write_request"]

@@ -9,7 +9,7 @@ from typing import Final
 
 import typer
 
-COMMANDS: Final = ("serve", "worker", "fold", "verify", "play")
+COMMANDS: Final = ("serve", "worker", "fold", "shape", "verify", "play")
 
 
 def application(commands: Iterable[str] = COMMANDS) -> typer.Typer:

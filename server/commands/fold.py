@@ -13,12 +13,11 @@ from rich.table import Table
 
 from planner.errors import InputError
 from planner.progress import Progress as StageProgress
-from planner.stages import STAGES, Request, chain_of, run_stage, write_request
+from planner.stages import STAGES, Request, run_stage, write_request
 from server.gallery import Gallery
 
 LARGEST_FILE = 64 * 2**20
 WORDS = {
-    "read": "Reading",
     "explode": "Exploding",
     "play_back": "Folding",
     "certify": "Checking",
@@ -28,7 +27,7 @@ WORDS = {
 
 def fold(
     shape: Annotated[
-        str, typer.Argument(metavar="INPUT", help="A path or chain file, or an example's name.")
+        str, typer.Argument(metavar="INPUT", help="A mesh, voxels, a path, a chain, or an example.")
     ],
     out: Annotated[Path, typer.Option(help="Directory for the plan; made if it is not there.")],
     preset: Annotated[str, typer.Option(help="default, paper or direct.")] = "default",
@@ -36,20 +35,39 @@ def fold(
     module_size: Annotated[
         float | None, typer.Option(help="Size at which to verify, as a fraction of the pitch.")
     ] = None,
+    modules: Annotated[int | None, typer.Option(help="About how many, for a mesh.")] = None,
+    method: Annotated[str, typer.Option(help="Path by: auto, blocks, exact or snake.")] = "auto",
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Add or drop cells where there is no path otherwise.")
+    ] = False,
+    ends: Annotated[str, typer.Option(help="any, or surface for both ends outside.")] = "any",
+    as_voxels: Annotated[
+        bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object as the last line.")
     ] = False,
 ) -> None:
-    """Explode, fold and verify a chain. Exits 0 when verified, 3 when not, 2 for bad input."""
+    """Explode, fold and verify a chain or a shape; exits 0 verified, 3 not, 2 for bad input."""
     try:
         data, filename = read_input(shape)
-        request = Request(filename=filename, preset=preset, seed=seed, module_size=module_size)
+        request = Request(
+            filename=filename,
+            preset=preset,
+            seed=seed,
+            module_size=module_size,
+            modules=modules,
+            method=method,
+            repair=repair,
+            ends=ends,
+            as_voxels=as_voxels,
+        )
         request.parameters()
-        chain_of(data, filename)
         make_directory(out)
+        write_request(out, request, data)
+        run_stage(STAGES[0], out)
     except InputError as error:
         refuse(error, as_json)
-    write_request(out, request, data)
     summary: dict[str, Any] = {}
     with Progress(
         TextColumn("{task.description:<10}"),
@@ -59,7 +77,7 @@ def fold(
         TextColumn("{task.fields[note]}"),
         console=Console(stderr=True),
     ) as bars:
-        for stage in STAGES:
+        for stage in STAGES[1:]:
             bar = bars.add_task(WORDS[stage], total=1.0, note="")
 
             def report(progress: StageProgress, bar: Any = bar) -> None:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -10,23 +11,24 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from planner.chain import Chain
 from planner.errors import InputError, SimulationError
-from planner.formats import write_chain, write_path
+from planner.explosion import explode
+from planner.formats import write_path
 from planner.paths import Path
 from planner.plan import Plan
 from planner.progress import Progress
 from planner.record import Record
 from planner.segments import Acceleration, Segments, State
-from planner.stages import STAGES, Request, chain_of, run_stage, write_request
+from planner.stages import STAGES, Request, run_stage, write_request
 from planner.timeline import PHASES, Timeline
 from tests.planner.chains import coil
-from tests.planner.conftest import SHAPES
 
 Array = NDArray[np.float64]
 COIL = Path.from_cells(np.round(coil(12).folded_poses.positions).astype(int), name="coil")
 OUTPUTS = {
-    "read": ["chain.json"],
-    "explode": ["record.npz"],
+    "read": ["candidates.json", "chain.json"],
+    "explode": ["attempts.json", "record.npz"],
     "play_back": ["playback.npz"],
     "certify": ["certificate.json"],
     "export": ["model.xml", "plan.json", "plan.npz"],
@@ -253,12 +255,33 @@ def test_a_request_out_of_range_is_refused(
     assert not (directory / "chain.json").exists()
 
 
-def test_a_chain_file_is_as_good_as_a_path() -> None:
-    chain = coil(12)
-    again = chain_of(write_chain(chain), "coil.json")
-    np.testing.assert_allclose(again.folded_rad, chain.folded_rad)
-    from_path = chain_of((SHAPES / "wrench-24.json").read_bytes(), None)
-    assert len(from_path) == 24
+def test_a_chain_that_sticks_makes_room_for_the_next_candidate(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cells = [[x, y, z] for x in range(4) for y in range(2) for z in range(2)]
+    data = json.dumps({"format": "foldback-voxels/1", "name": "bar", "cells": cells}).encode()
+    write_request(tmp_path, Request(filename="bar.json"), data)
+    read = run_stage("read", tmp_path)
+    assert read["kind"] == "voxels"
+    assert read["candidates"] >= 2
+    candidates = json.loads((tmp_path / "candidates.json").read_bytes())
+
+    def stuck_at_first(chain: Chain, *arguments: Any, **more: Any) -> Record:
+        record = explode(chain, *arguments, **more)
+        first = chain.folded_rad.tolist() == candidates[0]["folded_rad"]
+        return replace(record, status="stalled", reason="it is stuck") if first else record
+
+    monkeypatch.setattr("planner.stages.explode", stuck_at_first)
+    for stage in STAGES[1:]:
+        summary = run_stage(stage, tmp_path)
+    assert summary["status"] == "verified"
+    plan = Plan.load(tmp_path / "plan.json")
+    assert [attempt["status"] for attempt in plan.attempts] == ["stalled", "straight"]
+    assert plan.chain.folded_rad.tolist() == candidates[1]["folded_rad"]
+    # The timeline that people see is that of the candidate that came out.
+    timeline = Timeline.open(tmp_path / "timeline.zarr")
+    assert timeline.chain.folded_rad.tolist() == candidates[1]["folded_rad"]
+    assert timeline.frames().joint_angles_rad[0].tolist() == candidates[1]["folded_rad"]
 
 
 def test_bad_input_is_refused_and_nothing_is_written(tmp_path: FilePath) -> None:

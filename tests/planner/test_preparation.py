@@ -1,0 +1,121 @@
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.errors import InputError
+from planner.formats import write_chain
+from planner.preparation import Wishes, doubled, expected_seconds, prepare
+from planner.shapes import Shape
+from tests.planner.chains import coil
+from tests.planner.conftest import SHAPES
+
+CUBE_OBJ = (
+    "".join(f"v {x} {y} {z}\n" for x in (0, 4) for y in (0, 4) for z in (0, 4))
+    + "f 1 2 4\nf 1 4 3\nf 5 8 6\nf 5 7 8\nf 1 5 6\nf 1 6 2\n"
+    + "f 3 4 8\nf 3 8 7\nf 1 3 7\nf 1 7 5\nf 2 6 8\nf 2 8 4\n"
+).encode()
+
+
+def voxels(cells: Any) -> bytes:
+    return json.dumps({"format": "foldback-voxels/1", "name": "v", "cells": cells}).encode()
+
+
+def test_a_path_is_taken_as_it_is() -> None:
+    prepared = prepare((SHAPES / "wrench-24.json").read_bytes(), "wrench-24.json")
+    report = prepared.report()
+    assert (report["kind"], report["modules"], report["candidates"]) == ("path", 24, 1)
+    assert report["cells"] == json.loads((SHAPES / "wrench-24.json").read_bytes())["cells"]
+    assert report["knot"]["verdict"] == "unknot"
+    assert report["feasibility"] is None
+
+
+def test_a_chain_is_taken_as_it_is() -> None:
+    chain = coil(12)
+    prepared = prepare(write_chain(chain), "coil.json", Wishes(modules=40))
+    np.testing.assert_allclose(prepared.chain.folded_rad, chain.folded_rad)
+    assert "12 modules" in prepared.notes[0]
+
+
+def test_a_mesh_becomes_about_as_many_modules_as_asked_for() -> None:
+    prepared = prepare(CUBE_OBJ, "cube.obj", Wishes(modules=64))
+    report = prepared.report()
+    assert (report["kind"], report["method"], report["modules"]) == ("mesh", "blocks", 64)
+    assert report["iou"] > 0.99
+    cells = np.array(report["cells"])
+    assert (np.abs(np.diff(cells, axis=0)).sum(axis=1) == 1).all()
+    assert len(np.unique(cells, axis=0)) == 64
+    # The mesh lies over the cells: same box, half a cell around the outermost centres.
+    mesh = np.array(report["mesh"]["vertices"])
+    np.testing.assert_allclose(mesh.min(axis=0), cells.min(axis=0) - 0.5, atol=0.26)
+    np.testing.assert_allclose(mesh.max(axis=0), cells.max(axis=0) + 0.5, atol=0.26)
+    assert report["expected_s"] == expected_seconds(64)
+
+
+def test_candidates_differ_and_fill_the_same_cells() -> None:
+    prepared = prepare(CUBE_OBJ, "cube.obj", Wishes(modules=64))
+    assert len(prepared.chains) >= 2
+    filled = [
+        {tuple(cell) for cell in np.rint(chain.folded_poses.positions).astype(int).tolist()}
+        for chain in prepared.chains
+    ]
+    assert all(cells == filled[0] for cells in filled)
+    angles = {chain.folded_rad.tobytes() for chain in prepared.chains}
+    assert len(angles) == len(prepared.chains)
+
+
+def test_voxels_without_a_path_say_why_and_are_repaired_on_request() -> None:
+    # A plus: five cells, four of them dead ends.
+    plus = [[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]
+    prepared = prepare(voxels(plus), "plus.json")
+    report = prepared.report()
+    assert report["has_path"] is False
+    assert report["feasibility"]["feasible"] is False
+    assert report["feasibility"]["problems"]
+    with pytest.raises(InputError) as refused:
+        _ = prepared.chain
+    assert refused.value.code == "no-path"
+    repaired = prepare(voxels(plus), "plus.json", Wishes(repair=True))
+    assert repaired.chains
+    assert any(note.startswith("Repaired") for note in repaired.notes)
+
+
+def test_blocks_double_voxels_that_are_not_doubled() -> None:
+    plus = [[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]
+    prepared = prepare(voxels(plus), "plus.json", Wishes(method="blocks"))
+    assert len(prepared.chain) == 40
+    assert prepared.chain.pitch_m == pytest.approx(0.005)
+
+
+def test_doubling_keeps_the_volume() -> None:
+    shape = Shape.from_cells([[0, 0, 0], [1, 0, 0]], pitch_m=0.01)
+    twice = doubled(shape)
+    assert len(twice.cells) == 16
+    assert twice.cells.min() == 0
+    assert twice.cells.max(axis=0).tolist() == [3, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("wishes", "code"),
+    [
+        (Wishes(modules=3), "bad-modules"),
+        (Wishes(modules=10**9), "bad-modules"),
+        (Wishes(method="magic"), "unknown-method"),
+        (Wishes(ends="loose"), "unknown-ends"),
+    ],
+)
+def test_wishes_that_cannot_be_had_are_refused(wishes: Wishes, code: str) -> None:
+    with pytest.raises(InputError) as refused:
+        prepare(CUBE_OBJ, "cube.obj", wishes)
+    assert refused.value.code == code
+
+
+def test_cells_in_no_order_are_a_path_only_for_those_who_say_so() -> None:
+    cells = [[0, 0, 0], [0, 0, 1], [1, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 1], [1, 0, 1], [0, 1, 1]]
+    with pytest.raises(InputError, match="voxels"):
+        prepare(json.dumps(cells).encode(), "cells.json")
+    prepared = prepare(json.dumps(cells).encode(), "cells.json", Wishes(as_voxels=True))
+    assert (prepared.kind, len(prepared.chain)) == ("voxels", 8)
