@@ -1,0 +1,159 @@
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.pathfinding.circuits import circuit
+from planner.pathfinding.exact import exact_path
+from planner.pathfinding.lattice import neighbours, spread, surface
+from planner.pathfinding.obstacles import obstacles
+from planner.shapes import Shape
+from tests.planner.lattice import walks
+
+Ints = NDArray[np.int64]
+
+
+def box(*sides: int) -> list[tuple[int, ...]]:
+    return list(product(*map(range, sides)))
+
+
+def check(found: Ints | None, cells: Ints) -> None:
+    assert found is not None
+    assert (np.abs(np.diff(found, axis=0)).sum(axis=1) == 1).all()
+    assert np.array_equal(np.unique(found, axis=0), cells)
+    assert len(found) == len(cells)
+
+
+def has_path(cells: Ints) -> bool:
+    """By trying everything: for a handful of cells."""
+    near = [[k for k in row if k >= 0] for row in neighbours(cells).tolist()]
+
+    def goes_on(cell: int, left: frozenset[int]) -> bool:
+        return not left or any(goes_on(k, left - {k}) for k in near[cell] if k in left)
+
+    everything = frozenset(range(len(cells)))
+    return any(goes_on(k, everything - {k}) for k in everything)
+
+
+small_sets = st.sets(
+    st.tuples(st.integers(0, 3), st.integers(0, 2), st.integers(0, 1)), min_size=3, max_size=11
+)
+
+
+@given(cells=small_sets)
+@settings(max_examples=150)
+def test_the_search_agrees_with_trying_everything(cells: set[tuple[int, int, int]]) -> None:
+    shape = Shape.from_cells(sorted(cells))
+    search = exact_path(shape)
+    assert search.status == ("found" if has_path(shape.cells) else "infeasible")
+    if search.status == "found":
+        check(search.cells, shape.cells)
+    if obstacles(shape.cells):
+        assert not has_path(shape.cells)
+
+
+@given(walk=walks(most=120), seed=st.integers(0, 99))
+@settings(max_examples=40)
+def test_cells_of_a_walk_have_a_path_and_it_is_found(walk: Ints, seed: int) -> None:
+    shape = Shape.from_cells(walk)
+    if len(shape) >= 3:
+        check(exact_path(shape, seed=seed).cells, shape.cells)
+
+
+@given(walk=walks(most=60))
+@settings(max_examples=20)
+def test_a_path_that_begins_where_a_walk_does_is_found(walk: Ints) -> None:
+    start = (int(walk[0, 0]), int(walk[0, 1]), int(walk[0, 2]))
+    shape = Shape.from_cells(walk)
+    if len(shape) >= 3:
+        found = exact_path(shape, start=start).cells
+        check(found, shape.cells)
+        assert found is not None and tuple(found[0]) == start
+
+
+def test_ends_lie_on_the_surface_when_asked_for() -> None:
+    shape = Shape.from_cells(box(5, 5, 5))
+    for seed in range(5):
+        found = exact_path(shape, seed=seed, ends_on_surface=True).cells
+        check(found, shape.cells)
+        assert found is not None and surface(found)[[0, -1]].all()
+
+
+def test_easing_brings_neighbours_closer_along_the_path() -> None:
+    shape = Shape.from_cells(box(4, 4, 6))
+    eased, plain = exact_path(shape).cells, exact_path(shape, eased=False).cells
+    assert eased is not None and plain is not None
+    assert spread(eased) < 0.8 * spread(plain)
+
+
+def test_the_same_seed_gives_the_same_path() -> None:
+    shape = Shape.from_cells(box(4, 4, 4))
+    one, same, other = (exact_path(shape, seed=seed).cells for seed in (3, 3, 4))
+    assert one is not None and other is not None
+    assert np.array_equal(one, same)
+    assert not np.array_equal(one, other)
+
+
+# Connected, even in colours, without dead ends or cut cells that forbid a path; found at random.
+SUBTLE = (
+    [
+        *((-2, 0, 0), (-2, 0, 1), (-1, 0, -1), (-1, 0, 0), (-1, 0, 1), (-1, 0, 2), (-1, 1, -1)),
+        *((0, 0, 0), (0, 0, 1)),
+    ],
+    [
+        *((-1, 0, 0), (-1, 1, 0), (0, -1, 0), (0, 0, 0), (0, 0, 1), (0, 1, 0), (0, 1, 1)),
+        (1, 1, 0),
+    ],
+)
+
+
+@pytest.mark.parametrize("cells", SUBTLE)
+def test_the_solver_proves_what_no_rule_tells(cells: list[tuple[int, int, int]]) -> None:
+    shape = Shape.from_cells(cells)
+    assert not obstacles(shape.cells)
+    assert not has_path(shape.cells)
+    search = exact_path(shape)
+    assert search.status == "infeasible"
+    assert "proved" in search.reason
+
+
+def test_the_wrong_colour_to_start_with_is_refused_in_words() -> None:
+    search = exact_path(Shape.from_cells(box(3, 3, 3)), start=(0, 0, 1))
+    assert search.status == "infeasible"
+    assert "colour" in search.reason
+    assert exact_path(Shape.from_cells(box(3, 3, 3)), start=(1, 1, 0)).status == "found"
+
+
+def test_a_start_that_is_no_cell_is_refused() -> None:
+    with pytest.raises(InputError, match="cell of the shape"):
+        exact_path(Shape.from_cells(box(2, 2, 2)), start=(5, 0, 0))
+
+
+def test_a_buried_start_is_refused_where_ends_lie_on_the_surface() -> None:
+    shape = Shape.from_cells(box(3, 3, 3))
+    assert exact_path(shape, start=(1, 1, 1)).status == "infeasible"
+    search = exact_path(Shape.from_cells(box(5, 5, 5)), start=(2, 2, 2), ends_on_surface=True)
+    assert search.status == "infeasible"
+    assert "surface" in search.reason
+
+
+@pytest.mark.parametrize("taste", [True, False])
+def test_the_solver_alone_finds_a_path(taste: bool) -> None:
+    cells = np.array(box(3, 4, 3))
+    ends = np.ones(len(cells), dtype=np.bool_)
+    found = circuit(cells, np.random.default_rng(0), ends=ends, taste=taste)
+    assert found.status == "found" and found.order is not None
+    check(cells[found.order], cells)
+
+
+def test_no_time_is_undecided_never_infeasible() -> None:
+    cells = np.array(box(8, 8, 8))
+    ends = np.ones(len(cells), dtype=np.bool_)
+    found = circuit(cells, np.random.default_rng(0), ends=ends, effort=1e-6)
+    assert found.status == "undecided" and found.order is None

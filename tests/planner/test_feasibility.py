@@ -1,0 +1,126 @@
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from planner.feasibility import Repair, apply_repair, feasibility
+from planner.pathfinding import exact_path, find_paths
+from planner.shapes import Shape
+from tests.planner.lattice import NEIGHBOURS
+
+Cell = tuple[int, int, int]
+
+
+def box(*sides: int) -> list[tuple[int, ...]]:
+    return list(product(*map(range, sides)))
+
+
+CROSS = [(0, 0, 0), *NEIGHBOURS, *((2 * x, 2 * y, 2 * z) for x, y, z in NEIGHBOURS)]
+CHECKERED = [c for c in box(5, 5, 3) if c not in ((0, 1, 0), (0, 3, 0), (1, 0, 0), (3, 0, 0))]
+APART = box(3, 3, 3) + [(x + 5, y, z) for x, y, z in box(2, 2, 2)]
+FAR_APART = box(3, 3, 3) + [(x + 50, y, z) for x, y, z in box(2, 2, 2)]
+LOPSIDED = [(x, 0, 0) for x in range(9)] + [(7, 1, 0), (7, -1, 0)]
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [box(3, 3, 3), box(2, 2, 2) + [(x + 2, y, z) for x, y, z in box(2, 2, 2)], box(1, 1, 3)],
+)
+def test_what_has_a_path_is_feasible(cells: list[Cell]) -> None:
+    found = feasibility(Shape.from_cells(cells))
+    assert found.feasible is True
+    assert found.problems == () and found.repairs == ()
+
+
+@pytest.mark.parametrize(
+    ("cells", "codes"),
+    [
+        ([(0, 0, 0)], {"too-few"}),
+        (APART, {"disconnected"}),
+        (CHECKERED, {"parity"}),
+        (CROSS, {"dead-ends", "cut-cells"}),
+        (LOPSIDED, {"dead-ends", "cut-cells"}),
+    ],
+)
+def test_what_has_none_is_explained_and_can_be_repaired(cells: list[Cell], codes: set[str]) -> None:
+    shape = Shape.from_cells(cells)
+    found = feasibility(shape)
+    assert found.feasible is False
+    assert codes <= {problem.code for problem in found.problems}
+    assert all(set(problem.cells) <= set(map(tuple, cells)) for problem in found.problems)
+    assert found.repairs
+    for repair in found.repairs:
+        mended = apply_repair(shape, repair)
+        assert find_paths(mended, candidates=1).paths, repair.detail
+
+
+def test_the_smallest_repair_comes_first_and_doubling_last() -> None:
+    found = feasibility(Shape.from_cells(APART)).repairs
+    changed = [len(repair.add) + len(repair.drop) for repair in found[:-1]]
+    assert changed == sorted(changed)
+    assert [repair.doubled for repair in found] == [False] * (len(found) - 1) + [True]
+
+
+def test_parts_are_bridged_or_the_largest_is_kept() -> None:
+    bridge, keep, _ = feasibility(Shape.from_cells(APART)).repairs
+    assert (len(bridge.add), bridge.drop) == (2, ())
+    assert (keep.add, len(keep.drop)) == ((), 8)
+    assert all(repair.add == () for repair in feasibility(Shape.from_cells(FAR_APART)).repairs)
+
+
+def test_parity_is_mended_with_as_few_cells_as_can_be() -> None:
+    # 40 of one colour, 31 of the other… whatever it is: all but one of the excess must change.
+    shape = Shape.from_cells(CHECKERED)
+    excess = abs(int((1 - 2 * (shape.cells.sum(axis=1) % 2)).sum()))
+    first = feasibility(shape).repairs[0]
+    assert len(first.add) + len(first.drop) == excess - 1
+
+
+def test_a_repair_is_applied() -> None:
+    shape = Shape.from_cells([(0, 0, 0), (1, 0, 0), (5, 0, 0)], name="odd", pitch_m=0.02)
+    mended = apply_repair(shape, Repair(detail="", add=((2, 0, 0),), drop=((5, 0, 0),)))
+    assert mended.cells.tolist() == [[0, 0, 0], [1, 0, 0], [2, 0, 0]]
+    assert (mended.name, mended.pitch_m) == ("odd", 0.02)
+    twice = apply_repair(shape, Repair(detail="", drop=((5, 0, 0),), doubled=True))
+    assert twice.cells.tolist() == [list(cell) for cell in box(4, 2, 2)]
+    assert twice.pitch_m == 0.01
+
+
+def test_a_subtle_one_is_proved_by_the_solver() -> None:
+    cells = [
+        (-1, 0, 0),
+        (-1, 1, 0),
+        (0, -1, 0),
+        (0, 0, 0),
+        (0, 0, 1),
+        (0, 1, 0),
+        (0, 1, 1),
+        (1, 1, 0),
+    ]
+    found = feasibility(Shape.from_cells(cells))
+    assert [problem.code for problem in found.problems] == ["no-path"]
+    assert found.repairs[0].doubled is False
+    assert exact_path(apply_repair(Shape.from_cells(cells), found.repairs[0])).status == "found"
+
+
+@given(
+    cells=st.sets(
+        st.tuples(st.integers(0, 4), st.integers(0, 3), st.integers(0, 2)),
+        min_size=4,
+        max_size=30,
+    )
+)
+@settings(max_examples=25, deadline=None)
+def test_every_repair_that_is_offered_works(cells: set[Cell]) -> None:
+    shape = Shape.from_cells(sorted(cells))
+    found = feasibility(shape, time_limit_s=0.5)
+    assert found.feasible is not False or found.problems
+    for repair in found.repairs:
+        mended = apply_repair(shape, repair)
+        assert find_paths(mended, candidates=1, time_limit_s=5.0).paths
+    if found.feasible is False:
+        assert np.any([repair.doubled for repair in found.repairs])
