@@ -23,9 +23,10 @@ SIZE: Final = 4.0
 """Longest side of what is shown, in the scene's units."""
 ROD: Final = 0.3
 BEAD: Final = 0.46
-SOLID: Final[Rgb] = (124, 146, 176)
-GHOST_OPACITY: Final = 0.1
-SOLID_OPACITY: Final = 0.3
+SOLID: Final[Rgb] = (92, 120, 164)
+GHOST: Final[Rgb] = (110, 120, 134)
+GHOST_OPACITY: Final = 0.13
+SOLID_OPACITY: Final = 0.34
 AZIMUTH_RAD: Final = np.deg2rad(-54.0)
 ELEVATION_RAD: Final = np.deg2rad(26.0)
 UPRIGHT: Final = (1.0, 0.0, 0.0, 0.0)
@@ -87,8 +88,8 @@ class PreviewScene:
                     np.asarray(mesh["faces"], dtype=np.int64),
                     color=SOLID,
                     opacity=SOLID_OPACITY,
-                    flat_shading=True,
-                    side="double",
+                    flat_shading=False,
+                    side="front",
                     cast_shadow=False,
                     receive_shadow=False,
                     visible=layers.solid,
@@ -111,7 +112,7 @@ class PreviewScene:
             return
         # A path inside full cubes would not be seen: they become a ghost around it.
         ghost = layers.path
-        shown = np.tile(np.array(NEUTRAL, np.uint8), (len(cells), 1)) if ghost else colours
+        shown = np.tile(np.array(GHOST, np.uint8), (len(cells), 1)) if ghost else colours
         opacity = GHOST_OPACITY if ghost else None
         self._cubes("cells", cells, shown, opacity=opacity, visible=layers.cells)
         if layers.path:

@@ -119,6 +119,8 @@ function put(id, text, tone = "") {
   get(id).dataset.tone = tone;
 }
 
+const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
 function show() {
   const { kind, name, modules, iou, feasibility, knot, has_path: path } = report;
   get("name").textContent = name;
@@ -132,7 +134,7 @@ function show() {
   get("modules-part").hidden = !resizable;
   if (resizable && !wishes.modules) set(modules, false);
   const asked = report.asked ?? modules;
-  get("got").textContent = asked === modules ? `${whole(modules)} modules` : `${whole(modules)} is what fits`;
+  get("got").textContent = asked === modules ? "Also possible" : `${whole(modules)} is nearest to ${whole(asked)}`;
   const near = [report.below, modules, report.above].filter((n) => n && n !== modules);
   get("nearest").replaceChildren(...near.map((count) => {
     const button = element("button", { type: "button", title: "The nearest count that can be reached" }, whole(count));
@@ -154,7 +156,7 @@ function show() {
   get("trouble").hidden = path;
   get("trouble-title").textContent = feasibility?.feasible === false
     ? "There is no path through these cells" : "No path was found";
-  get("problems").replaceChildren(...problems.map(({ detail }) => element("li", {}, detail)));
+  get("problems").replaceChildren(...problems.map(({ detail }) => element("li", {}, sentence(detail))));
   const ways = path ? [] : repairs(feasibility);
   get("repairs").replaceChildren(...ways);
   const repaired = report.notes.find((note) => note.startsWith("Repaired"));
@@ -163,7 +165,7 @@ function show() {
 
   const notes = report.notes.filter((note) => note !== repaired);
   get("notes-part").hidden = !notes.length;
-  get("notes").replaceChildren(...notes.map((note) => element("li", {}, note)));
+  get("notes").replaceChildren(...notes.map((note) => element("li", {}, sentence(note))));
   get("fold").textContent = path ? `Fold ${whole(modules)} modules` : "Fold";
   get("legend").hidden = !path;
   get("layers").hidden = false;
@@ -176,8 +178,8 @@ function show() {
 }
 
 function repairs(feasibility) {
-  const ways = (feasibility?.repairs ?? []).slice(0, 1).map((repair) => {
-    const button = element("button", { type: "button", class: "button primary" }, `Repair: ${repair.detail}`);
+  const ways = (feasibility?.repairs ?? []).filter(({ add, drop }) => add.length || drop.length).slice(0, 1).map((repair) => {
+    const button = element("button", { type: "button", class: "button primary" }, `Repair: ${repair.detail.charAt(0).toLowerCase()}${repair.detail.slice(1).replace(/\.$/, "")}`);
     button.onclick = () => { wishes.repair = true; look(); };
     return button;
   });
