@@ -2,27 +2,32 @@
 
 A shape is drawn in a few lines of text or as boxes. Shapes that consist of 2×2×2 blocks get a path
 by merging the blocks' cycles along a breadth-first tree, which never knots and unfolds well. Others
-get one from OR-tools' CP-SAT (`pip install ortools`). The seeds are those of some sixty tried whose
+get one from OR-tools' CP-SAT. The seeds are those of some sixty tried whose
 chains came out straight in the fewest steps; the same seed makes the same file.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import permutations, product
+from itertools import product
 from pathlib import Path as FilePath
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.formats import write_path
+from planner.pathfinding.circuits import circuit
+from planner.pathfinding.lattice import surface
+from planner.pathfinding.loose_blocks import loose_block_path
+from planner.pathfinding.snake import snake_path
 from planner.paths import Path
 
 SHAPES = FilePath(__file__).parent / "shapes"
 
 Cell = tuple[int, int, int]
-Edge = tuple[Cell, Cell]
+Cells = NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +37,7 @@ class Drawing:
     name: str
     title: str
     cells: frozenset[Cell]
-    path: Callable[[frozenset[Cell], np.random.Generator], list[Cell] | None]
+    path: Callable[[frozenset[Cell], np.random.Generator], Cells | None]
     seed: int
 
 
@@ -59,164 +64,23 @@ def mallet(head: Cell, handle: Cell) -> set[Cell]:
     return box((0, 0, 0), head) | box(middle, handle)
 
 
-def plus(a: Cell, b: Cell) -> Cell:
-    """The cell at b, seen from a."""
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+def merged_blocks(cells: frozenset[Cell], rng: np.random.Generator) -> Cells | None:
+    """A path through blocks, which may lie on no common grid."""
+    return loose_block_path(cells, rng)
 
 
-NORMALS: tuple[Cell, ...] = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
-
-
-# Blocks -------------------------------------------------------------------------------------------
-
-
-def block_corners(cells: frozenset[Cell]) -> list[Cell] | None:
-    """Splits cells into 2×2×2 blocks, lowest cell first; None when that way fails."""
-    left, corners = set(cells), list[Cell]()
-    while left:
-        corner = min(left, key=lambda c: (c[2], c[1], c[0]))
-        block = box(corner, (2, 2, 2))
-        if not block <= left:
-            return None
-        left -= block
-        corners.append(corner)
-    return corners
-
-
-def ring(corner: Cell, rng: np.random.Generator) -> set[frozenset[Cell]]:
-    """Edges of one of the Hamiltonian cycles of a 2×2×2 block."""
-    a, b, c = list(permutations(np.eye(3, dtype=int).tolist()))[rng.integers(6)]
-    steps = (a, b, [-v for v in a], c, a, [-v for v in b], [-v for v in a])
-    places = [tuple(int(v) for v in rng.integers(0, 2, 3))]
-    for step in steps:
-        # Any corner may begin: a step outward is the same step mirrored.
-        axis = int(np.argmax(np.abs(step)))
-        moved = list(places[-1])
-        moved[axis] = 1 - moved[axis]
-        places.append((moved[0], moved[1], moved[2]))
-    found = [plus(corner, p) for p in places]
-    return {frozenset((found[i], found[(i + 1) % 8])) for i in range(8)}
-
-
-def merged_blocks(cells: frozenset[Cell], rng: np.random.Generator) -> list[Cell] | None:
-    """A path through blocks: their rings joined along a breadth-first tree, then cut."""
-    corners = block_corners(cells)
-    if corners is None:
-        return None
-    waiting = {corner: ring(corner, rng) for corner in corners}
-    edges = waiting.pop(corners[rng.integers(len(corners))])
-    while waiting:
-        # Everything that touches what is joined so far comes next: the tree is breadth-first.
-        joined = 0
-        for corner in rng.permutation(np.array(list(waiting))).tolist():
-            block = (corner[0], corner[1], corner[2])
-            swaps = list(facing_edges(waiting[block], edges))
-            if swaps:
-                ours, theirs, links = swaps[rng.integers(len(swaps))]
-                edges = (edges | waiting.pop(block)) - {ours, theirs} | links
-                joined += 1
-        if not joined:
-            return None
-    return best_cut(cells, cycle_of(edges))
-
-
-def facing_edges(
-    block: set[frozenset[Cell]], edges: set[frozenset[Cell]]
-) -> Iterator[tuple[frozenset[Cell], frozenset[Cell], set[frozenset[Cell]]]]:
-    """Pairs of parallel edges of two cycles that face each other, and what joins them."""
-    for ours in sorted(block, key=sorted):
-        a, b = sorted(ours)
-        for normal in NORMALS:
-            c, d = plus(a, normal), plus(b, normal)
-            theirs = frozenset((c, d))
-            if theirs in edges:
-                yield ours, theirs, {frozenset((a, c)), frozenset((b, d))}
-
-
-def cycle_of(edges: set[frozenset[Cell]]) -> list[Cell]:
-    """Cells of a cycle in order."""
-    near: dict[Cell, list[Cell]] = {}
-    for edge in sorted(edges, key=sorted):
-        a, b = sorted(edge)
-        near.setdefault(a, []).append(b)
-        near.setdefault(b, []).append(a)
-    start = min(near)
-    order = [start, near[start][0]]
-    while len(order) < len(near):
-        one, other = near[order[-1]]
-        order.append(other if one == order[-2] else one)
-    return order
-
-
-def best_cut(cells: frozenset[Cell], cycle: list[Cell]) -> list[Cell]:
-    """The cycle cut where both ends lie on the surface and neighbours stay close along it."""
-    cuts = [cycle[k:] + cycle[:k] for k in range(len(cycle))]
-    outer = [cut for cut in cuts if on_surface(cut[0], cells) and on_surface(cut[-1], cells)]
-    return min(outer or cuts, key=spread)
-
-
-def on_surface(cell: Cell, cells: frozenset[Cell]) -> bool:
-    """Whether a cell has a free face."""
-    return any(plus(cell, normal) not in cells for normal in NORMALS)
-
-
-def spread(order: list[Cell]) -> float:
-    """How far along the path cells are that touch each other: less is easier to unfold."""
-    place = {cell: k for k, cell in enumerate(order)}
-    gaps = [
-        abs(place[plus(cell, normal)] - k)
-        for cell, k in place.items()
-        for normal in NORMALS[::2]
-        if plus(cell, normal) in place
-    ]
-    return float(np.mean(gaps))
-
-
-# Boxes and exact cells ----------------------------------------------------------------------------
-
-
-def snake(cells: frozenset[Cell], rng: np.random.Generator) -> list[Cell]:
+def snake(cells: frozenset[Cell], rng: np.random.Generator) -> Cells:
     """Row by row and layer by layer, back and forth: the way through a box."""
     del rng
-    nx, ny, nz = (max(c) + 1 for c in zip(*cells, strict=True))
-    order: list[Cell] = []
-    for z in range(nz):
-        ys = range(ny) if z % 2 == 0 else range(ny - 1, -1, -1)
-        for y in ys:
-            xs = range(nx) if len(order) // nx % 2 == 0 else range(nx - 1, -1, -1)
-            order.extend((x, y, z) for x in xs)
-    return order
+    x, y, z = (max(c) + 1 for c in zip(*cells, strict=True))
+    return snake_path((x, y, z))
 
 
-def solved(cells: frozenset[Cell], rng: np.random.Generator) -> list[Cell] | None:
-    """A Hamiltonian path with its ends on the surface, from CP-SAT with a random taste."""
-    from ortools.sat.python import cp_model
-
-    order = sorted(cells)
-    number = {cell: k + 1 for k, cell in enumerate(order)}
-    model = cp_model.CpModel()
-    arcs, tastes = [], []
-    for cell, k in number.items():
-        for normal in NORMALS:
-            if plus(cell, normal) in number:
-                arcs.append((k, number[plus(cell, normal)], model.new_bool_var("")))
-                tastes.append(int(rng.integers(0, 100)) * arcs[-1][2])
-        if on_surface(cell, cells):
-            arcs += [(0, k, model.new_bool_var("")), (k, 0, model.new_bool_var(""))]
-    model.add_circuit(arcs)
-    model.minimize(sum(tastes))
-    solver = cp_model.CpSolver()
-    solver.parameters.num_workers = 1
-    solver.parameters.random_seed = int(rng.integers(1 << 30))
-    solver.parameters.max_deterministic_time = 4.0
-    if solver.solve(model) not in (cp_model.OPTIMAL, cp_model.FEASIBLE):
-        return None
-    follows = {a: b for a, b, used in arcs if solver.boolean_value(used)}
-    path, k = [], follows[0]
-    while k:
-        path.append(order[k - 1])
-        k = follows[k]
-    return path
+def solved(cells: frozenset[Cell], rng: np.random.Generator) -> Cells | None:
+    """A path with its ends on the surface, from CP-SAT with a random taste."""
+    order = np.array(sorted(cells))
+    found = circuit(order, rng, ends=surface(order)).order
+    return None if found is None else order[found]
 
 
 # The shapes ---------------------------------------------------------------------------------------

@@ -53,7 +53,8 @@ def circuit(
     model: Any = cp_model.CpModel()
     arcs: list[tuple[int, int, Any]] = []
     tastes: list[Any] = []
-    first, last = _end_flags(cells, ends, start)
+    # A path that is liked one way need not be liked the other way: with a taste both are left.
+    first, last = (ends, ends) if taste and start is None else _end_flags(cells, ends, start)
     for cell, row in enumerate(neighbours(cells).tolist()):
         for other in row:
             if other >= 0:

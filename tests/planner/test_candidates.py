@@ -12,6 +12,7 @@ from planner.pathfinding import METHODS, find_paths, snake_path
 from planner.pathfinding.candidates import ranked
 from planner.pathfinding.lattice import spread, surface
 from planner.shapes import Shape
+from tests.planner.test_knots import OVERHAND, walk
 
 Ints = NDArray[np.int64]
 
@@ -60,23 +61,11 @@ def test_the_candidate_whose_neighbours_are_closest_comes_first(method: str) -> 
 
 
 def test_a_knotted_candidate_comes_last() -> None:
-    # A trefoil on the lattice, drawn out so that its ends are free.
-    knotted = np.array(_along("zzzzzxxxYYYZZXXXXXyyyyyyzzzz", (0, 0, 0)))
-    straight = np.array([(x, 0, 0) for x in range(len(knotted))])
+    overhand = walk(OVERHAND)
+    assert knot_of(overhand).verdict == "knotted"
     winding = snake_path((6, 6, 6))
-    assert knot_of(knotted).verdict in ("unknot", "knotted")
-    order = ranked([winding, straight])
-    assert order[0] is straight
-
-
-def _along(steps: str, at: tuple[int, int, int]) -> list[tuple[int, int, int]]:
-    cells = [at]
-    for step in steps:
-        axis = "xyz".index(step.lower())
-        moved = list(cells[-1])
-        moved[axis] += 1 if step.islower() else -1
-        cells.append((moved[0], moved[1], moved[2]))
-    return cells
+    assert spread(overhand) < spread(winding)
+    assert ranked([overhand, winding])[0] is winding
 
 
 @pytest.mark.parametrize("method", ["auto", "exact"])

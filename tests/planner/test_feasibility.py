@@ -73,7 +73,7 @@ def test_parts_are_bridged_or_the_largest_is_kept() -> None:
 
 
 def test_parity_is_mended_with_as_few_cells_as_can_be() -> None:
-    # 40 of one colour, 31 of the other… whatever it is: all but one of the excess must change.
+    # A cell more or less changes the excess by one, and one may be left.
     shape = Shape.from_cells(CHECKERED)
     excess = abs(int((1 - 2 * (shape.cells.sum(axis=1) % 2)).sum()))
     first = feasibility(shape).repairs[0]
@@ -114,10 +114,10 @@ def test_a_subtle_one_is_proved_by_the_solver() -> None:
         max_size=30,
     )
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_every_repair_that_is_offered_works(cells: set[Cell]) -> None:
     shape = Shape.from_cells(sorted(cells))
-    found = feasibility(shape, time_limit_s=0.5)
+    found = feasibility(shape, time_limit_s=0.2)
     assert found.feasible is not False or found.problems
     for repair in found.repairs:
         mended = apply_repair(shape, repair)
