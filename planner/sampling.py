@@ -13,7 +13,7 @@ from planner.kernels.crossings import fill_by_winding, mark_crossings, vote_by_p
 from planner.solids import Solid
 
 MOST_SAMPLES: Final = 48_000_000
-VOTES_NEEDED: Final = 4
+VOTES_NEEDED: Final = 2
 
 Floats = NDArray[np.float64]
 
@@ -57,13 +57,23 @@ def grid_of(extents: Floats, pitch: float, size: int) -> NDArray[np.int64]:
     return 2 * half.astype(np.int64)
 
 
+def too_fine(pitch: float, extents: Floats) -> InputError:
+    """The refusal of cells that are too small for the box that they would lie in."""
+    box = " × ".join(f"{extent:.4g}" for extent in extents)
+    return InputError(
+        "too-fine",
+        f"cells of {pitch:.4g} are too fine for a solid of {box}: too little of its box is "
+        "filled; ask for fewer modules.",
+    )
+
+
 def sample(
     solid: Solid, *, pitch: float, size: int, rotation: Floats, turned: Floats | None = None
 ) -> Sampling:
     """Samples the inside of a solid.
 
     What the surface goes around is inside: by winding where neighbouring triangles agree on the
-    outside, else by the parity of crossings along three axes, both ways, by vote.
+    outside, else by the parity of crossings along three axes, of which two must agree.
 
     Args:
         solid: What to sample.
@@ -81,12 +91,7 @@ def sample(
     middle = (low + high) / 2.0
     shape = grid_of(high - low, pitch, size)
     if float(np.prod(shape.astype(np.float64))) > MOST_SAMPLES:
-        box = " × ".join(f"{e:.4g}" for e in high - low)
-        raise InputError(
-            "too-fine",
-            f"cells of {pitch:.4g} are too fine for a solid of {box}: too little of its box is "
-            "filled; ask for fewer modules.",
-        )
+        raise too_fine(pitch, high - low)
     scale = size / pitch
     # What is equal but for rounding shall fall on the same side of every sample.
     points = np.round((turned - middle) * scale, 9) + shape / 2.0

@@ -47,7 +47,7 @@ class Closed:
 
 
 def edges_of(faces: Ints) -> Edges:
-    """Counts how triangles share edges."""
+    """Counts how triangles share edges; there must be some."""
     runs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     forward = runs[:, 0] < runs[:, 1]
     low, high = runs.min(axis=1), runs.max(axis=1)

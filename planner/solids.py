@@ -181,21 +181,25 @@ def _check_extents(points: Floats) -> None:
 def _sewn(solid: Solid, said: list[str]) -> Solid:
     """The solid with equal vertices made one, and its holes closed."""
     points, corners = welded(solid.vertices, solid.faces, tolerance=0.0)
+    if not len(corners):
+        raise InputError(
+            "degenerate", "the triangles collapse onto each other; expected a closed surface."
+        )
     edges = edges_of(corners)
+    if edges.open:
+        loose_points, loose_corners = welded(
+            points, corners, tolerance=LOOSE * float(solid.extents.max())
+        )
+        loose = edges_of(loose_corners) if len(loose_corners) else edges
+        if loose.open < edges.open:
+            said.append("vertices that almost meet were sewn together.")
+            points, corners, edges = loose_points, loose_corners, loose
     if 2 * edges.open > 3 * len(corners):
         raise InputError(
             "not-a-surface",
             f"hardly any of the {len(corners)} triangles share an edge with another; expected a "
             "closed surface.",
         )
-    if edges.open:
-        loose_points, loose_corners = welded(
-            points, corners, tolerance=LOOSE * float(solid.extents.max())
-        )
-        loose = edges_of(loose_corners)
-        if len(loose_corners) and loose.open < edges.open:
-            said.append("vertices that almost meet were sewn together.")
-            points, corners, edges = loose_points, loose_corners, loose
     if edges.open:
         closed = closed_holes(points, corners, edges)
         if closed.holes:

@@ -17,7 +17,7 @@ from planner.bridges import bridged, parts_of
 from planner.errors import InputError
 from planner.kernels.crossings import window_histograms, window_sums
 from planner.orientations import candidates
-from planner.sampling import MOST_SAMPLES, Sampling, grid_of, sample
+from planner.sampling import Sampling, grid_of, sample, too_fine
 from planner.seams import welded
 from planner.shapes import Shape
 from planner.solids import Solid, signed_volume
@@ -33,6 +33,8 @@ UPRIGHT_BONUS: Final = 0.02
 EMPTIEST_KEPT: Final = 0.2
 FULLEST_LEFT: Final = 0.65
 WORK: Final = 1.2e8
+FEWEST_TRIED: Final = 10
+MOST_TRIED: Final = 120
 ROUGH: Final = 0.1
 MANY_TRIANGLES: Final = 20_000
 
@@ -129,14 +131,19 @@ class _Search:
         self._rough = _roughened(solid, self._pitch_for(self._volume) * ROUGH)
         self._turned: dict[int, Floats] = {}
         self._size = FINE
+        self._most = FEWEST_TRIED
         self._begin()
 
     def _begin(self) -> None:
         """Counts the bodies and settles how fine to sample."""
         first = self._pitch_for(self._volume)
-        samples = float(np.prod(grid_of(self._solid.extents, first, FINE).astype(np.float64)))
+        all_samples = [self._samples(turn, first, FINE) for turn in range(len(self._turns))]
+        # A long thin solid that lies askew fits only when it is turned.
+        turn = next((i for i, n in enumerate(all_samples) if n <= MANY_SAMPLES), -1)
+        turn = turn if turn >= 0 else int(np.argmin(all_samples))
+        samples = all_samples[turn]
         self._size = FINE if samples <= MANY_SAMPLES else FINE // 2
-        sampling = sample(self._rough, pitch=first, size=self._size, rotation=self._turns[0])
+        sampling = self._sampled(turn, first, self._size)
         _, sizes = parts_of(sampling.inside)
         if len(sizes) == 0:
             return
@@ -147,11 +154,10 @@ class _Search:
             self._volume *= self._share
         work = samples * (4.0 if self._several else 1.0)
         work += (40.0 if self._solid.oriented else 120.0) * len(self._rough)
-        self._most = int(np.clip(WORK / max(work, 1.0), 10, 120))
+        self._most = int(np.clip(WORK / max(work, 1.0), FEWEST_TRIED, MOST_TRIED))
 
     def run(self) -> None:
         """Tries orientations with a few pitches, then the best of them with more."""
-        self._most = getattr(self, "_most", 10)
         for turn in range(len(self._turns)):
             if turn and len(self._tried) > self._most // 2:
                 break
@@ -161,6 +167,8 @@ class _Search:
                 if tried is None:
                     break
                 pitch *= _count_factor(tried, self._cells)
+        if not self._tried:
+            raise too_fine(self._pitch_for(self._volume), self._solid.extents)
         if not any(t.counts.any() for t in self._tried):
             raise InputError(
                 "no-volume",
@@ -168,9 +176,10 @@ class _Search:
                 "surface with walls, or ask for more modules.",
             )
         for turn in dict.fromkeys([self._best().turn, 0]):
-            best = max(
-                (t for t in self._tried if t.turn == turn), key=lambda t: _merit(t, self._cells)
-            )
+            own = [t for t in self._tried if t.turn == turn]
+            if not own:
+                continue
+            best = max(own, key=lambda t: _merit(t, self._cells))
             for pitch in self._pitches(turn, best.pitch):
                 if len(self._tried) >= self._most:
                     break
@@ -193,12 +202,16 @@ class _Search:
         if key in self._seen:
             return None
         self._seen.add(key)
-        extents = np.ptp(self._points(turn), axis=0)
-        if self._tried and float(np.prod(grid_of(extents, pitch, self._size))) > MOST_SAMPLES:
+        if self._samples(turn, pitch, self._size) > 2 * MANY_SAMPLES:
             return None
         tried = _judged(self._sampled(turn, pitch, self._size), turn)
         self._tried.append(tried)
         return tried
+
+    def _samples(self, turn: int, pitch: float, size: int) -> float:
+        """How many samples the turned solid's box takes."""
+        extents = np.ptp(self._points(turn), axis=0)
+        return float(np.prod(grid_of(extents, pitch, size).astype(np.float64)))
 
     def _points(self, turn: int) -> Floats:
         """(V, 3) vertices of the rough solid, turned."""
@@ -272,8 +285,7 @@ class _Search:
 
     def _measured(self, tried: _Tried, shape: Shape, offset: Floats) -> float:
         """Intersection over union with finer samples than those that were searched with."""
-        extents = np.ptp(self._points(tried.turn), axis=0)
-        samples = np.prod(grid_of(extents, tried.pitch, FINEST).astype(np.float64))
+        samples = self._samples(tried.turn, tried.pitch, FINEST)
         sampling = sample(
             self._solid,
             pitch=tried.pitch,

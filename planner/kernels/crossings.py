@@ -78,16 +78,18 @@ def fill_by_winding(marks: Array, inside: Array) -> int:
 
 @njit(cache=True)
 def vote_by_parity(marks: Array, votes: Array) -> None:
-    """Adds two votes a sample: crossings counted from one end of its ray, and from the other."""
+    """Adds a vote where the crossings passed are odd; a ray with an odd total has no vote."""
     for i in range(marks.shape[0]):
         for j in range(marks.shape[1]):
             total = 0
             for k in range(marks.shape[2]):
                 total += abs(marks[i, j, k])
+            if total % 2:
+                continue
             passed = 0
             for k in range(marks.shape[2]):
                 passed += abs(marks[i, j, k])
-                votes[i, j, k] += passed % 2 + (total - passed) % 2
+                votes[i, j, k] += passed % 2
 
 
 @njit(cache=True)

@@ -138,7 +138,7 @@ class _Scene:
             own, corners = self._mesh(mesh)
             with np.errstate(all="ignore"):
                 points.append(own @ transform[:3, :3].T + transform[:3, 3])
-            mirrored = np.linalg.det(transform[:3, :3]) < 0
+                mirrored = np.linalg.det(transform[:3, :3]) < 0
             faces.append((corners[:, ::-1] if mirrored else corners) + rows)
             rows += len(own)
         return Solid.from_triangles(
@@ -221,11 +221,12 @@ class _Scene:
         faces: list[Ints] = [np.zeros((0, 3), dtype=np.int64)]
         rows = 0
         for primitive in self._primitives(mesh):
-            own = self._accessor(primitive["attributes"]["POSITION"], "VEC3").astype(np.float64)
-            if "indices" in primitive:
-                corners = self._accessor(primitive["indices"], "SCALAR").astype(np.int64).ravel()
-            else:
+            with np.errstate(invalid="ignore"):  # what is no number is refused with its place
+                own = self._accessor(primitive["attributes"]["POSITION"], "VEC3").astype(float)
                 corners = np.arange(len(own))
+                if "indices" in primitive:
+                    corners = self._accessor(primitive["indices"], "SCALAR").astype(np.int64)
+            corners = corners.ravel()
             if len(corners) and corners.max() >= len(own):
                 raise InputError("bad-index", f"got vertex {corners.max()} of {len(own)}.")
             faces.append(_cut(corners, primitive.get("mode", TRIANGLES)) + rows)

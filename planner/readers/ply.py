@@ -63,6 +63,8 @@ def read_ply(data: bytes, source: Source) -> Solid:
     points: NDArray[np.float64] | None = None
     triangles: Ints | None = None
     for element in elements:
+        if not element.properties:
+            raise _damaged(f"the element {quote(element.name)!r} has no properties")
         if element.name == "face":
             check_triangles(element.count, source.most_triangles)
         columns = body.read(element)
@@ -70,13 +72,15 @@ def read_ply(data: bytes, source: Source) -> Solid:
             places = [element.column((axis,)) for axis in "xyz"]
             if -1 in places or any(element.properties[p].length for p in places):
                 raise _damaged("the vertices have no x, y and z")
-            points = np.column_stack([columns[p][0].astype(np.float64) for p in places])
+            with np.errstate(invalid="ignore"):
+                points = np.column_stack([columns[p][0].astype(np.float64) for p in places])
         elif element.name == "face":
             place = element.column(CORNERS)
             if place == -1 or not element.properties[place].length:
                 raise _damaged("the faces have no list of vertices")
             corners, counts = columns[place]
-            triangles = fans(corners.astype(np.int64), counts)
+            with np.errstate(invalid="ignore"):
+                triangles = fans(corners.astype(np.int64), counts)
         if points is not None and triangles is not None:
             break
     if points is None or triangles is None:
@@ -188,8 +192,6 @@ class _Binary:
 
     def read(self, element: _Element) -> Columns:
         """Columns of an element: values one after the other, and how many each row has."""
-        if not element.properties:
-            raise _damaged(f"the element {quote(element.name)!r} has no properties")
         lists = [p for p in element.properties if p.length]
         least = sum(np.dtype(p.length or p.kind).itemsize for p in element.properties)
         if element.count * least > len(self._data) - self._at:

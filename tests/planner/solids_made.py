@@ -1,0 +1,109 @@
+"""Meshes and voxel files for tests, made and written by parts that are not foldback's."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zipfile
+from collections.abc import Callable
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from planner.solids import Solid
+
+Mesh = trimesh.Trimesh
+
+
+def torus() -> Mesh:
+    return trimesh.creation.torus(2.0, 0.7, major_sections=24, minor_sections=12)
+
+
+def box(*sides: float) -> Mesh:
+    return trimesh.creation.box(sides)
+
+
+def solid_of(mesh: Mesh, name: str = "solid") -> Solid:
+    return Solid.from_triangles(mesh.vertices, mesh.faces, name=name)
+
+
+def exported(kind: str, mesh: Mesh) -> bytes:
+    """A mesh in a file format, as trimesh writes it."""
+    if kind == "3mf":
+        data = trimesh.Scene(mesh).export(file_type="3mf")
+    elif kind == "gltf":
+        files = trimesh.Scene(mesh).export(file_type="gltf", embed_buffers=True)
+        data = files["model.gltf"]
+    elif kind == "ply_ascii":
+        data = mesh.export(file_type="ply", encoding="ascii")
+    else:
+        data = mesh.export(file_type=kind)
+    return data.encode() if isinstance(data, str) else data
+
+
+MESH_KINDS = ("stl", "stl_ascii", "obj", "ply", "ply_ascii", "off", "glb", "gltf", "3mf")
+
+
+def chunk(kind: bytes, body: bytes) -> bytes:
+    return kind + struct.pack("<II", len(body), 0) + body
+
+
+def words(**pairs: str) -> bytes:
+    body = struct.pack("<I", len(pairs))
+    for key, value in pairs.items():
+        for word in (key.encode(), value.encode()):
+            body += struct.pack("<I", len(word)) + word
+    return body
+
+
+def vox_model(cells: NDArray[np.int64]) -> bytes:
+    size = cells.max(axis=0) + 1
+    rows = b"".join(bytes([*cell, 1]) for cell in cells.tolist())
+    return chunk(b"SIZE", struct.pack("<3I", *size.tolist())) + chunk(
+        b"XYZI", struct.pack("<I", len(cells)) + rows
+    )
+
+
+def vox_file(*chunks: bytes) -> bytes:
+    body = b"".join(chunks)
+    return b"VOX " + struct.pack("<I", 150) + b"MAIN" + struct.pack("<II", 0, len(body)) + body
+
+
+def as_vox(cells: NDArray[np.int64]) -> bytes:
+    return vox_file(vox_model(cells), chunk(b"RGBA", bytes(1024)))
+
+
+def as_binvox(cells: NDArray[np.int64]) -> bytes:
+    x, y, z = (cells.max(axis=0) + 1).tolist()
+    grid = np.zeros((x, z, y), dtype=np.uint8)
+    grid[cells[:, 0], cells[:, 2], cells[:, 1]] = 1
+    data = b"#binvox 1\ndim %d %d %d\ntranslate 0 0 0\nscale 1\ndata\n" % (x, z, y)
+    flat = grid.ravel()
+    starts = np.flatnonzero(np.concatenate([[True], flat[1:] != flat[:-1]]))
+    for start, end in zip(starts, [*starts[1:], len(flat)], strict=True):
+        left = int(end - start)
+        while left:
+            data += bytes([flat[start], min(left, 255)])
+            left -= min(left, 255)
+    return data
+
+
+def as_grid(cells: NDArray[np.int64]) -> bytes:
+    grid = np.zeros(tuple(cells.max(axis=0) + 1), dtype=bool)
+    grid[tuple(cells.T)] = True
+    stream = io.BytesIO()
+    np.save(stream, grid)
+    return stream.getvalue()
+
+
+VOXEL_WRITERS: tuple[Callable[[NDArray[np.int64]], bytes], ...] = (as_vox, as_binvox, as_grid)
+
+
+def zipped(**files: bytes) -> bytes:
+    """A zip archive; double underscores in names are slashes, and ``_model`` ends in .model."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in files.items():
+            archive.writestr(name.replace("__", "/").replace("_model", ".model"), data)
+    return stream.getvalue()

@@ -1,0 +1,321 @@
+from __future__ import annotations
+
+import base64
+import json
+import struct
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+
+from planner.errors import InputError
+from planner.readers import read
+from planner.solids import Solid, signed_volume
+from tests.planner.solids_made import MESH_KINDS, box, exported, torus, zipped
+
+TETRAHEDRON_OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+
+
+def solid_in(data: bytes, filename: str | None = None) -> Solid:
+    found = read(data, filename=filename)
+    assert isinstance(found, Solid)
+    return found
+
+
+def volume_in(data: bytes, filename: str | None = None) -> float:
+    solid = solid_in(data, filename)
+    assert solid.oriented, solid.notes
+    return signed_volume(solid.vertices, solid.faces)
+
+
+def refusal_of(data: bytes, **options: object) -> InputError:
+    with pytest.raises(InputError) as refusal:
+        read(data, **options)  # type: ignore[arg-type]
+    assert str(refusal.value).isprintable()
+    assert refusal.value.detail.endswith(".")
+    return refusal.value
+
+
+@pytest.mark.parametrize("kind", MESH_KINDS)
+@pytest.mark.parametrize("filename", ["some ring.stl", "ring.json", None])
+def test_what_trimesh_writes_is_read_back(kind: str, filename: str | None) -> None:
+    mesh = torus()
+    solid = solid_in(exported(kind, mesh), filename)
+    assert (len(solid), len(solid.vertices)) == (len(mesh.faces), len(mesh.vertices))
+    assert solid.notes == ()
+    assert signed_volume(solid.vertices, solid.faces) == pytest.approx(mesh.volume, rel=1e-5)
+    np.testing.assert_allclose(solid.extents, mesh.extents, rtol=1e-5)
+    assert solid.name == ("some ring" if filename == "some ring.stl" else filename and "ring") or (
+        filename is None and solid.name == "solid"
+    )
+
+
+@pytest.mark.parametrize("kind", ["glb", "gltf", "3mf"])
+def test_parts_of_a_scene_come_where_its_nodes_put_them(kind: str) -> None:
+    scene = trimesh.Scene()
+    turn = trimesh.transformations.rotation_matrix(0.3, [1, 1, 1])
+    for shift in (0.0, 5.0, 11.0):
+        place = trimesh.transformations.translation_matrix([shift, 0, 0]) @ turn
+        scene.add_geometry(box(1, 2, 3), transform=place)
+    if kind == "gltf":
+        data = scene.export(file_type="gltf", embed_buffers=True)["model.gltf"]
+    else:
+        data = scene.export(file_type=kind)
+    solid = solid_in(data)
+    assert signed_volume(solid.vertices, solid.faces) == pytest.approx(18, rel=1e-4)
+    np.testing.assert_allclose(solid.extents, scene.extents, rtol=1e-4)
+
+
+OBJ_WAYS = {
+    "quads": b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
+    b"f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n",
+    "from the end": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf -4 -2 -3\nf -4 -3 -1\nf -3 -2 -1\n"
+    b"f -2 -4 -1\n",
+    "with a material and normals": b"mtllib http://example.com/secret.mtl\nvn 0 0 1\nvt 0 0\n"
+    + TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"usemtl x\nf 1/1/1 3/1/1 2/1/1").replace(
+        b"f 2 3 4", b"f 2//1 3//1 4//1"
+    ),
+    "with colours": TETRAHEDRON_OBJ.replace(b"v 0 0 1", b"v 0 0 1 0.5 0.5 0.5"),
+    "continued lines": TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"f 1 \\\r\n3 2"),
+}
+
+
+@pytest.mark.parametrize("way", OBJ_WAYS)
+def test_the_ways_in_which_obj_files_are_written(way: str) -> None:
+    assert volume_in(OBJ_WAYS[way]) == pytest.approx(1.0 if way == "quads" else 1 / 6)
+
+
+def ply(order: str, polygons: list[list[int]], points: list[list[float]]) -> bytes:
+    mark = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}[order]
+    head = (
+        f"ply\nformat {order} 1.0\ncomment TextureFile /etc/passwd\nelement vertex {len(points)}\n"
+        "property double x\nproperty double y\nproperty double z\nproperty uchar red\n"
+        f"element face {len(polygons)}\nproperty list uchar int vertex_indices\n"
+        "property uchar flags\nelement edge 0\nproperty int vertex1\nend_header\n"
+    )
+    if not mark:
+        rows = [" ".join(map(str, [*p, 7])) for p in points]
+        rows += [" ".join(map(str, [len(r), *r, 0])) for r in polygons]
+        return (head + "\n".join(rows) + "\n").encode()
+    body = b"".join(struct.pack(mark + "3dB", *p, 7) for p in points)
+    body += b"".join(struct.pack(f"{mark}B{len(r)}iB", len(r), *r, 0) for r in polygons)
+    return head.encode() + body
+
+
+@pytest.mark.parametrize("order", ["ascii", "binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("mixed", [False, True])
+def test_ply_of_every_order_and_with_mixed_polygons(order: str, mixed: bool) -> None:
+    points = [[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 3.0)]
+    sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    if mixed:
+        sides[0:1] = [[0, 1, 3], [0, 3, 2]]
+    assert volume_in(ply(order, sides, points)) == pytest.approx(6)
+
+
+@pytest.mark.parametrize("head", [b"OFF\n4 4 6\n", b"# c\nOFF # d\n\n4 4 6 # e\n", b"OFF 4 4 6\n"])
+def test_off_with_comments_and_colours(head: bytes) -> None:
+    body = b"0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1 255 0 0\n3 0 1 3\n3 1 2 3\n3 2 0 3\n"
+    if head.startswith(b"#"):
+        head = head[4:]
+    assert volume_in(head + body) == pytest.approx(1 / 6)
+
+
+def test_an_stl_with_a_wrong_count_is_told_apart_by_its_name() -> None:
+    data = exported("stl", torus())
+    more = data[:80] + struct.pack("<I", 100_000) + data[84:]
+    assert refusal_of(more, filename="x.stl").code == "truncated"
+    assert "100000 triangles and the file holds 576" in refusal_of(more, filename="x.stl").detail
+    assert refusal_of(data[:-20], filename="x.STL").code == "truncated"
+    noted = solid_in(data + b"tail", "x.stl")
+    assert "left alone" in noted.notes[0]
+    assert refusal_of(data + bytes(9999), filename="x.stl").code == "damaged"
+
+
+def test_a_binary_stl_whose_header_says_solid_is_read() -> None:
+    data = exported("stl", torus())
+    assert len(solid_in(b"solid facet normal".ljust(80) + data[80:], "x.stl")) == 576
+
+
+def gltf_document() -> dict[str, object]:
+    return json.loads(exported("gltf", torus()))
+
+
+@pytest.mark.parametrize("uri", ["http://127.0.0.1:1/x.bin", "../../etc/passwd", "file:///etc/x"])
+@pytest.mark.parametrize("key", ["buffers", "images"])
+def test_references_to_other_files_are_refused(uri: str, key: str) -> None:
+    document = gltf_document()
+    document.setdefault(key, [{}])[0]["uri"] = uri  # type: ignore[index]
+    refusal = refusal_of(json.dumps(document).encode())
+    assert (refusal.code, refusal.where) == ("outside-reference", f"{key}[0]")
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    glb = b"glTF" + struct.pack("<IIII", 2, 20 + len(text), len(text), 0x4E4F534A) + text
+    assert refusal_of(glb).code == "outside-reference"
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        (lambda d: d["accessors"][0].update(count=10**12), "too-many-triangles"),
+        (lambda d: d["accessors"][1].update(count=10**12), "truncated"),
+        (lambda d: d["accessors"][0].update(count=-3), "damaged"),
+        (lambda d: d["accessors"][0].update(sparse={}), "unsupported"),
+        (lambda d: d["accessors"][0].update(byteOffset=-4), "damaged"),
+        (lambda d: d["accessors"][0].update(bufferView=77), "damaged"),
+        (lambda d: d["bufferViews"][0].update(byteLength=8), "truncated"),
+        (lambda d: d["bufferViews"][1].update(byteOffset=10**9), "truncated"),
+        (lambda d: d.update(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]), "damaged"),
+        (lambda d: d.update(nodes=[{"mesh": 0}] * 20_000, scenes=[{"nodes": [0]}]), None),
+        (lambda d: d.update(nodes=[{}] * 200_000), "too-large"),
+        (lambda d: d.update(nodes=[{"mesh": 0, "scale": [1e300] * 3}]), "too-far"),
+        (lambda d: d.update(nodes=[{"mesh": 0, "matrix": [1.0] * 5}]), "damaged"),
+        (lambda d: d.update(extensionsRequired=["KHR_draco_mesh_compression"]), "unsupported"),
+        (lambda d: d.update(meshes=[]), "damaged"),
+        (lambda d: d.update(buffers=[{"uri": "data:;base64,%%%"}]), "damaged"),
+    ],
+)
+def test_lying_scenes_are_refused(change, code: str | None) -> None:  # type: ignore[no-untyped-def]
+    document = gltf_document()
+    change(document)
+    data = json.dumps(document).encode()
+    if code is None:
+        assert isinstance(read(data), Solid)
+    elif code == "too-far":
+        assert refusal_of(data).code in ("too-far", "not-finite", "damaged")
+    else:
+        assert refusal_of(data).code in (code, "too-many-cells")
+
+
+def test_a_mesh_that_nodes_repeat_too_often_is_refused_before_it_is_made() -> None:
+    document = gltf_document()
+    document["nodes"] = [{"mesh": 0}] * 5_000
+    document["scenes"] = [{"nodes": list(range(5_000))}]
+    assert refusal_of(json.dumps(document).encode()).code == "too-many-triangles"
+
+
+MODEL = """<?xml version="1.0"?><model unit="millimeter"
+ xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>{}</resources>
+<build>{}</build></model>"""
+MESH = """<object id="1" type="model"><mesh><vertices><vertex x="0" y="0" z="0"/>
+<vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/><vertex x="0" y="0" z="1"/></vertices>
+<triangles><triangle v1="0" v2="2" v3="1"/><triangle v1="0" v2="1" v3="3"/>
+<triangle v1="1" v2="2" v3="3"/><triangle v1="2" v2="0" v3="3"/></triangles></mesh></object>"""
+
+
+def model(resources: str, build: str = '<item objectid="1"/>') -> bytes:
+    return zipped(**{"3D__3dmodel_model": MODEL.format(resources, build).encode()})
+
+
+def test_parts_of_a_3mf_are_moved_and_mirrored() -> None:
+    parts = (
+        '<object id="2"><components><component objectid="1"/>'
+        '<component objectid="1" transform="-2 0 0 0 1 0 0 0 1 -9 0 0"/></components></object>'
+    )
+    data = model(MESH + parts, '<item objectid="2" transform="1 0 0 0 1 0 0 0 3 0 0 0"/>')
+    assert volume_in(data) == pytest.approx((1 + 2) * 3 / 6)
+
+
+def test_a_3mf_whose_parts_multiply_is_refused_before_it_is_made() -> None:
+    parts = "".join(
+        f'<object id="{i}"><components>{f"<component objectid={chr(34)}{i - 1}{chr(34)}/>" * 2}'
+        "</components></object>"
+        for i in range(2, 45)
+    )
+    assert refusal_of(model(MESH + parts, '<item objectid="44"/>')).code == "too-large"
+
+
+@pytest.mark.parametrize(
+    ("data", "code"),
+    [
+        (zipped(readme=b"hello"), "wrong-kind"),
+        (zipped(a_model=b" " * (64 << 20)), "bomb"),
+        (zipped(a_model=b"<model>" + b"<x/>" * (10 << 20)), "bomb"),
+        (zipped(a_model=b"<!DOCTYPE x [<!ENTITY a 'aaaa'>]><model>&a;</model>"), "damaged"),
+        (zipped(a_model=b"<model>"), "damaged"),
+        (zipped(a_model=b""), "damaged"),
+        (model(""), "damaged"),
+        (model(MESH, '<item objectid="7"/>'), "damaged"),
+        (model('<object id="1"><components><component objectid="1"/></components></object>'),)
+        + ("damaged",),
+        (model(MESH.replace('v3="1"', 'v3="9"')), "bad-index"),
+        (model(MESH.replace('v3="1"', 'v3="-1"')), "bad-index"),
+        (model(MESH.replace('x="1"', 'x="nan"')), "not-finite"),
+        (model(MESH.replace('x="1"', 'x="wide"')), "damaged"),
+        (model(MESH.replace('x="1"', "")), "damaged"),
+        (model(MESH, '<item objectid="1" transform="1 2 3"/>'), "damaged"),
+        (model(MESH)[:-30], "damaged"),
+        (b"PK\x03\x04" + bytes(60), "damaged"),
+    ],
+)
+def test_archives_that_are_no_model_are_refused(data: bytes, code: str) -> None:
+    assert refusal_of(data).code == code
+
+
+def test_an_archive_that_lies_about_its_size_is_refused() -> None:
+    data = bytearray(zipped(a_model=b"<model>" + b" " * (64 << 20)))
+    true = struct.pack("<I", 7 + (64 << 20))
+    while (at := data.find(true)) >= 0:
+        data[at : at + 4] = struct.pack("<I", 1000)
+    assert refusal_of(bytes(data)).code in ("damaged", "bomb")
+
+
+@pytest.mark.parametrize(
+    ("data", "code", "where"),
+    [
+        (b"OFF\n", "truncated", None),
+        (b"OFF\n9999999999 9999999999 0\n", "truncated", None),
+        (b"OFF\n-1 4 0\n", "damaged", "line 2"),
+        (b"OFF\n1 1 0\n0 0 0\n9 0 0 0\n", "damaged", "line 4"),
+        (b"OFF BINARY\n", "unsupported", None),
+        (b"ply\nformat ascii 1.0\n", "truncated", None),
+        (b"ply\nformat ascii 1.0\nelement vertex 999999999999\nend_header\n", "damaged", None),
+        (b"ply\nformat xml 1.0\nend_header\n", "damaged", None),
+        (b"ply\nproperty float x\nend_header\n", "damaged", None),
+        (b"glTF\x02\0\0\0", "truncated", None),
+        (b"glTF" + struct.pack("<II", 1, 12), "wrong-version", None),
+        (b"glTF" + struct.pack("<II", 2, 9999), "truncated", None),
+        (b"glTF" + struct.pack("<II", 2, 12), "damaged", None),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "bad-index", "triangle 0"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n", "damaged", "line 4"),
+        (b"v 0 0\nf 1 2 3\n", "damaged", "line 1"),
+        (b"v 0 0 0\nv 1 0 0\n", "no-triangles", None),
+        (TETRAHEDRON_OBJ.replace(b"1 0 0", b"nan 0 0"), "not-finite", "vertex 1"),
+        (TETRAHEDRON_OBJ.replace(b"1 0 0", b"1e300 0 0"), "too-far", "vertex 1"),
+        (TETRAHEDRON_OBJ.replace(b"v 0 0 1", b"v 1 1 0"), "flat", None),
+        (b"solid x\nendsolid x\n", "no-triangles", None),
+        (
+            b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nendloop\nendfacet",
+            "damaged",
+            None,
+        ),
+    ],
+)
+def test_bad_meshes_are_refused_with_a_clear_word(
+    data: bytes, code: str, where: str | None
+) -> None:
+    refusal = refusal_of(data)
+    assert (refusal.code, refusal.where) == (code, where)
+
+
+@pytest.mark.parametrize("kind", MESH_KINDS)
+def test_more_triangles_or_bytes_than_the_limit_are_refused(kind: str) -> None:
+    data = exported(kind, torus())
+    assert refusal_of(data, most_triangles=500).code == "too-many-triangles"
+    assert refusal_of(data, most_bytes=500).code == "too-large"
+    assert isinstance(read(data, most_triangles=576, most_cells=10), Solid) or kind == "gltf"
+
+
+def test_reading_does_not_load_libraries_that_only_others_need() -> None:
+    code = (
+        "import sys, planner.readers\nassert not {'trimesh', 'networkx', 'lxml'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_buffers_may_be_embedded_in_text() -> None:
+    document = gltf_document()
+    uri = document["buffers"][0]["uri"]  # type: ignore[index]
+    assert base64.b64decode(uri.partition(",")[2])
+    assert len(solid_in(json.dumps(document).encode())) == 576

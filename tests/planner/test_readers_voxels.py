@@ -1,0 +1,174 @@
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.formats import write_shape
+from planner.paths import Path
+from planner.readers import read
+from planner.shapes import Shape
+from tests.planner.solids_made import VOXEL_WRITERS, as_binvox, as_vox, chunk, vox_file, vox_model
+from tests.planner.solids_made import words as pairs
+
+Cells = NDArray[np.int64]
+L_SHAPE = np.array([[0, 0, 0], [0, 1, 0], [0, 2, 0], [1, 0, 0], [1, 0, 1]])
+
+
+def sets(most: int) -> st.SearchStrategy[Cells]:
+    """Sets of cells that begin at the origin."""
+    number = st.integers(0, most)
+    cells = st.lists(st.tuples(number, number, number), min_size=1, max_size=30)
+    return cells.map(lambda c: np.unique(np.array(c) - np.min(c, axis=0), axis=0))
+
+
+def shape_in(data: bytes, **options: object) -> Shape:
+    found = read(data, **options)  # type: ignore[arg-type]
+    assert isinstance(found, Shape)
+    return found
+
+
+def refusal_of(data: bytes, **options: object) -> InputError:
+    with pytest.raises(InputError) as refusal:
+        read(data, **options)  # type: ignore[arg-type]
+    assert str(refusal.value).isprintable()
+    return refusal.value
+
+
+@pytest.mark.parametrize("writer", VOXEL_WRITERS)
+@given(cells=sets(20))
+def test_what_was_written_is_read_back(writer: Callable[[Cells], bytes], cells: Cells) -> None:
+    np.testing.assert_array_equal(shape_in(writer(cells)).cells, cells)
+
+
+@given(sets(900), st.floats(1e-6, 1e3))
+def test_a_written_shape_is_read_back(cells: Cells, pitch_m: float) -> None:
+    shape = Shape.from_cells(cells - 400, name="some shape", pitch_m=pitch_m)
+    back = shape_in(write_shape(shape))
+    np.testing.assert_array_equal(back.cells, shape.cells)
+    assert (back.name, back.pitch_m) == ("some shape", pitch_m)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        json.dumps(L_SHAPE.tolist()[::-1]).encode(),
+        b"x,y,z\n" + b"".join(b"%d,%d,%d\n" % tuple(c) for c in L_SHAPE[::-1]),
+        b"".join(b"%d %d %d\n" % tuple(c) for c in L_SHAPE[::-1]),
+    ],
+)
+def test_lists_of_cells_are_voxels_where_that_is_asked_for(data: bytes) -> None:
+    np.testing.assert_array_equal(shape_in(data, as_voxels=True).cells, L_SHAPE)
+    refusal = refusal_of(data)
+    assert refusal.code == "not-adjacent"
+    assert "read them as voxels" in refusal.detail
+
+
+def test_a_path_is_a_path_unless_voxels_are_asked_for() -> None:
+    data = b"0 0 0\n1 0 0\n1 1 0\n"
+    assert isinstance(read(data), Path)
+    assert len(shape_in(data, as_voxels=True)) == 3
+    assert len(shape_in(b"0 0 0\n0 0 0\n", as_voxels=True)) == 1
+
+
+def test_models_of_a_scene_come_where_its_nodes_put_them() -> None:
+    bar = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    # Node 0 moves a group of two moved shapes; the second is turned by a quarter about z.
+    turned = str(1 | (0 << 2) | (1 << 4))
+
+    def moved(node: int, child: int, **place: str) -> bytes:
+        body = struct.pack("<I", node) + pairs() + struct.pack("<IiiI", child, -1, 0, 1)
+        return chunk(b"nTRN", body + pairs(**place))
+
+    def shown(node: int, model: int) -> bytes:
+        body = struct.pack("<I", node) + pairs() + struct.pack("<II", 1, model) + pairs()
+        return chunk(b"nSHP", body)
+
+    group = chunk(b"nGRP", struct.pack("<I", 1) + pairs() + struct.pack("<III", 2, 2, 4))
+    data = vox_file(
+        vox_model(bar),
+        vox_model(bar[:1]),
+        moved(0, 1),
+        group,
+        moved(2, 3, _t="10 0 0", _r=turned),
+        shown(3, 0),
+        moved(4, 5, _t="10 0 2"),
+        shown(5, 1),
+    )
+    # The bar turns about a corner of its middle cell, as MagicaVoxel turns it.
+    assert shape_in(data).cells.tolist() == [[0, 0, 0], [0, 1, 0], [0, 2, 0], [1, 1, 2]]
+
+
+def test_more_cells_than_the_limit_are_refused() -> None:
+    cells = np.argwhere(np.ones((5, 5, 5)))
+    for writer in (*VOXEL_WRITERS, lambda c: write_shape(Shape.from_cells(c))):
+        assert len(shape_in(writer(cells), most_cells=125)) == 125
+        assert refusal_of(writer(cells), most_cells=124).code == "too-many-cells"
+
+
+def test_a_binvox_that_unpacks_to_much_is_refused_before_it_is_unpacked() -> None:
+    head = b"#binvox 1\ndim 4096 4096 4096\ndata\n"
+    assert refusal_of(head + b"\x01\xff" * 20_000).code == "truncated"
+    head = b"#binvox 1\ndim 100 300 170\ndata\n"
+    assert refusal_of(head + b"\x01\xff" * 20_000).code == "too-many-cells"
+    assert len(shape_in(head + b"\x00\xff" * 19_999 + b"\x01\xff")) == 255
+
+
+@pytest.mark.parametrize(
+    ("data", "code"),
+    [
+        (b"#binvox 1\ndim 2 2 2\n", "truncated"),
+        (b"#binvox 1\ndata\n", "damaged"),
+        (b"#binvox 1\ndim 2 2\ndata\n", "damaged"),
+        (b"#binvox 1\ndim 2 2 -2\ndata\n\x01\x08", "damaged"),
+        (b"#binvox 1\ndim 99999999999999 1 1\ndata\n\x01\x08", "damaged"),
+        (b"#binvox 1\ndim 2 2 2\ndata\n\x01\x08\x01", "truncated"),
+        (b"#binvox 1\ndim 2 2 2\ndata\n\x01\x09", "damaged"),
+        (b"#binvox 1\ndim 2 2 2\ndata\n\x07\x08", "damaged"),
+        (b"#binvox 1\ndim 2 2 2\ndata\n\x00\x08", "empty"),
+        (as_vox(L_SHAPE)[:-9], "truncated"),
+        (as_vox(L_SHAPE)[:14], "damaged"),
+        (vox_file(), "empty"),
+        (vox_file(chunk(b"XYZI", struct.pack("<I", 0))), "damaged"),
+        (vox_file(chunk(b"SIZE", struct.pack("<3I", 1, 1, 1))), "damaged"),
+        (
+            as_vox(L_SHAPE).replace(b"\x05\0\0\0\0\0\0\x01", b"\xff\xff\xff\x7f\0\0\0\x01"),
+            "damaged",
+        ),
+        (as_vox(L_SHAPE).replace(b"SIZE\x0c\0\0\0", b"SIZE\xff\xff\xff\xff"), "truncated"),
+        (
+            as_vox(L_SHAPE).replace(struct.pack("<3I", 2, 3, 2), struct.pack("<3I", 1, 3, 2)),
+            "damaged",
+        ),
+        (b'{"format": "foldback-voxels/1", "cells": []}', "empty"),
+        (b'{"format": "foldback-voxels/1"}', "wrong-type"),
+        (b'{"format": "foldback-voxels/1", "cells": [[0, 0, 0.5]]}', "not-whole"),
+        (b'{"format": "foldback-voxels/2", "cells": [[0, 0, 0]]}', "wrong-version"),
+    ],
+)
+def test_files_that_lie_are_refused(data: bytes, code: str) -> None:
+    assert refusal_of(data).code == code
+
+
+def test_a_grid_of_numbers_is_filled_where_it_is_not_zero() -> None:
+    import io
+
+    stream = io.BytesIO()
+    np.save(stream, np.asfortranarray(np.arange(8, dtype=np.uint8).reshape(2, 2, 2)))
+    assert len(shape_in(stream.getvalue())) == 7
+
+
+def test_binvox_has_y_as_its_fastest_axis() -> None:
+    data = b"#binvox 1\ndim 1 2 3\ndata\n\x00\x01\x01\x01\x00\x04"
+    assert shape_in(data).cells.tolist() == [[0, 1, 0]]
+    assert shape_in(as_binvox(np.array([[0, 0, 0], [0, 1, 0]]))).cells.tolist() == [
+        [0, 0, 0],
+        [0, 1, 0],
+    ]

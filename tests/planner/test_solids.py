@@ -1,0 +1,133 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from planner.errors import InputError
+from planner.solids import LARGEST_LENGTH, Solid, signed_volume
+from tests.planner.solids_made import box, solid_of, torus
+
+TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+
+
+def code_of(vertices: object, faces: object, **options: object) -> str:
+    with pytest.raises(InputError) as refusal:
+        Solid.from_triangles(vertices, faces, **options)  # type: ignore[arg-type]
+    assert str(refusal.value).isprintable()
+    return refusal.value.code
+
+
+def test_a_closed_mesh_is_kept_as_it_is() -> None:
+    solid = Solid.from_triangles(TETRAHEDRON, FACES, name="t")
+    assert (len(solid), solid.closed, solid.oriented, solid.notes) == (4, True, True, ())
+    assert signed_volume(solid.vertices, solid.faces) == pytest.approx(1 / 6)
+    assert not solid.vertices.flags.writeable
+    assert not solid.faces.flags.writeable
+
+
+def test_triangles_that_share_no_vertices_are_sewn_together() -> None:
+    mesh = torus()
+    corners = mesh.triangles.reshape(-1, 3)
+    solid = Solid.from_triangles(corners, np.arange(len(corners)).reshape(-1, 3))
+    assert len(solid.vertices) == len(mesh.vertices)
+    assert solid.oriented
+    assert solid.notes == ()
+
+
+def test_vertices_that_almost_meet_are_sewn_together() -> None:
+    mesh = torus()
+    noise = np.random.default_rng(0).normal(scale=1e-8, size=(3 * len(mesh.faces), 3))
+    corners = np.round(mesh.triangles.reshape(-1, 3) + noise, 12)
+    solid = Solid.from_triangles(corners, np.arange(len(corners)).reshape(-1, 3))
+    assert any("sewn" in note for note in solid.notes)
+    assert signed_volume(solid.vertices, solid.faces) == pytest.approx(mesh.volume, rel=1e-3)
+
+
+def test_a_mesh_that_is_inside_out_is_turned() -> None:
+    solid = Solid.from_triangles(TETRAHEDRON, FACES[:, ::-1])
+    assert signed_volume(solid.vertices, solid.faces) == pytest.approx(1 / 6)
+    assert any("inside out" in note for note in solid.notes)
+
+
+@pytest.mark.parametrize("missing", [1, 2, 7])
+def test_holes_are_closed_and_said(missing: int) -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=3)
+    solid = Solid.from_triangles(mesh.vertices, mesh.faces[missing:])
+    assert solid.oriented
+    assert any("open" in note and "closed" in note for note in solid.notes)
+    volume = signed_volume(solid.vertices, solid.faces)
+    assert volume == pytest.approx(mesh.volume, rel=0.02)
+
+
+def test_a_box_without_a_side_is_closed_with_a_flat_one() -> None:
+    mesh = box(2, 3, 4)
+    top = np.isclose(mesh.triangles[:, :, 2], 2.0).all(axis=1)
+    solid = Solid.from_triangles(mesh.vertices, mesh.faces[~top])
+    assert signed_volume(solid.vertices, solid.faces) == pytest.approx(24)
+
+
+def test_triangles_that_disagree_are_counted_through() -> None:
+    faces = FACES.copy()
+    faces[2] = faces[2, ::-1]
+    solid = Solid.from_triangles(TETRAHEDRON, faces)
+    assert (solid.closed, solid.oriented) == (True, False)
+    assert any("do not agree" in note for note in solid.notes)
+
+
+def test_triangles_without_area_are_left_out_and_said() -> None:
+    faces = np.vstack([FACES, [[0, 0, 1], [2, 2, 2]]])
+    solid = Solid.from_triangles(TETRAHEDRON, faces)
+    assert len(solid) == 4
+    assert solid.oriented
+    assert "2 triangles" in solid.notes[0]
+
+
+def test_a_broken_vertex_that_no_triangle_uses_does_no_harm() -> None:
+    solid = Solid.from_triangles([*TETRAHEDRON, [np.nan] * 3, [1e300] * 3], FACES)
+    assert len(solid.vertices) == 4
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "code"),
+    [
+        (TETRAHEDRON, np.zeros((0, 3)), "no-triangles"),
+        (TETRAHEDRON, FACES + 1, "bad-index"),
+        (TETRAHEDRON, FACES - 1, "bad-index"),
+        (np.where(TETRAHEDRON > 0, np.nan, 0), FACES, "not-finite"),
+        (np.where(TETRAHEDRON > 0, np.inf, 0), FACES, "not-finite"),
+        (TETRAHEDRON * 2 * LARGEST_LENGTH, FACES, "too-far"),
+        (TETRAHEDRON * [1, 1, 0], FACES, "flat"),
+    ],
+)
+def test_what_is_no_solid_is_refused(vertices: object, faces: object, code: str) -> None:
+    assert code_of(vertices, faces) == code
+
+
+def test_a_flat_mesh_is_refused_however_it_lies() -> None:
+    turn = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
+    assert code_of((TETRAHEDRON * [1, 1, 0]) @ turn.T, FACES) == "flat"
+
+
+def test_walls_that_lie_on_each_other_enclose_nothing() -> None:
+    faces = [[0, 1, 2], [0, 2, 1], [0, 1, 3], [0, 3, 1]]
+    assert code_of(TETRAHEDRON, faces) == "no-volume"
+
+
+def test_a_soup_of_triangles_is_no_surface() -> None:
+    points = np.random.default_rng(0).random((300, 3))
+    assert code_of(points, np.arange(300).reshape(-1, 3)) == "not-a-surface"
+
+
+def test_too_many_triangles_are_refused() -> None:
+    assert code_of(TETRAHEDRON, FACES, most_triangles=3) == "too-many-triangles"
+
+
+def test_a_million_triangles_without_area_are_refused() -> None:
+    rows = np.random.default_rng(0).integers(0, 4, 1_000_000)
+    assert code_of(TETRAHEDRON, np.column_stack([rows, rows, rows])) == "degenerate"
+
+
+def test_a_thin_long_solid_is_one() -> None:
+    assert solid_of(box(1000, 1, 0.5)).oriented

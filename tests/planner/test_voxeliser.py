@@ -1,0 +1,237 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from planner.bridges import bridged
+from planner.errors import InputError
+from planner.sampling import sample
+from planner.solids import Solid
+from planner.voxeliser import Voxels, voxelise
+from tests.planner.solids_made import box, solid_of, torus
+
+TURNS = trimesh.transformations
+
+
+def grid_of(cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+    grid = np.zeros(tuple(cells.max(axis=0) + 3), dtype=bool)
+    grid[tuple((cells + 1).T)] = True
+    return grid
+
+
+def euler_characteristic(cells: NDArray[np.int64]) -> int:
+    """Corners − edges + faces − cells of the union of closed cubes."""
+    total = 0
+    doubled = {tuple(2 * c + 1 + s) for c in cells for s in np.ndindex(3, 3, 3)}
+    for place in doubled:
+        # Corners, edges, faces and middles of cells lie at numbers with 0, 1, 2 or 3 even ones.
+        total += (-1) ** sum(p % 2 == 0 for p in place)
+    return total
+
+
+def pieces(cells: NDArray[np.int64]) -> int:
+    return int(ndimage.label(grid_of(cells))[1])
+
+
+def overlay(voxels: Voxels, turn: NDArray[np.float64]) -> float:
+    """Intersection over union with a turned torus again, from random points and its formula."""
+    points = np.random.default_rng(0).uniform(-3, 3, size=(100_000, 3))
+    around = np.hypot(points[:, 0], points[:, 1]) - 2.0
+    inside = around**2 + points[:, 2] ** 2 < 0.7**2
+    turned = points @ turn.T @ voxels.rotation.T
+    own = np.floor(turned / voxels.pitch + voxels.offset).astype(int)
+    cells = {tuple(c) for c in voxels.shape.cells.tolist()}
+    volume = 2.0 * np.pi**2 * 2.0 * 0.7**2
+    both = volume * np.mean([tuple(c) in cells for c in own[inside].tolist()])
+    return float(both / (volume + len(cells) * voxels.pitch**3 - both))
+
+
+@pytest.mark.parametrize("sides", [(3, 3, 3), (2, 3, 5), (1, 4, 6), (7, 2, 2)])
+def test_a_box_becomes_exactly_its_cells(sides: tuple[int, ...]) -> None:
+    voxels = voxelise(solid_of(box(*(2.5 * s for s in sides))), cells=int(np.prod(sides)))
+    assert len(voxels.shape) == np.prod(sides)
+    assert (np.ptp(voxels.shape.cells, axis=0) + 1).tolist() == list(sides)
+    assert voxels.iou == pytest.approx(1.0)
+    assert voxels.pitch == pytest.approx(2.5)
+    assert voxels.notes == ()
+
+
+def test_a_box_offers_the_counts_that_it_can_have() -> None:
+    voxels = voxelise(solid_of(box(3, 3, 3)), cells=70)
+    assert (voxels.below, len(voxels.shape), voxels.above) == (64, 64, 125)
+
+
+@given(
+    st.floats(0.1, 100),
+    st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-50, 50)),
+)
+@settings(max_examples=12, deadline=None)
+def test_size_and_place_change_nothing(scale: float, shift: tuple[float, ...]) -> None:
+    mesh = torus()
+    plain = voxelise(solid_of(mesh), cells=120)
+    mesh.apply_scale(scale)
+    mesh.apply_translation(np.array(shift) * scale)
+    moved = voxelise(solid_of(mesh), cells=120)
+    assert abs(len(moved.shape) - len(plain.shape)) <= 6
+    assert moved.iou == pytest.approx(plain.iou, abs=0.03)
+    assert moved.pitch / scale == pytest.approx(plain.pitch, rel=0.05)
+
+
+def test_a_ball_fills_pi_sixths_of_its_box() -> None:
+    voxels = voxelise(solid_of(trimesh.creation.icosphere(subdivisions=4)), cells=2000)
+    assert abs(len(voxels.shape) - 2000) <= 60
+    assert voxels.iou > 0.9
+    size = 2.0 / voxels.pitch
+    assert len(voxels.shape) == pytest.approx(np.pi / 6 * size**3, rel=0.03)
+
+
+def test_a_torus_has_one_hole_and_a_ball_none() -> None:
+    ring = voxelise(solid_of(torus()), cells=600).shape
+    assert euler_characteristic(ring.cells) == 0
+    ball = voxelise(solid_of(trimesh.creation.icosphere()), cells=600).shape
+    assert euler_characteristic(ball.cells) == 1
+
+
+def test_a_hollow_ball_stays_hollow() -> None:
+    inner = trimesh.creation.icosphere(subdivisions=3, radius=0.6)
+    inner.invert()
+    mesh = trimesh.util.concatenate([trimesh.creation.icosphere(subdivisions=3), inner])
+    voxels = voxelise(solid_of(mesh), cells=800)
+    assert euler_characteristic(voxels.shape.cells) == 2
+    assert voxels.bodies == 1
+
+
+@pytest.mark.parametrize("cells", [20, 150, 700])
+def test_the_reported_iou_and_overlay_are_true(cells: int) -> None:
+    mesh = trimesh.creation.torus(2.0, 0.7, major_sections=96, minor_sections=48)
+    turn = TURNS.rotation_matrix(0.4, [1, 2, 3])
+    mesh.apply_transform(turn)
+    voxels = voxelise(solid_of(mesh), cells=cells, seed=3)
+    assert voxels.iou == pytest.approx(overlay(voxels, turn[:3, :3]), abs=0.02)
+    assert np.linalg.det(voxels.rotation) == pytest.approx(1)
+    assert voxels.shape.cells.min(axis=0).tolist() == [0, 0, 0]
+
+
+def test_a_turned_box_is_turned_back() -> None:
+    mesh = box(3, 5, 4)
+    mesh.apply_transform(TURNS.rotation_matrix(0.4, [1, 2, 3]))
+    turned = voxelise(solid_of(mesh), cells=500)
+    upright = voxelise(solid_of(mesh), cells=500, upright=True)
+    assert turned.iou > upright.iou
+    np.testing.assert_array_equal(upright.rotation, np.eye(3))
+
+
+def test_the_same_seed_gives_the_same_cells() -> None:
+    solid = solid_of(torus())
+    one, two = (voxelise(solid, cells=90, seed=5) for _ in range(2))
+    np.testing.assert_array_equal(one.shape.cells, two.shape.cells)
+
+
+def test_the_largest_of_several_bodies_is_kept_and_said() -> None:
+    small = box(1, 1, 1)
+    small.apply_translation([9, 0, 0])
+    voxels = voxelise(solid_of(trimesh.util.concatenate([box(3, 3, 3), small])), cells=27)
+    assert (voxels.bodies, len(voxels.shape)) == (2, 27)
+    assert "2 separate bodies" in voxels.notes[0]
+
+
+def test_bodies_that_overlap_are_one() -> None:
+    other = box(2, 2, 2)
+    other.apply_translation([1, 1, 1])
+    solid = solid_of(trimesh.util.concatenate([box(2, 2, 2), other]))
+    voxels = voxelise(solid, cells=15 * 8)
+    assert voxels.bodies == 1
+    assert any("crosses itself" in note for note in voxels.notes)
+    assert len(voxels.shape) * voxels.pitch**3 == pytest.approx(15, rel=0.1)
+
+
+def dumbbell(thick: float) -> Solid:
+    left, right = box(3, 3, 3), box(3, 3, 3)
+    left.apply_translation([-4, 0.1, 0.1])
+    right.apply_translation([4, -0.1, -0.1])
+    bar = box(9, thick, thick)
+    return solid_of(trimesh.util.concatenate([left, right, bar]))
+
+
+def test_a_thin_bar_is_kept_and_said() -> None:
+    voxels = voxelise(dumbbell(0.45), cells=60)
+    assert pieces(voxels.shape.cells) == 1
+    assert voxels.bodies == 1
+    assert np.ptp(voxels.shape.cells[:, 0]) * voxels.pitch > 8
+    assert any("added to keep thin parts" in note for note in voxels.notes)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(5, 400))
+@settings(max_examples=15, deadline=None)
+def test_what_comes_out_is_in_one_piece(seed: int, cells: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(8, 3)) * rng.uniform(0.05, 1, 3)
+    voxels = voxelise(solid_of(trimesh.convex.convex_hull(points)), cells=cells, seed=seed)
+    assert pieces(voxels.shape.cells) == 1
+    assert 0 < voxels.iou <= 1
+    assert voxels.below is None or voxels.below < cells
+    assert voxels.above is None or voxels.above > cells
+
+
+@pytest.mark.parametrize("missing", [1, 9])
+def test_an_open_mesh_is_voxelised_like_the_closed_one(missing: int) -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=3)
+    whole = voxelise(solid_of(mesh), cells=300)
+    open_ = Solid(
+        name="open",
+        vertices=mesh.vertices,
+        faces=mesh.faces[missing:],
+        closed=False,
+        oriented=False,
+    )
+    assert abs(len(voxelise(open_, cells=300).shape) - len(whole.shape)) < 15
+
+
+def test_winding_and_votes_agree_on_closed_meshes() -> None:
+    solid = solid_of(torus())
+    voted = Solid(name="t", vertices=solid.vertices, faces=solid.faces, oriented=False)
+    turn = TURNS.rotation_matrix(0.5, [1, 1, 0])[:3, :3]
+    one, two = (sample(s, pitch=0.4, size=4, rotation=turn) for s in (solid, voted))
+    np.testing.assert_array_equal(one.inside, two.inside)
+    assert one.volume == pytest.approx(torus().volume, rel=0.01)
+
+
+def test_bridges_follow_the_fullest_cells_and_specks_are_dropped() -> None:
+    filled = np.zeros((9, 3, 3))
+    filled[:3] = filled[6:] = 1.0
+    filled[3:6, 0, 0] = 0.1
+    filled[3:6, 2, 2] = 0.3
+    filled[4, 0, 2] = 0.9
+    found = bridged(filled >= 0.5, filled)
+    assert (found.parts, found.added, found.dropped) == (3, 3, 1)
+    assert found.cells[3:6, 2, 2].all()
+    assert not found.cells[4, 0, 2]
+
+
+@pytest.mark.parametrize("cells", [0, -5, 200_001])
+def test_counts_out_of_range_are_refused(cells: int) -> None:
+    with pytest.raises(InputError, match="expected 1 to"):
+        voxelise(solid_of(box(1, 1, 1)), cells=cells)
+
+
+def test_a_long_thin_diagonal_is_refused_or_made_within_memory() -> None:
+    mesh = box(1000, 0.5, 0.5)
+    mesh.apply_transform(TURNS.rotation_matrix(0.7, [0, 1, 1]))
+    voxels = voxelise(solid_of(mesh), cells=2000)
+    assert pieces(voxels.shape.cells) == 1
+
+
+def test_a_sheet_without_thickness_has_no_inside() -> None:
+    x, y = np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 9), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), x.ravel() * y.ravel() + y.ravel()])
+    rows = np.arange(81).reshape(9, 9)
+    a, b, c, d = (r.ravel() for r in (rows[:-1, :-1], rows[1:, :-1], rows[1:, 1:], rows[:-1, 1:]))
+    faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    sheet = Solid(name="s", vertices=points, faces=faces, closed=False, oriented=False)
+    with pytest.raises(InputError, match="encloses nothing"):
+        voxelise(sheet, cells=100)
