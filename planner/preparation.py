@@ -223,9 +223,7 @@ def _prepared_chain(chain: Chain, wishes: Wishes, kind: str) -> Preparation:
     )
 
 
-def _from_shape(
-    shape: Shape, wishes: Wishes, seed: int, time_limit_s: float
-) -> Preparation:
+def _from_shape(shape: Shape, wishes: Wishes, seed: int, time_limit_s: float) -> Preparation:
     notes: list[str] = []
     if wishes.method == "blocks" and halved(shape) is None:
         notes.append("Each voxel became 2×2×2 modules, so that there is a path in any case.")
@@ -242,9 +240,7 @@ def _from_shape(
     )
 
 
-def _from_solid(
-    solid: Solid, wishes: Wishes, seed: int, time_limit_s: float
-) -> Preparation:
+def _from_solid(solid: Solid, wishes: Wishes, seed: int, time_limit_s: float) -> Preparation:
     modules = DEFAULT_MODULES if wishes.modules is None else wishes.modules
     blocks = wishes.method in ("auto", "blocks")
     cells = max(1, round(modules / BLOCK)) if blocks else modules
@@ -319,6 +315,7 @@ def _feasibility(state: Feasibility) -> dict[str, Any]:
                 "detail": r.detail,
                 "add": [list(map(int, c)) for c in r.add],
                 "drop": [list(map(int, c)) for c in r.drop],
+                "doubled": r.doubled,
             }
             for r in state.repairs
         ],

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from planner.folding import fold
+from planner.knots import knot_of
+from planner.pathfinding.exact import exact_path
 from planner.paths import Path
+from planner.shapes import Shape
 
 SMALL_SHAPE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (1, 1, 1), (1, 0, 1)]
 
 
 def warm_up() -> None:
-    """Folds a tiny shape; takes seconds the first time and a moment ever after."""
+    """Finds a path and folds a tiny shape: seconds the first time, a moment ever after."""
+    box = Shape.from_cells(np.argwhere(np.ones((3, 3, 3), dtype=bool)))
+    found = exact_path(box)
+    if found.cells is not None:
+        knot_of(found.cells)
     fold(Path.from_cells(SMALL_SHAPE, name="warm-up"))
