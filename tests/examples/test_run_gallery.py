@@ -1,0 +1,45 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from examples import run_gallery
+from examples.run_gallery import SHAPES, digest, fold_once, known
+
+FILES = sorted(SHAPES.glob("*.json"))
+
+
+def test_every_shape_has_a_known_result_of_the_file_as_it_is() -> None:
+    assert {file.stem: digest(file) for file in FILES} == {
+        name: result["digest"] for name, result in known().items()
+    }
+
+
+def test_every_shape_is_verified_and_nearly_all_at_once() -> None:
+    results = known()
+    assert {result["verdict"] for result in results.values()} == {"verified"}
+    at_once = sum(result["attempts"] == 1 for result in results.values())
+    assert at_once >= 0.98 * len(results)
+    assert all(result["clearance"] >= 0.0 for result in results.values())
+
+
+def test_a_known_result_comes_out_again() -> None:
+    result = fold_once(SHAPES / "letter-l.json", 0)
+    assert result["verdict"] == known()["letter-l"]["verdict"]
+    assert result["modules"] == known()["letter-l"]["modules"]
+
+
+def test_what_is_known_is_not_folded_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    results = tmp_path / "results.json"
+    monkeypatch.setattr(run_gallery, "RESULTS", results)
+    run_gallery.write(
+        {file.stem: {"digest": digest(file), "verdict": "verified"} for file in FILES}
+        | {"gone": {"digest": "0"}}
+    )
+    before = results.read_bytes()
+    run_gallery.main([])
+    assert results.read_bytes() == before
+    assert not capsys.readouterr().out
