@@ -1,0 +1,236 @@
+"""Previews: what is answered, what is refused and kept, and that folds take the same wishes."""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from tests.server.service import SNAKE, Service
+
+CROSS = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 2, 0]]
+
+
+def voxels(cells: object, **more: object) -> bytes:
+    return json.dumps({"format": "foldback-voxels/1", "cells": cells, **more}).encode()
+
+
+def box(*size: int) -> list[list[int]]:
+    return np.argwhere(np.ones(size)).tolist()
+
+
+def stl(*, hole: bool = False) -> bytes:
+    """A box of 2 by 1 by 1, as a binary STL."""
+    corners = np.argwhere(np.ones((2, 2, 2))) * np.array([2.0, 1.0, 1.0])
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))][: 6 if hole else 12]
+    rows = b"".join(
+        struct.pack("<12fH", 0, 0, 0, *corners[list(face)].ravel(), 0) for face in faces
+    )
+    return bytes(80) + struct.pack("<I", len(faces)) + rows
+
+
+def ask(service: Service, data: bytes | None = None, /, **form: Any) -> httpx.Response:
+    files = None if data is None else {"file": ("thing.bin", data)}
+    return service.http.post("/api/shapes/preview", data=form, files=files)
+
+
+def report(service: Service, data: bytes | None = None, /, **form: Any) -> dict[str, Any]:
+    answer = ask(service, data, **form)
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+def is_path(cells: list[list[int]]) -> bool:
+    steps = np.abs(np.diff(np.array(cells), axis=0)).sum(axis=1)
+    return bool((steps == 1).all()) and len({tuple(c) for c in cells}) == len(cells)
+
+
+def test_a_mesh_becomes_about_as_many_modules_as_asked_for(desk: Service) -> None:
+    found = report(desk, stl(), modules="128")
+    assert found["kind"] == "mesh"
+    assert found["modules"] == 128  # a box of 4 by 2 by 2 blocks
+    assert found["method"] == "blocks"
+    assert found["has_path"]
+    assert is_path(found["cells"])
+    assert len(found["cells"]) == 128
+    assert found["iou"] == pytest.approx(1.0, abs=0.02)
+    assert found["knot"]["verdict"] == "unknot"
+    assert found["expected_s"] > 0
+    # The mesh lies where the cells are: both fill the same box.
+    cells, vertices = np.array(found["cells"]), np.array(found["mesh"]["vertices"])
+    np.testing.assert_allclose(vertices.min(axis=0), cells.min(axis=0) - 0.5, atol=0.2)
+    np.testing.assert_allclose(vertices.max(axis=0), cells.max(axis=0) + 0.5, atol=0.2)
+
+
+def test_an_earlier_preview_is_looked_at_again_with_other_wishes(desk: Service) -> None:
+    first = report(desk, stl(), modules="64")
+    again = report(desk, preview=first["id"], modules="216", full="false")
+    assert again["id"] == first["id"]
+    assert again["key"] != first["key"]
+    assert again["modules"] > first["modules"]
+    assert again["cells"] == []
+    assert again["mesh"] is None
+    same = report(desk, preview=first["id"], modules="64")
+    assert same == first
+
+
+def test_cells_without_a_path_are_explained_and_repaired(desk: Service) -> None:
+    found = report(desk, voxels(CROSS, name="cross"))
+    assert not found["has_path"]
+    assert found["feasibility"]["feasible"] is False
+    assert all(problem["detail"] for problem in found["feasibility"]["problems"])
+    assert found["feasibility"]["repairs"]
+    repaired = report(desk, preview=found["id"], repair="true")
+    assert repaired["has_path"]
+    assert is_path(repaired["cells"])
+    doubled = report(desk, preview=found["id"], method="blocks")
+    assert doubled["modules"] == 8 * len(CROSS)
+    assert is_path(doubled["cells"])
+
+
+def test_a_list_of_cells_is_taken_as_voxels_when_that_is_said(desk: Service) -> None:
+    cells = box(4, 3, 2)[::-1]
+    cells[0], cells[7] = cells[7], cells[0]
+    data = json.dumps(cells).encode()
+    refused = ask(desk, data)
+    assert (refused.status_code, refused.json()["code"]) == (422, "not-adjacent")
+    assert "voxels" in refused.json()["detail"]
+    found = report(desk, data, as_voxels="true")
+    assert found["kind"] == "voxels"
+    assert is_path(found["cells"])
+    assert {tuple(c) for c in found["cells"]} == {tuple(c) for c in cells}
+
+
+def test_a_path_stays_as_it_is_and_its_knot_is_told(desk: Service) -> None:
+    found = report(desk, json.dumps(SNAKE).encode())
+    assert found["kind"] == "path"
+    assert found["modules"] == len(SNAKE)
+    assert found["knot"]["verdict"] == "unknot"
+    assert found["feasibility"] is None
+
+
+@pytest.mark.parametrize(
+    ("form", "code"),
+    [
+        ({"modules": "2"}, "bad-request"),
+        ({"modules": "100000"}, "bad-request"),
+        ({"modules": "1001"}, "too-many-modules"),
+        ({"modules": "many"}, "bad-request"),
+        ({"method": "magic"}, "bad-request"),
+        ({"ends": "inside"}, "bad-request"),
+        ({"seed": "-1"}, "bad-request"),
+        ({"shape": "mallet-64"}, "file-or-shape"),
+    ],
+    ids=str,
+)
+def test_bad_wishes_are_refused(desk: Service, form: dict[str, str], code: str) -> None:
+    answer = ask(desk, voxels(box(2, 2, 2)), **form)
+    assert answer.status_code == 422, answer.text
+    assert answer.json()["code"] == code
+
+
+def test_nothing_to_preview_is_refused(desk: Service) -> None:
+    assert ask(desk, modules="64").json()["code"] == "file-or-shape"
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        bytes(500),
+        b"solid nothing\nendsolid nothing\n",
+        bytes(80) + struct.pack("<I", 10_000_000) + bytes(50),
+        b"VOX " + bytes(40),
+        b"#binvox 1\ndim 9999999 9999999 9999999\ndata\n",
+        b"glTF\x02\x00\x00\x00\xff\xff\xff\x7f",
+        b"PK\x03\x04" + bytes(60),
+        stl(hole=True)[:200],
+        b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+    ],
+    ids=lambda data: repr(data[:12]),
+)
+def test_bad_files_get_a_clear_word(desk: Service, data: bytes) -> None:
+    answer = ask(desk, data)
+    assert answer.status_code == 422, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert answer.json()["code"]
+    assert len(answer.json()["detail"]) > 20
+
+
+@pytest.mark.parametrize("preview", ["nosuchpreview", "../../etc", "..", "x" * 300, ""])
+def test_unknown_previews_are_told_so(desk: Service, preview: str) -> None:
+    assert ask(desk, preview=preview).status_code in (404, 422)
+    answer = desk.http.post("/api/folds", data={"preview": preview})
+    assert answer.status_code in (404, 422)
+
+
+def test_a_preview_beyond_its_time_is_told_so(service_with) -> None:
+    service = service_with(workers=0, preview_seconds=0.02).start()
+    answer = ask(service, stl(), modules="2000")
+    assert answer.status_code == 504
+    assert answer.json()["code"] == "preview-too-slow"
+    assert "fewer modules" in answer.json()["detail"]
+    # The service goes on, and so do those who fold.
+    assert service.fold(SNAKE)["id"]
+
+
+def test_old_previews_make_room_for_new_ones(service_with) -> None:
+    service = service_with(workers=0, previews_bytes=2**20).start()
+    cells = voxels(box(2, 2, 2), padding="x" * 700_000)
+    padded = cells + b" " * 1_100_000
+    ids = [report(service, padded, full="false")["id"] for _ in range(3)]
+    assert ask(service, preview=ids[0]).status_code == 404
+    assert ask(service, preview=ids[-1]).status_code == 200
+
+
+def test_a_fold_takes_a_preview_and_its_wishes(desk: Service) -> None:
+    found = report(desk, stl(), modules="64")
+    first = desk.fold(preview=found["id"], modules="64")
+    request = json.loads((desk.data_dir / "folds" / first["id"] / "request.json").read_text())
+    assert request["modules"] == 64
+    assert request["filename"] == "thing.bin"
+    assert desk.fold(preview=found["id"], modules="64")["id"] == first["id"]
+    others = [
+        {"modules": "72"},
+        {"modules": "64", "method": "blocks"},
+        {"modules": "64", "ends": "surface"},
+        {"modules": "64", "repair": "true"},
+    ]
+    ids = {desk.fold(preview=found["id"], **wishes)["id"] for wishes in others}
+    assert len(ids | {first["id"]}) == 1 + len(others)
+
+
+def test_a_fold_of_cells_without_a_path_is_refused_at_once(desk: Service) -> None:
+    answer = desk.http.post("/api/folds", files={"file": ("cross.json", voxels(CROSS))})
+    assert answer.status_code == 422
+    assert answer.json()["code"] == "no-path"
+    assert "repair" in answer.json()["detail"]
+
+
+@pytest.mark.slow
+def test_a_mesh_is_folded(service: Service) -> None:
+    accepted = service.http.post(
+        "/api/folds", files={"file": ("brick.stl", stl())}, data={"modules": "64"}
+    ).json()
+    state = service.wait_over(accepted["id"])
+    assert state["status"] == "verified", state
+    assert state["modules"] == report(service, stl(), modules="64")["modules"]
+
+
+def test_pages_of_previews(desk: Service) -> None:
+    found = report(desk, voxels(box(2, 2, 2), name="<script>alert(1)</script>"))
+    page = desk.http.get(found["links"]["page"])
+    assert page.status_code == 200
+    assert "unsafe-inline" not in page.headers["content-security-policy"].split("style-src")[0]
+    assert desk.http.get("/previews/nosuchpreview").status_code == 404
+    assert desk.http.get("/shapes/new").status_code == 200
+    assert desk.http.get(f"/previews/{found['id']}/view/short/").status_code == 404
+    assert desk.http.get(f"/previews/{found['id']}/view/{'v' * 24}/").status_code == 200
+    drawing = desk.http.get("/shapes/mallet-64.svg")
+    assert drawing.headers["content-type"] == "image/svg+xml"
+    assert desk.http.get("/shapes/nothing.svg").status_code == 404
