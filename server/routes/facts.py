@@ -125,7 +125,7 @@ def _properties(
                 ("Final position error, RMS", _pitches(playback, "rms_position_error", 2)),
                 ("Largest joint error", _with(_number(playback, "max_angle_error_rad"), "rad")),
                 ("Largest joint step", _with(_number(certificate, "max_joint_step_rad", 3), "rad")),
-                ("Hinges moving, most", certificate.get("joints_moving_most")),
+                ("Hinges moving, most", certificate.get("hinges_moving_most")),
                 ("Peak torque", _with(_number(certificate, "peak_torque_nm", 4), "N m")),
                 ("Time to fold", _with(_number(certificate, "fold_time_s", 1), "s")),
                 (
