@@ -8,7 +8,10 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import InputError
@@ -19,7 +22,8 @@ from planner.shapes import Shape
 if TYPE_CHECKING:
     from planner.preparation import Wishes
 
-WISHES = ("modules", "method", "repair", "ends", "as_voxels")
+LARGEST_DRAWING: Final = 4000
+WISHES: Final = ("modules", "method", "repair", "ends", "as_voxels")
 
 
 def wishes_of(request: dict[str, Any]) -> Wishes:
@@ -46,12 +50,14 @@ def check(directory: Path) -> dict[str, Any]:
     if isinstance(found, CellPath):
         found = Chain.from_path(found)
     if isinstance(found, Chain):
+        _note(directory, np.rint(found.folded_poses.positions))
         return {"name": found.name, "module": found.module.name, "modules": len(found)}
     from planner.preparation import BLOCK, DEFAULT_MODULES
 
     wishes = wishes_of(request)
     modules = wishes.modules or DEFAULT_MODULES
     if isinstance(found, Shape):
+        _note(directory, found.cells)
         modules = len(found) if wishes.method != "blocks" else BLOCK * len(found)
         if wishes.method != "blocks":
             _check_path(found, wishes)
@@ -79,6 +85,12 @@ def preview(directory: Path) -> dict[str, Any]:
     aside.write_text(json.dumps(made.report()))
     aside.rename(directory / "report.json")
     return {"kind": made.kind}
+
+
+def _note(directory: Path, cells: NDArray[Any]) -> None:
+    """Keeps cells for a drawing, so that nobody else has to read the upload for one."""
+    if len(cells) <= LARGEST_DRAWING:
+        (directory / "cells.json").write_text(json.dumps(cells.astype(int).tolist()))
 
 
 def _check_path(shape: Shape, wishes: Wishes) -> None:

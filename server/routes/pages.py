@@ -192,8 +192,8 @@ def _cards(gallery: Gallery) -> list[dict[str, Any]]:
 @cache
 def _kinds(gallery: Gallery) -> list[tuple[str, str]]:
     """The kinds of shape there are and what they are called, the most common first."""
-    counts = Counter(tag for card in _cards(gallery) for tag in card["tags"])
-    return [(tag, KINDS.get(tag, tag.capitalize())) for tag, _ in counts.most_common()]
+    counts = Counter(str(tag) for card in _cards(gallery) for tag in card["tags"])
+    return [(tag, KINDS.get(tag) or tag.capitalize()) for tag, _ in counts.most_common()]
 
 
 @cache
@@ -221,23 +221,22 @@ def _featured(store: Any) -> Any:
 def _drawing(found: Found) -> str:
     """The folded shape, shown until the view is there."""
     chain = found.directory / "chain.json"
-    return _drawing_of(chain if chain.exists() else found.directory / "input", chain.exists())
+    return _drawing_of(chain if chain.exists() else found.directory / "cells.json", chain.exists())
 
 
 @lru_cache(maxsize=256)
 def _drawing_of(path: Path, is_chain: bool) -> str:
-    """A drawing of a chain that is known, or of an input that is still to be read."""
+    """A drawing of a chain, or of the cells that were noted when the upload was read."""
     cells: Any = np.array(PAWN)
     try:
+        noted = json.loads(path.read_text(encoding="utf-8"))
         if is_chain:
-            attributes = json.loads(path.read_text(encoding="utf-8"))
-            folded = chain_from_attributes(attributes).folded_poses.positions
-            cells = np.rint(folded).astype(int)
+            cells = np.rint(chain_from_attributes(noted).folded_poses.positions).astype(int)
         else:
-            cells = _cells(read(path.read_bytes()))
+            cells = np.array(noted, dtype=int).reshape(-1, 3)
     except (PlannerError, OSError, ValueError, KeyError):
         pass  # a drawing is not worth an error
-    return isometric_svg(cells) if len(cells) <= LARGEST_DRAWING else ""
+    return isometric_svg(cells) if 0 < len(cells) <= LARGEST_DRAWING else ""
 
 
 def _cells(read_in: Any) -> Any:

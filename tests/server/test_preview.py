@@ -234,3 +234,9 @@ def test_pages_of_previews(desk: Service) -> None:
     drawing = desk.http.get("/shapes/mallet-64.svg")
     assert drawing.headers["content-type"] == "image/svg+xml"
     assert desk.http.get("/shapes/nothing.svg").status_code == 404
+
+
+def test_the_page_of_a_fold_of_a_mesh_waits_for_its_cells(desk: Service) -> None:
+    for data, name in ((stl(), "brick.stl"), (voxels(box(4, 2, 2)), "box.json")):
+        accepted = desk.http.post("/api/folds", files={"file": (name, data)}).json()
+        assert desk.http.get(accepted["links"]["page"]).status_code == 200

@@ -1,0 +1,194 @@
+"""From a file, or from nothing, to a preview and a fold, as a visitor meets it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.conftest import keep, picture
+from tests.server.service import Service
+from tests.server.test_preview import CROSS, box, stl, voxels
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+Visit = Callable[..., Page]
+
+
+def choose(page: Page, name: str, data: bytes) -> None:
+    page.locator("#file").set_input_files(
+        {"name": name, "mimeType": "application/octet-stream", "buffer": data}
+    )
+
+
+def settled(page: Page) -> None:
+    """Waits until the figures and the view are those of what was asked for last."""
+    page.locator("body:not(.busy-now)").wait_for()
+    page.locator("#cover.gone").wait_for(state="attached")
+
+
+def warm(image: np.ndarray) -> np.ndarray:
+    """How much more red than blue each pixel is: the last modules are yellow, the first blue."""
+    return image[..., 0] - image[..., 2]
+
+
+def test_drop_a_mesh_look_change_and_fold(visit: Visit, service: Service) -> None:
+    page = visit("/", width=1440, height=900)
+    expect(page.locator(".drop-title")).to_have_text(
+        "Drop an STL, a voxel model, a path or a chain"
+    )
+    choose(page, "brick.stl", stl())
+    page.wait_for_url(re.compile("/previews/[a-z0-9]+$"))
+    settled(page)
+    expect(page.locator("#name")).to_have_text("brick")
+    expect(page.locator("#verdict")).to_have_text(re.compile(r"\d+ modules · \d+ % of the shape"))
+    expect(page.locator("#knot")).to_have_text("None")
+    seen = picture(page)
+    assert (warm(seen) > 40).mean() > 0.003
+    assert (warm(seen) < -40).mean() > 0.003
+    keep(page, "preview-mesh-1440x900")
+
+    page.locator("[data-layer=path]").click()
+    expect(page.locator("[data-layer=path]")).to_have_attribute("aria-pressed", "false")
+    solid = picture(page)
+    assert np.abs(solid - seen).max() > 40
+    page.locator("[data-layer=path]").click()
+
+    number = page.locator("#modules-number")
+    number.fill("64")
+    number.press("Enter")
+    settled(page)
+    expect(page).to_have_url(re.compile(r"\?modules=64$"))
+    words = page.locator("#fold").inner_text()
+    modules = re.findall(r"\d+", words)[0]
+    assert page.locator("#verdict").inner_text().startswith(f"{modules} modules")
+    if page.locator("#nearest button").count():
+        other = page.locator("#nearest button").first
+        count = other.inner_text()
+        other.click()
+        settled(page)
+        expect(page.locator("#fold")).to_have_text(f"Fold {count} modules")
+        number.fill("64")
+        number.press("Enter")
+        settled(page)
+    page.locator("#fold").click()
+    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    expect(page.locator("#verdict")).to_have_text(
+        re.compile(rf"^verified · clearance [\d.e-]+ · {modules} modules$")
+    )
+
+
+def test_the_slider_asks_again_and_the_view_follows(visit: Visit, service: Service) -> None:
+    found = service.http.post(
+        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
+    ).json()
+    page = visit(found["links"]["page"], width=1000, height=700)
+    settled(page)
+    before = page.locator("#fold").inner_text()
+    page.locator("#modules").focus()
+    for _ in range(8):
+        page.keyboard.press("PageUp")
+    expect(page.locator("#fold")).not_to_have_text(before)
+    settled(page)
+    asked = int(page.locator("#modules-number").input_value())
+    got = int(re.findall(r"\d+", page.locator("#fold").inner_text().replace("\u2009", ""))[0])
+    assert abs(got - asked) <= 0.3 * asked
+
+
+def test_no_path_is_explained_and_repaired_on_a_click(visit: Visit) -> None:
+    page = visit("/", width=390, height=844, has_touch=True)
+    choose(page, "cross.json", voxels(CROSS, name="Cross"))
+    page.wait_for_url(re.compile("/previews/"))
+    settled(page)
+    expect(page.locator("#trouble")).to_be_visible()
+    expect(page.locator("#problems li").first).not_to_be_empty()
+    expect(page.locator("#fold")).to_be_disabled()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    keep(page, "preview-no-path-390x844")
+    page.locator("#repairs .button.primary").tap()
+    expect(page.locator("#repaired")).to_be_visible()
+    expect(page.locator("#fold")).to_be_enabled()
+    page.locator("#unrepair").tap()
+    expect(page.locator("#trouble")).to_be_visible()
+
+
+def test_cells_in_no_order_are_offered_as_voxels(visit: Visit) -> None:
+    page = visit("/")
+    choose(page, "cells.json", json.dumps(box(4, 3, 2)[::-2] + box(4, 3, 2)[::2]).encode())
+    expect(page.locator("#drop-message")).to_contain_text("voxels")
+    page.locator("#drop-voxels").click()
+    page.wait_for_url(re.compile(r"/previews/.*\?as_voxels=true"))
+    settled(page)
+    expect(page.locator("#verdict")).to_have_text("24 modules")
+
+
+def test_paint_undo_and_preview_with_the_keyboard(visit: Visit) -> None:
+    page = visit("/shapes/new", width=1440, height=900)
+    expect(page.locator("#empty")).to_be_visible()
+    expect(page.locator("#preview")).to_be_disabled()
+    page.locator('[data-x="5"][data-y="5"]').focus()
+    page.keyboard.press("Space")
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Space")
+    expect(page.locator("#count")).to_have_text("16 modules")
+    page.keyboard.press("Control+z")
+    expect(page.locator("#count")).to_have_text("8 modules")
+    page.keyboard.press("Control+Shift+z")
+    page.keyboard.press("PageUp")
+    expect(page.locator("#layer")).to_have_text("Layer 2")
+    expect(page.locator(".grid .below")).to_have_count(2)
+    page.locator("#repeat").click()
+    expect(page.locator("#count")).to_have_text("32 modules")
+    page.locator('[data-x="0"][data-y="0"]').click()
+    expect(page.locator("#count")).to_contain_text("2 pieces")
+    expect(page.locator("#fold")).to_be_disabled()
+    page.locator("#undo").click()
+    keep(page, "editor-1440x900")
+    page.reload()
+    expect(page.locator("#count")).to_have_text("32 modules")  # nothing painted is lost
+    page.locator("#preview").click()
+    page.wait_for_url(re.compile("/previews/"))
+    settled(page)
+    expect(page.locator("#verdict")).to_have_text("32 modules")
+
+
+def test_drag_a_letter_and_fold_it(visit: Visit) -> None:
+    page = visit("/shapes/new", width=390, height=844)
+    page.get_by_label("Letter L").click()
+    expect(page.locator("#count")).to_have_text("72 modules")
+    first = page.locator('[data-x="2"][data-y="2"]').bounding_box()
+    last = page.locator('[data-x="4"][data-y="2"]').bounding_box()
+    assert first
+    assert last
+    page.mouse.move(first["x"] + 9, first["y"] + 9)
+    page.mouse.down()
+    page.mouse.move(last["x"] + 9, last["y"] + 9, steps=8)
+    page.mouse.up()
+    expect(page.locator("#count")).to_have_text("48 modules")  # a stroke from a filled cell empties
+    keep(page, "editor-390x844")
+    page.locator("#fold").click()
+    page.wait_for_url(re.compile("/folds/"))
+    expect(page.locator("#name")).to_have_text("Letter L")
+
+
+def test_the_gallery_is_filtered(visit: Visit) -> None:
+    page = visit("/", width=1440, height=900)
+    cards = page.locator("#cards li:visible")
+    some = cards.count()
+    page.locator("#all-cards").click()
+    assert cards.count() > some
+    page.locator("[data-kind=letter]").click()
+    letters = cards.count()
+    assert 0 < letters < some
+    page.locator("#sizes").select_option("0-99")
+    assert 0 < cards.count() < letters
+    drawn = page.locator("#cards li:visible img").first
+    assert drawn.evaluate("image => image.decode().then(() => image.naturalWidth)") > 0
+
+
+def test_previews_that_are_gone_are_told_in_words(visit: Visit) -> None:
+    page = visit("/previews/nosuchpreview")
+    expect(page.locator("h1")).to_have_text("This preview is not there any more")
