@@ -13,12 +13,14 @@ from tests.benchmarks.baselines import direct, paper
 from tests.benchmarks.folds import folds
 from tests.benchmarks.gallery import gallery
 from tests.benchmarks.machine import machine
+from tests.benchmarks.meshes import meshes
 from tests.benchmarks.page import page
 from tests.benchmarks.paths import paths
 
 SECTIONS = {
     "folds": folds,
     "gallery": gallery,
+    "meshes": meshes,
     "paths": paths,
     "page": page,
     "direct": direct,
