@@ -20,11 +20,13 @@ class Edges:
 
     Attributes:
         open: How many edges an odd number of triangles share.
+        scattered: Whether most edges belong to one triangle alone.
         oriented: Whether each edge is run through as often one way as the other.
         loose: (E, 2) open edges as the triangle runs that has them; only where one has.
     """
 
     open: int
+    scattered: bool
     oriented: bool
     loose: Ints
 
@@ -57,8 +59,10 @@ def edges_of(faces: Ints) -> Edges:
     starts = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
     counts = np.diff(np.append(starts, len(ordered)))
     balance = np.add.reduceat(np.where(forward[order], 1, -1), starts)
+    open_ = int((counts % 2).sum())
     return Edges(
-        open=int((counts % 2).sum()),
+        open=open_,
+        scattered=2 * open_ > len(runs),
         oriented=not balance.any(),
         loose=runs[order[starts[counts == 1]]],
     )

@@ -17,6 +17,7 @@ LARGEST_LENGTH: Final = 1e9
 FLATTEST: Final = 1e-6
 LEAST_FILLED: Final = 1e-9
 LOOSE: Final = 1e-5
+MOST_LOOSE: Final = 200_000
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -186,7 +187,7 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
             "degenerate", "the triangles collapse onto each other; expected a closed surface."
         )
     edges = edges_of(corners)
-    if edges.open:
+    if edges.open and (len(corners) <= MOST_LOOSE or not edges.scattered):
         loose_points, loose_corners = welded(
             points, corners, tolerance=LOOSE * float(solid.extents.max())
         )
@@ -194,7 +195,7 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
         if loose.open < edges.open:
             said.append("vertices that almost meet were sewn together.")
             points, corners, edges = loose_points, loose_corners, loose
-    if 2 * edges.open > 3 * len(corners):
+    if edges.scattered:
         raise InputError(
             "not-a-surface",
             f"hardly any of the {len(corners)} triangles share an edge with another; expected a "

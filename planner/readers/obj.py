@@ -40,11 +40,14 @@ def read_obj(data: bytes, source: Source) -> Solid:
             if words[0] == "v":
                 points.append((float(words[1]), float(words[2]), float(words[3])))
             elif words[0] == "f":
-                row = [int(word.partition("/")[0]) for word in words[1:]]
-                known = len(points)
-                rows.append([corner - 1 if corner > 0 else known + corner for corner in row])
+                del words[0]
+                if "/" in line:
+                    words = [word.partition("/")[0] for word in words]
+                row = list(map(int, words))
                 if 0 in row:
                     raise ValueError("corner 0")
+                known = len(points)
+                rows.append([corner - 1 if corner > 0 else known + corner for corner in row])
                 triangles += len(row) - 2
                 if triangles > source.most_triangles:
                     break
