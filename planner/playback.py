@@ -20,7 +20,7 @@ from planner.model import Material
 from planner.parameters import PlaybackParameters
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.record import Record, frames_arrays, frames_from_arrays, save_npz
-from planner.reference import Reference
+from planner.reference import clear_reference
 from planner.timelaw import smooth_law, torque_bounded_law
 from planner.timeline import Frames
 from planner.tree import Tree
@@ -30,6 +30,8 @@ PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
 FEWEST_STEPS: Final = 400
 FRAME_RAD: Final = 0.02
 """A frame is kept when a hinge has turned, or its target has, this much since the last one."""
+FRAME_DISTANCE: Final = 0.35
+"""… or a module has moved this far from where it was among the others, in pitches."""
 FRAME_STEPS: Final = 50
 FOLDED_WITHIN: Final = 0.1
 """RMS position error in pitches below which a chain counts as folded."""
@@ -146,7 +148,7 @@ def play_back(
     """
     begun = time.perf_counter()
     if record is not None and len(chain) > parameters.dynamic_up_to:
-        return _followed(chain, record, parameters, sink, start_s)
+        return _followed(chain, record, parameters, module_size, sink, start_s)
     run = _Run(chain, record, parameters, module_size, start_s)
     status, reason = run.simulate(sink, progress, cancelled)
     error = run.final_error()
@@ -175,16 +177,18 @@ def _followed(
     chain: Chain,
     record: Record,
     parameters: PlaybackParameters,
+    module_size: float,
     sink: Callable[[Frames], None] | None,
     start_s: float,
 ) -> Playback:
     """A kinematic playback: the reference itself, its centre of mass at rest."""
     begun = time.perf_counter()
-    reference = Reference.through(
+    reference = clear_reference(
         chain,
         record.frames.joint_angles_rad[::-1],
         spacing_rad=parameters.spacing_rad,
         distance_weight=parameters.distance_weight,
+        size=module_size,
     )
     count = max(2, int(np.ceil(reference.length_rad / FRAME_RAD)))
     law = smooth_law(steps=count, step_s=parameters.step_s * parameters.steps_per_rad * FRAME_RAD)
@@ -234,6 +238,7 @@ class _Run:
     ) -> None:
         self.chain = chain
         self.parameters = parameters
+        self.module_size = module_size
         self.start_s = start_s
         self.steps = 0
         self.largest_error = 0.0
@@ -283,8 +288,12 @@ class _Run:
                 f"got the controller {p.controller!r}, expected computed-torque, servo, paper or "
                 "direct.",
             )
-        reference = Reference.through(
-            self.chain, snapshots, spacing_rad=p.spacing_rad, distance_weight=p.distance_weight
+        reference = clear_reference(
+            self.chain,
+            snapshots,
+            spacing_rad=p.spacing_rad,
+            distance_weight=p.distance_weight,
+            size=self.module_size,
         )
         steps = max(FEWEST_STEPS, int(p.steps_per_rad * reference.length_rad))
         samples = max(100, int(LAW_SAMPLES_A_RAD * reference.length_rad))
@@ -299,6 +308,7 @@ class _Run:
         tree = self.tree
         reported, reported_steps = time.perf_counter(), 0
         last_angles = last_aim = np.full_like(self.chain.folded_rad, np.inf)
+        last_centres = np.full((len(self.chain), 3), np.inf)
         last_step = 0
         target = None
         try:
@@ -316,10 +326,12 @@ class _Run:
                 if (
                     max(np.abs(angles - last_angles).max(), np.abs(target.angles - last_aim).max())
                     >= FRAME_RAD
+                    or ((tree.centres - last_centres) ** 2).sum(axis=1).max() >= FRAME_DISTANCE**2
                     or self.steps - last_step >= FRAME_STEPS
                 ):
                     self._keep(angles, target, sink)
                     last_angles, last_aim, last_step = angles, target.angles, self.steps
+                    last_centres = tree.centres
                 self.controller.drive(tree, target)
                 tree.end_step()
                 torque = float(np.abs(tree.motor_torques).max())

@@ -10,10 +10,15 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from planner.chain import Chain
+from planner.sweep import sweep
 
 Array = NDArray[np.float64]
 DEGREE: Final = 3
 CHUNK: Final = 64
+MOST_HALVINGS: Final = 2
+ROOM: Final = 0.01
+SAMPLE_RAD: Final = 0.02
+"""Distance of the places at which a reference is looked at for overlaps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,12 +56,46 @@ class Reference:
         part = np.where(span > 0, (where - lengths[right - 1]) / np.where(span > 0, span, 1), 1.0)
         controls = (1.0 - part)[:, None] * angles[right - 1] + part[:, None] * angles[right]
         controls[0], controls[-1] = angles[0], angles[-1]
+        # The stops of a simulated joint give a little. A B-spline stays within its control points.
+        limit = chain.module.angle_limit_rad
+        np.clip(controls, -limit, limit, out=controls)
         knots = np.concatenate(
             [np.zeros(DEGREE), np.linspace(0.0, 1.0, count - DEGREE + 1), np.ones(DEGREE)]
         )
         spline = BSpline(knots, controls, DEGREE)
         first = spline.derivative()
         return cls(spline=spline, first=first, second=first.derivative(), length_rad=total)
+
+
+def clear_reference(
+    chain: Chain, angles: Array, *, spacing_rad: float, distance_weight: float, size: float
+) -> Reference:
+    """The reference of a record, with control points as dense as it takes to touch nothing.
+
+    A spline cuts corners between its control points. Where that makes modules overlap, the spacing
+    is halved, twice at most; the certificate has the last word.
+
+    Args:
+        chain: The chain.
+        angles: (F, J) configurations in the order of the playback.
+        spacing_rad: Distance of the control points along the record, at first.
+        distance_weight: Radians that one pitch of displacement counts as.
+        size: Module size as a fraction of the pitch.
+    """
+    # Some room is left for the playback's joint errors: a quarter of the gap between two cells.
+    room = min(ROOM, 0.25 * (1.0 - size))
+    for _ in range(MOST_HALVINGS):
+        reference = Reference.through(
+            chain, angles, spacing_rad=spacing_rad, distance_weight=distance_weight
+        )
+        count = max(2, int(np.ceil(reference.length_rad / SAMPLE_RAD)) + 1)
+        samples = reference.spline(np.linspace(0.0, 1.0, count))
+        if sweep(chain, samples, size=size).clearance > room:
+            return reference
+        spacing_rad *= 0.5
+    return Reference.through(
+        chain, angles, spacing_rad=spacing_rad, distance_weight=distance_weight
+    )
 
 
 def record_lengths(chain: Chain, angles: Array, distance_weight: float) -> Array:

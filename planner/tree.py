@@ -50,6 +50,7 @@ class Tree:
         joints = [self.model.joint(name) for name in chain.joint_names]
         self._qpos = np.array([j.qposadr[0] for j in joints], dtype=np.int64)
         self._dofs = np.array([j.dofadr[0] for j in joints], dtype=np.int64)
+        self._bodies = np.array([self.model.body(f"module_{i}").id for i in range(len(chain))])
         self._work = np.empty(self.model.nv)
         if servo is not None:
             self._actuators = np.array([self.model.actuator(n).id for n in chain.joint_names])
@@ -65,6 +66,12 @@ class Tree:
     def rates(self) -> Array:
         """(J,) a copy of the hinge velocities."""
         return self.data.qvel[self._dofs]
+
+    @property
+    def centres(self) -> Array:
+        """(n, 3) a copy of the modules' centres, as of ``begin_step``, from their mean."""
+        centres = self.data.xpos[self._bodies]
+        return centres - centres.mean(axis=0)
 
     @property
     def root_position(self) -> Array:

@@ -9,6 +9,8 @@ from planner.knots import knot_of
 from planner.pathfinding.exact import exact_path
 from planner.paths import Path
 from planner.shapes import Shape
+from planner.solids import Solid
+from planner.voxeliser import voxelise
 
 SMALL_SHAPE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (1, 1, 1), (1, 0, 1)]
 
@@ -19,4 +21,12 @@ def warm_up() -> None:
     found = exact_path(box)
     if found.cells is not None:
         knot_of(found.cells)
+    voxelise(_tetrahedron(), cells=8)
     fold(Path.from_cells(SMALL_SHAPE, name="warm-up"))
+
+
+def _tetrahedron() -> Solid:
+    """The simplest solid there is."""
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    return Solid(name="warm-up", vertices=corners, faces=faces, notes=())

@@ -112,7 +112,7 @@ def test_one_frame_inside_itself_is_enough() -> None:
     plan[20, :] = [np.pi / 2, 0.0, np.pi / 2, 0.0, np.pi / 2, 0.0]
     found = verdict(chain, playback_of(plan))
     assert found.startswith("failed: in the plan, modules 0 and 4 overlap by")
-    assert "at frame 20" in found
+    assert "(frame 20 of the plan)" in found
 
 
 def test_a_collision_of_the_simulated_playback_counts_as_well() -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from pathlib import Path as FilePath
 from typing import Any
@@ -22,8 +23,12 @@ SMALL = ("box-4x4x4", "mallet-24", "mallet-64", "mallet-80", "wrench-24", "wrenc
 LARGE = ("box-6x6x6", "mallet-160", "mallet-192", "wrench-160")
 
 
-def test_every_example_is_folded_here() -> None:
-    assert {path.stem for path in SHAPES.glob("*.json")} == {*SMALL, *LARGE}
+def test_every_shape_of_the_paper_is_folded_here() -> None:
+    # Those of the gallery carry tags; `make bench` folds them.
+    untagged = {
+        path.stem for path in SHAPES.glob("*.json") if "tags" not in json.loads(path.read_bytes())
+    }
+    assert untagged == {*SMALL, *LARGE}
 
 
 def configurations(plan: Plan) -> Iterator[tuple[Array, Array, Array]]:
