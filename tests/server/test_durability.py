@@ -39,7 +39,7 @@ def test_a_server_killed_in_mid_explosion(service_with) -> None:
     fold_id = service.fold(shape="wrench-160")["id"]
     waiting = service.fold(SNAKE)["id"]
     assert service.wait_exploding(fold_id)["status"] == "running"
-    read = service.data_dir / "folds" / fold_id / "chain.json"
+    read = service.data_dir / "folds" / fold_id / "candidates.json"
     made = read.stat().st_mtime_ns
     service.kill()
     service.start()
