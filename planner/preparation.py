@@ -26,7 +26,6 @@ MODULES: Final = (8, 20_000)
 ENDS: Final = ("any", "surface")
 BLOCK: Final = 8
 """Cells of a doubled voxel."""
-EXACT_UP_TO: Final = 400
 LARGEST_MESH: Final = 20_000
 SEARCH_S: Final = 20.0
 

@@ -89,7 +89,7 @@ class State:
         self.scale_velocities(1.0 / (1.0 + drag * step_s))
 
     def advance(self, step_s: float) -> None:
-        """Q ← q + h q̇."""
+        """One step of the configuration: q ← q + h q̇."""
         self.angles += step_s * self.rates
         self.position += step_s * self.velocity
         self.rotation = self.rotation @ turned(self.spin * step_s)
