@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from datetime import datetime
 from typing import Any, Literal
 
 from pydantic import BaseModel, Field
 
 from server.store import FoldRow, Store
+from server.timelines import frames_promised
 
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 Stage = Literal["read", "explode", "play_back", "certify", "export"]
@@ -256,14 +256,5 @@ def progress_of(row: FoldRow, store: Store) -> dict[str, Any]:
         "message": str(told.get("message", "")),
         "modules": row.modules,
         "queue_position": store.queue_position(row),
-        "frames": _frames(row, store),
+        "frames": frames_promised(store.directory(row.id)),
     }
-
-
-def _frames(row: FoldRow, store: Store) -> int:
-    """Frames that a timeline promises, without the cost of opening it."""
-    try:
-        attributes = (store.directory(row.id) / "timeline.zarr" / "zarr.json").read_bytes()
-        return int(json.loads(attributes)["attributes"]["frames"])
-    except (OSError, ValueError, KeyError):
-        return 0

@@ -11,6 +11,7 @@ from typing import Any, Final, cast
 from planner.errors import TimelineError
 from planner.timeline import Timeline
 from server.routes.finding import Found
+from server.timelines import frames_promised
 
 RUNNING: Final = ("queued", "running")
 DOWNLOADS: Final = (
@@ -46,6 +47,7 @@ def fold_facts(found: Found, *, api: bool = True) -> dict[str, Any]:
         "verdict": _verdict(row, summary, certificate),
         "cover": "Loading the view" if not running else "Waiting for the first frame",
         "problem": problem,
+        "frames": frames_promised(directory),
         "properties": _properties(row, summary, certificate, directory),
         "downloads": downloads,
         "downloads_hint": "The plan can be downloaded as soon as the fold is finished."

@@ -41,7 +41,7 @@ function show(facts) {
   get("verdict").textContent = facts.verdict.text;
   get("verdict").dataset.tone = facts.verdict.tone;
   drawer.facts(facts);
-  if (facts.problem && !bar.outline) cover(facts.problem.heading, facts.problem.text, { text: "Start another", press: () => { location.href = "/"; } });
+  if (facts.problem && !facts.frames && !bar.outline) cover(facts.problem.heading, facts.problem.text, { text: "Start another", press: () => { location.href = "/"; } });
 }
 show(facts);
 new Progress(facts, { onDone: show, toast });
