@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -14,10 +15,12 @@ from planner.errors import InputError
 from planner.feasibility import Feasibility, apply_repair, feasibility
 from planner.knots import Knot, knot_of
 from planner.pathfinding.candidates import METHODS, PathSearch, find_paths, halved
+from planner.pathfinding.obstacles import Cell
 from planner.paths import Path
 from planner.readers import read
 from planner.shapes import Shape
 from planner.solids import Solid
+from planner.starts import started
 from planner.voxeliser import Voxels, voxelise
 
 Array = NDArray[np.float64]
@@ -28,6 +31,8 @@ BLOCK: Final = 8
 """Cells of a doubled voxel."""
 LARGEST_MESH: Final = 20_000
 SEARCH_S: Final = 20.0
+START_SHARE: Final = 0.7
+"""Part of that time for paths that begin where it is wished for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +45,7 @@ class Wishes:
         repair: Whether cells may be added or dropped where there is no path otherwise.
         ends: ``any``, or ``surface`` for both ends on the outside.
         as_voxels: Read a list of cells as a shape, not as a path.
+        start: The cell that the chain begins in, as the preview counts cells; None for any.
     """
 
     modules: int | None = None
@@ -47,6 +53,7 @@ class Wishes:
     repair: bool = False
     ends: str = "any"
     as_voxels: bool = False
+    start: Cell | None = None
 
     def check(self) -> None:
         """Refuses what cannot be wished for.
@@ -85,6 +92,8 @@ class Preparation:
         feasibility: Whether the cells have a path at all; None for paths and chains.
         knot: Of the first candidate; None without one.
         notes: What people should know, in plain words.
+        not_started: Why no chain begins where it was wished for; empty when they do, or when
+            nothing of the kind was wished for.
     """
 
     kind: str
@@ -98,14 +107,18 @@ class Preparation:
     feasibility: Feasibility | None = None
     knot: Knot | None = None
     notes: tuple[str, ...] = field(default=())
+    not_started: str = ""
 
     @property
     def chain(self) -> Chain:
         """The best candidate.
 
         Raises:
-            InputError: ``no-path``, saying why there is none and what would help.
+            InputError: ``no-path``, saying why there is none and what would help; ``no-start`` when
+                there are others than those that were wished for.
         """
+        if self.not_started:
+            raise InputError("no-start", f"{self.not_started} Start elsewhere, or anywhere.")
         if self.chains:
             return self.chains[0]
         problems = [] if self.feasibility is None else list(self.feasibility.problems)
@@ -137,6 +150,8 @@ class Preparation:
             if self.knot is None
             else {"verdict": self.knot.verdict, "determinant": self.knot.determinant},
             "notes": list(self.notes),
+            "start": None if self.wishes.start is None else list(self.wishes.start),
+            "not_started": self.not_started,
             "expected_s": expected_seconds(len(cells)),
             "mesh": self._mesh(),
         }
@@ -212,6 +227,7 @@ def _prepared_chain(chain: Chain, wishes: Wishes, kind: str) -> Preparation:
     notes = ()
     if wishes.modules is not None and wishes.modules != len(chain):
         notes = (f"A {kind} is folded as it is: it has {len(chain)} modules.",)
+    chain, not_started = started(chain, wishes.start)
     return Preparation(
         kind=kind,
         name=chain.name,
@@ -219,6 +235,7 @@ def _prepared_chain(chain: Chain, wishes: Wishes, kind: str) -> Preparation:
         chains=(chain,),
         knot=knot_of(chain.folded_poses.positions),
         notes=notes,
+        not_started=not_started,
     )
 
 
@@ -274,10 +291,9 @@ def _with_paths(
         notes = (*notes, f"Repaired: {repair.detail}")
         state = feasibility(shape)
     search: PathSearch | None = None
+    not_started = ""
     if state.feasible is not False:
-        search = find_paths(
-            shape, method=method, ends=wishes.ends, seed=seed, time_limit_s=time_limit_s
-        )
+        search, not_started = _searched(shape, method, wishes, seed, time_limit_s)
         notes = (*notes, *search.notes, *((search.reason,) if search.reason else ()))
     chains = () if search is None else tuple(Chain.from_path(path) for path in search.paths)
     return Preparation(
@@ -292,7 +308,31 @@ def _with_paths(
         feasibility=state,
         knot=knot_of(search.paths[0].cells) if search is not None and search.paths else None,
         notes=notes,
+        not_started=not_started,
     )
+
+
+def _searched(
+    shape: Shape, method: str, wishes: Wishes, seed: int, time_limit_s: float
+) -> tuple[PathSearch, str]:
+    """Paths that begin where it is wished for; others, and why, where there are none."""
+    begun = time.monotonic()
+    share = 1.0 if wishes.start is None else START_SHARE
+    search = find_paths(
+        shape,
+        method=method,
+        ends=wishes.ends,
+        start=wishes.start,
+        seed=seed,
+        time_limit_s=share * time_limit_s,
+    )
+    if wishes.start is None or search.paths:
+        return search, ""
+    why = f"No path that begins in the cell {wishes.start} was found. {search.reason}".strip()
+    left = time_limit_s - (time.monotonic() - begun)
+    return find_paths(
+        shape, method=method, ends=wishes.ends, seed=seed, time_limit_s=max(0.5, left)
+    ), why
 
 
 def doubled(shape: Shape) -> Shape:

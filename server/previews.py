@@ -38,6 +38,7 @@ class ShapeWishes:
     repair: bool = False
     ends: str = "any"
     as_voxels: bool = False
+    start: tuple[int, int, int] | None = None
     seed: int = 0
 
     @property

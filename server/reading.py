@@ -23,14 +23,17 @@ if TYPE_CHECKING:
     from planner.preparation import Wishes
 
 LARGEST_DRAWING: Final = 4000
-WISHES: Final = ("modules", "method", "repair", "ends", "as_voxels")
+WISHES: Final = ("modules", "method", "repair", "ends", "as_voxels", "start")
 
 
 def wishes_of(request: dict[str, Any]) -> Wishes:
     """The wishes in a request; those that are not there are as usual."""
     from planner.preparation import Wishes
 
-    wishes = Wishes(**{name: request[name] for name in WISHES if name in request})
+    values = {name: request[name] for name in WISHES if name in request}
+    if values.get("start") is not None:
+        values["start"] = tuple(values["start"])
+    wishes = Wishes(**values)
     wishes.check()
     return wishes
 

@@ -211,6 +211,10 @@ class Preview(BaseModel):
     feasibility: Feasibility | None
     knot: Knot | None
     notes: list[str]
+    start: list[int] | None = Field(description="The cell that was asked for to begin in.")
+    not_started: str = Field(
+        description="Why no path begins there; the path is another one then. Empty when one does."
+    )
     expected_s: float = Field(description="About how long the fold will take.")
     mesh: PlacedMesh | None
     links: PreviewLinks

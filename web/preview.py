@@ -1,8 +1,10 @@
 """Preview: one visitor's look at a shape before it is folded.
 
 Messages are those of ``web.player`` in kind. In: ``{"do": "show", "key": …}`` draws the report of
-that key, ``{"do": "layers", "solid": true, "cells": true, "path": true}`` any of them. Out:
-``shown`` with the key, ``viewing`` when a browser has connected to the scene, ``problem``.
+that key, ``{"do": "layers", "solid": true, "cells": true, "path": true}`` any of them,
+``{"do": "select", "module": …}`` highlights one module, or with null none. Out: ``shown`` with the
+key, ``picked`` with the module that was clicked and its cell, null for a click beside, ``viewing``
+when a browser has connected to the scene, ``problem``.
 """
 
 from __future__ import annotations
@@ -36,7 +38,9 @@ class PreviewPlayer:
         self._connections = 0
         self._aspect = 0.0
         self._touched = False
+        self._selected: int | None = None
         server.on_client_connect(self._connected)
+        self._scene.on_pick(self._picked)
 
     def subscribe(self, listener: Listener) -> Callable[[], None]:
         """Sends every message out to ``listener`` too, beginning with how things are."""
@@ -85,7 +89,7 @@ class PreviewPlayer:
             if report is None:
                 raise ValueError("expected the key of a preview")
             first = self._report is None
-            self._report, self._key = report, key
+            self._report, self._key, self._selected = report, key, None
             self._scene.show(report, self._layers)
             if first:
                 self._frame()
@@ -98,10 +102,30 @@ class PreviewPlayer:
                     self._layers = replace(self._layers, **{name: message[name]})
             if self._report is not None:
                 self._scene.show(self._report, self._layers)
+                self._scene.select(self._selected)
+        elif verb == "select":
+            module = message["module"]
+            if module is not None and (type(module) is not int or not self._has(module)):
+                raise ValueError("expected the number of a module, or null")
+            self._select(module)
         elif verb == "set":
             self._touched = True
         elif verb != "ping":
             raise ValueError(f"expected a known verb, not {verb!r}")
+
+    def _has(self, module: int) -> bool:
+        return self._report is not None and 0 <= module < len(self._report["cells"])
+
+    def _select(self, module: int | None) -> None:
+        self._selected = module
+        self._scene.select(module)
+        cell = None if module is None or self._report is None else self._report["cells"][module]
+        self._tell({"is": "picked", "module": module, "cell": cell})
+
+    def _picked(self, module: int | None) -> None:
+        with self._lock:
+            self._select(module)
+            self._server.flush()
 
     def _frame(self) -> None:
         self._scene.look(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -15,6 +15,7 @@ from planner.modules import CUBE
 from web.camera import FIELD_OF_VIEW_RAD, View
 from web.colours import ERROR, NEUTRAL, SELECTED, Rgb, instance_colours, ramp_colours
 from web.meshes import module_mesh
+from web.picking import picked_module
 from web.scene import broadcast
 
 Array = NDArray[np.float64]
@@ -49,6 +50,9 @@ class PreviewScene:
         self._handles: dict[str, Any] = {}
         self._report: Mapping[str, Any] | None = None
         self._cube = module_mesh(CUBE)
+        self._cells: Array = np.zeros((0, 3))
+        self._middle: Array = np.zeros(3)
+        self._unit = 1.0
         self.points: Array = np.zeros((1, 3))
         self.radius = 0.5
         scene = server.scene
@@ -67,6 +71,7 @@ class PreviewScene:
         """Draws a report, in place of the one before."""
         self._report = report
         cells = np.asarray(report["cells"], dtype=np.float64).reshape(-1, 3)
+        self._cells = cells
         mesh = report.get("mesh")
         low, high = _bounds(cells, mesh)
         self._middle = (low + high) / 2
@@ -94,6 +99,31 @@ class PreviewScene:
                     receive_shadow=False,
                     visible=layers.solid,
                 )
+
+    def on_pick(self, told: Callable[[int | None], None]) -> None:
+        """Calls ``told`` with the index of a cell that is clicked, None for a click beside."""
+
+        @self._server.scene.on_click()
+        def _(event: viser.SceneClickEvent) -> None:
+            if self._report is not None and len(self._cells):
+                told(
+                    picked_module(
+                        CUBE,
+                        self._cells,
+                        np.tile(UPRIGHT, (len(self._cells), 1)),
+                        np.array(event.ray_origin) / self._unit + self._middle,
+                        np.array(event.ray_direction),
+                    )
+                )
+
+    def select(self, cell: int | None) -> None:
+        """Highlights one cell, or none."""
+        handle = self._handles.pop("selected", None)
+        if handle is not None:
+            handle.remove()
+        if cell is not None:
+            blue = np.array([SELECTED], np.uint8)
+            self._cubes("selected", self._cells[cell : cell + 1], blue, visible=True)
 
     def look(self, view: View) -> None:
         """Moves the camera of all who look."""

@@ -119,3 +119,24 @@ def test_cells_in_no_order_are_a_path_only_for_those_who_say_so() -> None:
         prepare(json.dumps(cells).encode(), "cells.json")
     prepared = prepare(json.dumps(cells).encode(), "cells.json", Wishes(as_voxels=True))
     assert (prepared.kind, len(prepared.chain)) == ("voxels", 8)
+
+
+def test_paths_begin_in_the_cell_that_is_asked_for() -> None:
+    for cell in prepare(CUBE_OBJ, "cube.obj", Wishes(modules=64)).report()["cells"][::7]:
+        prepared = prepare(CUBE_OBJ, "cube.obj", Wishes(modules=64, start=tuple(cell)))
+        starts = [chain.folded_poses.positions[0].tolist() for chain in prepared.chains]
+        assert starts == [cell] * len(prepared.chains)
+        assert prepared.not_started == ""
+
+
+def test_where_no_path_begins_another_is_kept_and_it_says_so() -> None:
+    cells = np.argwhere(np.ones((3, 3, 3))).tolist()
+    prepared = prepare(voxels(cells), "box.json", Wishes(start=(1, 0, 0)))
+    assert "colour" in prepared.not_started
+    assert prepared.report()["cells"][0] != [1, 0, 0]
+    with pytest.raises(InputError, match="elsewhere") as refused:
+        _ = prepared.chain
+    assert refused.value.code == "no-start"
+    with pytest.raises(InputError) as refused:
+        prepare(voxels(cells), "box.json", Wishes(start=(9, 0, 0)))
+    assert refused.value.code == "not-a-cell"

@@ -22,9 +22,11 @@ const wishes = {
   ends: query.get("ends") === "surface" ? "surface" : "any",
   repair: query.get("repair") === "true",
   as_voxels: query.get("as_voxels") === "true",
+  start: /^-?\d+,-?\d+,-?\d+$/.test(query.get("start") ?? "") ? query.get("start") : null,
   seed: Number(query.get("seed")) || 0,
 };
 let report = null;
+let picked = null;
 let running = false;
 let again = false;
 let timer = null;
@@ -82,11 +84,15 @@ async function look() {
     const told = await answer.json().catch(() => ({}));
     if (answer.ok) {
       report = told;
-      problem("");
+      picked = null;
+      problem(told.not_started);
+      // What is shown is another path, so that one is folded unless something else is wished for.
+      if (told.not_started) { wishes.start = null; remember(); }
       show();
     } else {
       const text = told.detail ?? `The server answered ${answer.status}.`;
       const said = told.where && !text.includes(told.where) ? `${told.where}: ${text}` : text;
+      wishes.start = null;
       if (report) {
         report = { ...report, has_path: false };
         problem(said);
@@ -163,6 +169,7 @@ function show() {
   get("repaired").hidden = !(wishes.repair && repaired);
   get("repaired-text").textContent = repaired ?? "";
 
+  begin();
   const notes = report.notes.filter((note) => note !== repaired);
   get("notes-part").hidden = !notes.length;
   get("notes").replaceChildren(...notes.map((note) => element("li", {}, sentence(note))));
@@ -177,15 +184,33 @@ function show() {
   else if (viewing) uncover();
 }
 
+// The module that was clicked, or the one that the chain was asked to begin in.
+function begin() {
+  const here = report?.has_path && picked;
+  const first = here && picked.module === 0;
+  get("start").hidden = !here && !wishes.start;
+  get("start-button").hidden = Boolean(first && !wishes.start);
+  if (here && !(first && wishes.start)) {
+    get("start-text").textContent = `Module ${whole(picked.module + 1)} of ${whole(report.modules)}${first ? ", the first" : ""}`;
+    get("start-button").textContent = "Start here";
+  } else if (wishes.start) {
+    get("start-text").textContent = `Starts in (${wishes.start.replaceAll(",", ", ")})`;
+    get("start-button").textContent = "Undo";
+  }
+}
+
+// Cells are others with other wishes, so that a cell to start in means nothing any more.
+function elsewhere() { wishes.start = null; }
+
 function repairs(feasibility) {
   const ways = (feasibility?.repairs ?? []).filter(({ add, drop }) => add.length || drop.length).slice(0, 1).map((repair) => {
     const button = element("button", { type: "button", class: "button primary" }, `Repair: ${repair.detail.charAt(0).toLowerCase()}${repair.detail.slice(1).replace(/\.$/, "")}`);
-    button.onclick = () => { wishes.repair = true; look(); };
+    button.onclick = () => { wishes.repair = true; elsewhere(); look(); };
     return button;
   });
   if (wishes.method !== "blocks") {
     const button = element("button", { type: "button", class: "button" }, "Use blocks: 2×2×2 modules for each voxel");
-    button.onclick = () => { choose("method", "blocks"); look(); };
+    button.onclick = () => { choose("method", "blocks"); elsewhere(); look(); };
     ways.push(button);
   }
   return ways;
@@ -193,7 +218,7 @@ function repairs(feasibility) {
 
 function set(modules, wished = true) {
   const count = Math.min(facts.most_modules, Math.max(LEAST, Math.round(modules) || LEAST));
-  if (wished) wishes.modules = count;
+  if (wished) { wishes.modules = count; elsewhere(); }
   get("modules").value = placeOf(count);
   get("modules").setAttribute("aria-valuetext", `${count} modules`);
   get("modules-number").value = count;
@@ -208,11 +233,15 @@ function choose(name, value) {
 get("wishes").addEventListener("submit", (event) => { event.preventDefault(); look(); });
 get("modules").addEventListener("input", () => { set(modulesAt(Number(get("modules").value))); soon(); });
 get("modules-number").addEventListener("change", () => { set(Number(get("modules-number").value)); look(); });
-get("seed").addEventListener("change", () => { wishes.seed = Math.max(0, Math.floor(Number(get("seed").value)) || 0); look(); });
+get("seed").addEventListener("change", () => { wishes.seed = Math.max(0, Math.floor(Number(get("seed").value)) || 0); elsewhere(); look(); });
 for (const input of document.querySelectorAll(".choice input")) {
-  input.addEventListener("change", () => { choose(input.name, input.value); look(); });
+  input.addEventListener("change", () => { choose(input.name, input.value); if (input.name === "method") elsewhere(); look(); });
 }
-get("unrepair").onclick = () => { wishes.repair = false; look(); };
+get("unrepair").onclick = () => { wishes.repair = false; elsewhere(); look(); };
+get("start-button").onclick = () => {
+  wishes.start = get("start-button").textContent === "Undo" ? null : picked.cell.join(",");
+  look();
+};
 for (const button of get("layers").children) {
   button.onclick = () => {
     const on = button.getAttribute("aria-pressed") !== "true";
@@ -258,6 +287,7 @@ control.on("hello", ({ again }) => {
   if (report) control.send({ do: "show", key: report.key });
 });
 control.on("shown", () => { shown = true; if (viewing) uncover(); });
+control.on("picked", ({ module, cell }) => { picked = module === null ? null : { module, cell }; begin(); });
 control.on("viewing", () => { viewing = true; uncover(); });
 control.on("closed", ({ code, reason }) => {
   if (code === 1013) cover("Many people are looking just now", reason);
@@ -267,5 +297,5 @@ addEventListener("pageshow", (event) => { if (event.persisted) busy(false); });
 choose("method", wishes.method);
 choose("ends", wishes.ends);
 get("seed").value = wishes.seed;
-if (wishes.modules) set(wishes.modules);
+if (wishes.modules) set(wishes.modules, false);
 look();
