@@ -19,12 +19,14 @@ from planner.errors import InputError
 from planner.explosion import explode
 from planner.exports.mjcf import mjcf
 from planner.parameters import PaperExplosionParameters, Parameters, preset
+from planner.pathfinding.obstacles import Cell
 from planner.plan import Plan, write_whole
 from planner.playback import Playback, play_back
-from planner.preparation import Wishes, prepare
+from planner.preparation import MODULES, Wishes, prepare
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.published import explode_as_published
 from planner.record import Record
+from planner.starts import cell_of
 from planner.timeline import TimelineWriter, chain_attributes, chain_from_attributes
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
@@ -43,7 +45,7 @@ class Request:
         preset: Name of a parameter set.
         seed: What randomness starts from.
         module_size: Size at which the plan is verified; None for the preset's.
-        modules, method, repair, ends, as_voxels: See ``planner.preparation.Wishes``.
+        modules, method, repair, ends, as_voxels, start: See ``planner.preparation.Wishes``.
     """
 
     filename: str | None = None
@@ -55,6 +57,40 @@ class Request:
     repair: bool = False
     ends: str = "any"
     as_voxels: bool = False
+    start: Cell | None = None
+
+    @classmethod
+    def of(cls, **given: Any) -> Request:
+        """A request of what somebody typed: its numbers and its cell may still be texts.
+
+        Raises:
+            InputError: When one of them cannot be read.
+        """
+        read = dict(given)
+        for name, number in (("seed", int), ("modules", int), ("module_size", float)):
+            if isinstance(value := read.get(name), str):
+                try:
+                    read[name] = number(value)
+                except ValueError:
+                    raise _bad(name, repr(value[:40])) from None
+        if isinstance(start := read.get("start"), str):
+            try:
+                read["start"] = cell_of(start)
+            except InputError as error:
+                raise _placed(error) from None
+        return cls(**read)
+
+    def check(self) -> None:
+        """Refuses what cannot be asked for, in the same words wherever it was asked.
+
+        Raises:
+            InputError: Naming the parameter in ``where``.
+        """
+        try:
+            self.parameters()
+            self.wishes().check()
+        except InputError as error:
+            raise _placed(error) from None
 
     def wishes(self) -> Wishes:
         """How a shape is to become a path."""
@@ -64,6 +100,7 @@ class Request:
             repair=self.repair,
             ends=self.ends,
             as_voxels=self.as_voxels,
+            start=self.start,
         )
 
     def parameters(self) -> Parameters:
@@ -74,17 +111,30 @@ class Request:
         """
         found = preset(self.preset)
         if not 0 <= self.seed <= LARGEST_SEED:
-            raise InputError("bad-seed", f"got the seed {self.seed}, expected 0 to {LARGEST_SEED}.")
+            raise _bad("seed", str(self.seed))
         if self.module_size is None:
             return found
         low, high = MODULE_SIZES
         if not low <= self.module_size <= high:
-            raise InputError(
-                "bad-module-size",
-                f"got a module size of {self.module_size:g}, expected {low:g} to {high:g} of the "
-                "pitch.",
-            )
+            raise _bad("module_size", f"{self.module_size:g}")
         return replace(found, module_size=self.module_size)
+
+
+def _placed(error: InputError) -> InputError:
+    """The same refusal, saying which parameter it is about: codes end in its name."""
+    where = error.code.partition("-")[2].replace("-", "_")
+    return InputError(error.code, error.detail, where=where)
+
+
+def _bad(name: str, got: str) -> InputError:
+    """The refusal of a number."""
+    low, high = MODULE_SIZES
+    detail = {
+        "seed": f"got the seed {got}, expected a whole number from 0 to {LARGEST_SEED}.",
+        "modules": f"got {got} modules, expected {MODULES[0]} to {MODULES[1]}.",
+        "module_size": f"got the module size {got}, expected {low:g} to {high:g} of the pitch.",
+    }[name]
+    return InputError(f"bad-{name.replace('_', '-')}", detail, where=name)
 
 
 def run_stage(
@@ -121,7 +171,11 @@ def write_request(directory: FilePath, request: Request, data: bytes) -> None:
 
 
 def _request(directory: FilePath) -> Request:
-    return Request(**json.loads((directory / "request.json").read_bytes()))
+    values = json.loads((directory / "request.json").read_bytes())
+    if values.get("start") is not None:
+        x, y, z = values["start"]
+        values["start"] = (int(x), int(y), int(z))
+    return Request(**values)
 
 
 def _chain(directory: FilePath) -> Chain:
@@ -141,7 +195,7 @@ def _playback(directory: FilePath) -> Playback | None:
 def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
     del progress, cancelled
     request = _request(directory)
-    request.parameters()
+    request.check()
     prepared = prepare(
         (directory / "input").read_bytes(),
         request.filename,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from importlib import import_module
-from typing import Final
+from importlib.metadata import version
+from typing import Annotated, Final
 
 import typer
 
@@ -17,13 +18,23 @@ def application(commands: Iterable[str] = COMMANDS) -> typer.Typer:
     app = typer.Typer(no_args_is_help=True, pretty_exceptions_show_locals=False)
 
     @app.callback()
-    def foldback() -> None:
+    def foldback(
+        version: Annotated[
+            bool, typer.Option("--version", callback=_version, is_eager=True, help="Tell it.")
+        ] = False,
+    ) -> None:
         """Plans how a straight chain of modules folds into a solid."""
 
     del foldback
     for name in commands:
         app.command(name)(getattr(import_module(f"server.commands.{name}"), name))
     return app
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"foldback {version('foldback')}")
+        raise typer.Exit
 
 
 def main() -> None:

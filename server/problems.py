@@ -95,6 +95,8 @@ def install(app: FastAPI) -> None:
     async def on_validation(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)
         first = error.errors()[0]
+        if (refusal := _refusal(first)) is not None:
+            return Problem.of_input(refusal).response()
         where = ".".join(str(part) for part in first["loc"])
         return Problem(422, "bad-request", f"{first['msg']}.", where=where).response()
 
@@ -107,3 +109,19 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, on_http)
     app.add_exception_handler(RequestValidationError, on_validation)
     app.add_exception_handler(Exception, on_anything)
+
+
+def _refusal(error: Any) -> InputError | None:
+    """What the planner says of a parameter, so that it reads the same as on the command line."""
+    from planner.stages import Request as Asked
+
+    place, name = error["loc"][0], str(error["loc"][-1])
+    if place != "body" or name not in Asked.__dataclass_fields__:
+        return None
+    try:
+        Asked.of(**{name: error["input"]}).check()
+    except InputError as refusal:
+        return refusal
+    except TypeError:  # not even a text
+        return None
+    return None

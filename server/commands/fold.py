@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -31,16 +32,24 @@ def fold(
     ],
     out: Annotated[Path, typer.Option(help="Directory for the plan; made if it is not there.")],
     preset: Annotated[str, typer.Option(help="default, paper or direct.")] = "default",
-    seed: Annotated[int, typer.Option(help="What randomness starts from.")] = 0,
+    seed: Annotated[
+        str, typer.Option(metavar="INTEGER", help="What randomness starts from.")
+    ] = "0",
     module_size: Annotated[
-        float | None, typer.Option(help="Size at which to verify, as a fraction of the pitch.")
+        str | None,
+        typer.Option(metavar="FLOAT", help="Size at which to verify, as a fraction of the pitch."),
     ] = None,
-    modules: Annotated[int | None, typer.Option(help="About how many, for a mesh.")] = None,
+    modules: Annotated[
+        str | None, typer.Option(metavar="INTEGER", help="About how many, for a mesh.")
+    ] = None,
     method: Annotated[str, typer.Option(help="Path by: auto, blocks, exact or snake.")] = "auto",
     repair: Annotated[
         bool, typer.Option("--repair", help="Add or drop cells where there is no path otherwise.")
     ] = False,
     ends: Annotated[str, typer.Option(help="any, or surface for both ends outside.")] = "any",
+    start: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="The cell that the chain begins in.")
+    ] = None,
     as_voxels: Annotated[
         bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")
     ] = False,
@@ -50,9 +59,7 @@ def fold(
 ) -> None:
     """Explode, fold and verify a chain or a shape; exits 0 verified, 3 not, 2 for bad input."""
     try:
-        data, filename = read_input(shape)
-        request = Request(
-            filename=filename,
+        request = Request.of(
             preset=preset,
             seed=seed,
             module_size=module_size,
@@ -61,10 +68,12 @@ def fold(
             repair=repair,
             ends=ends,
             as_voxels=as_voxels,
+            start=start,
         )
-        request.parameters()
+        request.check()
+        data, filename = read_input(shape)
         make_directory(out)
-        write_request(out, request, data)
+        write_request(out, replace(request, filename=filename), data)
         run_stage(STAGES[0], out)
     except InputError as error:
         refuse(error, as_json)

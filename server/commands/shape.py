@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +15,8 @@ from planner.errors import InputError
 from planner.formats import write_path
 from planner.paths import Path as CellPath
 from planner.plan import write_whole
-from planner.preparation import Preparation, Wishes, prepare
+from planner.preparation import Preparation, prepare
+from planner.stages import SHORT_SEED, Request
 from server.commands.fold import read_input, refuse
 
 
@@ -23,31 +25,41 @@ def shape(
         str, typer.Argument(metavar="INPUT", help="A mesh, a voxel model, cells, or an example.")
     ],
     out: Annotated[Path, typer.Option(help="Where to write the path, foldback-path/1.")],
-    modules: Annotated[int | None, typer.Option(help="About how many modules.")] = None,
+    modules: Annotated[
+        str | None, typer.Option(metavar="INTEGER", help="About how many modules.")
+    ] = None,
     method: Annotated[str, typer.Option(help="auto, blocks, exact or snake.")] = "auto",
     repair: Annotated[
         bool, typer.Option("--repair", help="Add or drop cells where there is no path otherwise.")
     ] = False,
     ends: Annotated[str, typer.Option(help="any, or surface for both ends outside.")] = "any",
-    seed: Annotated[int, typer.Option(help="What randomness starts from.")] = 0,
+    start: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="The cell that the chain begins in.")
+    ] = None,
+    seed: Annotated[
+        str, typer.Option(metavar="INTEGER", help="What randomness starts from.")
+    ] = "0",
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object as the last line.")
     ] = False,
 ) -> None:
     """Find a path through a shape. Exits 0 with a path, 3 when there is none, 2 for bad input."""
     try:
+        request = Request.of(
+            modules=modules, method=method, repair=repair, ends=ends, start=start, seed=seed
+        )
+        request.check()
         data, filename = read_input(source)
-        wishes = Wishes(modules=modules, method=method, repair=repair, ends=ends)
+        wishes, short = request.wishes(), request.seed % SHORT_SEED
         try:
-            prepared = prepare(data, filename, wishes, seed=seed)
+            prepared = prepare(data, filename, wishes, seed=short)
         except InputError as error:
             if error.code != "not-adjacent":
                 raise
             # A list of cells in no order is a shape.
-            wishes = Wishes(
-                modules=modules, method=method, repair=repair, ends=ends, as_voxels=True
-            )
-            prepared = prepare(data, filename, wishes, seed=seed)
+            prepared = prepare(data, filename, replace(wishes, as_voxels=True), seed=short)
+        if prepared.not_started:
+            prepared.chain  # noqa: B018
         if prepared.chains:
             write_whole(out, path_file(prepared))
     except InputError as error:

@@ -18,7 +18,7 @@ from server.commands.fold import refuse
 def verify(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="What `fold` has written.")],
     module_size: Annotated[
-        float | None, typer.Option(help="Another size than the plan's own.")
+        str | None, typer.Option(metavar="FLOAT", help="Another size than the plan's own.")
     ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object as the last line.")
@@ -26,8 +26,9 @@ def verify(
 ) -> None:
     """Check a plan anew, by exact kinematics and by a replay in plain MuJoCo."""
     try:
-        Request(module_size=module_size).parameters()
-        found = verify_files(directory, module_size=module_size)
+        request = Request.of(module_size=module_size)
+        request.check()
+        found = verify_files(directory, module_size=request.module_size)
     except InputError as error:
         refuse(error, as_json)
     except TimelineError as error:

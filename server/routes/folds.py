@@ -9,6 +9,10 @@ from fastapi import APIRouter, Depends, File, Form, Request, UploadFile
 from fastapi.responses import Response, StreamingResponse
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
+from planner.preparation import MODULES
+from planner.stages import LARGEST_SEED, MODULE_SIZES
+from planner.starts import TEXT as START
+from planner.starts import cell_of
 from server.context import Context, context_of
 from server.previews import ShapeWishes
 from server.problems import Problem
@@ -20,14 +24,16 @@ bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
 
 Here = Annotated[Context, Depends(context_of)]
 Bearer = Annotated[HTTPAuthorizationCredentials | None, Depends(bearer)]
-MOST_SEED = 2**32 - 1
-LEAST_MODULE_SIZE = 0.1
 
 
 def _wishes(
     modules: Annotated[
         int | None,
-        Form(ge=8, le=20_000, description="About how many modules; meshes get 160 if not said."),
+        Form(
+            ge=MODULES[0],
+            le=MODULES[1],
+            description="About how many modules; meshes get 160 if not said.",
+        ),
     ] = None,
     method: Annotated[
         Literal["auto", "blocks", "exact", "snake"],
@@ -42,9 +48,21 @@ def _wishes(
     as_voxels: Annotated[
         bool, Form(description="Take a list of cells as a shape, not as a path.")
     ] = False,
+    start: Annotated[
+        str | None,
+        Form(
+            pattern=rf"^{START}$",
+            description="The cell that the chain begins in, as `x,y,z` of a preview's `cells`.",
+        ),
+    ] = None,
 ) -> ShapeWishes:
     return ShapeWishes(
-        modules=modules, method=method, repair=repair, ends=ends, as_voxels=as_voxels
+        modules=modules,
+        method=method,
+        repair=repair,
+        ends=ends,
+        as_voxels=as_voxels,
+        start=cell_of(start) if start else None,
     )
 
 
@@ -73,10 +91,14 @@ def post_fold(
     ] = None,
     shape: Annotated[str | None, Form(description="Or the name of a gallery shape.")] = None,
     preview: Annotated[str | None, Form(description="Or the id of a preview.")] = None,
-    preset: Annotated[Literal["default", "paper"], Form()] = "default",
-    seed: Annotated[int, Form(ge=0, le=MOST_SEED)] = 0,
+    preset: Annotated[
+        Literal["default", "paper", "direct"],
+        Form(description="`direct` servoes straight to the shape: the baseline that fails."),
+    ] = "default",
+    seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
     module_size: Annotated[
-        float | None, Form(ge=LEAST_MODULE_SIZE, le=1, description="Edge of a module in pitches.")
+        float | None,
+        Form(ge=MODULE_SIZES[0], le=MODULE_SIZES[1], description="Edge of a module in pitches."),
     ] = None,
 ) -> Accepted:
     """Accepts it and puts it into the queue. The same upload again gives the same fold."""

@@ -8,8 +8,9 @@ from typing import Annotated
 from fastapi import APIRouter, File, Form, UploadFile
 from fastapi.responses import Response
 
+from planner.stages import LARGEST_SEED
 from server.problems import Problem
-from server.routes.folds import MOST_SEED, Here, Wishes, input_of, problems
+from server.routes.folds import Here, Wishes, input_of, problems
 from server.schemas import Preview, Shape, Shapes
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
@@ -41,7 +42,7 @@ def post_preview(
     preview: Annotated[
         str | None, Form(description="Or the id of an earlier preview, with other wishes.")
     ] = None,
-    seed: Annotated[int, Form(ge=0, le=MOST_SEED)] = 0,
+    seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
     full: Annotated[
         bool, Form(description="Whether to answer with cells and mesh too, which may be large.")
     ] = True,
