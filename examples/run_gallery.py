@@ -18,7 +18,7 @@ from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from planner.stages import STAGES, Request, run_stage, write_request
+from planner.stages import Request, run_stages, write_request
 from planner.warm_up import warm_up
 
 HERE = FilePath(__file__).parent
@@ -39,9 +39,8 @@ def fold_once(file: FilePath, seed: int) -> dict[str, Any]:
     with TemporaryDirectory(prefix="foldback-gallery-") as directory:
         request = Request(filename=file.name, preset="default", seed=seed)
         write_request(FilePath(directory), request, file.read_bytes())
-        summary: dict[str, Any] = {}
-        for stage in STAGES:
-            summary = run_stage(stage, FilePath(directory))
+        summary = run_stages(FilePath(directory))
+        attempts = len(json.loads((FilePath(directory) / "attempts.json").read_bytes()))
     certificate, playback = summary["certificate"], summary["playback"] or {}
     return {
         "modules": summary["modules"],
@@ -51,14 +50,18 @@ def fold_once(file: FilePath, seed: int) -> dict[str, Any]:
         "seconds": round(time.perf_counter() - begun, 2),
         "cpu_seconds": round(time.process_time() - worked, 2),
         "clearance": certificate["min_clearance"],
+        "attempts": attempts,
     }
 
 
 def fold_shape(file: FilePath) -> dict[str, Any]:
     """Folds a shape with one seed after the other until it is verified."""
     result: dict[str, Any] = {}
-    for attempt, seed in enumerate(SEEDS):
-        result = fold_once(file, seed) | {"attempts": attempt + 1, "digest": digest(file)}
+    attempts = 0
+    for seed in SEEDS:
+        result = fold_once(file, seed)
+        attempts += result["attempts"]
+        result |= {"attempts": attempts, "digest": digest(file)}
         if result["verdict"] == "verified":
             break
     return result

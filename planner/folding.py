@@ -10,7 +10,7 @@ from planner.formats import write_chain, write_path
 from planner.paths import Path
 from planner.plan import Plan
 from planner.progress import Report, silent
-from planner.stages import STAGES, Request, run_stage, write_request
+from planner.stages import Request, run_stages, write_request
 
 
 def fold(
@@ -53,6 +53,5 @@ def fold(
     data = write_path(shape) if isinstance(shape, Path) else write_chain(shape)
     request = Request(filename=shape.name, preset=preset, seed=seed, module_size=module_size)
     write_request(folder, request, data)
-    for stage in STAGES:
-        run_stage(stage, folder, progress=progress)
+    run_stages(folder, progress=progress)
     return Plan.load(folder / "plan.npz")

@@ -130,6 +130,7 @@ def play_back(
     progress: Report = silent,
     cancelled: Cancelled = never,
     start_s: float = 0.0,
+    finer: int = 1,
 ) -> Playback:
     """Folds the straight chain in simulation: no gravity, the chain floats.
 
@@ -142,14 +143,15 @@ def play_back(
         progress: Told how far it is, a few times a second.
         cancelled: Asked now and then whether to stop.
         start_s: Time of the first frame.
+        finer: How many times as many frames to keep.
 
     Raises:
         InputError: An unknown controller, or a controller that needs a record without one.
     """
     begun = time.perf_counter()
     if record is not None and len(chain) > parameters.dynamic_up_to:
-        return _followed(chain, record, parameters, module_size, sink, start_s)
-    run = _Run(chain, record, parameters, module_size, start_s)
+        return _followed(chain, record, parameters, module_size, sink, start_s, finer)
+    run = _Run(chain, record, parameters, module_size, start_s, finer)
     status, reason = run.simulate(sink, progress, cancelled)
     error = run.final_error()
     if status == "folded" and error > FOLDED_WITHIN:
@@ -180,6 +182,7 @@ def _followed(
     module_size: float,
     sink: Callable[[Frames], None] | None,
     start_s: float,
+    finer: int,
 ) -> Playback:
     """A kinematic playback: the reference itself, its centre of mass at rest."""
     begun = time.perf_counter()
@@ -190,8 +193,9 @@ def _followed(
         distance_weight=parameters.distance_weight,
         size=module_size,
     )
-    count = max(2, int(np.ceil(reference.length_rad / FRAME_RAD)))
-    law = smooth_law(steps=count, step_s=parameters.step_s * parameters.steps_per_rad * FRAME_RAD)
+    frame_rad = FRAME_RAD / finer
+    count = max(2, int(np.ceil(reference.length_rad / frame_rad)))
+    law = smooth_law(steps=count, step_s=parameters.step_s * parameters.steps_per_rad * frame_rad)
     last = record.frames[-1:]
     centre = chain.poses(
         last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0]
@@ -235,8 +239,10 @@ class _Run:
         parameters: PlaybackParameters,
         module_size: float,
         start_s: float,
+        finer: int,
     ) -> None:
         self.chain = chain
+        self.finer = finer
         self.parameters = parameters
         self.module_size = module_size
         self.start_s = start_s
@@ -325,8 +331,9 @@ class _Run:
                 self.largest_error = max(self.largest_error, error)
                 if (
                     max(np.abs(angles - last_angles).max(), np.abs(target.angles - last_aim).max())
-                    >= FRAME_RAD
-                    or ((tree.centres - last_centres) ** 2).sum(axis=1).max() >= FRAME_DISTANCE**2
+                    >= FRAME_RAD / self.finer
+                    or ((tree.centres - last_centres) ** 2).sum(axis=1).max()
+                    >= (FRAME_DISTANCE / self.finer) ** 2
                     or self.steps - last_step >= FRAME_STEPS
                 ):
                     self._keep(angles, target, sink)

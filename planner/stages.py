@@ -13,12 +13,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any, Final
 
+from planner import attempts
 from planner.certificate import Certificate, certify
 from planner.chain import Chain
 from planner.errors import InputError
 from planner.explosion import explode
 from planner.exports.mjcf import mjcf
-from planner.parameters import PaperExplosionParameters, Parameters, preset
+from planner.parameters import (
+    ExplosionParameters,
+    PaperExplosionParameters,
+    Parameters,
+    preset,
+)
 from planner.pathfinding.obstacles import Cell
 from planner.plan import Plan, write_whole
 from planner.playback import Playback, play_back
@@ -163,6 +169,30 @@ def run_stage(
     return result
 
 
+def next_stage(stage: str, result: dict[str, Any]) -> str | None:
+    """The stage after one that gave a result: an earlier one again, or None after the last."""
+    if result.get("again"):
+        return str(result["again"])
+    place = STAGES.index(stage) + 1
+    return STAGES[place] if place < len(STAGES) else None
+
+
+def run_stages(
+    directory: FilePath, *, progress: Report = silent, cancelled: Cancelled = never
+) -> dict[str, Any]:
+    """Runs all stages, those again that a refused plan makes necessary; the last one's result.
+
+    Raises:
+        InputError: When the input cannot be used.
+    """
+    stage: str | None = STAGES[0]
+    result: dict[str, Any] = {}
+    while stage is not None:
+        result = run_stage(stage, directory, progress=progress, cancelled=cancelled)
+        stage = next_stage(stage, result)
+    return result
+
+
 def write_request(directory: FilePath, request: Request, data: bytes) -> None:
     """Puts a request and its input into a fold's directory."""
     values = {name: getattr(request, name) for name in Request.__dataclass_fields__}
@@ -180,6 +210,11 @@ def _request(directory: FilePath) -> Request:
 
 def _chain(directory: FilePath) -> Chain:
     return chain_from_attributes(json.loads((directory / "chain.json").read_bytes()))
+
+
+def _candidates(directory: FilePath) -> list[Chain]:
+    found = json.loads((directory / "candidates.json").read_bytes())
+    return [chain_from_attributes(attributes) for attributes in found]
 
 
 def _record(directory: FilePath) -> Record | None:
@@ -203,6 +238,7 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
         seed=request.seed % SHORT_SEED,
     )
     chain = prepared.chain
+    (directory / attempts.FILE).unlink(missing_ok=True)
     _write_json(directory / "candidates.json", [chain_attributes(c) for c in prepared.chains])
     _write_json(directory / "chain.json", chain_attributes(chain))
     return {
@@ -225,26 +261,27 @@ def _explode(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
     # What an earlier fold left in this directory must not pass for a result of this one.
     for name in ("record.npz", "playback.npz"):
         (directory / name).unlink(missing_ok=True)
-    candidates = [
-        chain_from_attributes(attributes)
-        for attributes in json.loads((directory / "candidates.json").read_bytes())
-    ]
+    candidates = _candidates(directory)
     if request.parameters().explosion is None:
         TimelineWriter.create(directory / "timeline.zarr", candidates[0])
-        _write_json(directory / "attempts.json", [])
+        attempts.save(directory, [])
         return {"status": "none", "reason": "", "steps": 0, "frames": 0, "seconds": 0.0}
-    attempts: list[dict[str, Any]] = []
+    tried = attempts.before_explosion(directory, len(candidates))
+    done = sum("finer" not in attempt for attempt in tried)
+    # Other seeds are for what a certificate has refused: what gets stuck mostly does so again.
+    left = attempts.tries(len(candidates), request.seed)[: None if done else len(candidates)][done:]
     record: Record | None = None
-    for number, chain in enumerate(candidates):
+    for number, seed in left:
+        chain = candidates[number]
         _write_json(directory / "chain.json", chain_attributes(chain))
-        record = _exploded(directory, request, chain, progress, cancelled)
-        attempts.append({"candidate": number, "seed": request.seed, **record.summary()})
+        record = _exploded(directory, replace(request, seed=seed), chain, progress, cancelled)
+        tried.append({"candidate": number, "seed": seed, **record.summary()})
         if record.status in ("straight", "cancelled"):
             break
     assert record is not None
-    _write_json(directory / "attempts.json", attempts)
+    attempts.save(directory, tried)
     record.save(directory / "record.npz")
-    return {**record.summary(), "attempts": len(attempts)}
+    return {**record.summary(), "attempts": len(tried)}
 
 
 def _exploded(
@@ -289,6 +326,8 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
     start_s, frames = 0.0, 0
     if record is not None:
         start_s, frames = float(record.frames.time_s[-1]), len(record.frames)
+    tried = attempts.before_playback(directory, len(_candidates(directory)))
+    attempts.save(directory, tried)
     with TimelineWriter.reopen(directory / "timeline.zarr", frames=frames) as writer:
         playback = play_back(
             chain,
@@ -299,23 +338,33 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
             progress=progress,
             cancelled=cancelled,
             start_s=start_s,
+            finer=int(tried[-1].get("finer", 1)) if tried else 1,
         )
     playback.save(directory / "playback.npz")
     return playback.summary()
 
 
 def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    parameters = _request(directory).parameters()
     certificate = certify(
         _chain(directory),
         _record(directory),
         _playback(directory),
-        _request(directory).parameters(),
+        parameters,
         progress=progress,
         cancelled=cancelled,
     )
+    again = None
+    tried = attempts.load(directory)
+    if tried:
+        tried = attempts.judged(tried, certificate)
+        attempts.save(directory, tried)
+        # What was published is shown as it is, with what is wrong with it.
+        if isinstance(parameters.explosion, ExplosionParameters) and not cancelled():
+            again = attempts.following(tried, len(_candidates(directory)))
     values = certificate.as_dict()
     _write_json(directory / "certificate.json", values)
-    return values
+    return {**values, "again": again}
 
 
 def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
@@ -323,7 +372,6 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
     request, chain = _request(directory), _chain(directory)
     parameters = request.parameters()
     certificate = Certificate.from_dict(json.loads((directory / "certificate.json").read_bytes()))
-    attempts = json.loads((directory / "attempts.json").read_bytes())
     plan = Plan.assembled(
         chain,
         parameters,
@@ -331,7 +379,7 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
         _record(directory),
         _playback(directory),
         certificate,
-        tuple(attempts),
+        tuple(attempts.load(directory)),
     )
     text = mjcf(chain, module_size=parameters.module_size)
     write_whole(directory / "model.xml", text.encode())
@@ -352,4 +400,4 @@ _STAGES: Final[dict[str, _Stage]] = {
     "certify": _certify,
     "export": _export,
 }
-__all__ = ["STAGES", "Request", "run_stage", "write_request"]
+__all__ = ["STAGES", "Request", "next_stage", "run_stage", "run_stages", "write_request"]

@@ -20,9 +20,10 @@ log = logging.getLogger("foldback.worker")
 
 
 class Outcome(TypedDict):
-    """How a stage ended; ``ended`` tells that the fold ends with it."""
+    """How a stage ended; ``ended`` tells that the fold ends with it, ``following`` what is next."""
 
     ended: bool
+    following: str | None
     status: str
     summary: dict[str, Any]
     error: dict[str, Any] | None
@@ -33,12 +34,14 @@ def _outcome(
     status: str,
     *,
     ended: bool = True,
+    following: str | None = None,
     summary: dict[str, Any] | None = None,
     error: dict[str, Any] | None = None,
     repeatable: bool = True,
 ) -> Outcome:
     return {
         "ended": ended,
+        "following": following,
         "status": status,
         "summary": summary or {},
         "error": error,
@@ -151,7 +154,9 @@ class Runner:
                 reason = str(result.get("reason") or "the plan could not be verified.")
                 error = {"code": "not-verified", "detail": reason, "where": None}
             return _outcome(status, summary=result, error=error)
-        return _outcome("running", ended=False)
+        # A plan that the certificate has refused is tried again in another way, a few times.
+        following = result.get("again") or STAGES[STAGES.index(stage) + 1]
+        return _outcome("running", ended=False, following=following)
 
     def _stopped(self, fold_id: str) -> Outcome:
         try:

@@ -34,14 +34,12 @@ def register(runner: Runner) -> None:
     """Tells the job system what a fold is: one step a stage, then its end."""
 
     def fold(fold_id: str) -> str:
-        stage = None
+        stage: str = STAGES[0]
         try:
-            outcome: Outcome | None = None
-            for stage in STAGES:
+            outcome: Outcome = DBOS.run_step({"name": stage}, runner.run, fold_id, stage)
+            while (following := outcome["following"]) is not None and not outcome["ended"]:
+                stage = following
                 outcome = DBOS.run_step({"name": stage}, runner.run, fold_id, stage)
-                if outcome["ended"]:
-                    break
-            assert outcome is not None
         except Exception as error:
             log.exception("fold %s failed", fold_id)
             outcome = runner.failure(error, stage)

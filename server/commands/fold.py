@@ -14,7 +14,7 @@ from rich.table import Table
 
 from planner.errors import InputError
 from planner.progress import Progress as StageProgress
-from planner.stages import STAGES, Request, run_stage, write_request
+from planner.stages import STAGES, Request, next_stage, run_stage, write_request
 from server.gallery import Gallery
 
 LARGEST_FILE = 64 * 2**20
@@ -86,7 +86,8 @@ def fold(
         TextColumn("{task.fields[note]}"),
         console=Console(stderr=True),
     ) as bars:
-        for stage in STAGES[1:]:
+        stage: str | None = STAGES[1]
+        while stage is not None:
             bar = bars.add_task(WORDS[stage], total=1.0, note="")
 
             def report(progress: StageProgress, bar: Any = bar) -> None:
@@ -94,6 +95,7 @@ def fold(
                 bars.update(bar, completed=progress.fraction, note=note)
 
             summary = run_stage(stage, out, progress=report)
+            stage = next_stage(stage, summary)
     if as_json:
         print(json.dumps(summary), flush=True)
     else:

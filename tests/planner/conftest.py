@@ -14,7 +14,7 @@ from planner.paths import Path
 from planner.plan import Plan
 from planner.playback import Playback
 from planner.record import Record
-from planner.stages import STAGES, Request, run_stage, write_request
+from planner.stages import Request, run_stages, write_request
 
 # A busy machine, or kernels that compile first, must not fail a property.
 settings.register_profile("patient", deadline=None)
@@ -66,8 +66,7 @@ def folded(tmp_path_factory: pytest.TempPathFactory) -> Fold:
         directory = tmp_path_factory.mktemp(f"{shape}-{preset}-{seed}")
         request = Request(preset=preset, seed=seed)
         write_request(directory, request, (SHAPES / f"{shape}.json").read_bytes())
-        for stage in STAGES:
-            run_stage(stage, directory)
+        run_stages(directory)
         record, playback = directory / "record.npz", directory / "playback.npz"
         plan = Plan.load(directory / "plan.npz")
         return Folded(

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from planner.certificate import Certificate, Place, certify
 from planner.chain import Chain
 from planner.errors import InputError, SimulationError
 from planner.explosion import explode
@@ -20,7 +21,7 @@ from planner.plan import Plan
 from planner.progress import Progress
 from planner.record import Record
 from planner.segments import Acceleration, Segments, State
-from planner.stages import STAGES, Request, run_stage, write_request
+from planner.stages import STAGES, Request, next_stage, run_stage, run_stages, write_request
 from planner.timeline import PHASES, Timeline
 from tests.planner.chains import coil
 
@@ -290,3 +291,94 @@ def test_bad_input_is_refused_and_nothing_is_written(tmp_path: FilePath) -> None
     with pytest.raises(InputError, match="cells 0 and 1"):
         run_stage("read", directory)
     assert not (directory / "chain.json").exists()
+
+
+def refuse_first(monkeypatch: pytest.MonkeyPatch, times: int, *, frame: float) -> None:
+    """Certificates that refuse the playback, for as long as they are asked from the start."""
+    asked = 0
+
+    def refused(*arguments: Any, **more: Any) -> Certificate:
+        nonlocal asked
+        asked += 1
+        found = certify(*arguments, **more)
+        if asked > times:
+            return found
+        return replace(
+            found,
+            verdict="failed: in the simulated playback, modules 1 and 9 overlap",
+            min_clearance_playback=-0.001,
+            min_clearance_playback_at=Place(frame=frame, modules=(1, 9)),
+        )
+
+    monkeypatch.setattr("planner.stages.certify", refused)
+
+
+def test_an_overlap_between_frames_is_looked_at_with_more_of_them(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuse_first(monkeypatch, 1, frame=3.5)
+    directory = begun(tmp_path / "fold")
+    assert run_stages(directory)["status"] == "verified"
+    first, second = Plan.load(directory / "plan.json").attempts
+    assert first["verdict"].startswith("failed")
+    assert (second["verdict"], second["seed"], second["finer"]) == ("verified", 0, 4)
+    frames = len(Plan.load(directory / "plan.npz").time_s)
+    monkeypatch.undo()
+    usual = begun(tmp_path / "usual")
+    run_stages(usual)
+    assert frames > 2 * len(Plan.load(usual / "plan.npz").time_s)
+    assert len(Timeline.open(directory / "timeline.zarr")) == frames + second["frames"]
+
+
+def test_a_refused_plan_is_tried_with_the_next_seed(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuse_first(monkeypatch, 1, frame=3.0)
+    directory = begun(tmp_path / "fold", seed=7)
+    assert run_stages(directory)["status"] == "verified"
+    attempts = Plan.load(directory / "plan.json").attempts
+    assert [attempt["seed"] for attempt in attempts] == [7, 8]
+    assert [attempt["verdict"] == "verified" for attempt in attempts] == [False, True]
+    record = Record.load(directory / "record.npz")
+    anew = explode(Chain.from_path(COIL), Request().parameters().explosion, seed=8)
+    np.testing.assert_array_equal(record.frames.joint_angles_rad, anew.frames.joint_angles_rad)
+
+
+def test_a_plan_that_is_always_refused_ends_as_a_failure(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuse_first(monkeypatch, 99, frame=2.5)
+    directory = begun(tmp_path / "fold")
+    assert run_stages(directory)["status"] == "failed"
+    attempts = Plan.load(directory / "plan.json").attempts
+    assert [(a["seed"], a.get("finer", 1)) for a in attempts] == [(0, 1), (0, 4), (1, 1), (1, 4)]
+
+
+@pytest.mark.parametrize("at", [4, 5, 6])
+def test_a_second_attempt_that_is_killed_comes_to_the_same(
+    at: int, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each stage is run twice, as after a kill between its last file and the note of its end."""
+    names = ["read", "explode", "play_back", "certify", "explode", "play_back", "certify", "export"]
+    plans: list[Plan] = []
+    for doubled in (None, at):
+        refuse_first(monkeypatch, 1, frame=3.0)
+        directory = begun(tmp_path / f"fold-{doubled}")
+        for number, stage in enumerate(names):
+            result = run_stage(stage, directory)
+            if number == doubled:
+                result = run_stage(stage, directory)
+            assert next_stage(stage, result) == (names[number + 1 :] or [None])[0]
+        plans.append(Plan.load(directory / "plan.npz"))
+        monkeypatch.undo()
+    np.testing.assert_array_equal(plans[0].joint_angles_rad, plans[1].joint_angles_rad)
+    assert [timeless(a) for a in plans[0].attempts] == [timeless(a) for a in plans[1].attempts]
+
+
+def test_what_was_published_is_not_tried_again(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuse_first(monkeypatch, 9, frame=3.0)
+    directory = begun(tmp_path / "fold", preset="direct")
+    assert run_stages(directory)["status"] == "failed"
+    assert Plan.load(directory / "plan.json").attempts == ()

@@ -1,0 +1,96 @@
+"""Attempts: what was tried of a fold so far, and what comes next when its certificate fails.
+
+An overlap between two frames of the playback may be one of the frames alone, which are joined by
+straight lines: the same playback is then recorded with more of them. Everything else is tried with
+the next path, or with the next seed once the paths are used up.
+
+``attempts.json`` in a fold's directory is a list with an entry for each explosion, and one for each
+playback with finer frames. An entry has no verdict until its certificate is there; a stage that is
+run again drops what it had added and comes to the same.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+from planner.certificate import Certificate
+from planner.plan import write_whole
+
+FILE: Final = "attempts.json"
+FEWEST: Final = 3
+"""Explosions that may be tried, when there are fewer paths than that."""
+MOST_VERDICTS: Final = 4
+FINER: Final = 4
+LARGEST_SEED: Final = 2**32 - 1
+
+Attempt = dict[str, Any]
+
+
+def tries(candidates: int, seed: int) -> list[tuple[int, int]]:
+    """Candidate and seed of each explosion that may be tried, in their order."""
+    count = max(candidates, FEWEST)
+    return [(k % candidates, (seed + k // candidates) % (LARGEST_SEED + 1)) for k in range(count)]
+
+
+def load(directory: FilePath) -> list[Attempt]:
+    """The attempts so far."""
+    path = directory / FILE
+    return json.loads(path.read_bytes()) if path.exists() else []
+
+
+def save(directory: FilePath, attempts: list[Attempt]) -> None:
+    """Keeps them."""
+    write_whole(directory / FILE, json.dumps(attempts).encode())
+
+
+def before_explosion(directory: FilePath, candidates: int) -> list[Attempt]:
+    """Attempts that another explosion follows; none when everything begins anew."""
+    kept = load(directory)
+    while kept and "verdict" not in kept[-1]:
+        kept.pop()
+    goes_on = bool(kept) and following(kept, candidates) == "explode"
+    return kept if goes_on else []
+
+
+def before_playback(directory: FilePath, candidates: int) -> list[Attempt]:
+    """Attempts with the one that is to be played back last."""
+    attempts = load(directory)
+    if attempts and "verdict" in attempts[-1]:
+        again = {
+            key: value for key, value in attempts[-1].items() if key not in ("verdict", "between")
+        }
+        if following(attempts, candidates) == "play_back":
+            again["finer"] = FINER
+            return [*attempts, again]
+        return [*attempts[:-1], again]
+    return attempts
+
+
+def judged(attempts: list[Attempt], certificate: Certificate) -> list[Attempt]:
+    """With the verdict on the last one."""
+    place = certificate.min_clearance_playback_at
+    between = (
+        certificate.min_clearance is not None
+        and certificate.min_clearance >= 0.0
+        and certificate.min_clearance_playback is not None
+        and certificate.min_clearance_playback < 0.0
+        and place is not None
+        and not float(place.frame).is_integer()
+    )
+    last = {**attempts[-1], "verdict": certificate.verdict, "between": between}
+    return [*attempts[:-1], last]
+
+
+def following(attempts: list[Attempt], candidates: int) -> str | None:
+    """The stage that goes on after the verdict on the last attempt; None when that is the end."""
+    last = attempts[-1]
+    if last["verdict"].startswith("verified") or last["status"] != "straight":
+        return None
+    if sum("verdict" in attempt for attempt in attempts) >= MOST_VERDICTS:
+        return None
+    if last["between"] and "finer" not in last:
+        return "play_back"
+    explosions = sum("finer" not in attempt for attempt in attempts)
+    return "explode" if explosions < len(tries(candidates, 0)) else None
