@@ -24,6 +24,7 @@ from server.routes import artifacts, folds, health, pages, previews, shapes, vie
 from server.security import BodyLimit, SameOrigin, SecurityHeaders
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store
+from server.streams import Streams
 from server.watch import Watch
 from web.viewers import Viewers
 
@@ -92,7 +93,13 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         settings=settings,
         store=store,
         jobs=jobs,
-        viewers=Viewers(settings.max_viewers, settings.viewer_idle_s),
+        viewers=Viewers(
+            settings.max_viewers,
+            settings.viewer_idle_s,
+            max_of_address=settings.max_viewers_of_visitor,
+            max_of_fold=settings.max_viewers_of_fold,
+        ),
+        streams=Streams(settings.max_streams, settings.max_streams_of_visitor),
         reader=Reader(ChildLimits.of(settings), wall_s=settings.read_seconds),
         preparer=Reader(ChildLimits.of(settings), wall_s=settings.preview_seconds, kind="preparer"),
         previews=Previews(settings),

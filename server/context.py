@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from fastapi import Request
 
+from server.addresses import address_of
 from server.children import Reader
 from server.gallery import Gallery
 from server.jobs import Jobs
@@ -18,6 +19,7 @@ from server.metrics import Metrics
 from server.previews import Previews
 from server.settings import Settings
 from server.store import Store
+from server.streams import Streams
 from server.watch import Watch
 
 if TYPE_CHECKING:
@@ -37,12 +39,13 @@ class Context:
     previews: Previews
     gallery: Gallery
     watch: Watch
+    streams: Streams
     metrics: Metrics
     secret: bytes
 
     def visitor(self, request: Request) -> str:
         """A name for who asks, which does not give the address away."""
-        address = request.client.host if request.client else "unknown"
+        address = address_of(request)
         return hmac.new(self.secret, address.encode(), hashlib.sha256).hexdigest()[:32]
 
 

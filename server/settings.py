@@ -70,7 +70,15 @@ class Settings(BaseSettings):
         default=2048 * MIB, ge=128 * MIB, description="Memory of one fold."
     )
 
-    max_viewers: int = Field(default=200, ge=1, description="Views that may be open at once.")
+    max_viewers: int = Field(default=256, ge=1, description="Views that may be open at once.")
+    max_viewers_of_visitor: int = Field(
+        default=128, ge=1, description="Of them, by one address; a school may share one."
+    )
+    max_viewers_of_fold: int = Field(default=192, ge=1, description="Of them, of one fold.")
+    max_streams: int = Field(
+        default=512, ge=1, description="Event streams (`/events`) that may be open at once."
+    )
+    max_streams_of_visitor: int = Field(default=128, ge=1, description="Of them, to one address.")
     viewer_idle_s: float = Field(
         default=600.0, gt=0, description="A view unused for so long is closed."
     )

@@ -33,6 +33,8 @@ TICK_S: Final = 1 / 30
 REST_S: Final = 0.1
 FORGOTTEN_AFTER: Final = 30.0
 """A viewer that is connected but untouched for this many idle times counts as forgotten."""
+MOST_SOCKETS: Final = 12
+"""Of one viewer: a page has three, and twice as many for a moment after a break."""
 
 
 class ViewersBusy(Exception):
@@ -59,10 +61,16 @@ class Viewer:
     """One visitor's viser server and player."""
 
     def __init__(
-        self, fold_id: str, visitor: str, make: Callable[[viser.ViserServer], Playing]
+        self,
+        fold_id: str,
+        visitor: str,
+        make: Callable[[viser.ViserServer], Playing],
+        *,
+        address: str = "",
     ) -> None:
         self.fold_id = fold_id
         self.visitor = visitor
+        self.address = address
         self.epoch = secrets.token_hex(6)
         self.connections = 0
         self.touched = time.monotonic()
@@ -121,10 +129,23 @@ class Films:
 
 
 class Viewers:
-    """All viewers of a process, with a bound on their number; closes what nobody looks at."""
+    """All viewers of a process; closes what nobody looks at.
 
-    def __init__(self, max_viewers: int = 200, idle_s: float = 60.0) -> None:
+    Their number is bounded in all, for one address and for one fold. Where a bound is reached, a
+    viewer that nobody is connected to makes room: one of the same address before all others.
+    """
+
+    def __init__(
+        self,
+        max_viewers: int = 200,
+        idle_s: float = 60.0,
+        *,
+        max_of_address: int | None = None,
+        max_of_fold: int | None = None,
+    ) -> None:
         self.max_viewers = max_viewers
+        self.max_of_address = max_of_address or max_viewers
+        self.max_of_fold = max_of_fold or max_viewers
         self.idle_s = idle_s
         self._lock = threading.RLock()
         self._viewers: dict[tuple[str, str], Viewer] = {}
@@ -136,19 +157,33 @@ class Viewers:
     def __len__(self) -> int:
         return len(self._viewers)
 
-    def open(self, fold_id: str, visitor: str, timeline: Path) -> Viewer:
+    def open(self, fold_id: str, visitor: str, timeline: Path, *, address: str = "") -> Viewer:
         """The viewer of a visitor of a fold, made when there is none.
+
+        Args:
+            fold_id: What is looked at.
+            visitor: A token for one visit; somebody with several pages has several.
+            timeline: Where the fold's timeline is.
+            address: Where the visitor comes from.
 
         Raises:
             ValueError: For a visitor token of the wrong form.
             ViewersBusy: When there are too many, and all of them are in use.
         """
         return self.opened(
-            fold_id, visitor, lambda server: Player(server, lambda: self._films.get(timeline))
+            fold_id,
+            visitor,
+            lambda server: Player(server, lambda: self._films.get(timeline)),
+            address=address,
         )
 
     def opened(
-        self, what: str, visitor: str, make: Callable[[viser.ViserServer], Playing]
+        self,
+        what: str,
+        visitor: str,
+        make: Callable[[viser.ViserServer], Playing],
+        *,
+        address: str = "",
     ) -> Viewer:
         """The same for whatever can be looked at; ``make`` makes what plays in a new viewer."""
         if not VISITOR.fullmatch(visitor):
@@ -159,8 +194,10 @@ class Viewers:
                 raise ViewersBusy("The server is closing; try again in a moment.")
             viewer = self._viewers.get(key)
             if viewer is None:
-                self._make_room()
-                viewer = self._viewers[key] = Viewer(what, visitor, make)
+                self._make_room(what, address)
+                viewer = self._viewers[key] = Viewer(what, visitor, make, address=address)
+            elif viewer.connections >= MOST_SOCKETS:
+                raise ViewersBusy("This view has too many connections; load the page again.")
         viewer.touch()
         viewer.player.tick(time.monotonic())
         return viewer
@@ -175,16 +212,38 @@ class Viewers:
         for viewer in viewers:
             viewer.stop()
 
-    def _make_room(self) -> None:
-        if len(self._viewers) < self.max_viewers:
-            return
-        free = [k for k, v in self._viewers.items() if not v.connections]
-        if not free:
-            raise ViewersBusy(
-                f"All {self.max_viewers} viewers are in use; try again in a few minutes."
-            )
-        oldest = min(free, key=lambda k: self._viewers[k].touched)
-        self._viewers.pop(oldest).stop()
+    def _make_room(self, what: str, address: str) -> None:
+        """Closes viewers that nobody is connected to, until none of the bounds is reached."""
+        bounds: tuple[tuple[int, Callable[[Viewer], bool], str], ...] = (
+            (
+                self.max_of_address,
+                lambda viewer: viewer.address == address,
+                "You have {} views open, which is the most there may be; close one and try again.",
+            ),
+            (
+                self.max_of_fold,
+                lambda viewer: viewer.fold_id == what,
+                "All {} viewers of this fold are in use; try again in a few minutes.",
+            ),
+            (
+                self.max_viewers,
+                lambda viewer: True,
+                "All {} viewers are in use; try again in a few minutes.",
+            ),
+        )
+        for most, counts, words in bounds:
+            counted = [key for key, viewer in self._viewers.items() if counts(viewer)]
+            if len(counted) < most:
+                continue
+            free = [key for key in counted if not self._viewers[key].connections]
+            if not free:
+                raise ViewersBusy(words.format(most))
+            self._viewers.pop(min(free, key=lambda k: self._rank(k, address))).stop()
+
+    def _rank(self, key: tuple[str, str], address: str) -> tuple[bool, float]:
+        """What is closed first: what is of the same address, then what is longest unused."""
+        viewer = self._viewers[key]
+        return (viewer.address != address, viewer.touched)
 
     def _evict(self, now: float) -> None:
         with self._lock:

@@ -13,6 +13,7 @@ from planner.preparation import MODULES
 from planner.stages import LARGEST_SEED, MODULE_SIZES
 from planner.starts import TEXT as START
 from planner.starts import cell_of
+from server.addresses import address_of
 from server.context import Context, context_of
 from server.previews import ShapeWishes
 from server.problems import Problem
@@ -150,17 +151,13 @@ def get_fold(fold_id: str, context: Here) -> Fold:
             "description": "Server-sent events: `progress` as it changes, `done` at the end.",
             "content": {"text/event-stream": {"schema": {"type": "string"}}},
         },
-        **problems(404),
+        **problems(404, 429),
     },
 )
-async def get_events(fold_id: str, context: Here) -> StreamingResponse:
+async def get_events(request: Request, fold_id: str, context: Here) -> StreamingResponse:
     """Server-sent events until the fold is over."""
     await context.watch.state(fold_id)
-    return StreamingResponse(
-        context.watch.events(fold_id),
-        media_type="text/event-stream",
-        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
-    )
+    return context.streams.answer(context.watch.events(fold_id), address_of(request))
 
 
 @router.post(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from fastapi import APIRouter, Request, WebSocket
 from fastapi.responses import HTMLResponse, Response
 
+from server.addresses import address_of
 from server.previews import KEY, NoSuchPreviewError, read_report
 from server.routes.facts import shown_name
 from server.routes.pages import new_visitor, not_found_page, page, script_json
@@ -64,13 +65,13 @@ async def view_page(request: Request, preview_id: str, visitor: str) -> Response
 @router.websocket("/previews/{preview_id}/view/{visitor}")
 async def view_socket(websocket: WebSocket, preview_id: str, visitor: str) -> None:
     """Carries viser's messages between a browser and the visitor's viser server."""
-    await carry_view(websocket, _opener(websocket.app, preview_id, visitor))
+    await carry_view(websocket, _opener(websocket, preview_id, visitor))
 
 
 @router.websocket("/previews/{preview_id}/control/{visitor}")
 async def control_socket(websocket: WebSocket, preview_id: str, visitor: str) -> None:
     """Carries what the page wants shown to the visitor's scene."""
-    await carry_control(websocket, _opener(websocket.app, preview_id, visitor))
+    await carry_control(websocket, _opener(websocket, preview_id, visitor))
 
 
 async def _known(app: Any, preview_id: str, visitor: str) -> bool:
@@ -83,8 +84,8 @@ async def _known(app: Any, preview_id: str, visitor: str) -> bool:
     return True
 
 
-def _opener(app: Any, preview_id: str, visitor: str) -> OpenViewer:
-    context = app.state.context
+def _opener(websocket: WebSocket, preview_id: str, visitor: str) -> OpenViewer:
+    context = websocket.app.state.context
 
     def report(key: str) -> Mapping[str, Any] | None:
         if not KEY.fullmatch(key):
@@ -95,9 +96,9 @@ def _opener(app: Any, preview_id: str, visitor: str) -> OpenViewer:
         return PreviewPlayer(server, report)
 
     async def open_viewer() -> Viewer | None:
-        if not await _known(app, preview_id, visitor):
+        if not await _known(websocket.app, preview_id, visitor):
             return None
-        what = f"preview {preview_id}"
-        return await asyncio.to_thread(context.viewers.opened, what, visitor, make)
+        what, address = f"preview {preview_id}", address_of(websocket)
+        return await asyncio.to_thread(context.viewers.opened, what, visitor, make, address=address)
 
     return open_viewer

@@ -22,6 +22,7 @@ from fastapi import APIRouter, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import Response
 from websockets.typing import Subprotocol
 
+from server.addresses import address_of
 from server.routes.finding import Found, find_fold
 from web.client import MESSAGES_IN, client
 from web.viewers import VISITOR, Viewer, Viewers, ViewersBusy
@@ -118,7 +119,8 @@ def _opener(websocket: WebSocket, fold_id: str, visitor: str) -> OpenViewer:
             return None
         viewers = cast("Viewers", websocket.app.state.context.viewers)
         timeline: Path = found.directory / "timeline.zarr"
-        return await asyncio.to_thread(viewers.open, fold_id, visitor, timeline)
+        address = address_of(websocket)
+        return await asyncio.to_thread(viewers.open, fold_id, visitor, timeline, address=address)
 
     return open_viewer
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import contextlib
 import gc
 import time
 from collections.abc import Callable, Iterator
@@ -10,7 +11,7 @@ import viser
 from viser import _messages as messages
 
 from web.client import MESSAGES_IN, client
-from web.viewers import Viewers, ViewersBusy
+from web.viewers import MOST_SOCKETS, Viewers, ViewersBusy
 
 VISITOR = "visitor-number-one"
 OTHER = "visitor-number-two"
@@ -66,6 +67,65 @@ def test_nobody_is_thrown_out_for_another(viewers: Viewers, timeline_path: Path)
     two = viewers.open("fold", OTHER, timeline_path)
     with one.connected(), two.connected(), pytest.raises(ViewersBusy, match="try again"):
         viewers.open("fold", "visitor-number-three", timeline_path)
+
+
+def test_nobody_takes_all_viewers_alone(timeline_path: Path) -> None:
+    viewers = Viewers(max_viewers=10, max_of_address=2)
+    try:
+        one = viewers.open("fold", VISITOR, timeline_path, address="here")
+        two = viewers.open("other fold", OTHER, timeline_path, address="here")
+        with one.connected(), two.connected():
+            with pytest.raises(ViewersBusy, match="You have 2 views open"):
+                viewers.open("fold", "visitor-number-three", timeline_path, address="here")
+            viewers.open("fold", "visitor-number-three", timeline_path, address="elsewhere")
+            assert viewers.open("fold", VISITOR, timeline_path, address="here") is one
+        assert len(viewers) == 3
+    finally:
+        viewers.close()
+
+
+def test_one_fold_does_not_take_all_viewers(timeline_path: Path) -> None:
+    viewers = Viewers(max_viewers=10, max_of_fold=1)
+    try:
+        one = viewers.open("fold", VISITOR, timeline_path, address="here")
+        with one.connected():
+            with pytest.raises(ViewersBusy, match="this fold"):
+                viewers.open("fold", OTHER, timeline_path, address="elsewhere")
+            viewers.open("other fold", OTHER, timeline_path, address="elsewhere")
+    finally:
+        viewers.close()
+
+
+def test_what_a_visitor_has_left_makes_room_for_the_same_visitor_first(
+    timeline_path: Path,
+) -> None:
+    viewers = Viewers(max_viewers=3, max_of_address=2)
+    try:
+        others = viewers.open("fold", "visitor-elsewhere", timeline_path, address="elsewhere")
+        left = viewers.open("fold", VISITOR, timeline_path, address="here")
+        kept = viewers.open("fold", OTHER, timeline_path, address="here")
+        with kept.connected():
+            # At one's own bound, and at the bound in all, though the other's is longer unused.
+            viewers.open("fold", "visitor-number-three", timeline_path, address="here")
+            assert viewers.open("fold", OTHER, timeline_path, address="here") is kept
+            assert viewers.open("fold", "visitor-elsewhere", timeline_path) is others
+            again = viewers.open("fold", VISITOR, timeline_path, address="here")
+            assert again.epoch != left.epoch
+            assert viewers.open("fold", "visitor-elsewhere", timeline_path) is others
+    finally:
+        viewers.close()
+
+
+def test_one_viewer_has_not_any_number_of_connections(
+    viewers: Viewers, timeline_path: Path
+) -> None:
+    viewer = viewers.open("fold", VISITOR, timeline_path)
+    with contextlib.ExitStack() as open_sockets:
+        for _ in range(MOST_SOCKETS):
+            open_sockets.enter_context(viewer.connected())
+        with pytest.raises(ViewersBusy, match="too many connections"):
+            viewers.open("fold", VISITOR, timeline_path)
+    assert viewers.open("fold", VISITOR, timeline_path) is viewer
 
 
 def test_an_idle_viewer_is_closed_and_comes_back(timeline_path: Path) -> None:

@@ -1,6 +1,7 @@
 // A fold while it is computed: stage, share, steps a second, place in the queue.
 import { STAGES, whole } from "./words.js";
 
+const RETRY_MS = 10000;
 const get = (id) => document.getElementById(id);
 
 export class Progress {
@@ -18,6 +19,8 @@ export class Progress {
     get("cancel").hidden = !this.token;
     const events = new EventSource(`/api/folds/${this.facts.id}/events`);
     events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
+    // A browser comes back by itself, unless it was answered that too many follow just now.
+    events.onerror = () => { if (events.readyState === EventSource.CLOSED) setTimeout(() => this.listen(), RETRY_MS); };
     events.addEventListener("done", () => { events.close(); this.end(); });
   }
 

@@ -1,0 +1,25 @@
+"""Addresses: where a visitor comes from, as far as bounds on visitors need to know."""
+
+from __future__ import annotations
+
+import ipaddress
+from typing import Final
+
+from starlette.requests import HTTPConnection
+
+NETWORK_BITS: Final = 64
+"""What one visitor has of the addresses of version 6."""
+
+
+def address_of(connection: HTTPConnection) -> str:
+    """The address that a request comes from; one for all that a single visitor may use."""
+    host = connection.client.host if connection.client else "unknown"
+    try:
+        found = ipaddress.ip_address(host.partition("%")[0])
+    except ValueError:
+        return host
+    if isinstance(found, ipaddress.IPv4Address):
+        return str(found)
+    if found.ipv4_mapped is not None:
+        return str(found.ipv4_mapped)
+    return str(ipaddress.ip_network((found, NETWORK_BITS), strict=False))

@@ -1,0 +1,59 @@
+"""Streams: how many answers without an end may be open, in all and to one address."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import AsyncIterator
+from typing import Final
+
+from fastapi.responses import StreamingResponse
+
+from server.problems import Problem
+
+RETRY_AFTER_S: Final = 10
+
+
+class Streams:
+    """Counts what is open. Used on the event loop alone."""
+
+    def __init__(self, most: int, most_of_address: int) -> None:
+        self._most = most
+        self._most_of_address = most_of_address
+        self._open: Counter[str] = Counter()
+
+    def __len__(self) -> int:
+        return self._open.total()
+
+    def answer(self, events: AsyncIterator[bytes], address: str) -> StreamingResponse:
+        """An answer that counts for as long as it lasts.
+
+        Raises:
+            Problem: When as many are open as there may be (429).
+        """
+        for count, most, whose in (
+            (self._open[address], self._most_of_address, "of yours"),
+            (len(self), self._most, "in all"),
+        ):
+            if count >= most:
+                raise Problem(
+                    429,
+                    "too-many-streams",
+                    f"{count} event streams {whose} are open, which is the most there may be; "
+                    f"close one, or try again in {RETRY_AFTER_S} s.",
+                    headers={"Retry-After": str(RETRY_AFTER_S)},
+                )
+        return StreamingResponse(
+            self._counted(events, address),
+            media_type="text/event-stream",
+            headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
+        )
+
+    async def _counted(self, events: AsyncIterator[bytes], address: str) -> AsyncIterator[bytes]:
+        self._open[address] += 1
+        try:
+            async for event in events:
+                yield event
+        finally:
+            self._open[address] -= 1
+            if not self._open[address]:
+                del self._open[address]

@@ -1,0 +1,106 @@
+"""What one visitor may take of the service, and what is said when it is too much."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable
+
+import httpx
+import pytest
+from websockets import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from server.addresses import address_of
+from tests.server.service import SNAKE, Service
+
+ServiceWith = Callable[..., Service]
+
+
+def from_address(address: str) -> dict[str, str]:
+    """What a proxy in front of the service says of a visitor."""
+    return {"X-Forwarded-For": address}
+
+
+def control(service: Service, fold_id: str, visitor: str, address: str) -> ClientConnection:
+    base = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
+    return connect(
+        f"{base}/folds/{fold_id}/control/{visitor * 20}",
+        additional_headers=from_address(address),
+        compression=None,
+    )
+
+
+def greeting(socket: ClientConnection) -> str:
+    return json.loads(socket.recv(timeout=30))["is"]
+
+
+def test_one_visitor_cannot_take_all_views(service_with: ServiceWith) -> None:
+    service = service_with(workers=0, max_viewers=4, max_viewers_of_visitor=2).start()
+    fold_id = service.fold(SNAKE)["id"]
+    with (
+        control(service, fold_id, "a", "203.0.113.1") as first,
+        control(service, fold_id, "b", "203.0.113.1") as second,
+    ):
+        assert greeting(first) == greeting(second) == "hello"
+        with control(service, fold_id, "c", "203.0.113.1") as third:
+            with pytest.raises(ConnectionClosed) as shut:
+                greeting(third)
+            assert shut.value.rcvd is not None
+            assert shut.value.rcvd.code == 1013
+            assert shut.value.rcvd.reason.startswith("You have 2 views open")
+        with control(service, fold_id, "d", "203.0.113.2") as other:
+            assert greeting(other) == "hello"
+    # Both are left; they don't lock the visitor out.
+    with control(service, fold_id, "e", "203.0.113.1") as again:
+        assert greeting(again) == "hello"
+
+
+@pytest.mark.parametrize(
+    ("settings", "second", "whose"),
+    [
+        ({"max_streams_of_visitor": 1}, "203.0.113.1", "of yours"),
+        ({"max_streams": 1}, "203.0.113.2", "in all"),
+    ],
+)
+def test_event_streams_are_bounded(
+    service_with: ServiceWith, settings: dict[str, int], second: str, whose: str
+) -> None:
+    service = service_with(workers=0, **settings).start()
+    address = f"/api/folds/{service.fold(SNAKE)['id']}/events"
+
+    def follow(visitor: str) -> contextlib.AbstractContextManager[httpx.Response]:
+        return service.http.stream("GET", address, headers=from_address(visitor))
+
+    service.http.timeout = 20.0
+    with follow("203.0.113.1") as open_stream:
+        lines = open_stream.iter_lines()  # held, for httpx hangs up when it is thrown away
+        assert next(lines) == "event: progress"
+        with follow(second) as refused:
+            assert refused.status_code == 429
+            refused.read()
+            assert refused.headers["content-type"] == "application/problem+json"
+            assert int(refused.headers["retry-after"]) > 0
+            assert refused.json()["code"] == "too-many-streams"
+            assert whose in refused.json()["detail"]
+    for _ in range(600):  # once the service has noticed that the first one left
+        with follow(second) as again:
+            if again.status_code == 200:
+                return
+    raise AssertionError("the place of a stream that ended is not given back")
+
+
+@pytest.mark.parametrize(
+    ("host", "address"),
+    [
+        ("203.0.113.7", "203.0.113.7"),
+        ("::ffff:203.0.113.7", "203.0.113.7"),
+        ("2001:db8:1:2:3:4:5:6", "2001:db8:1:2::/64"),
+        ("fe80::1%eth0", "fe80::/64"),
+        ("testclient", "testclient"),
+    ],
+)
+def test_all_addresses_of_one_visitor_are_one(host: str, address: str) -> None:
+    from starlette.requests import HTTPConnection
+
+    assert address_of(HTTPConnection({"type": "http", "client": (host, 1)})) == address
