@@ -70,7 +70,7 @@ def main() -> None:
                 viewport={"width": SIZE[0], "height": SIZE[1]}, color_scheme="light"
             )
             page.goto(address)
-            page.locator("#cover.gone").wait_for(state="attached")
+            page.locator("#sketch.gone").wait_for(state="attached")
             page.add_style_tag(content=BARE)
             pictures = [_picture(page, frame) for frame in _chosen(frames.phase)]
             browser.close()

@@ -43,6 +43,17 @@ class Following:
         self._direction: tuple[float, float] | None = None
         self._goals: dict[object, View] = {}
 
+    @property
+    def view(self) -> View | None:
+        """Where the camera is."""
+        return self._follower.view
+
+    def window(self, aspect: float) -> None:
+        """Frames for a window of that width by height, until a browser connects with its own."""
+        if not self._server.get_clients():
+            self._aspect = aspect
+            self._follower = Follower()
+
     def begin(self, client: viser.ClientHandle) -> None:
         """Jumps to where the camera should be, for a browser that has just connected."""
         self._aspect = _aspect(client) or WIDE

@@ -10,6 +10,7 @@ has one verb, ``do``:
 | ``{"do": "step", "by": -1}`` | whole frames back or forward, and stop |
 | ``{"do": "set", "speed": 2, "loop": true, "reverse": false, "follow": true, "turn": false,
     "live": true}`` | any of them: speed 0.05–20, camera following and turning, live tail |
+| ``{"do": "set", "aspect": 1.6}`` | width by height of the window that a sketch is drawn in |
 | ``{"do": "select", "module": 17}`` | highlight a module and tell about it; null for none |
 
 A message out has one noun, ``is``:
@@ -40,12 +41,14 @@ import viser
 from web.film import Film, Snapshot
 from web.following import Following
 from web.scene import Scene
+from web.sketch import Watcher, sketch_frame, sketch_outline
 from web.telling import Message, module_of, moment_of, outline_of
 
 Listener = Callable[[Message], None]
 FilmSource = Callable[[], Film | None]
 
 SPEEDS: Final = (0.05, 20.0)
+ASPECTS: Final = (0.2, 8.0)
 WHOLE_FILM_S: Final = 20.0
 SLOWEST_FPS: Final = 12.0
 CATCH_UP_S: Final = 0.4
@@ -76,6 +79,7 @@ class Player:
         self._film_source = film_source
         self._lock = threading.RLock()
         self._listeners: list[Listener] = []
+        self._watchers: list[Watcher] = []
         self._head = Playhead()
         self._following: Following | None = None
         self._film: Film | None = None
@@ -89,6 +93,8 @@ class Player:
         self._coarse = False
         self._connections = 0
         self._gliding = False
+        self._aspect: float | None = None
+        self._sketch_due = False
         server.on_client_connect(self._connected)
 
     @property
@@ -128,6 +134,22 @@ class Player:
 
         return leave
 
+    def watch(self, watcher: Watcher) -> Callable[[], None]:
+        """Sends a sketch of what is shown to ``watcher`` too; see ``web.sketch``."""
+        with self._lock:
+            self._watchers.append(watcher)
+            if self._film is not None:
+                watcher(sketch_outline(self._film.chain.module, len(self._film.chain)))
+                self._sketch_due = True
+                self._sketch()
+
+        def leave() -> None:
+            with self._lock:
+                if watcher in self._watchers:
+                    self._watchers.remove(watcher)
+
+        return leave
+
     def handle(self, message: Message) -> None:
         """Does what a message says; tells ``problem`` when it makes no sense."""
         with self._lock:
@@ -135,6 +157,7 @@ class Player:
                 with self._server.atomic():
                     self._do(message)
                 self._server.flush()
+                self._sketch()
             except (KeyError, TypeError, ValueError, OverflowError) as error:
                 self._tell({"is": "problem", "detail": f"got {str(message)[:200]}: {error}"})
 
@@ -162,6 +185,7 @@ class Player:
                 self._advance(passed, now)
                 self._settle(passed)
             self._server.flush()
+            self._sketch()
 
     # What a message does.
 
@@ -211,6 +235,10 @@ class Player:
                 if not isinstance(message[name], bool):
                     raise TypeError(f"expected true or false for {name}")
                 head = replace(head, **{name: message[name]})
+        if "aspect" in message:
+            self._aspect = min(max(_number(message["aspect"]), ASPECTS[0]), ASPECTS[1])
+            if self._following is not None:
+                self._following.window(self._aspect)
         if head.live and not self._head.live:
             head = replace(head, playing=False)
         if head.follow and not self._head.follow and self._following is not None:
@@ -247,6 +275,8 @@ class Player:
         self._scene = Scene(self._server, film.chain)
         self._scene.on_pick(self._picked)
         self._following = Following(self._server, film, self._scene)
+        if self._aspect is not None:
+            self._following.window(self._aspect)
         if film.growing:
             self._head = replace(self._head, live=True, frame=float(len(film) - 1))
         self._seen_version = film.version
@@ -254,6 +284,10 @@ class Player:
         self._tell(outline_of(self._film))
         if self._connections:
             self._tell({"is": "viewing"})
+        outline = sketch_outline(film.chain.module, len(film.chain))
+        for watcher in self._watchers:
+            watcher(outline)
+        self._sketch()
 
     def _grew(self) -> None:
         assert self._film is not None
@@ -304,7 +338,7 @@ class Player:
             self._shown = film.snapshot(frame)
             scene.show(self._shown, scale_rad=film.error_scale_rad)
             self._aim()
-            self._gliding = True
+            self._gliding = self._sketch_due = True
         if moved and scene.selected is not None:
             self._tell(self._module())
         state = self._state()
@@ -321,6 +355,7 @@ class Player:
         if head.follow and self._following is not None:
             gliding |= self._following.move(passed, shown, turn=head.turn)
         self._gliding = gliding
+        self._sketch_due |= gliding
 
     def _connected(self, client: viser.ClientHandle) -> None:
         with self._lock:
@@ -336,6 +371,20 @@ class Player:
             self._gliding = True
 
     # What is told.
+
+    def _sketch(self) -> None:
+        """Sends those who watch a sketch of what is shown, if it has changed."""
+        due, self._sketch_due = self._sketch_due, False
+        scene, shown, following = self._scene, self._shown, self._following
+        if not due or not self._watchers or scene is None or shown is None or following is None:
+            return
+        view = following.view
+        if view is None:
+            return
+        colours = scene.colours(shown)
+        frame = sketch_frame(shown, colours, view, pitch=scene.pitch, ground=scene.ground)
+        for watcher in self._watchers:
+            watcher(frame)
 
     def _tell(self, message: Message) -> None:
         for listener in list(self._listeners):

@@ -118,7 +118,7 @@ class Scene:
         with self._server.atomic():
             self._modules.batched_positions = snapshot.positions * np.float32(self.pitch)
             self._modules.batched_wxyzs = snapshot.wxyzs
-            self._modules.batched_colors = self._colours(snapshot)
+            self._modules.batched_colors = instance_colours(self.colours(snapshot))
             self._place_ends(snapshot)
 
     def select(self, module: int | None) -> None:
@@ -126,11 +126,18 @@ class Scene:
         self.selected = module
         if self._last is not None:
             with self._server.atomic():
-                self._modules.batched_colors = self._colours(self._last)
+                self._modules.batched_colors = instance_colours(self.colours(self._last))
 
     def points(self, snapshot: Snapshot) -> Array:
         """(n, 3) centres of the modules in the scene's units."""
         return snapshot.positions.astype(np.float64) * self.pitch
+
+    @property
+    def ground(self) -> float:
+        """Height of the ground in the scene's units."""
+        if self._ground is not None:
+            return self._ground
+        return 0.0 if self._last is None else self._ground_below(self._last)
 
     @property
     def radius(self) -> float:
@@ -149,11 +156,12 @@ class Scene:
             x, y, z = (float(v) for v in view.target)
             broadcast(self._server, SetCameraLookAtMessage((x, y, z)))
 
-    def _colours(self, snapshot: Snapshot) -> NDArray[np.uint8]:
+    def colours(self, snapshot: Snapshot) -> NDArray[np.uint8]:
+        """(n, 3) sRGB bytes of the modules."""
         colours = error_colours(snapshot.module_error_rad, self._scale_rad)
         if self.selected is not None:
             colours[self.selected] = SELECTED
-        return instance_colours(colours)
+        return colours
 
     def _place_ends(self, snapshot: Snapshot) -> None:
         """Studs on the free faces: behind the first module, before the last one."""
@@ -172,7 +180,7 @@ class Scene:
         """Lets the ground sink and rise to just below the chain; True while it moves."""
         if self._last is None:
             return False
-        low = (float(self._last.positions[:, 2].min()) - 0.5 - GROUND_GAP) * self.pitch
+        low = self._ground_below(self._last)
         before = low if self._ground is None else self._ground
         after = low + (before - low) * math.exp(-seconds / (SINK_S if low < before else RISE_S))
         if self._ground is not None and abs(after - self._ground) < 1e-3 * self.pitch:
@@ -181,3 +189,6 @@ class Scene:
         middle = self._last.positions.mean(axis=0) * self.pitch
         self._floor.position = (float(middle[0]), float(middle[1]), self._ground)
         return True
+
+    def _ground_below(self, snapshot: Snapshot) -> float:
+        return (float(snapshot.positions[:, 2].min()) - 0.5 - GROUND_GAP) * self.pitch

@@ -36,9 +36,10 @@ DROP = """([text, name]) => {
 }"""
 MOVING = """() => {
   const cover = document.getElementById("cover");
-  const frame = /Frame ([0-9]+) of/.exec(document.getElementById("r-frame")?.textContent ?? "");
-  return cover?.classList.contains("gone") && frame && Number(frame[1]) > 1;
+  const shown = document.getElementById("r-frame")?.textContent ?? "";
+  return cover?.classList.contains("gone") && /^Frame/.test(shown) && !/^Frame 1 of/.test(shown);
 }"""
+"""The cover goes when the first frame is drawn; a later frame than the first one has moved."""
 
 
 def page(reference_seconds: float) -> Section:

@@ -82,7 +82,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
         re.compile(r"^verified · clearance [\d.e-]+ · 24 modules$")
     )
     expect(page.locator("#name")).to_have_text("dropped wrench")
-    page.locator("#cover.gone").wait_for(state="attached")
+    page.locator("#sketch.gone").wait_for(state="attached")
     fold_id = page.url.rsplit("/", 1)[1]
     timeline = Timeline.open(service.data_dir / "folds" / fold_id / "timeline.zarr")
     frames, chain = timeline.frames(), timeline.chain
@@ -173,6 +173,7 @@ def test_it_plays_by_itself_and_follows(visit: Visit, service: Service) -> None:
     page.keyboard.press(" ")
     expect(page.locator("#play")).to_have_attribute("aria-label", "Play")
     expect(page.locator("#follow")).to_have_attribute("aria-pressed", "true")
+    page.locator("#sketch.gone").wait_for(state="attached")
     box = page.locator("main.stage").bounding_box()
     assert box
     page.mouse.move(box["x"] + 300, box["y"] + 300)
@@ -200,7 +201,7 @@ def test_on_a_phone(visit: Visit, service: Service, scheme: str) -> None:
     for path, name in (("/", "landing"), (f"/folds/{fold['id']}", "fold")):
         page = visit(path, width=390, height=844, color_scheme=scheme, has_touch=True)
         if name == "fold":
-            page.locator("#cover.gone").wait_for(state="attached")
+            page.locator("#sketch.gone").wait_for(state="attached")
             page.keyboard.press("End")
             picture(page)
         keep(page, f"{name}-{scheme}-390x844")
@@ -232,10 +233,20 @@ def test_unknown_folds_are_told_in_words(visit: Visit) -> None:
     keep(page, "not-found")
 
 
-def test_a_browser_without_webgl_is_told_so(visit: Visit, service: Service) -> None:
+def test_without_webgl_the_page_draws_the_fold_itself(visit: Visit, service: Service) -> None:
     fold = service.fold(shape="wrench-24")
+    service.wait_over(fold["id"])
     page = visit("/folds/" + fold["id"])
     page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
     page.goto("about:blank")
     page.goto(str(service.http.base_url) + f"/folds/{fold['id']}")
-    expect(page.locator("#cover-text")).to_have_text("This browser shows no 3D graphics")
+    expect(page.locator("#flat")).to_contain_text("WebGL is missing")
+    page.locator("#cover.gone").wait_for(state="attached")
+    assert page.locator("#view").get_attribute("src") is None
+    seek(page, 0)
+    folded = picture(page)
+    page.keyboard.press("End")
+    expect(page.locator("#r-phase")).to_have_text("Playback")
+    seek(page, 60)
+    assert np.abs(picture(page) - folded).max() > 50
+    keep(page, "fold-without-webgl")

@@ -3,6 +3,7 @@ import { Bar } from "./bar.js";
 import { Control } from "./control.js";
 import { Drawer } from "./drawer.js";
 import { Progress } from "./progress.js";
+import { Sketch } from "./sketch.js";
 import { View, hasWebGL } from "./view.js";
 import { copyText } from "./words.js";
 
@@ -65,15 +66,32 @@ control.on("outline", (outline) => {
   begun = true;
   if (!outline.growing && !calm) control.send({ do: "play" });
 });
-control.on("viewing", () => setTimeout(() => get("cover").classList.add("gone"), 250));
+
+// The page draws the fold by itself until the 3D view, which takes longer to start, has taken over.
+const DRAW_MS = 250;
+const PATIENCE_MS = 1500;
+const sketch = new Sketch(get("sketch"), facts.id, facts.visitor, () => {
+  get("cover").classList.add("gone");
+  setTimeout(start3d, DRAW_MS);
+});
+let started = false;
+function start3d() {
+  if (started) return;
+  started = true;
+  // To ask is to start the browser's 3D graphics, which takes a second where they are software.
+  if (hasWebGL()) { get("view").src = get("view").dataset.src; return; }
+  get("flat").hidden = false;
+  if (!sketch.worker) cover("This browser shows no 3D graphics", get("flat").textContent);
+}
+setTimeout(start3d, sketch.worker ? PATIENCE_MS : 0);
+control.on("viewing", () => setTimeout(() => {
+  get("cover").classList.add("gone");
+  get("sketch").classList.add("gone");
+  get("sketch").addEventListener("transitionend", () => sketch.stop(), { once: true });
+}, DRAW_MS));
 control.on("closed", ({ code, reason }) => {
   if (code === 1013) cover("Many people are looking just now", reason);
 });
-
-if (!hasWebGL()) {
-  cover("This browser shows no 3D graphics", "WebGL is missing or switched off. Turn on hardware acceleration in the browser's settings, or open the link in another browser. The timeline, the properties and the downloads work all the same.");
-  get("cover").classList.add("stays");
-}
 
 get("share").onclick = () => {
   const link = location.origin + location.pathname;

@@ -1,6 +1,6 @@
 // The landing page: takes files and shapes, and keeps the featured fold in motion.
 import { Control } from "./control.js";
-import { hasWebGL } from "./view.js";
+import { Sketch } from "./sketch.js";
 
 const get = (id) => document.getElementById(id);
 const drop = get("drop");
@@ -120,14 +120,14 @@ for (const card of document.querySelectorAll("[data-shape]")) {
   };
 }
 
-if (hero.dataset.fold && hasWebGL()) {
-  const control = (hero.control = new Control(hero.dataset.fold, hero.dataset.visitor));
-  control.on("hello", ({ again }) => { if (again) get("view").contentWindow.location.reload(); });
+if (hero.dataset.fold) {
+  const { fold, visitor } = hero.dataset;
+  const control = (hero.control = new Control(fold, visitor));
   control.on("outline", () => {
     if (control.begun) return;
     control.begun = true;
-    control.send({ do: "set", loop: true, speed: 1.6 });
+    control.send({ do: "set", loop: true, speed: 1.6, turn: !calm });
     if (!calm) control.send({ do: "play" });
   });
-  control.on("viewing", () => setTimeout(() => hero.classList.add("moving"), 250));
+  new Sketch(get("sketch"), fold, visitor, () => hero.classList.add("moving"));
 }
