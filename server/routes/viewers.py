@@ -3,7 +3,8 @@
 ``/folds/{id}/view/{visitor}/`` is viser's client; its websocket at the same path is carried to the
 visitor's viser server on the loopback interface. ``/folds/{id}/control/{visitor}`` is a websocket
 of JSON messages, described in ``web.player``, with one more: ``hello`` with ``viewer``, a word that
-changes whenever the viewer behind it had to be made anew.
+changes whenever the viewer behind it had to be made anew. ``/folds/{id}/sketch/{visitor}`` sends
+the same view as small frames for the page's own drawing, described in ``web.sketch``.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from websockets.typing import Subprotocol
 from server.addresses import address_of
 from server.routes.finding import Found, find_fold
 from web.client import MESSAGES_IN, client
+from web.player import Player
 from web.viewers import VISITOR, Viewer, Viewers, ViewersBusy
 
 log = logging.getLogger(__name__)
@@ -34,7 +36,8 @@ LARGEST_MESSAGE: Final = 64 * 1024
 GOING_AWAY, REFUSED, TRY_LATER = 1001, 1008, 1013
 OpenViewer = Callable[[], Awaitable[Viewer | None]]
 """The viewer to connect to; None when there is no such view."""
-COALESCED: Final = ("state", "outline", "module", "waiting")
+SKETCH: Final = "sketch frame"
+COALESCED: Final = ("state", "outline", "module", "waiting", SKETCH)
 
 
 @router.get("/folds/{fold_id}/view/{visitor}/")
@@ -92,6 +95,23 @@ async def carry_view(websocket: WebSocket, open_viewer: OpenViewer) -> None:
 async def control_socket(websocket: WebSocket, fold_id: str, visitor: str) -> None:
     """Carries the timeline bar's messages to the visitor's player, and back."""
     await carry_control(websocket, _opener(websocket, fold_id, visitor))
+
+
+@router.websocket("/folds/{fold_id}/sketch/{visitor}")
+async def sketch_socket(websocket: WebSocket, fold_id: str, visitor: str) -> None:
+    """Tells a page what to draw on its own canvas; takes the canvas's aspect."""
+    async with _viewer(websocket, _opener(websocket, fold_id, visitor)) as viewer:
+        if viewer is None:
+            return
+        await websocket.accept()
+        outbox = _Outbox(asyncio.get_running_loop())
+        player = cast("Player", viewer.player)
+        leave = await asyncio.to_thread(player.watch, outbox.put_from_thread)
+        try:
+            await _first_of(_commands(websocket, viewer), outbox.drain(websocket))
+        finally:
+            leave()
+        await _close(websocket, GOING_AWAY)
 
 
 async def carry_control(websocket: WebSocket, open_viewer: OpenViewer) -> None:
@@ -237,16 +257,16 @@ class _Outbox:
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self._messages: dict[object, dict[str, Any]] = {}
+        self._messages: dict[object, dict[str, Any] | bytes] = {}
         self._count = 0
         self._filled = asyncio.Event()
 
-    def put_from_thread(self, message: dict[str, Any]) -> None:
+    def put_from_thread(self, message: dict[str, Any] | bytes) -> None:
         with contextlib.suppress(RuntimeError):  # the loop may be closing
             self._loop.call_soon_threadsafe(self.put, message)
 
-    def put(self, message: dict[str, Any]) -> None:
-        kind = message.get("is")
+    def put(self, message: dict[str, Any] | bytes) -> None:
+        kind = SKETCH if isinstance(message, bytes) else message.get("is")
         self._count += 1
         key: object = kind if kind in COALESCED else self._count
         self._messages.pop(key, None)
@@ -260,4 +280,7 @@ class _Outbox:
             self._filled.clear()
             batch, self._messages = self._messages, {}
             for message in batch.values():
-                await websocket.send_text(json.dumps(message, separators=(",", ":")))
+                if isinstance(message, bytes):
+                    await websocket.send_bytes(message)
+                else:
+                    await websocket.send_text(json.dumps(message, separators=(",", ":")))
