@@ -7,6 +7,7 @@ follows a timeline that still grows, and one that is begun anew.
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections import OrderedDict
@@ -89,6 +90,7 @@ class Film:
         self._begin()
 
     def _begin(self) -> None:
+        self._stamp = self._stamp_now()
         self._timeline = Timeline.open(self.path)
         self._folded = self._timeline.chain.folded_poses.positions
         self._chunks: OrderedDict[int, _Chunk] = OrderedDict()
@@ -98,6 +100,7 @@ class Film:
         self._phase: NDArray[np.uint8] = np.zeros(0, np.uint8)
         self._time_s: Array = np.zeros(0)
         self._max_error: Array = np.zeros(0)
+        self._last_angles: Array = np.zeros(0)
         self._summarise()
 
     def __len__(self) -> int:
@@ -137,6 +140,10 @@ class Film:
             if not at_once and now - self._refreshed < REFRESH_EVERY_S:
                 return False
             self._refreshed = now
+            stamp = self._stamp_now()
+            if not self.growing and stamp == self._stamp:
+                return False
+            self._stamp = stamp
             before = (self._summarised, self._timeline.status)
             try:
                 self._timeline.refresh()
@@ -158,7 +165,7 @@ class Film:
         """The moment at ``frame``, interpolated when it is not whole.
 
         Raises:
-            TimelineError: When the film holds no frame yet.
+            TimelineError: When the film holds no frame yet, or its timeline is being replaced.
         """
         with self._lock:
             if not self._summarised:
@@ -204,10 +211,23 @@ class Film:
             for value in np.maximum.reduceat(filled, edges)
         ]
 
+    def _stamp_now(self) -> tuple[int, int] | None:
+        """Changes with every word of the writer, and costs next to nothing to look at."""
+        try:
+            found = os.stat(os.path.join(self.path, "zarr.json"))
+        except OSError:
+            return None
+        return (found.st_ino, found.st_mtime_ns)
+
     def _summarise(self) -> None:
         start, stop = self._summarised, len(self._timeline)
         if stop <= start:
             return
+        if start:
+            known = self._timeline.frames(start - 1, start).joint_angles_rad[0]
+            if not np.array_equal(known, self._last_angles):
+                self._begin()  # it is another timeline, which has outgrown the one before
+                return
         parts = [self._timeline.frames(at, min(at + 1024, stop)) for at in range(start, stop, 1024)]
         with np.errstate(all="ignore"):
             largest = [
@@ -219,6 +239,7 @@ class Film:
         self._phase = np.concatenate([self._phase, *(p.phase for p in parts)])
         self._time_s = np.concatenate([self._time_s, *(p.time_s for p in parts)])
         self._max_error = np.concatenate([self._max_error, fresh])
+        self._last_angles = parts[-1].joint_angles_rad[-1].copy()
         self._summarised = stop
         self._forget(start // FRAMES_A_CHUNK)
 
@@ -267,7 +288,10 @@ class Film:
             self._chunks.move_to_end(index)
             return found
         start = index * FRAMES_A_CHUNK
-        frames = self._timeline.frames(start, min(start + FRAMES_A_CHUNK, self._summarised))
+        try:
+            frames = self._timeline.frames(start, min(start + FRAMES_A_CHUNK, self._summarised))
+        except (OSError, ValueError, KeyError) as error:
+            raise TimelineError(f"{self.path} is being replaced: {error}") from error
         chain = self.chain
         poses = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
         chunk = _Chunk(

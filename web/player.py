@@ -38,6 +38,8 @@ from typing import Final
 
 import viser
 
+from planner.chain import Chain
+from planner.errors import TimelineError
 from web.film import Film, Snapshot
 from web.following import Following
 from web.scene import Scene
@@ -83,6 +85,7 @@ class Player:
         self._head = Playhead()
         self._following: Following | None = None
         self._film: Film | None = None
+        self._chain: Chain | None = None
         self._scene: Scene | None = None
         self._shown: Snapshot | None = None
         self._seen_version = -1
@@ -158,6 +161,8 @@ class Player:
                     self._do(message)
                 self._server.flush()
                 self._sketch()
+            except TimelineError:
+                self._lose_film()
             except (KeyError, TypeError, ValueError, OverflowError) as error:
                 self._tell({"is": "problem", "detail": f"got {str(message)[:200]}: {error}"})
 
@@ -167,25 +172,14 @@ class Player:
             before = self._clock if self._clock is not None else now
             self._clock = now
             passed = min(now - before, LONGEST_TICK_S)
-            if self._film is None:
-                if now >= self._next_look:
+            try:
+                if self._film is not None:
+                    self._go_on(self._film, passed, now)
+                elif now >= self._next_look:
                     self._next_look = now + LOOK_EVERY_S
                     self._find_film()
-                return
-            if self._film.growing:
-                self._film.refresh()
-            if self._film.version != self._seen_version:
-                self._grew()
-            resting = not (self._gliding or self._head.playing or self._head.live)
-            if resting and not self._head.turn and now < self._next_look:
-                return
-            # A window that changes its shape is noticed even when nothing moves.
-            self._next_look = now + LOOK_EVERY_S
-            with self._server.atomic():
-                self._advance(passed, now)
-                self._settle(passed)
-            self._server.flush()
-            self._sketch()
+            except TimelineError:
+                self._lose_film()
 
     # What a message does.
 
@@ -267,18 +261,45 @@ class Player:
 
     # What time does.
 
+    def _go_on(self, film: Film, passed: float, now: float) -> None:
+        film.refresh()
+        if film.chain is not self._chain:
+            raise TimelineError(f"{film.path} was begun anew.")
+        if film.version != self._seen_version:
+            self._grew()
+        resting = not (self._gliding or self._head.playing or self._head.live)
+        if resting and not self._head.turn and now < self._next_look:
+            return
+        # A window that changes its shape is noticed even when nothing moves.
+        self._next_look = now + LOOK_EVERY_S
+        with self._server.atomic():
+            self._advance(passed, now)
+            self._settle(passed)
+        self._server.flush()
+        self._sketch()
+
+    def _lose_film(self) -> None:
+        """Waits for the film of a timeline that was begun anew; what was shown stays until then."""
+        selected = self._scene is not None and self._scene.selected is not None
+        self._film = self._scene = self._shown = self._following = None
+        self._told = {}
+        if selected:
+            self._tell(self._module())
+        self._tell({"is": "waiting"})
+
     def _find_film(self) -> None:
         film = self._film_source()
         if film is None or not len(film):
             return
-        self._film = film
+        self._film, self._chain = film, film.chain
         self._scene = Scene(self._server, film.chain)
         self._scene.on_pick(self._picked)
         self._following = Following(self._server, film, self._scene)
         if self._aspect is not None:
             self._following.window(self._aspect)
         if film.growing:
-            self._head = replace(self._head, live=True, frame=float(len(film) - 1))
+            self._head = replace(self._head, live=True, frame=self._last_frame())
+        self._head = replace(self._head, frame=min(self._head.frame, self._last_frame()))
         self._seen_version = film.version
         self._show()
         self._tell(outline_of(self._film))

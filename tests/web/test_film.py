@@ -102,6 +102,21 @@ def test_a_film_that_is_begun_anew_is_shown_anew(growing: Growing, chain: Chain)
     assert not np.array_equal(film.snapshot(4).positions, before.positions)
 
 
+def test_a_film_that_is_begun_anew_and_is_longer_already_is_shown_anew(
+    growing: Growing, chain: Chain
+) -> None:
+    path, writer, add = growing
+    add(90)
+    film = Film(path)
+    before = film.snapshot(5)
+    writer.close()
+    with TimelineWriter.create(path, chain) as again:
+        again.append(unfolding(chain, 190))  # the same times, other angles
+    assert film.refresh(at_once=True)
+    assert len(film) == 190
+    assert np.abs(film.snapshot(5).positions - before.positions).max() > 0.1
+
+
 def test_no_timeline_is_an_error(tmp_path: Path, chain: Chain) -> None:
     with pytest.raises(TimelineError):
         Film(tmp_path / "none.zarr")

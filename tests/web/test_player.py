@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 import viser
 
+from planner.chain import Chain
+from planner.paths import Path as CellPath
 from planner.timeline import TimelineWriter
+from tests.web.conftest import unfolding
 from web.film import Film
 from web.player import HOLD_S, SLOWEST_FPS, Player
 
@@ -189,6 +192,62 @@ def test_a_growing_timeline_is_followed_at_its_tail(
     visit.player._film.refresh(at_once=True)
     state = visit.pass_time(4.0)
     assert (state["frame"], state["live"], state["growing"]) == (79, False, False)
+
+
+def test_a_timeline_that_is_begun_anew_is_found_anew(
+    server: viser.ViserServer, growing: Growing
+) -> None:
+    path, writer, add = growing
+    add(60)
+    visit = Visit(server, path)
+    visit.do("seek", frame=40)
+    visit.do("select", module=5)
+    other = Chain.from_path(CellPath.from_cells([(x, 0, 0) for x in range(9)], name="rod"))
+    again = TimelineWriter.create(path, other)  # as the next candidate of a fold does
+    visit.player._film.refresh(at_once=True)
+    visit.pass_time(0.5)
+    assert visit.told[-1] == {"is": "waiting"}
+    assert visit.last("module")["index"] is None
+    for message in ({"do": "seek", "frame": 3}, {"do": "play"}, {"do": "select", "module": 1}):
+        visit.player.handle(message)
+    assert visit.last("problem") == {}
+    again.append(unfolding(other, 12))
+    again.close()
+    state = visit.pass_time(1.0)
+    assert (state["frames"], visit.last("outline")["modules"]) == (12, 9)
+    assert visit.do("seek", frame=11)["frame"] == 11
+    assert len(visit.player.snapshot.positions) == 9
+
+
+def test_a_timeline_that_is_begun_anew_and_has_grown_is_found_anew(
+    server: viser.ViserServer, growing: Growing
+) -> None:
+    path, writer, add = growing
+    visit = Visit(server, path)
+    other = Chain.from_path(CellPath.from_cells([(x, 0, 0) for x in range(9)], name="rod"))
+    again = TimelineWriter.create(path, other)
+    again.append(unfolding(other, 30))
+    again.flush()
+    visit.player._film.refresh(at_once=True)
+    visit.pass_time(1.0)
+    assert (visit.last("state")["frames"], visit.last("outline")["modules"]) == (30, 9)
+    assert len(visit.player.snapshot.positions) == 9
+
+
+def test_a_whole_timeline_that_is_begun_anew_is_found_anew(
+    server: viser.ViserServer, growing: Growing
+) -> None:
+    path, writer, add = growing
+    writer.close("failed")
+    visit = Visit(server, path)
+    assert not visit.player.busy
+    other = Chain.from_path(CellPath.from_cells([(x, 0, 0) for x in range(9)], name="rod"))
+    again = TimelineWriter.create(path, other)
+    again.append(unfolding(other, 30))
+    again.flush()
+    visit.player._film._refreshed = -1e9  # as if some time had passed
+    visit.pass_time(1.0)
+    assert (visit.last("state")["frames"], visit.last("outline")["modules"]) == (30, 9)
 
 
 def test_who_has_left_is_told_nothing_more(visit: Visit) -> None:
