@@ -42,6 +42,7 @@ def dropped(page: Page, text: str, name: str = "wrench.json") -> None:
 
 def seek(page: Page, frame: int) -> None:
     """Scrubs with the slider, and waits for the player's word that it is there."""
+    expect(page.locator("#scrub")).to_be_enabled()
     page.evaluate(SEEK, frame)
     expect(page.locator("#r-frame")).to_have_text(re.compile(rf"Frame {frame + 1} of "))
 
@@ -192,6 +193,19 @@ def test_two_visitors_don_t_share_a_playhead(visit: Visit, service: Service) -> 
     seek(one, 20)
     two.keyboard.press("End")
     expect(one.locator("#r-frame")).to_have_text(re.compile("Frame 21 of"))
+
+
+def test_a_reload_and_a_link_show_what_was_seen(visit: Visit, service: Service) -> None:
+    fold = service.fold(shape="wrench-24")
+    service.wait_over(fold["id"])
+    page = visit("/folds/" + fold["id"])
+    seek(page, 30)
+    page.wait_for_url("**/folds/*#frame=31")
+    page.reload()
+    expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 31 of"))
+    other = visit(f"/folds/{fold['id']}#frame=12&module=3", reduced_motion="no-preference")
+    expect(other.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
+    expect(other.locator("#panel-module h2")).to_contain_text("Module 3")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -154,7 +154,7 @@ def test_headers_of_pages_and_of_the_view(service: Service, fold: str) -> None:
     page = service.http.get(f"/folds/{fold}")
     assert "script-src 'self';" in page.headers["content-security-policy"]
     assert page.headers["cache-control"] == "no-store"
-    (source,) = re.findall(r'<iframe[^>]* src="([^"]+)"', page.text)
+    (source,) = re.findall(r'<iframe[^>]* data-src="([^"]+)"', page.text)
     framed = service.http.get(source)
     assert framed.status_code == 200
     assert "connect-src 'self' data: blob:" in framed.headers["content-security-policy"]

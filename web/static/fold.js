@@ -2,6 +2,7 @@
 import { Bar } from "./bar.js";
 import { Control } from "./control.js";
 import { Drawer } from "./drawer.js";
+import { Place } from "./place.js";
 import { Progress } from "./progress.js";
 import { Sketch } from "./sketch.js";
 import { View, hasWebGL } from "./view.js";
@@ -30,6 +31,7 @@ function cover(text, more = "", button = null) {
 
 const control = new Control(facts.id, facts.visitor);
 const bar = new Bar(control);
+const place = new Place(control);
 const drawer = new Drawer(control, toast);
 const view = new View(get("view"), {
   onKey: (event) => bar.key(event),
@@ -64,7 +66,7 @@ control.on("hello", ({ again }) => {
 control.on("outline", (outline) => {
   if (begun) return;
   begun = true;
-  if (!outline.growing && !calm) control.send({ do: "play" });
+  if (!place.go() && !outline.growing && !calm) control.send({ do: "play" });
 });
 
 // The page draws the fold by itself until the 3D view, which takes longer to start, has taken over.
@@ -94,6 +96,6 @@ control.on("closed", ({ code, reason }) => {
 });
 
 get("share").onclick = () => {
-  const link = location.origin + location.pathname;
+  const link = location.origin + place.link();
   copyText(link, () => toast("Link copied"), () => toast(link));
 };

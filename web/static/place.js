@@ -1,0 +1,47 @@
+// The place in a fold that the address names: #frame=12&module=3, frames from 1 as on the page.
+const WAIT_MS = 250;
+
+export function placeIn(hash) {
+  const named = new URLSearchParams(hash.replace(/^#/, ""));
+  const number = (name) => (/^\d{1,9}$/.test(named.get(name) ?? "") ? Number(named.get(name)) : null);
+  const frame = number("frame");
+  return { frame: frame === null ? null : Math.max(0, frame - 1), module: number("module") };
+}
+
+// Writes the place into the address while the fold rests there, so that a reload and a link show it.
+export class Place {
+  constructor(control) {
+    this.control = control;
+    this.at = { frame: null, module: null };
+    this.timer = null;
+    control.on("state", ({ frame, playing, live, growing }) => {
+      if (playing || live) return;
+      this.note({ frame: growing ? null : Math.round(frame) });
+    });
+    control.on("module", ({ index }) => this.note({ module: index }));
+  }
+
+  // Goes where the address says; true when it names a frame.
+  go() {
+    const { frame, module } = placeIn(location.hash);
+    if (module !== null) this.control.send({ do: "select", module });
+    if (frame === null) return false;
+    this.control.send({ do: "seek", frame });
+    return true;
+  }
+
+  note(change) {
+    const at = { ...this.at, ...change };
+    if (at.frame === this.at.frame && at.module === this.at.module) return;
+    this.at = at;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => history.replaceState(null, "", this.link()), WAIT_MS);
+  }
+
+  link() {
+    const parts = [];
+    if (this.at.frame) parts.push(`frame=${this.at.frame + 1}`);
+    if (this.at.module !== null) parts.push(`module=${this.at.module}`);
+    return location.pathname + (parts.length ? `#${parts.join("&")}` : "");
+  }
+}
