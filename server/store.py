@@ -183,9 +183,9 @@ class Store:
         with self._sessions() as session:
             return self._owners(session, fold_id)
 
-    def publish(self, fold_id: str, shape: str) -> None:
-        """Lists a fold as one of a gallery shape."""
-        self._change(fold_id, public=True, shape=shape)
+    def publish(self, fold_id: str, shape: str, *, name: str) -> None:
+        """Lists a fold as one of a gallery shape, under its name."""
+        self._change(fold_id, public=True, shape=shape, name=name)
 
     def request_cancel(self, fold_id: str) -> None:
         """A queued fold is cancelled at once, a running one as soon as its worker sees this."""
@@ -229,8 +229,14 @@ class Store:
             return bool(_rows(changed))
 
     def describe(self, fold_id: str, *, name: str, modules: int, module: str) -> None:
-        """Notes what the chain of a fold is."""
-        self._change(fold_id, name=name[:200], modules=modules, module=module)
+        """Notes what the chain of a fold is; one of the gallery keeps the name it has there."""
+        self._change(fold_id, modules=modules, module=module)
+        with self._changing() as session:
+            session.execute(
+                sa.update(FoldRow)
+                .where(FoldRow.id == fold_id, FoldRow.shape.is_(None))
+                .values(name=name[:200])
+            )
 
     def report(self, fold_id: str, progress: dict[str, Any] | None = None) -> bool:
         """Notes progress, when there is news; False when the fold shall not go on."""

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from planner.errors import InputError
+from planner.stages import Request
 from server.children import ChildError
 from server.context import Context
 from server.database import FoldRow
@@ -36,6 +37,17 @@ class Submission:
     visitor: str
     token: str | None = None
     wishes: ShapeWishes = field(default_factory=ShapeWishes)
+
+    @property
+    def public(self) -> bool:
+        """Whether anybody may find it: a gallery shape, folded as everybody else would."""
+        plain = Request()
+        return (
+            self.shape is not None
+            and (self.preset, self.seed, self.module_size)
+            == (plain.preset, plain.seed, plain.module_size)
+            and not self.wishes.changed()
+        )
 
     @property
     def content_key(self) -> str:
@@ -81,7 +93,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
         _sync(directory.parent)
         row = FoldRow(
             id=fold_id,
-            name=found.name,
+            name=_title(context, submission.shape) or found.name,
             status="queued",
             stage=None,
             created_at=time.time(),
@@ -90,7 +102,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
             modules=found.modules,
             module=found.module,
             shape=submission.shape,
-            public=submission.shape is not None,
+            public=submission.public,
             preset=submission.preset,
             seed=submission.seed,
             module_size=submission.module_size,
@@ -123,12 +135,19 @@ class _Found:
     modules: int
 
 
+def _title(context: Context, shape: str | None) -> str | None:
+    """What people call a gallery shape."""
+    found = None if shape is None else context.gallery.shape(shape)
+    return None if found is None else found.title
+
+
 def _known(context: Context, submission: Submission, token: str) -> Receipt | None:
     row = context.store.find(submission.content_key)
     if row is None:
         return None
-    if submission.shape is not None and not row.public:
-        context.store.publish(row.id, submission.shape)
+    title = _title(context, submission.shape)
+    if submission.public and not row.public and submission.shape and title:
+        context.store.publish(row.id, submission.shape, name=title)
     context.store.claim(row.id, token)
     if row.status == "queued":  # if its job was lost in a crash, this brings it back
         context.jobs.enqueue(row.id, gallery=row.public)

@@ -133,6 +133,49 @@ def test_the_list_shows_the_gallery_and_ones_own_only(desk: Service) -> None:
     assert me == anyone | {mine["id"]}
 
 
+ODD = (
+    {"seed": "5"},
+    {"preset": "paper"},
+    {"preset": "direct"},
+    {"module_size": "0.5"},
+    {"ends": "surface"},
+)
+
+
+def test_only_the_plain_fold_of_a_gallery_shape_is_public(desk: Service) -> None:
+    odd = [desk.fold(shape="mallet-24", **more) for more in ODD]
+    plain = desk.fold(shape="mallet-24")
+    listed = {f["id"] for f in desk.http.get("/api/folds").json()["folds"]}
+    assert plain["id"] in listed
+    assert not listed & {fold["id"] for fold in odd}
+    mine = desk.http.get("/api/folds", headers=owner(odd[0])).json()["folds"]
+    assert odd[0]["id"] in {f["id"] for f in mine}
+
+
+def test_only_a_public_fold_is_shown_on_the_first_page(service: Service) -> None:
+    odd = service.fold(shape="wrench-24", seed="5")
+    assert service.wait_over(odd["id"])["status"] == "verified"
+    assert odd["id"] not in service.http.get("/").text
+    plain = service.fold(shape="wrench-24")
+    assert service.wait_over(plain["id"])["status"] == "verified"
+    assert f'data-fold="{plain["id"]}"' in service.http.get("/").text
+
+
+def test_a_gallery_shape_keeps_its_title(service: Service) -> None:
+    titles = {s["name"]: s["title"] for s in service.http.get("/api/shapes").json()["shapes"]}
+    assert titles["hammer"] == "Claw hammer"
+    data = service.http.get("/api/shapes/hammer.json").content
+    answer = service.http.post("/api/folds", files={"file": ("mine.json", data)})
+    assert service.wait_over(answer.json()["id"])["name"] == "hammer"  # as the file says
+    fold = service.fold(shape="hammer")
+    assert fold["existing"]
+    assert service.state(fold["id"])["name"] == "Claw hammer"
+    other = service.fold(shape="hammer", seed="5")
+    assert service.state(other["id"])["name"] == "Claw hammer"
+    assert service.wait_over(other["id"])["name"] == "Claw hammer"
+    assert '<h1 id="name">Claw hammer</h1>' in service.http.get(f"/folds/{other['id']}").text
+
+
 def test_only_owners_cancel_and_delete(desk: Service) -> None:
     mine, other = desk.fold(SNAKE, seed="9"), desk.fold(SNAKE, seed="10")
     here = f"/api/folds/{mine['id']}"
