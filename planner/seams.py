@@ -9,6 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_LOOSE: Final = 100_000
+LOOKED_AT: Final = 20_000
+MOST_ODD: Final = 2 / 3
+"""Part of the edges that may belong to an odd number of triangles, before sewing."""
+MOST_SHARED: Final = 3.0
+"""Triangles that share an edge, in the mean."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -66,6 +71,26 @@ def edges_of(faces: Ints) -> Edges:
         oriented=not balance.any(),
         loose=runs[order[starts[counts == 1]]],
     )
+
+
+def is_surface(points: Floats, faces: Ints) -> bool:
+    """Whether triangles share edges as those of a surface do, by a sample of their edges.
+
+    Sewing millions of triangles takes seconds. Here vertices at one place are told by a hash, and
+    only the edges with some of the hashes are counted.
+    """
+    mixed = _mixed(points + 0.0)
+    modulus = np.uint64(max(1, 3 * len(faces) // LOOKED_AT))
+    found: list[NDArray[np.uint64]] = []
+    with np.errstate(over="ignore"):
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            keys = mixed[faces[:, a]] + mixed[faces[:, b]]
+            keys ^= keys >> np.uint64(31)
+            found.append(keys[keys % modulus == 0])
+    _, counts = np.unique(np.concatenate(found), return_counts=True)
+    if not len(counts):
+        return True
+    return bool((counts % 2).mean() <= MOST_ODD and counts.mean() <= MOST_SHARED)
 
 
 def welded(
@@ -147,14 +172,25 @@ def _equal_rows(rows: Floats) -> tuple[Ints, Ints]:
 
     Rows are told apart by a hash of 64 bits, which sorts much faster than rows do.
     """
-    bits = np.ascontiguousarray(rows).view(np.uint64).reshape(rows.shape)
-    with np.errstate(over="ignore"):
-        mixed = np.zeros(len(rows), dtype=np.uint64)
-        for column in range(rows.shape[1]):
-            mixed = (mixed ^ bits[:, column]) * np.uint64(0x9E3779B97F4A7C15)
-            mixed ^= mixed >> np.uint64(29)
+    bits = _bits(rows)
+    mixed = _mixed(rows)
     _, first, inverse = np.unique(mixed, return_index=True, return_inverse=True)
     if (bits[first][inverse] == bits).all():
         return first.astype(np.int64), inverse.astype(np.int64)
     _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     return first.astype(np.int64), inverse.reshape(-1).astype(np.int64)
+
+
+def _bits(rows: Floats) -> NDArray[np.uint64]:
+    return np.ascontiguousarray(rows).view(np.uint64).reshape(rows.shape)
+
+
+def _mixed(rows: Floats) -> NDArray[np.uint64]:
+    """(N,) a hash of each row."""
+    bits = _bits(rows)
+    mixed = np.zeros(len(rows), dtype=np.uint64)
+    with np.errstate(over="ignore"):
+        for column in range(rows.shape[1]):
+            mixed = (mixed ^ bits[:, column]) * np.uint64(0x9E3779B97F4A7C15)
+            mixed ^= mixed >> np.uint64(29)
+    return mixed

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
-from planner.seams import closed_holes, edges_of, welded
+from planner.seams import closed_holes, edges_of, is_surface, welded
 
 MOST_TRIANGLES: Final = 2_000_000
 LARGEST_LENGTH: Final = 1e9
@@ -18,6 +18,7 @@ FLATTEST: Final = 1e-6
 LEAST_FILLED: Final = 1e-9
 LOOSE: Final = 1e-5
 MOST_LOOSE: Final = 200_000
+CHUNK: Final = 1 << 17
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -152,10 +153,13 @@ def _used(points: Floats, corners: Ints) -> tuple[Floats, Ints]:
 
 
 def _without_slivers(points: Floats, corners: Ints, said: list[str]) -> Ints:
-    a, b, c = (points[corners[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
     longest = max(float(np.ptp(points, axis=0).max()), np.finfo(float).tiny)
-    good = np.linalg.norm(normals, axis=1) > 1e-14 * longest * longest
+    good = np.empty(len(corners), dtype=bool)
+    for start in range(0, len(corners), CHUNK):
+        some = slice(start, start + CHUNK)
+        a, b, c = (points[corners[some, i]] for i in range(3))
+        normals = np.cross(b - a, c - a)
+        good[some] = np.linalg.norm(normals, axis=1) > 1e-14 * longest * longest
     dropped = len(corners) - int(good.sum())
     if dropped == len(corners):
         raise InputError(
@@ -181,6 +185,8 @@ def _check_extents(points: Floats) -> None:
 
 def _sewn(solid: Solid, said: list[str]) -> Solid:
     """The solid with equal vertices made one, and its holes closed."""
+    if len(solid.faces) > MOST_LOOSE and not is_surface(solid.vertices, solid.faces):
+        raise _no_surface(len(solid.faces))
     points, corners = welded(solid.vertices, solid.faces, tolerance=0.0)
     if not len(corners):
         raise InputError(
@@ -196,11 +202,7 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
             said.append("vertices that almost meet were sewn together.")
             points, corners, edges = loose_points, loose_corners, loose
     if edges.scattered:
-        raise InputError(
-            "not-a-surface",
-            f"hardly any of the {len(corners)} triangles share an edge with another; expected a "
-            "closed surface.",
-        )
+        raise _no_surface(len(corners))
     if edges.open:
         closed = closed_holes(points, corners, edges)
         if closed.holes:
@@ -219,6 +221,14 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
         faces=corners,
         closed=edges.open == 0,
         oriented=edges.open == 0 and edges.oriented,
+    )
+
+
+def _no_surface(triangles: int) -> InputError:
+    return InputError(
+        "not-a-surface",
+        f"the edges of these {triangles} triangles are hardly shared by two of them each; expected "
+        "a closed surface.",
     )
 
 

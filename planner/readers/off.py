@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import re
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
-from planner.readers.polygons import fans_of_rows
+from planner.readers.polygons import fans
+from planner.readers.tables import Table, chunks, table, whole
 from planner.solids import Solid, check_triangles
 
 KIND: Final = re.compile(r"(?:ST)?C?N?OFF(?=[\s#]|$)")
+COMMENT: Final = re.compile(rb"#[^\n]*")
 MOST_CORNERS: Final = 10_000
+
+Mesh: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]"
+"""Points (V, 3), the polygons' corners one after the other, and how many each has."""
 
 
 def is_off(data: bytes) -> bool:
@@ -28,51 +34,115 @@ def read_off(data: bytes, source: Source) -> Solid:
     Raises:
         InputError: Naming the line, or what kind of mesh this is.
     """
-    text = data.decode("latin-1").lstrip("ï»¿")
-    lines = [
-        (number, words)
-        for number, line in enumerate(text.splitlines(), 1)
-        if (words := line.partition("#")[0].split())
-    ]
-    kind = lines[0][1].pop(0)
-    if lines[0][1][:1] == ["BINARY"]:
+    data = data.lstrip(b"\xef\xbb\xbf")
+    if b"#" in data:
+        data = COMMENT.sub(b"", data)
+    (kind, *first), at, number = _words(data, 0, 0)
+    if first[:1] == ["BINARY"]:
         raise InputError("unsupported", "this is a binary OFF mesh; save it as text.")
-    if not lines[0][1]:
-        lines.pop(0)
-    if not lines:
+    if not first:
+        first, at, number = _words(data, at, number)
+    if not first:
         raise InputError("truncated", f"the file ends after {kind}; expected the counts.")
-    vertices, polygons = _counts(*lines[0])
-    if vertices + polygons > len(lines) - 1:
-        raise InputError(
-            "truncated",
-            f"got {len(lines) - 1} lines after the counts, expected {vertices} vertices and "
-            f"{polygons} polygons.",
-        )
+    vertices, polygons = _counts(number, first)
+    body = memoryview(data)[at:]
+    lines = data.count(b"\n", at) + 1
+    if vertices + polygons > lines:
+        raise _truncated(lines, vertices, polygons)
     check_triangles(polygons, source.most_triangles)
+    found = _many(bytes(body), vertices, polygons) or _one_by_one(
+        bytes(body), number, vertices, polygons
+    )
+    points, corners, counts = found
+    return Solid.from_triangles(
+        points,
+        fans(corners, counts),
+        name=source.name or "solid",
+        most_triangles=source.most_triangles,
+    )
+
+
+def _words(data: bytes, at: int, number: int) -> tuple[list[str], int, int]:
+    """The words of the next line that has some, where the line after it begins, and its number."""
+    while at < len(data):
+        end = data.find(b"\n", at)
+        end = len(data) if end < 0 else end
+        words = data[at:end].decode("latin-1").split()
+        at, number = end + 1, number + 1
+        if words:
+            return words, at, number
+    return [], at, number
+
+
+def _truncated(lines: int, vertices: int, polygons: int) -> InputError:
+    return InputError(
+        "truncated",
+        f"got {lines} lines after the counts, expected {vertices} vertices and {polygons} "
+        "polygons.",
+    )
+
+
+def _many(body: bytes, vertices: int, polygons: int) -> Mesh | None:
+    """All lines at once; None when they hold more than numbers."""
+    found: list[Table] = []
+    for chunk in chunks(body):
+        ended = chunk if chunk.endswith(b"\n") else chunk + b"\n"
+        part = table(np.frombuffer(ended, dtype=np.uint8))
+        if part is None:
+            return None
+        found.append(part)
+    values = np.concatenate([part.values for part in found])
+    counts = np.concatenate([part.counts for part in found])
+    counts = counts[counts > 0]
+    del found
+    if len(counts) < vertices + polygons:
+        return None
+    cut = int(counts[:vertices].sum())
+    points = Table(values=values[:cut], counts=counts[:vertices]).columns(0, 3)
+    faces = Table(values=values[cut:], counts=counts[vertices:])
+    starts = faces.starts[:polygons]
+    sizes = whole(faces.values[starts])
+    if points is None or sizes is None or not len(sizes):
+        return None
+    good = (sizes >= 0) & (sizes <= MOST_CORNERS) & (sizes < faces.counts[:polygons])
+    if not good.all():
+        return None
+    ends = np.cumsum(sizes)
+    places = np.arange(int(ends[-1])) + np.repeat(starts + 1 - (ends - sizes), sizes)
+    corners = whole(faces.values[places])
+    return None if corners is None else (np.ascontiguousarray(points), corners, sizes)
+
+
+def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
+    """Line by line, which tells where something is wrong."""
+    lines = [
+        (n, words)
+        for n, line in enumerate(body.decode("latin-1").split("\n"), number + 1)
+        if (words := line.split())
+    ]
+    if vertices + polygons > len(lines):
+        raise _truncated(len(lines), vertices, polygons)
     points: list[list[float]] = []
-    rows: list[list[int]] = []
+    flat: list[int] = []
+    counts: list[int] = []
     number = 0
     try:
-        for number, words in lines[1 : vertices + 1]:  # noqa: B007
+        for number, words in lines[:vertices]:  # noqa: B007
             points.append([float(words[0]), float(words[1]), float(words[2])])
-        for number, words in lines[vertices + 1 : vertices + polygons + 1]:  # noqa: B007
+        for number, words in lines[vertices : vertices + polygons]:  # noqa: B007
             corners = int(words[0])
             if not 0 <= corners <= MOST_CORNERS or corners >= len(words):
                 raise ValueError(f"a polygon of {quote(words[0])} corners")
-            rows.append([int(word) for word in words[1 : corners + 1]])
-        triangles = fans_of_rows(rows)
+            flat += [int(word) for word in words[1 : corners + 1]]
+            counts.append(corners)
+        rows = np.array(flat, dtype=np.int64)
     except (ValueError, IndexError, OverflowError) as error:
         raise InputError(
             "damaged",
             f"{quote(str(error))}; expected three coordinates, or a count and as many corners.",
             where=f"line {number}",
         ) from error
-    return Solid.from_triangles(
-        np.array(points).reshape(-1, 3),
-        triangles,
-        name=source.name or "solid",
-        most_triangles=source.most_triangles,
-    )
+    return np.array(points).reshape(-1, 3), rows, np.array(counts, dtype=np.int64)
 
 
 def _counts(number: int, words: list[str]) -> tuple[int, int]:

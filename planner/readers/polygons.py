@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,12 +22,3 @@ def fans(corners: Ints, counts: Ints) -> Ints:
     first = np.repeat(starts, triangles)
     step = np.arange(len(first)) - np.repeat(np.cumsum(triangles) - triangles, triangles)
     return np.column_stack([corners[first], corners[first + step + 1], corners[first + step + 2]])
-
-
-def fans_of_rows(rows: Sequence[Sequence[int]]) -> Ints:
-    """(T, 3) triangles of polygons given as rows of corners."""
-    counts = np.fromiter((len(row) for row in rows), dtype=np.int64, count=len(rows))
-    corners = np.fromiter(
-        (corner for row in rows for corner in row), dtype=np.int64, count=int(counts.sum())
-    )
-    return fans(corners, counts)

@@ -6,15 +6,18 @@ import re
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
+from planner.readers.tables import SPACE, chunks, line_starts, lines_of, table
 from planner.solids import Solid, check_triangles
 
 HEADER_BYTES: Final = 84
 TRIANGLE_BYTES: Final = 50
 LOOKED_AT: Final = 2048
 LONGEST_TAIL: Final = 4096
+LOWER: Final = 32
 VERTEX: Final = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 
@@ -90,19 +93,7 @@ def _binary(data: bytes, source: Source) -> Solid:
 def _text(data: bytes, source: Source) -> Solid:
     count = data.lower().count(b"endfacet")
     check_triangles(count, source.most_triangles)
-    fields = VERTEX.findall(data)
-    if len(fields) != 3 * count:
-        raise InputError(
-            "damaged",
-            f"got {len(fields)} vertices in {count} triangles, expected three in each; the file is "
-            "cut or damaged.",
-        )
-    try:
-        corners = np.array([[float(x), float(y), float(z)] for x, y, z in fields])
-    except ValueError as error:
-        raise InputError(
-            "not-a-number", f"{quote(str(error))}; expected three numbers after each 'vertex'."
-        ) from error
+    corners = _corners(data, 3 * count)
     if b"endsolid" not in data[-LOOKED_AT:].lower():
         raise InputError("truncated", "the file ends before 'endsolid'; save or send it again.")
     return Solid.from_triangles(
@@ -111,3 +102,45 @@ def _text(data: bytes, source: Source) -> Solid:
         name=source.name or "solid",
         most_triangles=source.most_triangles,
     )
+
+
+def _corners(data: bytes, expected: int) -> NDArray[np.float64]:
+    """(V, 3) what follows the words 'vertex'."""
+    found = [_many(chunk) for chunk in chunks(data)]
+    whole = [part for part in found if part is not None]
+    if len(whole) == len(found) and sum(map(len, whole)) == expected:
+        return np.concatenate(whole)
+    fields = VERTEX.findall(data)
+    if len(fields) != expected:
+        raise InputError(
+            "damaged",
+            f"got {len(fields)} vertices in {expected // 3} triangles, expected three in each; the "
+            "file is cut or damaged.",
+        )
+    try:
+        return np.array([[float(x), float(y), float(z)] for x, y, z in fields])
+    except ValueError as error:
+        raise InputError(
+            "not-a-number", f"{quote(str(error))}; expected three numbers after each 'vertex'."
+        ) from error
+
+
+def _many(chunk: bytes) -> NDArray[np.float64] | None:
+    """The vertices of whole lines at once; None when one is not alone on its line."""
+    text = np.frombuffer(chunk if chunk.endswith(b"\n") else chunk + b"\n", dtype=np.uint8).copy()
+    at = np.flatnonzero((text[:-6] == ord("v")) | (text[:-6] == ord("V")))
+    for place, letter in enumerate(b"vertex"):
+        at = at[(text[at + place] | LOWER) == letter]
+    if not len(at):
+        return np.zeros((0, 3))
+    starts = line_starts(text)
+    lines = np.searchsorted(starts, at, side="right") - 1
+    wanted = np.zeros(len(starts), dtype=bool)
+    wanted[lines] = True
+    if int(wanted.sum()) != len(at):
+        return None
+    text[at[:, None] + np.arange(6)] = SPACE
+    found = table(lines_of(text, starts, wanted))
+    if found is None or not (found.counts == 3).all():
+        return None
+    return found.columns(0, 3)
