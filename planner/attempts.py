@@ -16,7 +16,7 @@ from pathlib import Path as FilePath
 from typing import Any, Final
 
 from planner.certificate import Certificate
-from planner.plan import write_whole
+from planner.files import write_whole
 
 FILE: Final = "attempts.json"
 FEWEST: Final = 3

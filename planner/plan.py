@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
 import zlib
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from planner.certificate import Certificate
 from planner.chain import Chain
 from planner.errors import InputError
+from planner.files import write_whole
 from planner.parameters import Parameters
 from planner.playback import Playback
 from planner.record import Record, save_npz
@@ -238,13 +238,6 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[package] = "unknown"
     return found
-
-
-def write_whole(path: FilePath, data: bytes) -> None:
-    """Writes a file that is either whole or not there."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    aside.write_bytes(data)
-    aside.replace(path)
 
 
 def _listed(array: Array) -> Any:

@@ -128,10 +128,10 @@ class Preparation:
             remedy = f" A repair is at hand: {self.feasibility.repairs[0].detail}"
         raise InputError("no-path", f"no path through these cells was found. {why}{remedy}".strip())
 
-    def report(self) -> dict[str, Any]:
-        """Everything a page shows of it, as plain JSON values."""
+    def report(self, *, full: bool = True) -> dict[str, Any]:
+        """Everything a page shows of it, as plain JSON values; its mesh only when ``full``."""
         voxels = self.voxels
-        cells = self._cells()
+        cells = self.cells
         return {
             "kind": self.kind,
             "name": self.name,
@@ -153,7 +153,7 @@ class Preparation:
             "start": None if self.wishes.start is None else list(self.wishes.start),
             "not_started": self.not_started,
             "expected_s": expected_seconds(len(cells)),
-            "mesh": self._mesh(),
+            "mesh": self._mesh() if full else None,
         }
 
     @property
@@ -163,7 +163,8 @@ class Preparation:
     def _scaled(self, count: int | None) -> int | None:
         return None if count is None else count * self._doubling**3
 
-    def _cells(self) -> NDArray[np.int64]:
+    @property
+    def cells(self) -> NDArray[np.int64]:
         """(n, 3) in the order of the best path; as they lie when there is none."""
         if self.chains:
             return np.rint(self.chains[0].folded_poses.positions).astype(np.int64)
