@@ -12,6 +12,7 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from planner.errors import InputError
+from planner.request import Request as Asked
 
 MEDIA_TYPE: Final = "application/problem+json"
 CODES: Final = {404: "not-found", 408: "too-slow", 413: "too-large"}
@@ -113,8 +114,6 @@ def install(app: FastAPI) -> None:
 
 def _refusal(error: Any) -> InputError | None:
     """What the planner says of a parameter, so that it reads the same as on the command line."""
-    from planner.stages import Request as Asked
-
     place, name = error["loc"][0], str(error["loc"][-1])
     if place != "body" or name not in Asked.__dataclass_fields__:
         return None

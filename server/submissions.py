@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from planner.errors import InputError
-from planner.stages import Request
+from planner.request import Request
 from server.children import ChildError
 from server.context import Context
 from server.database import FoldRow

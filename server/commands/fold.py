@@ -14,7 +14,8 @@ from rich.table import Table
 
 from planner.errors import InputError
 from planner.progress import Progress as StageProgress
-from planner.stages import STAGES, Request, next_stage, run_stage, write_request
+from planner.request import Request
+from planner.stages import STAGES, next_stage, run_stage, write_request
 from server.gallery import Gallery
 
 LARGEST_FILE = 64 * 2**20

@@ -12,11 +12,11 @@ from rich.console import Console
 from rich.table import Table
 
 from planner.errors import InputError
+from planner.files import write_whole
 from planner.formats import write_path
 from planner.paths import Path as CellPath
-from planner.plan import write_whole
 from planner.preparation import Preparation, prepare
-from planner.stages import SHORT_SEED, Request
+from planner.request import SHORT_SEED, Request
 from server.commands.fold import read_input, refuse
 
 
@@ -68,7 +68,7 @@ def shape(
         refuse(
             InputError("no-file", f"cannot be written ({error.strerror}).", where=str(out)), as_json
         )
-    report = {**prepared.report(), "mesh": None, "cells": None}
+    report = {**prepared.report(full=False), "mesh": None, "cells": None}
     if as_json:
         print(json.dumps({"status": "found" if prepared.chains else "none", **report}), flush=True)
     else:
@@ -82,9 +82,8 @@ def shape(
 
 def path_file(prepared: Preparation) -> bytes:
     """The best path as foldback-path/1."""
-    cells = prepared.report()["cells"]
     return write_path(
-        CellPath.from_cells(cells, name=prepared.name, pitch_m=prepared.chain.pitch_m)
+        CellPath.from_cells(prepared.cells, name=prepared.name, pitch_m=prepared.chain.pitch_m)
     )
 
 

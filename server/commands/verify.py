@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 
 from planner.errors import InputError, TimelineError
-from planner.stages import Request
+from planner.request import Request
 from planner.verification import verify as verify_files
 from server.commands.fold import refuse
 

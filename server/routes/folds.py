@@ -10,7 +10,7 @@ from fastapi.responses import Response, StreamingResponse
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from planner.preparation import MODULES
-from planner.stages import LARGEST_SEED, MODULE_SIZES
+from planner.request import LARGEST_SEED, MODULE_SIZES
 from planner.starts import TEXT as START
 from planner.starts import cell_of
 from server.addresses import address_of

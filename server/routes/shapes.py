@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter, File, Form, UploadFile
 from fastapi.responses import Response
 
-from planner.stages import LARGEST_SEED
+from planner.request import LARGEST_SEED
 from server.problems import Problem
 from server.routes.folds import Here, Wishes, input_of, problems
 from server.schemas import Preview, Shape, Shapes

@@ -59,6 +59,17 @@ def test_heavy_packages_are_not_imported_before_they_are_needed(command: str) ->
     assert not answer.stderr.strip()
 
 
+def test_the_web_process_leaves_the_physics_to_others() -> None:
+    code = (
+        "import sys; import server.app; "
+        "sys.exit(' '.join({'mujoco', 'ortools', 'planner.stages'} & set(sys.modules)))"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=False
+    )
+    assert not answer.stderr.strip()
+
+
 def test_a_port_that_is_taken_is_a_clear_failure(tmp_path: Path) -> None:
     import socket
 

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from planner.parameters import PRESETS
 from planner.pathfinding.candidates import METHODS
 from planner.preparation import ENDS, MODULES
-from planner.stages import LARGEST_SEED, MODULE_SIZES
+from planner.request import LARGEST_SEED, MODULE_SIZES
 from server.command_line import application
 from tests.server.service import Service
 

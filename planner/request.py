@@ -1,0 +1,121 @@
+"""Request: what somebody asks of a fold, and the one check of it.
+
+The page, the API and the command line refuse what cannot be asked for in these words.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from planner.errors import InputError
+from planner.parameters import Parameters, preset
+from planner.pathfinding.obstacles import Cell
+from planner.preparation import MODULES, Wishes
+from planner.starts import cell_of
+
+MODULE_SIZES: Final = (0.1, 1.0)
+LARGEST_SEED: Final = 2**32 - 1
+SHORT_SEED: Final = 2**31
+"""Path searches take seeds below this."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What somebody asked for, apart from the shape.
+
+    Attributes:
+        filename: What the input was called, if anything.
+        preset: Name of a parameter set.
+        seed: What randomness starts from.
+        module_size: Size at which the plan is verified; None for the preset's.
+        modules, method, repair, ends, as_voxels, start: See ``planner.preparation.Wishes``.
+    """
+
+    filename: str | None = None
+    preset: str = "default"
+    seed: int = 0
+    module_size: float | None = None
+    modules: int | None = None
+    method: str = "auto"
+    repair: bool = False
+    ends: str = "any"
+    as_voxels: bool = False
+    start: Cell | None = None
+
+    @classmethod
+    def of(cls, **given: Any) -> Request:
+        """A request of what somebody typed: its numbers and its cell may still be texts.
+
+        Raises:
+            InputError: When one of them cannot be read.
+        """
+        read = dict(given)
+        for name, number in (("seed", int), ("modules", int), ("module_size", float)):
+            if isinstance(value := read.get(name), str):
+                try:
+                    read[name] = number(value)
+                except ValueError:
+                    raise _bad(name, repr(value[:40])) from None
+        if isinstance(start := read.get("start"), str):
+            try:
+                read["start"] = cell_of(start)
+            except InputError as error:
+                raise _placed(error) from None
+        return cls(**read)
+
+    def check(self) -> None:
+        """Refuses what cannot be asked for, in the same words wherever it was asked.
+
+        Raises:
+            InputError: Naming the parameter in ``where``.
+        """
+        try:
+            self.parameters()
+            self.wishes().check()
+        except InputError as error:
+            raise _placed(error) from None
+
+    def wishes(self) -> Wishes:
+        """How a shape is to become a path."""
+        return Wishes(
+            modules=self.modules,
+            method=self.method,
+            repair=self.repair,
+            ends=self.ends,
+            as_voxels=self.as_voxels,
+            start=self.start,
+        )
+
+    def parameters(self) -> Parameters:
+        """The parameters it asks for.
+
+        Raises:
+            InputError: An unknown preset, or a seed or module size out of range.
+        """
+        found = preset(self.preset)
+        if not 0 <= self.seed <= LARGEST_SEED:
+            raise _bad("seed", str(self.seed))
+        if self.module_size is None:
+            return found
+        low, high = MODULE_SIZES
+        if not low <= self.module_size <= high:
+            raise _bad("module_size", f"{self.module_size:g}")
+        return replace(found, module_size=self.module_size)
+
+
+def _placed(error: InputError) -> InputError:
+    """The same refusal, saying which parameter it is about: codes end in its name."""
+    where = error.code.partition("-")[2].replace("-", "_")
+    return InputError(error.code, error.detail, where=where)
+
+
+def _bad(name: str, got: str) -> InputError:
+    """The refusal of a number."""
+    low, high = MODULE_SIZES
+    detail = {
+        "seed": f"got the seed {got}, expected a whole number from 0 to {LARGEST_SEED}.",
+        "modules": f"got {got} modules, expected {MODULES[0]} to {MODULES[1]}.",
+        "module_size": f"got the module size {got}, expected {low:g} to {high:g} of the pitch.",
+    }[name]
+    return InputError(f"bad-{name.replace('_', '-')}", detail, where=name)
