@@ -21,7 +21,7 @@ from server.limits import ChildLimits
 from server.metrics import CountAnswers, Metrics
 from server.previews import NoSuchPreviewError, Previews
 from server.routes import artifacts, folds, health, pages, previews, shapes, viewers
-from server.security import BodyLimit, SameOrigin, SecurityHeaders
+from server.security import AllowedHosts, BodyLimit, SameOrigin, SecurityHeaders, hosts_of
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store
 from server.streams import Streams
@@ -77,6 +77,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
     app.add_middleware(BodyLimit, most_bytes=settings.max_upload_bytes)
     app.add_middleware(SameOrigin, origins=settings.origins)
+    app.add_middleware(AllowedHosts, hosts=hosts_of(settings.host, settings.allowed_hosts))
     app.add_middleware(SecurityHeaders)
     app.add_middleware(CountAnswers, metrics=metrics)
     return app

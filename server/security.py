@@ -37,6 +37,7 @@ HEADERS: Final = {
     "Permissions-Policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
 }
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
+LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
 FORM_OVERHEAD_BYTES: Final = 64 * 1024
 UPLOAD_SECONDS: Final = 120.0
 
@@ -62,6 +63,67 @@ class SecurityHeaders:
             await send(message)
 
         await self._app(scope, receive, send_with_headers)
+
+
+class AllowedHosts:
+    """Refuses requests under names that are not the service's own.
+
+    Without it a page of another site could have its name point here (DNS rebinding), and would then
+    count as one of ours.
+    """
+
+    def __init__(self, app: ASGIApp, *, hosts: Iterable[str]) -> None:
+        self._app = app
+        self._hosts = frozenset(host.lower() for host in hosts)
+        self._any = "*" in self._hosts
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handles one request."""
+        if scope["type"] in ("http", "websocket"):
+            host = host_name(Headers(scope=scope).get("host", ""))
+            if not self._any and not self._allowed(host):
+                await self._refuse(host, scope, receive, send)
+                return
+        await self._app(scope, receive, send)
+
+    def _allowed(self, host: str) -> bool:
+        return host in self._hosts or any(
+            allowed.startswith("*.") and host.endswith(allowed[1:]) for allowed in self._hosts
+        )
+
+    async def _refuse(self, host: str, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008, "reason": "unknown host"})
+            return
+        problem = Problem(
+            400,
+            "unknown-host",
+            f"got the host {host[:100]!r}, which is none of the names of this service; an operator "
+            "adds names with FOLDBACK_ALLOWED_HOSTS.",
+        )
+        await problem.response()(scope, receive, send)
+
+
+def host_name(host: str) -> str:
+    """The name in a Host header, without the port, in lower case."""
+    host = host.strip().lower()
+    if host.startswith("["):
+        return host.partition("]")[0].removeprefix("[")
+    return host.rpartition(":")[0] if host.count(":") == 1 else host
+
+
+def hosts_of(host: str, allowed: Iterable[str] = ()) -> tuple[str, ...]:
+    """The names that a service answers to.
+
+    Args:
+        host: The address it listens on.
+        allowed: Names that an operator has set. None, on an address that others reach, is any.
+    """
+    allowed = tuple(host_name(name) for name in allowed)
+    if not allowed and host not in LOOPBACK and not host.startswith("127."):
+        return ("*",)
+    return (*LOOPBACK, host, *allowed)
 
 
 class SameOrigin:

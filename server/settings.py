@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from functools import cached_property
 from pathlib import Path
+from typing import Annotated, Any
 
-from pydantic import Field
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import Field, field_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 MIB = 1024 * 1024
 
@@ -30,6 +32,13 @@ class Settings(BaseSettings):
     origins: tuple[str, ...] = Field(
         default=(),
         description="Further origins (scheme://host) whose pages may talk to this service.",
+    )
+    allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Names that the service answers to, with commas between; * for any, "
+        "*.example.org for all below. This machine's own names always count. When none is given: "
+        "those and `host` on a loopback address, any name on one that others reach. Set it there "
+        "too, and behind a proxy, to keep foreign names from pointing here (DNS rebinding).",
     )
 
     workers: int = Field(
@@ -88,6 +97,15 @@ class Settings(BaseSettings):
     numbers_per_answer: int = Field(
         default=2_000_000, ge=1000, description="Numbers in such an answer."
     )
+
+    @field_validator("allowed_hosts", mode="before")
+    @classmethod
+    def _split(cls, value: Any) -> Any:
+        if not isinstance(value, str):
+            return value
+        if value.lstrip().startswith("["):
+            return json.loads(value)
+        return tuple(name.strip() for name in value.split(",") if name.strip())
 
     @cached_property
     def root(self) -> Path:

@@ -19,7 +19,7 @@ from fastapi.responses import RedirectResponse
 from planner.errors import TimelineError
 from planner.timeline import Timeline
 from server.routes import pages, viewers
-from server.security import SameOrigin, SecurityHeaders
+from server.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
 from web.viewers import Viewers
 
 ONLY: Final = "fold"
@@ -97,7 +97,7 @@ def row_of(directory: Path) -> FolderRow:
     )
 
 
-def create_player_app(directory: Path) -> FastAPI:
+def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
     """An application with the viewer of one directory."""
 
     @asynccontextmanager
@@ -118,6 +118,7 @@ def create_player_app(directory: Path) -> FastAPI:
     app.include_router(pages.router)
     app.include_router(viewers.router)
     app.add_middleware(SameOrigin)
+    app.add_middleware(AllowedHosts, hosts=hosts_of(host))
     app.add_middleware(SecurityHeaders)
     return app
 
@@ -150,7 +151,7 @@ def play(
 
     Server(
         uvicorn.Config(
-            create_player_app(directory),
+            create_player_app(directory, host),
             host=host,
             port=port,
             log_level="warning",

@@ -7,7 +7,7 @@ import asyncio
 import pytest
 import websockets
 
-from server.security import SameOrigin
+from server.security import AllowedHosts, SameOrigin, hosts_of
 from tests.server.service import SNAKE, Service
 
 
@@ -57,6 +57,86 @@ def test_websockets_of_others_are_refused(desk: Service) -> None:
 
     assert not asyncio.run(opens("http://evil.example"))
     assert asyncio.run(opens(str(desk.http.base_url).rstrip("/")))
+
+
+def test_other_names_do_not_lead_here(desk: Service) -> None:
+    port = desk.http.base_url.port
+    for host in (
+        "evil.example",
+        f"evil.example:{port}",
+        "127.0.0.1.evil.example",
+        "localhost.evil",
+    ):
+        # A page under that name would pass for one of ours.
+        headers = {"Host": host, "Origin": f"http://{host}"}
+        answer = desk.http.post("/api/folds", data={"shape": "mallet-64"}, headers=headers)
+        assert (answer.status_code, answer.json()["code"]) == (400, "unknown-host")
+        assert "FOLDBACK_ALLOWED_HOSTS" in answer.json()["detail"]
+    for host in ("localhost", f"localhost:{port}", f"[::1]:{port}", f"127.0.0.1:{port}"):
+        assert desk.http.get("/health", headers={"Host": host}).status_code == 200
+
+
+def test_websockets_under_other_names_are_refused(desk: Service) -> None:
+    fold_id = desk.fold(SNAKE, seed="79")["id"]
+    port = desk.http.base_url.port
+
+    async def opens(host: str) -> bool:
+        address = f"ws://{host}:{port}/folds/{fold_id}/control/{'w' * 24}"
+        try:
+            async with websockets.connect(address, host="127.0.0.1", port=port) as socket:
+                await asyncio.wait_for(socket.recv(), 30)
+        except (websockets.InvalidStatus, websockets.ConnectionClosed):
+            return False
+        return True
+
+    assert not asyncio.run(opens("evil.example"))
+    assert asyncio.run(opens("localhost"))
+
+
+def test_an_operator_says_what_names_there_are(service_with) -> None:
+    service = service_with(workers=0, allowed_hosts="fold.example, *.school.example").start()
+
+    def status(host: str) -> int:
+        return service.http.get("/health", headers={"Host": host}).status_code
+
+    assert {status(host) for host in ("fold.example", "Fold.Example:8000", "a.school.example")} == {
+        200
+    }
+    assert status("school.example") == status("evil.example") == 400
+
+
+@pytest.mark.parametrize(
+    ("listens", "allowed", "host", "answered"),
+    [
+        ("127.0.0.1", (), "localhost:8000", True),
+        ("127.0.0.1", (), "evil.example", False),
+        ("127.0.0.2", (), "127.0.0.2:1", True),
+        ("::1", (), "[::1]:8000", True),
+        ("0.0.0.0", (), "anything.example", True),
+        ("192.0.2.1", (), "fold.example", True),
+        ("0.0.0.0", ("fold.example",), "evil.example", False),
+        ("192.0.2.1", ("fold.example",), "192.0.2.1", True),
+        ("127.0.0.1", ("*",), "evil.example", True),
+    ],
+)
+def test_names_by_default(
+    listens: str, allowed: tuple[str, ...], host: str, answered: bool
+) -> None:
+    passed: list[str] = []
+
+    async def app(scope, receive, send) -> None:
+        passed.append("in")
+
+    async def receive() -> dict[str, object]:
+        return {"type": "websocket.connect"}
+
+    async def send(message: dict[str, object]) -> None:
+        passed.append(str(message["type"]))
+
+    guard = AllowedHosts(app, hosts=hosts_of(listens, allowed))
+    scope = {"type": "websocket", "headers": [(b"host", host.encode())]}
+    asyncio.run(guard(scope, receive, send))
+    assert passed == (["in"] if answered else ["websocket.close"])
 
 
 @pytest.mark.parametrize(
