@@ -150,6 +150,7 @@ class Preparation:
             if self.knot is None
             else {"verdict": self.knot.verdict, "determinant": self.knot.determinant},
             "notes": list(self.notes),
+            "as_voxels": self.wishes.as_voxels,
             "start": None if self.wishes.start is None else list(self.wishes.start),
             "not_started": self.not_started,
             "expected_s": expected_seconds(len(cells)),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -20,9 +21,10 @@ from planner.readers import read
 from planner.shapes import Shape
 
 if TYPE_CHECKING:
-    from planner.preparation import Wishes
+    from planner.preparation import Preparation, Wishes
 
 LARGEST_DRAWING: Final = 4000
+READ_AS_VOXELS: Final = "Read as voxels, since the cells are not in the order of a path."
 WISHES: Final = ("modules", "method", "repair", "ends", "as_voxels", "start")
 
 
@@ -77,13 +79,24 @@ def preview(directory: Path) -> dict[str, Any]:
 
     request = json.loads((directory / "request.json").read_bytes())
     data = (directory.parent / "input").read_bytes()
-    made = prepare(
-        data,
-        request["filename"],
-        wishes_of(request),
-        seed=request["seed"],
-        time_limit_s=request["time_limit_s"],
-    )
+    wishes = wishes_of(request)
+
+    def prepared(wishes: Wishes) -> Preparation:
+        return prepare(
+            data,
+            request["filename"],
+            wishes,
+            seed=request["seed"],
+            time_limit_s=request["time_limit_s"],
+        )
+
+    try:
+        made = prepared(wishes)
+    except InputError as error:
+        if error.code != "not-adjacent":
+            raise
+        made = prepared(replace(wishes, as_voxels=True))
+        made = replace(made, notes=(READ_AS_VOXELS, *made.notes))
     aside = directory / f"report.{os.getpid()}"
     aside.write_text(json.dumps(made.report()))
     aside.rename(directory / "report.json")

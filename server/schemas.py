@@ -211,6 +211,9 @@ class Preview(BaseModel):
     feasibility: Feasibility | None
     knot: Knot | None
     notes: list[str]
+    as_voxels: bool = Field(
+        description="Whether a list of cells was taken as a shape; a fold has to be told so too."
+    )
     start: list[int] | None = Field(description="The cell that was asked for to begin in.")
     not_started: str = Field(
         description="Why no path begins there; the path is another one then. Empty when one does."

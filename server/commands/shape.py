@@ -17,7 +17,7 @@ from planner.formats import write_path
 from planner.paths import Path as CellPath
 from planner.preparation import Preparation, prepare
 from planner.request import SHORT_SEED, Request
-from server.commands.fold import read_input, refuse
+from server.command_inputs import read_input, refuse
 
 
 def shape(

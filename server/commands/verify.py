@@ -12,7 +12,7 @@ from rich.console import Console
 from planner.errors import InputError, TimelineError
 from planner.request import Request
 from planner.verification import verify as verify_files
-from server.commands.fold import refuse
+from server.command_inputs import refuse
 
 
 def verify(

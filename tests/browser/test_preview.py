@@ -115,14 +115,46 @@ def test_no_path_is_explained_and_repaired_on_a_click(visit: Visit) -> None:
     expect(page.locator("#trouble")).to_be_visible()
 
 
-def test_cells_in_no_order_are_offered_as_voxels(visit: Visit) -> None:
+def test_cells_in_no_order_are_shown_as_voxels(visit: Visit, service: Service) -> None:
     page = visit("/")
     choose(page, "cells.json", json.dumps(box(4, 3, 2)[::-2] + box(4, 3, 2)[::2]).encode())
-    expect(page.locator("#drop-message")).to_contain_text("voxels")
-    page.locator("#drop-voxels").click()
-    page.wait_for_url(re.compile(r"/previews/.*\?as_voxels=true"))
+    page.wait_for_url(re.compile("/previews/"))
     settled(page)
     expect(page.locator("#verdict")).to_have_text("24 modules")
+    expect(page.locator("#notes li").first).to_contain_text("Read as voxels")
+    page.locator("#fold").click()
+    page.wait_for_url(re.compile("/folds/"))
+
+
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844)])
+def test_the_chain_starts_in_the_module_that_is_clicked(
+    visit: Visit, service: Service, width: int, height: int
+) -> None:
+    found = service.http.post(
+        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
+    ).json()
+    page = visit(found["links"]["page"] + "?modules=64", width=width, height=height)
+    settled(page)
+    expect(page.locator("#start")).to_be_hidden()
+    view = page.locator("#view").bounding_box()
+    assert view
+    page.mouse.click(view["x"] + 0.5 * view["width"], view["y"] + 0.5 * view["height"])
+    expect(page.locator("#start-text")).to_contain_text(re.compile(r"Module \d+ of 64"))
+    module = int(re.findall(r"\d+", page.locator("#start-text").inner_text())[0])
+    keep(page, f"preview-picked-{width}x{height}")
+    page.locator("#start-button").click()
+    settled(page)
+    expect(page).to_have_url(re.compile("start="))
+    expect(page.locator("#start-text")).to_contain_text("Starts in (")
+    keep(page, f"preview-start-{width}x{height}")
+    cells = service.http.post(
+        "/api/shapes/preview", data={"preview": found["id"], "modules": "64"}
+    ).json()["cells"]
+    start = re.findall(r"start=([-\d%2C,]+)", page.url)[0].replace("%2C", ",")
+    assert start == ",".join(map(str, cells[module - 1]))
+    page.locator("#start-button").click()
+    settled(page)
+    expect(page.locator("#start")).to_be_hidden()
 
 
 def test_paint_undo_and_preview_with_the_keyboard(visit: Visit) -> None:

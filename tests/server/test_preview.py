@@ -93,17 +93,46 @@ def test_cells_without_a_path_are_explained_and_repaired(desk: Service) -> None:
     assert is_path(doubled["cells"])
 
 
-def test_a_list_of_cells_is_taken_as_voxels_when_that_is_said(desk: Service) -> None:
+def test_a_list_of_cells_in_no_order_is_taken_as_voxels_and_that_is_said(desk: Service) -> None:
     cells = box(4, 3, 2)[::-1]
     cells[0], cells[7] = cells[7], cells[0]
     data = json.dumps(cells).encode()
-    refused = ask(desk, data)
-    assert (refused.status_code, refused.json()["code"]) == (422, "not-adjacent")
-    assert "voxels" in refused.json()["detail"]
-    found = report(desk, data, as_voxels="true")
-    assert found["kind"] == "voxels"
+    found = report(desk, data)
+    assert (found["kind"], found["as_voxels"]) == ("voxels", True)
+    assert found["notes"][0].startswith("Read as voxels")
     assert is_path(found["cells"])
     assert {tuple(c) for c in found["cells"]} == {tuple(c) for c in cells}
+    asked = report(desk, data, as_voxels="true")
+    assert asked["cells"] == found["cells"]
+    assert not any(note.startswith("Read as voxels") for note in asked["notes"])
+    # A fold is told what to do; it does not guess.
+    refused = desk.http.post("/api/folds", data={"preview": found["id"]})
+    assert (refused.status_code, refused.json()["code"]) == (422, "not-adjacent")
+    assert "voxels" in refused.json()["detail"]
+    assert desk.fold(preview=found["id"], as_voxels="true")["id"]
+
+
+def test_cells_that_come_twice_are_an_error_still(desk: Service) -> None:
+    refused = ask(desk, json.dumps([*box(2, 2, 1), [0, 0, 0]]).encode())
+    assert (refused.status_code, refused.json()["code"]) == (422, "repeated-cell")
+
+
+def test_a_path_begins_where_it_is_asked_to(desk: Service) -> None:
+    found = report(desk, stl(), modules="64")
+    cell = found["cells"][17]
+    start = ",".join(map(str, cell))
+    begun = report(desk, preview=found["id"], modules="64", start=start)
+    assert (begun["cells"][0], begun["start"], begun["not_started"]) == (cell, cell, "")
+    assert is_path(begun["cells"])
+    fold = desk.fold(preview=found["id"], modules="64", start=start)
+    request = json.loads((desk.data_dir / "folds" / fold["id"] / "request.json").read_text())
+    assert request["start"] == cell
+    nowhere = ask(desk, preview=found["id"], modules="64", start="99,0,0")
+    assert (nowhere.status_code, nowhere.json()["code"]) == (422, "not-a-cell")
+    assert ask(desk, preview=found["id"], start="here").json()["code"] == "bad-start"
+    odd = report(desk, voxels(box(3, 3, 3)), start="1,0,0")
+    assert odd["not_started"]
+    assert odd["cells"][0] != [1, 0, 0]
 
 
 def test_a_path_stays_as_it_is_and_its_knot_is_told(desk: Service) -> None:

@@ -8,7 +8,7 @@ const message = get("drop-message");
 const hero = get("hero");
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
-const NO_PATH = new Set(["not-adjacent", "repeated-cell"]);
+const NO_PATH = new Set(["repeated-cell"]);
 const FIRST_CARDS = 28;
 
 function say(text, tone = "") {

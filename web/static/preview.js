@@ -257,6 +257,7 @@ get("fold").onclick = async () => {
   problem("");
   const body = form();
   body.set("preset", get("preset").value);
+  if (report.as_voxels) body.set("as_voxels", "true");
   try {
     const answer = await fetch("/api/folds", { method: "POST", body });
     const told = await answer.json().catch(() => ({}));

@@ -1,0 +1,65 @@
+"""Inputs of commands: files or examples, directories for results, and refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import NoReturn
+
+import typer
+from rich.console import Console
+
+from planner.errors import InputError
+from server.gallery import Gallery
+
+LARGEST_FILE = 64 * 2**20
+
+
+def read_input(shape: str) -> tuple[bytes, str]:
+    """The bytes and name of a file, or of the example of that name.
+
+    Raises:
+        InputError: When there is neither, or the file is too large.
+    """
+    path = Path(shape)
+    if not path.exists() and (example := Gallery().shape(shape)) is not None:
+        return example.data, example.filename
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise InputError(
+                "too-large",
+                f"got {path.stat().st_size} bytes, expected at most {LARGEST_FILE}.",
+                where=path.name,
+            )
+        return path.read_bytes(), path.name
+    except OSError as error:
+        names = ", ".join(example.name for example in Gallery().shapes())
+        raise InputError(
+            "no-file",
+            f"it cannot be read ({error.strerror}); expected a file, or an example: {names}.",
+            where=shape,
+        ) from error
+
+
+def make_directory(out: Path) -> None:
+    """Makes a directory for results.
+
+    Raises:
+        InputError: When that cannot be done.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            "no-directory", f"it cannot be made ({error.strerror}).", where=str(out)
+        ) from error
+
+
+def refuse(error: InputError, as_json: bool) -> NoReturn:
+    """Says what is wrong with the input and exits with 2."""
+    if as_json:
+        problem = {"code": error.code, "detail": error.detail, "where": error.where}
+        print(json.dumps({"status": "invalid", "error": problem}), flush=True)
+    else:
+        Console(stderr=True, soft_wrap=True, highlight=False).print(str(error), markup=False)
+    raise typer.Exit(2)
