@@ -10,10 +10,13 @@ from typing import Any, Final, cast
 
 from planner.errors import TimelineError
 from planner.timeline import Timeline
+from server.quantities import DIGITS, PRESETS, length_m, quantity, sentence
+from server.quantities import parameters as parameters_in_words
 from server.routes.finding import Found
 from server.timelines import frames_promised
 
 RUNNING: Final = ("queued", "running")
+VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
 DOWNLOADS: Final = (
     ("plan.json", "Plan", "JSON: joint angles, poses, certificate"),
     ("plan.npz", "Plan", "NumPy arrays, the same numbers"),
@@ -72,7 +75,7 @@ def _verdict(row: Any, summary: dict[str, Any], certificate: dict[str, Any]) -> 
         parts = ["verified", f"clearance {clearance}" if clearance else None, modules]
         return {"tone": "good", "text": " · ".join(p for p in parts if p)}
     if row.status == "failed":
-        reason = summary.get("reason") or (row.error or {}).get("detail")
+        reason = _told(summary.get("reason") or (row.error or {}).get("detail") or "", summary)
         parts = ["not verified", reason, modules]
         return {"tone": "bad", "text": " · ".join(p for p in parts if p)}
     if row.status == "cancelled":
@@ -88,6 +91,7 @@ def _problem(row: Any, summary: dict[str, Any]) -> dict[str, str] | None:
         where = error.get("where")
         if where and where not in text:
             text = f"{where}: {text}"
+        text = sentence(_told(text, summary))
         judged = error.get("code", "not-verified") == "not-verified" and "certificate" in summary
         heading = "This plan is not verified" if judged else "This fold could not be computed"
         return {"heading": heading, "text": text}
@@ -108,11 +112,11 @@ def _properties(
         (
             "Fold",
             [
-                ("Name", row.name),
+                ("Name", shown_name(row.name)),
                 ("Modules", row.modules or None),
                 ("Joints", row.modules - 2 if row.modules else None),
-                ("Pitch", _with(chain.get("pitch_m"), "m")),
-                ("Preset", row.preset),
+                ("Pitch", length_m(chain.get("pitch_m"))),
+                ("Preset", PRESETS.get(row.preset, row.preset)),
                 ("Seed", summary.get("seed", row.seed)),
                 ("Identifier", row.id),
             ],
@@ -120,19 +124,25 @@ def _properties(
         (
             "Certificate",
             [
-                ("Verdict", certificate.get("verdict")),
-                ("Module size", _pitches(certificate, "module_size", 2)),
-                ("Least clearance", _pitches(certificate, "min_clearance", 3)),
-                ("Same, simulated playback", _pitches(certificate, "min_clearance_playback", 3)),
-                ("Final position error, RMS", _pitches(playback, "rms_position_error", 2)),
-                ("Largest joint error", _with(_number(playback, "max_angle_error_rad"), "rad")),
-                ("Largest joint step", _with(_number(certificate, "max_joint_step_rad", 3), "rad")),
+                ("Verdict", sentence(_told(str(certificate.get("verdict") or ""), summary))),
+                ("Module size", _quantity(certificate, "module_size", "pitch")),
+                ("Least clearance", _quantity(certificate, "min_clearance", "pitch")),
+                (
+                    "Same, simulated playback",
+                    _quantity(certificate, "min_clearance_playback", "pitch"),
+                ),
+                (
+                    "Final position error, RMS",
+                    _quantity(playback, "rms_position_error", "pitch", 2),
+                ),
+                ("Largest joint error", _quantity(playback, "max_angle_error_rad", "rad", 2)),
+                ("Largest joint step", _quantity(certificate, "max_joint_step_rad", "rad")),
                 ("Hinges moving, most", certificate.get("hinges_moving_most")),
-                ("Peak torque", _with(_number(certificate, "peak_torque_nm", 4), "N m")),
-                ("Time to fold", _with(_number(certificate, "fold_time_s", 1), "s")),
+                ("Peak torque", _quantity(certificate, "peak_torque_nm", "N·m", 2)),
+                ("Time to fold", _quantity(certificate, "fold_time_s", "s")),
                 (
                     "at a joint speed of",
-                    _with(_number(certificate, "joint_speed_limit_rad_s", 1), "rad/s"),
+                    _quantity(certificate, "joint_speed_limit_rad_s", "rad/s"),
                 ),
             ],
         ),
@@ -141,19 +151,21 @@ def _properties(
             [
                 ("Explosion steps", explosion.get("steps")),
                 ("Explosion frames", explosion.get("frames")),
-                ("Explosion, wall time", _with(_number(explosion, "seconds"), "s")),
+                ("Explosion, wall time", _quantity(explosion, "seconds", "s", 2)),
                 ("Playback steps", playback.get("steps")),
-                ("Playback, wall time", _with(_number(playback, "seconds"), "s")),
-                ("Certificate, wall time", _with(_number(certificate, "seconds"), "s")),
-                ("Simulated time", _with(_simulated_s(directory), "s")),
+                ("Playback, wall time", _quantity(playback, "seconds", "s", 2)),
+                ("Certificate, wall time", _quantity(certificate, "seconds", "s", 2)),
+                ("Simulated time", quantity(_simulated_s(directory), "s")),
             ],
         ),
     ]
     parameters = plan.get("parameters") or {}
     for name, values in parameters.items():
         if isinstance(values, dict):
-            groups.append((f"{name.capitalize()} parameters", [*cast("Any", values.items())]))
-    groups.append(("Versions", [*(plan.get("versions") or {}).items()]))
+            known = parameters_in_words(cast("dict[str, Any]", values))
+            groups.append((f"{name.capitalize()} parameters", [*known]))
+    versions: dict[str, Any] = plan.get("versions") or {}
+    groups.append(("Versions", [(VERSIONS.get(k, k), str(v)) for k, v in versions.items()]))
     shown = [(heading, _shown(rows)) for heading, rows in groups]
     return [{"heading": heading, "rows": rows} for heading, rows in shown if rows]
 
@@ -164,14 +176,27 @@ def _shown(rows: list[tuple[str, Any]]) -> list[dict[str, str]]:
     for label, value in rows:
         if value is None or value == "":
             continue
-        text = " to ".join(str(v) for v in value) if isinstance(value, list) else str(value)
-        label = label.replace("_", " ")
-        found.append({"label": label[0].upper() + label[1:], "value": text})
+        found.append({"label": sentence(label), "value": str(value)})
     return found
 
 
-def _pitches(values: dict[str, Any], key: str, digits: int) -> str | None:
-    return _with(_number(values, key, digits), "pitch")
+def _quantity(values: dict[str, Any], key: str, unit: str, digits: int = DIGITS) -> str | None:
+    value = values.get(key)
+    return quantity(value, unit, digits) if isinstance(value, int | float) else None
+
+
+def _told(reason: str, summary: dict[str, Any]) -> str:
+    """A reason in the page's words: frames are counted from 1, along the whole timeline."""
+    explosion = (summary.get("explosion") or {}).get("frames")
+
+    def on_the_timeline(found: re.Match[str]) -> str:
+        if not isinstance(explosion, int):
+            return ""  # the percentage before it says where
+        return f" (frame {explosion + int(float(found[1])) + 1})"
+
+    return re.sub(
+        r" \(frame ([\d.]+) of the (?:plan|simulated playback)\)", on_the_timeline, reason
+    )
 
 
 def _settings_of(path: Path) -> dict[str, Any]:
@@ -189,7 +214,7 @@ def _settings_at(path: Path, changed_ns: int) -> dict[str, Any]:
     return {key: plan.get(key) for key in ("parameters", "versions")}
 
 
-def _simulated_s(directory: Path) -> str | None:
+def _simulated_s(directory: Path) -> float | None:
     """Simulated time of a timeline; looked up once for each length that it has had."""
     try:
         changed_ns = (directory / "timeline.zarr" / "zarr.json").stat().st_mtime_ns
@@ -199,13 +224,13 @@ def _simulated_s(directory: Path) -> str | None:
 
 
 @lru_cache(maxsize=512)
-def _simulated_at(directory: Path, changed_ns: int) -> str | None:
+def _simulated_at(directory: Path, changed_ns: int) -> float | None:
     del changed_ns
     try:
         timeline = Timeline.open(directory / "timeline.zarr")
         if not len(timeline):
             return None
-        return f"{timeline.frames(len(timeline) - 1).time_s[-1]:.1f}"
+        return float(timeline.frames(len(timeline) - 1).time_s[-1])
     except (TimelineError, OSError):
         return None
 
@@ -215,10 +240,6 @@ def _number(values: dict[str, Any], key: str, digits: int = 2) -> str | None:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return f"{value:.{digits}g}" if 0 < abs(value) < 10.0**-digits else f"{value:.{digits}f}"
-
-
-def _with(value: Any, unit: str) -> str | None:
-    return None if value is None else f"{value} {unit}"
 
 
 def _json(path: Path) -> dict[str, Any]:

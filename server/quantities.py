@@ -1,0 +1,142 @@
+"""Quantities: numbers with their units, and parameters in words, as pages show them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+DIGITS: Final = 3
+WHOLE_BELOW: Final = 1e6
+SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+PRESETS: Final = {
+    "default": "Default",
+    "paper": "As in the paper",
+    "direct": "Direct servoing (the baseline that fails)",
+}
+CONTROLLERS: Final = {
+    "computed-torque": "Computed torque",
+    "servo": "Servo with feed-forward",
+    "paper": "Threshold rule of the paper",
+    "direct": "Direct servoing",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """What a parameter is called, and what it is counted in."""
+
+    label: str
+    unit: str = ""
+
+
+PARAMETERS: Final = {
+    "armature": Words("Rotor inertia of a hinge"),
+    "bandwidth": Words("Bandwidth", "per s"),
+    "body_cap": Words("Module's move in a step, most", "pitch"),
+    "controller": Words("Controller"),
+    "damping": Words("Drag", "per s"),
+    "damping_ratio": Words("Servo damping, of its stiffness"),
+    "direct_steps": Words("Target moves for", "steps"),
+    "distance_weight": Words("A move counts as", "rad/pitch"),
+    "drag": Words("Drag", "per s"),
+    "dynamic_up_to": Words("Simulated up to", "modules"),
+    "finish_rad": Words("Straightened below", "rad"),
+    "friction": Words("Friction"),
+    "gain": Words("Servo gain", "per s"),
+    "geom_size": Words("Collision hull", "pitch"),
+    "joint_cap_rad": Words("Hinge's turn in a step, most", "rad"),
+    "loose_rad": Words("Loose below", "rad"),
+    "max_steps": Words("Steps, most"),
+    "module_mass": Words("Module mass"),
+    "pair_cap": Words("Approach in a step, most", "pitch"),
+    "pair_cap_loose": Words("Same, when loose", "pitch"),
+    "radial_gain": Words("Radial gain λ"),
+    "repulsion_cutoff": Words("Repulsion reaches", "pitch"),
+    "repulsion_gain": Words("Repulsion gain γ"),
+    "snapshot_distance": Words("Snapshot after a move of", "pitch"),
+    "snapshot_every": Words("Snapshot every", "steps"),
+    "snapshot_rad": Words("Snapshot after a turn of", "rad"),
+    "spacing_rad": Words("Control points every", "rad"),
+    "spring": Words("Hinge spring"),
+    "step_in_contact_s": Words("Time step in contact, most", "s"),
+    "step_s": Words("Time step", "s"),
+    "steps_per_rad": Words("Steps per radian"),
+    "stiffness": Words("Servo stiffness"),
+    "tension": Words("Tension, of the spring"),
+    "threshold_rad2": Words("Next snapshot below", "rad²"),
+    "torque_limit": Words("Torque limit"),
+    "verify_size": Words("Checked at module size", "pitch"),
+}
+UNITS: Final = {
+    "_kg_m3": "kg/m³",
+    "_rad_s": "rad/s",
+    "_rad2": "rad²",
+    "_rad": "rad",
+    "_deg": "°",
+    "_nm": "N·m",
+    "_m": "m",
+    "_s": "s",
+}
+
+
+def number(value: float, digits: int = DIGITS) -> str:
+    """A number with so many significant digits: 0.00382, 30000, 1.3×10⁻¹²."""
+    if isinstance(value, int):
+        return str(value)
+    text = f"{value:.{digits}g}"
+    mantissa, exponent, power = text.partition("e")
+    if not exponent:
+        return text
+    if 1 <= abs(value) < WHOLE_BELOW:
+        return f"{value:.0f}"
+    return f"{mantissa}×10{str(int(power)).translate(SUPERSCRIPTS)}"
+
+
+def quantity(value: Any, unit: str = "", digits: int = DIGITS) -> str | None:
+    """A number, a range of two, or a word, with its unit; None for what is not there."""
+    if value is None or value == "":
+        return None
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list | tuple):
+        parts: list[Any] = list(value)  # pyright: ignore[reportUnknownArgumentType]
+        shown = [number(p, digits) if isinstance(p, int | float) else str(p) for p in parts]
+        text = (" to " if len(shown) == 2 else ", ").join(shown)
+    elif isinstance(value, int | float):
+        text = number(value, digits)
+    else:
+        text = str(value)
+    return f"{text} {unit}".rstrip()
+
+
+def length_m(value: Any) -> str | None:
+    """A length in metres, told in millimetres when it is short."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return quantity(value * 1000, "mm") if abs(value) < 1 else quantity(value, "m")
+
+
+def parameters(values: Mapping[str, Any]) -> list[tuple[str, str | None]]:
+    """Parameters as labels and values, in their order."""
+    return [_parameter(name, value) for name, value in values.items()]
+
+
+def _parameter(name: str, value: Any) -> tuple[str, str | None]:
+    if name == "controller":
+        value = CONTROLLERS.get(value, value)
+    words = PARAMETERS.get(name) or _words(name)
+    return words.label, quantity(value, words.unit)
+
+
+def _words(name: str) -> Words:
+    """The words of a parameter that has none of its own: its unit ends its name."""
+    unit = next((u for end, u in UNITS.items() if name.endswith(end)), "")
+    stem = re.sub(f"({'|'.join(UNITS)})$", "", name) if unit else name
+    return Words(sentence(stem.replace("_", " ")), unit)
+
+
+def sentence(text: str) -> str:
+    """A text that begins with a capital."""
+    return text[:1].upper() + text[1:]

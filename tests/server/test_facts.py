@@ -1,0 +1,150 @@
+"""What a fold's page says, in numbers and in words."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from planner.chain import Chain
+from planner.parameters import (
+    PRESETS,
+    ExplosionParameters,
+    PaperExplosionParameters,
+    PlaybackParameters,
+    preset,
+)
+from planner.paths import Path as CellPath
+from planner.timeline import TimelineWriter
+from server import quantities
+from server.quantities import length_m, number, parameters, quantity
+from server.routes.facts import fold_facts
+from server.routes.finding import Found
+from tests.server.service import SNAKE, Service
+from tests.web.conftest import unfolding
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0038234123412, "0.00382"),
+        (0.95, "0.95"),
+        (1.0, "1"),
+        (18.53, "18.5"),
+        (1234.5678, "1235"),
+        (30000, "30000"),
+        (1e7, "1×10⁷"),
+        (1.2804542754824243e-12, "1.28×10⁻¹²"),
+        (-0.02, "-0.02"),
+        (0.0, "0"),
+    ],
+)
+def test_numbers_have_the_digits_that_matter(value: float, text: str) -> None:
+    assert number(value) == text
+
+
+def test_quantities_have_units() -> None:
+    assert quantity((0.004, 0.1), "s") == "0.004 to 0.1 s"
+    assert quantity(None, "s") is None
+    assert quantity("servo") == "servo"
+    assert quantity(True) == "yes"
+    assert (length_m(0.01), length_m(2.5), length_m(None)) == ("10 mm", "2.5 m", None)
+
+
+def test_every_parameter_has_words_of_its_own() -> None:
+    for kind in (ExplosionParameters, PaperExplosionParameters, PlaybackParameters):
+        names = [field.name for field in dataclasses.fields(kind)]
+        assert set(names) <= set(quantities.PARAMETERS)
+        labels = [label for label, _ in parameters(dict.fromkeys(names, 1.5))]
+        assert len(set(labels)) == len(labels)
+        assert not [label for label in labels if "_" in label]
+    controllers = {preset(name).playback.controller for name in PRESETS}
+    assert controllers <= set(quantities.CONTROLLERS)
+    assert set(quantities.PRESETS) == set(PRESETS)
+
+
+def test_a_parameter_without_words_shows_its_unit() -> None:
+    assert parameters({"new_cap_rad": 0.25}) == [("New cap", "0.25 rad")]
+    assert parameters({"other_speed_rad_s": 2}) == [("Other speed", "2 rad/s")]
+
+
+def found(directory: Path, frames: int, **values: Any) -> Found:
+    """A fold that failed with these frames of explosion."""
+    if frames:
+        chain = Chain.from_path(CellPath.from_cells(SNAKE))
+        with TimelineWriter.create(directory / "timeline.zarr", chain) as writer:
+            writer.append(unfolding(chain, frames))
+    row = {
+        "id": "f" * 20,
+        "name": "Claw hammer",
+        "status": "failed",
+        "modules": 16,
+        "preset": "default",
+        "seed": 0,
+        "summary": {},
+        "error": None,
+        **values,
+    }
+    return Found(SimpleNamespace(**row), directory)
+
+
+REASON = (
+    "in the plan, modules 3 and 7 overlap by 0.02 pitch at module size 0.95, 40 % into the fold "
+    "(frame 12.5 of the plan)"
+)
+
+
+def test_a_reason_counts_frames_as_the_page_does(tmp_path: Path) -> None:
+    verdict = {"verdict": f"failed: {REASON}"}
+    summary = {"reason": REASON, "certificate": verdict, "explosion": {"frames": 211}}
+    error = {"code": "not-verified", "detail": REASON, "where": None}
+    facts = fold_facts(found(tmp_path, 5, summary=summary, error=error))
+    said = facts["problem"]["text"]
+    assert said.startswith("In the plan, modules 3 and 7 overlap")
+    assert "40 % into the fold (frame 224)" in said  # 211 of the explosion, and 1 is the first
+    for text in (said, facts["verdict"]["text"], json.dumps(facts["properties"])):
+        assert "of the plan" not in text
+        assert "(frame 224)" in text
+
+
+def test_a_reason_says_percent_alone_where_the_frame_is_not_known(tmp_path: Path) -> None:
+    error = {"code": "not-verified", "detail": REASON, "where": None}
+    facts = fold_facts(found(tmp_path, 5, summary={"reason": REASON}, error=error))
+    assert facts["problem"]["text"].endswith("40 % into the fold")
+
+
+def test_a_failed_fold_tells_whether_there_is_something_to_see(tmp_path: Path) -> None:
+    assert fold_facts(found(tmp_path, 5))["frames"] == 5
+    assert fold_facts(found(tmp_path / "nothing", 0))["frames"] == 0
+
+
+def test_what_went_wrong_is_a_sentence(tmp_path: Path) -> None:
+    error = {"code": "not-adjacent", "detail": "got a gap.", "where": "cells 1 and 2"}
+    assert fold_facts(found(tmp_path, 0, error=error))["problem"]["text"] == (
+        "Cells 1 and 2: got a gap."
+    )
+
+
+def test_properties_of_a_real_fold_are_fit_to_read(
+    service: Service, finished: dict[str, Any]
+) -> None:
+    facts = service.http.get(f"/folds/{finished['id']}/facts").json()
+    rows = [row for group in facts["properties"] for row in group["rows"]]
+    values = {
+        f"{group['heading']}: {row['label']}": row["value"]
+        for group in facts["properties"]
+        for row in group["rows"]
+    }
+    assert values["Fold: Preset"] == "Default"
+    assert values["Explosion parameters: Time step"] == "0.004 to 0.1 s"
+    assert values["Playback parameters: Controller"] == "Computed torque"
+    assert re.fullmatch(r"[\d.]+(×10\S+)? N·m", values["Certificate: Peak torque"])
+    for row in rows:
+        assert "_" not in row["label"]
+        assert row["label"][0].isupper()
+        assert not re.search(r"\d\.\d{7}|e[-+]\d|[\[(]", row["value"]), row
