@@ -1,6 +1,6 @@
 """Paths: how fast blocks are merged, and how many sets of cells are solved exactly.
 
-``python -m tests.benchmarks.paths`` writes ``data/exact_cells.json`` anew: each set's digest, what
+``python -m tests.benchmarks.paths`` writes ``data/*_cells.json`` anew: each set's digest, what
 became of it and how long that took.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,12 @@ from planner.pathfinding import block_path, exact_path
 from planner.paths import Path as ChainPath
 from planner.shapes import Shape
 from tests.benchmarks.feasible_sets import FeasibleSet, feasible_sets
+from tests.benchmarks.hard_sets import hard_sets
 from tests.benchmarks.tables import Section
 
-RESULTS = Path(__file__).parent / "data" / "exact_cells.json"
+DATA = Path(__file__).parent / "data"
+RESULTS = DATA / "exact_cells.json"
+HARD_RESULTS = DATA / "hard_cells.json"
 LIMITS_S = {10_000: 2.0, 100_000: 20.0}
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
 LIMIT_S = 30.0
@@ -29,13 +33,14 @@ RUNS = 3
 
 
 def paths(reference_seconds: float) -> Section:
-    """Blocks of growing number, then the hundred sets of cells."""
+    """Blocks of growing number, the hundred sets of cells, and those that nobody knows."""
     del reference_seconds
     section = Section(name="paths")
     warm = np.argwhere(np.ones((3, 3, 3), dtype=bool))
     exact_path(Shape.from_cells(warm))
     _blocks(section)
     _exact(section)
+    _hard(section)
     return section
 
 
@@ -76,6 +81,7 @@ def _merge_s(size: int) -> float:
 def _exact(section: Section) -> None:
     solved, slowest = 0, 0.0
     sets = list(feasible_sets())
+    check_stored(sets, RESULTS)
     for each in sets:
         status, took = _solve(each)
         good = status == "found" and took < LIMIT_S
@@ -88,6 +94,44 @@ def _exact(section: Section) -> None:
         f"≥ {100 * SHARE:g} %",
         solved >= SHARE * len(sets),
     )
+
+
+def _hard(section: Section) -> None:
+    """Sets that may have a path or not: solved, proved to have none, or left open."""
+    sets = list(hard_sets())
+    known = check_stored(sets, HARD_RESULTS)
+    counts: Counter[str] = Counter()
+    slowest = 0.0
+    for each in sets:
+        status, took = _solve(each)
+        if {status, known[each.name]} == {"found", "infeasible"}:
+            raise AssertionError(f"{each.name} was {known[each.name]} and is {status} now")
+        counts[status] += 1
+        slowest = max(slowest, took)
+        section.rows.append(_row(each.name, len(each.cells), status, took))
+    section.add(
+        f"{len(sets)} sets of 94–300 cells that nobody knew",
+        f"{counts['found']} solved, {counts['infeasible']} proved to have no path, "
+        f"{counts['undecided']} undecided, the slowest in {slowest:.2f} s",
+        "reported",
+    )
+
+
+def check_stored(sets: list[FeasibleSet], results: Path) -> dict[str, str]:
+    """What was stored of each set: that they are the same ones, and what came of them.
+
+    Raises:
+        AssertionError: When a set is another one than its results were written for.
+    """
+    stored = {row["name"]: row for row in json.loads(results.read_bytes())}
+    changed = [
+        each.name for each in sets if stored.get(each.name, {}).get("sha256") != digest(each)
+    ]
+    if changed or len(stored) != len(sets):
+        raise AssertionError(
+            f"{len(changed)} of {len(sets)} sets are not those stored: {changed[:3]}"
+        )
+    return {name: row["status"] for name, row in stored.items()}
 
 
 def _solve(each: FeasibleSet) -> tuple[str, float]:
@@ -116,22 +160,23 @@ def digest(each: FeasibleSet) -> str:
 
 
 def main() -> None:
-    """Writes the results of the hundred sets."""
-    results: list[dict[str, Any]] = []
-    for each in feasible_sets():
-        status, took = _solve(each)
-        results.append(
-            {
-                "name": each.name,
-                "cells": len(each.cells),
-                "sha256": digest(each),
-                "status": status,
-                "seconds": round(took, 2),
-            }
-        )
-    lines = ",\n".join(json.dumps(result) for result in results)
-    RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
+    """Writes the results of all sets."""
+    for sets, path in ((feasible_sets(), RESULTS), (hard_sets(), HARD_RESULTS)):
+        results: list[dict[str, Any]] = []
+        for each in sets:
+            status, took = _solve(each)
+            results.append(
+                {
+                    "name": each.name,
+                    "cells": len(each.cells),
+                    "sha256": digest(each),
+                    "status": status,
+                    "seconds": round(took, 2),
+                }
+            )
+        lines = ",\n".join(json.dumps(result) for result in results)
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,9 @@
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import product
+from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
@@ -13,7 +16,11 @@ from planner.pathfinding.circuits import circuit
 from planner.pathfinding.exact import exact_path
 from planner.pathfinding.lattice import neighbours, spread, surface
 from planner.pathfinding.obstacles import obstacles
+from planner.paths import Path
 from planner.shapes import Shape
+from tests.benchmarks.feasible_sets import FeasibleSet, feasible_sets
+from tests.benchmarks.hard_sets import hard_sets
+from tests.benchmarks.paths import HARD_RESULTS, RESULTS, check_stored
 from tests.planner.lattice import walks
 
 Ints = NDArray[np.int64]
@@ -157,3 +164,24 @@ def test_no_time_is_undecided_never_infeasible() -> None:
     ends = np.ones(len(cells), dtype=np.bool_)
     found = circuit(cells, np.random.default_rng(0), ends=ends, effort=1e-6)
     assert found.status == "undecided" and found.order is None
+
+
+@pytest.mark.parametrize(("sets", "results"), [(feasible_sets, RESULTS), (hard_sets, HARD_RESULTS)])
+def test_the_stored_sets_are_those_that_their_results_are_of(
+    sets: Callable[[], Iterator[FeasibleSet]], results: FilePath
+) -> None:
+    cells = list(sets())
+    statuses = check_stored(cells, results)
+    assert set(statuses.values()) <= {"found", "infeasible", "undecided"}
+    changed = [replace(cells[0], cells=cells[0].cells + 1), *cells[1:]]
+    with pytest.raises(AssertionError, match=cells[0].name):
+        check_stored(changed, results)
+
+
+def test_what_nobody_knew_is_solved_proved_or_left_open() -> None:
+    known = check_stored(list(hard_sets()), HARD_RESULTS)
+    for each in list(hard_sets())[::5]:
+        search = exact_path(Shape.from_cells(each.cells), time_limit_s=20.0)
+        assert {search.status, known[each.name]} != {"found", "infeasible"}
+        if search.cells is not None:
+            assert len(Path.from_cells(search.cells)) == len(each.cells)
