@@ -9,7 +9,11 @@ export class Drawer {
     this.control = control;
     this.toast = toast;
     get("details").onclick = () => this.open(get("drawer").hidden);
-    get("drawer-close").onclick = () => { this.open(false); get("details").focus(); };
+    get("drawer-close").onclick = () => this.close();
+    // The focus is in the framed view after a click on a module.
+    const onKey = (event) => this.key(event);
+    addEventListener("keydown", onKey);
+    get("view").addEventListener("load", () => get("view").contentWindow.addEventListener("keydown", onKey, { capture: true }));
     TABS.forEach((name, k) => {
       const tab = get(`tab-${name}`);
       tab.onclick = () => this.choose(name);
@@ -28,6 +32,17 @@ export class Drawer {
   open(open) {
     get("drawer").hidden = !open;
     get("details").setAttribute("aria-expanded", String(open));
+  }
+
+  close() {
+    this.open(false);
+    get("details").focus();
+  }
+
+  key(event) {
+    if (event.key !== "Escape" || event.defaultPrevented || get("drawer").hidden) return;
+    event.preventDefault();
+    this.close();
   }
 
   choose(name) {

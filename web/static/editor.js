@@ -2,7 +2,7 @@
 import { draw } from "./isometric.js";
 import { LETTERS, letterCells } from "./letters.js";
 import { Painting, SIZE, cellOf, keyOf } from "./painting.js";
-import { element, whole } from "./words.js";
+import { element, refusal, whole } from "./words.js";
 
 const get = (id) => document.getElementById(id);
 const grid = get("grid");
@@ -163,7 +163,7 @@ async function send(to, done) {
     const answer = await fetch(to, { method: "POST", body: form });
     const told = await answer.json().catch(() => ({}));
     if (answer.ok) { done(told); return; }
-    get("message").textContent = told.detail ?? `The server answered ${answer.status}.`;
+    get("message").textContent = refusal(told, answer.status);
   } catch {
     get("message").textContent = "The server cannot be reached. Check the connection and try again.";
   }

@@ -1,6 +1,7 @@
 // The landing page: takes files and shapes, and keeps the featured fold in motion.
 import { Control } from "./control.js";
 import { Sketch } from "./sketch.js";
+import { refusal } from "./words.js";
 
 const get = (id) => document.getElementById(id);
 const drop = get("drop");
@@ -27,8 +28,7 @@ async function start(fields, label) {
     const answer = await fetch("/api/folds", { method: "POST", body: form });
     const body = await answer.json().catch(() => ({}));
     if (!answer.ok) {
-      const detail = body.detail ?? `The server answered ${answer.status}.`;
-      say(body.where && !detail.includes(body.where) ? `${body.where}: ${detail}` : detail, "bad");
+      say(refusal(body, answer.status), "bad");
       if (resting && !calm) hero.control.send({ do: "play" });
       return;
     }
@@ -51,8 +51,7 @@ async function send(file, asVoxels = false) {
     const answer = await fetch("/api/shapes/preview", { method: "POST", body: form });
     const body = await answer.json().catch(() => ({}));
     if (!answer.ok) {
-      const detail = body.detail ?? `The server answered ${answer.status}.`;
-      say(body.where && !detail.includes(body.where) ? `${body.where}: ${detail}` : detail, "bad");
+      say(refusal(body, answer.status), "bad");
       if (NO_PATH.has(body.code)) offer(file);
       return;
     }

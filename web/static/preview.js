@@ -1,7 +1,7 @@
 // The preview page: wishes in the panel, their report in figures, and the scene that shows it.
 import { Control } from "./control.js";
 import { View, hasWebGL } from "./view.js";
-import { element, whole } from "./words.js";
+import { element, refusal, sentence, whole } from "./words.js";
 
 const get = (id) => document.getElementById(id);
 const facts = JSON.parse(get("facts").textContent);
@@ -85,13 +85,12 @@ async function look() {
     if (answer.ok) {
       report = told;
       picked = null;
-      problem(told.not_started);
+      problem(sentence(told.not_started));
       // What is shown is another path, so that one is folded unless something else is wished for.
       if (told.not_started) { wishes.start = null; remember(); }
       show();
     } else {
-      const text = told.detail ?? `The server answered ${answer.status}.`;
-      const said = told.where && !text.includes(told.where) ? `${told.where}: ${text}` : text;
+      const said = refusal(told, answer.status);
       wishes.start = null;
       if (report) {
         report = { ...report, has_path: false };
@@ -125,7 +124,6 @@ function put(id, text, tone = "") {
   get(id).dataset.tone = tone;
 }
 
-const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
 function show() {
   const { kind, name, modules, iou, feasibility, knot, has_path: path } = report;
@@ -266,7 +264,7 @@ get("fold").onclick = async () => {
       location.href = `/folds/${told.id}`;
       return;
     }
-    problem(told.detail ?? `The server answered ${answer.status}.`);
+    problem(refusal(told, answer.status));
   } catch {
     problem("The server cannot be reached. Check the connection and try again.");
   }

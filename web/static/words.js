@@ -24,6 +24,18 @@ export function degrees(value, digits = 1) {
   return `${Number(shown) === 0 ? (0).toFixed(digits) : shown}°`.replace("-", "−");
 }
 
+export function sentence(text) {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}
+
+// What the server said, as a sentence that also says where.
+export function refusal(told, status) {
+  const text = told.detail ?? `The server answered ${status}.`;
+  const where = told.where ?? "";
+  const said = text.includes(where) || text.includes(where.replaceAll("_", " "));
+  return sentence(said ? text : `${where}: ${text}`);
+}
+
 export function seconds(value) {
   return `${value.toFixed(2)} s`;
 }

@@ -1,0 +1,99 @@
+"""Small things that a visitor meets: keys, words, covers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.conftest import keep
+from tests.server.service import Service, owner
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+Visit = Callable[..., Page]
+
+
+def test_escape_closes_the_details_and_leads_back(visit: Visit, service: Service) -> None:
+    fold = service.fold(shape="wrench-24")
+    service.wait_over(fold["id"])
+    page = visit(f"/folds/{fold['id']}")
+    page.locator("#details").click()
+    page.locator("#tab-properties").click()
+    expect(page.locator("#drawer")).to_be_visible()
+    keep(page, "fold-properties")
+    page.keyboard.press("Escape")
+    expect(page.locator("#drawer")).to_be_hidden()
+    expect(page.locator("#details")).to_be_focused()
+    expect(page.locator("#details")).to_have_attribute("aria-expanded", "false")
+    page.locator("#details").click()
+    page.locator("#sketch.gone").wait_for(state="attached")
+    view = page.locator("#view").bounding_box()
+    assert view
+    page.mouse.click(view["x"] + 20, view["y"] + 60)  # the focus is in the view now
+    page.keyboard.press("Escape")
+    expect(page.locator("#drawer")).to_be_hidden()
+    expect(page.locator("#details")).to_be_focused()
+
+
+def test_messages_are_sentences(visit: Visit) -> None:
+    page = visit("/")
+    page.locator("#file").set_input_files(
+        {
+            "name": "bad.json",
+            "mimeType": "application/json",
+            "buffer": b"[[0, 0, 0], [1, 0",
+        }
+    )
+    message = page.locator("#drop-message[data-tone=bad]")
+    expect(message).to_contain_text(re.compile("[a-z]"))
+    assert message.inner_text()[0].isupper()
+    page.locator("details.options summary").click()
+    page.locator("#seed").evaluate("seed => { seed.value = 99999999999; }")
+    page.locator("[data-shape=wrench-24]").click()
+    expect(message).to_have_text(
+        "Got the seed 99999999999, expected a whole number from 0 to 4294967295."
+    )
+    keep(page, "landing-bad-seed")
+
+
+def test_the_baseline_is_offered_and_its_failure_is_shown(visit: Visit, service: Service) -> None:
+    page = visit("/")
+    page.locator("details.options summary").click()
+    page.locator("#preset").select_option(label="Direct servoing (the baseline that fails)")
+    page.locator("[data-shape=wrench-80]").click()
+    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    expect(page.locator("#verdict")).to_have_attribute("data-tone", "bad")
+    # From now on every text that the cover ever shows is noted.
+    page.add_init_script(
+        """addEventListener("DOMContentLoaded", () => {
+          window.covers = [];
+          const note = () => window.covers.push(document.getElementById("cover-button").hidden);
+          note();
+          new MutationObserver(note).observe(
+            document.getElementById("cover"), { subtree: true, childList: true, attributes: true });
+        });"""
+    )
+    page.reload()
+    page.locator("#sketch.gone").wait_for(state="attached")
+    assert page.evaluate("window.covers.every((hidden) => hidden)")
+    keep(page, "fold-direct")
+    page.locator("#details").click()
+    page.locator("#tab-properties").click()
+    expect(page.locator("#panel-properties")).to_contain_text(
+        "Direct servoing (the baseline that fails)"
+    )
+    keep(page, "fold-direct-properties")
+
+
+def test_a_fold_without_a_timeline_says_what_to_do(visit: Visit, service: Service) -> None:
+    ahead = service.fold(shape="mallet-192", seed="4")
+    fold = service.fold(shape="wrench-24", seed="4")
+    for accepted in (fold, ahead):
+        address = f"/api/folds/{accepted['id']}/cancel"
+        assert service.http.post(address, headers=owner(accepted)).status_code == 202
+    assert service.wait_over(fold["id"])["progress"]["frames"] == 0
+    page = visit(f"/folds/{fold['id']}")
+    expect(page.locator("#cover-button")).to_have_text("Start another")
+    keep(page, "fold-cancelled")
