@@ -55,6 +55,7 @@ def test_messages_are_sentences(visit: Visit) -> None:
     expect(message).to_have_text(
         "Got the seed 99999999999, expected a whole number from 0 to 4294967295."
     )
+    expect(message).to_be_in_viewport()
     keep(page, "landing-bad-seed")
 
 

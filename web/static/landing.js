@@ -15,6 +15,7 @@ const FIRST_CARDS = 28;
 function say(text, tone = "") {
   message.textContent = text;
   message.dataset.tone = tone;
+  if (tone === "bad") message.scrollIntoView({ block: "nearest" }); // the cards are far below it
 }
 
 async function start(fields, label) {
