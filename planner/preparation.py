@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from planner.chain import Chain
 from planner.decimation import decimated
 from planner.errors import InputError
-from planner.feasibility import Feasibility, apply_repair, feasibility
+from planner.feasibility import Feasibility, Repair, apply_repair, feasibility
 from planner.knots import Knot, knot_of
 from planner.pathfinding.candidates import METHODS, PathSearch, find_paths, halved
 from planner.pathfinding.obstacles import Cell
@@ -31,6 +31,8 @@ BLOCK: Final = 8
 """Cells of a doubled voxel."""
 LARGEST_MESH: Final = 20_000
 SEARCH_S: Final = 20.0
+DOUBLING_REACH: Final = 1.25
+"""Times the modules asked for that a repair by doubling may come to."""
 START_SHARE: Final = 0.7
 """Part of that time for paths that begin where it is wished for."""
 
@@ -145,7 +147,9 @@ class Preparation:
             "has_path": bool(self.chains),
             "candidates": len(self.chains),
             "cells": cells.tolist(),
-            "feasibility": None if self.feasibility is None else _feasibility(self.feasibility),
+            "feasibility": None
+            if self.feasibility is None or self.shape is None
+            else _feasibility(self.feasibility, self.shape),
             "knot": None
             if self.knot is None
             else {"verdict": self.knot.verdict, "determinant": self.knot.determinant},
@@ -246,7 +250,7 @@ def _from_shape(shape: Shape, wishes: Wishes, seed: int, time_limit_s: float) ->
     if wishes.method == "blocks" and halved(shape) is None:
         notes.append("Each voxel became 2×2×2 modules, so that there is a path in any case.")
         shape = doubled(shape)
-    elif wishes.modules is not None and wishes.modules != len(shape.cells):
+    elif wishes.modules is not None and wishes.modules != len(shape.cells) and not wishes.repair:
         notes.append(f"Voxels are taken as they are: {len(shape.cells)} modules.")
     return _with_paths(
         Preparation(kind="voxels", name=shape.name, wishes=wishes, chains=()),
@@ -288,10 +292,13 @@ def _with_paths(
     wishes = made.wishes
     state = feasibility(shape)
     if state.feasible is False and wishes.repair and state.repairs:
-        repair = state.repairs[0]
-        shape = apply_repair(shape, repair)
-        notes = (*notes, f"Repaired: {repair.detail}")
-        state = feasibility(shape)
+        repair = wished_repair(shape, state, wishes)
+        if repair is not None:
+            shape = apply_repair(shape, repair)
+            notes = (*notes, f"Repaired: {repair.detail}")
+            state = feasibility(shape)
+        else:
+            notes = (*notes, only_doubling(shape, state.repairs[0]))
     search: PathSearch | None = None
     not_started = ""
     if state.feasible is not False:
@@ -337,6 +344,33 @@ def _searched(
     ), why
 
 
+def wished_repair(shape: Shape, state: Feasibility, wishes: Wishes) -> Repair | None:
+    """The smallest repair; one that makes eight modules of each cell only where so many are wanted.
+
+    Returns:
+        None when nothing but that helps and it was not asked for.
+    """
+    repair = state.repairs[0]
+    count = modules_after(shape, repair)
+    wanted = wishes.modules is not None and count <= DOUBLING_REACH * wishes.modules
+    return repair if wanted or not repair.doubled else None
+
+
+def modules_after(shape: Shape, repair: Repair) -> int:
+    """How many modules a repair leaves."""
+    cells = len(shape) + len(repair.add) - len(repair.drop)
+    return BLOCK * cells if repair.doubled else cells
+
+
+def only_doubling(shape: Shape, repair: Repair) -> str:
+    """What to say where only doubling helps and was not asked for."""
+    count = modules_after(shape, repair)
+    return (
+        f"Only one repair was found, which makes {count} modules of {len(shape)} cells: "
+        f"{repair.detail} Ask for {count} modules with the repair, or for the method 'blocks'."
+    )
+
+
 def doubled(shape: Shape) -> Shape:
     """Each cell as 2×2×2 cells of half the pitch."""
     corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
@@ -344,7 +378,7 @@ def doubled(shape: Shape) -> Shape:
     return Shape.from_cells(cells, name=shape.name, pitch_m=0.5 * shape.pitch_m)
 
 
-def _feasibility(state: Feasibility) -> dict[str, Any]:
+def _feasibility(state: Feasibility, shape: Shape) -> dict[str, Any]:
     return {
         "feasible": state.feasible,
         "problems": [
@@ -357,6 +391,7 @@ def _feasibility(state: Feasibility) -> dict[str, Any]:
                 "add": [list(map(int, c)) for c in r.add],
                 "drop": [list(map(int, c)) for c in r.drop],
                 "doubled": r.doubled,
+                "modules": modules_after(shape, r),
             }
             for r in state.repairs
         ],

@@ -28,6 +28,9 @@ FINEST: Final = 8
 MANY_SAMPLES: Final = 8_000_000
 LEAST_BODY: Final = 0.01
 NEARLY_AS_GOOD: Final = 0.01
+SLACKS: Final = (0.0, 0.05, 0.2, 1.0)
+"""How much less of the shape other counts may keep, when there are none that keep as much."""
+OTHER_PITCHES: Final = (0.93, 0.8, 1.08, 1.25)
 NEAR_COUNT: Final = 0.1
 UPRIGHT_BONUS: Final = 0.02
 EMPTIEST_KEPT: Final = 0.2
@@ -237,10 +240,7 @@ class _Search:
         least = _merit(self._best(), self._cells) - NEARLY_AS_GOOD
         chosen: tuple[float, float] | None = None
         place: tuple[_Tried, tuple[int, ...]] | None = None
-        reached: set[int] = set()
         for tried in self._tried:
-            plain = tried.ious + _bonus(tried)
-            reached.update(np.unique(tried.counts[(plain >= least) & (tried.counts > 0)]).tolist())
             score = _score(tried, self._cells)
             kept = (score >= least) & (tried.counts > 0)
             if not kept.any():
@@ -252,9 +252,31 @@ class _Search:
             if chosen is None or rank < chosen:
                 chosen, place = rank, (tried, where)
         assert place is not None
-        below = max((c for c in reached if c < self._cells), default=None)
-        above = min((c for c in reached if c > self._cells), default=None)
+        below, above = self._near(place[0], least)
         return *place, below, above
+
+    def _near(self, chosen: _Tried, least: float) -> tuple[int | None, int | None]:
+        """The nearest other counts, as good as what was chosen, or nearly so where none is."""
+        below = above = None
+        tried = list(self._tried)
+        for slack in SLACKS:
+            reached: set[int] = set()
+            for one in tried:
+                good = (one.ious + _bonus(one) >= least - slack) & (one.counts > 0)
+                reached.update(np.unique(one.counts[good]).tolist())
+            below = below or max((c for c in reached if c < self._cells), default=None)
+            above = above or min((c for c in reached if c > self._cells), default=None)
+            if below and above:
+                break
+            if slack == SLACKS[0]:  # a little finer and coarser, for the sake of the other counts
+                wanted = [f for f in OTHER_PITCHES if not (above if f < 1.0 else below)]
+                size = self._size
+                tried += [
+                    _judged(self._sampled(chosen.turn, chosen.pitch * f, size), chosen.turn)
+                    for f in wanted
+                    if self._samples(chosen.turn, chosen.pitch * f, size) <= 2 * MANY_SAMPLES
+                ]
+        return below, above
 
     def result(self) -> Voxels:
         """Makes the cells of the best."""

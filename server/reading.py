@@ -112,10 +112,15 @@ def _note(directory: Path, cells: NDArray[Any]) -> None:
 def _check_path(shape: Shape, wishes: Wishes) -> None:
     """Refuses cells that have no path, for a reason that is quickly found."""
     from planner.feasibility import feasibility
+    from planner.preparation import only_doubling, wished_repair
 
     state = feasibility(shape)
-    if state.feasible is not False or (wishes.repair and state.repairs):
+    if state.feasible is not False:
         return
+    if wishes.repair and state.repairs:
+        if wished_repair(shape, state, wishes) is not None:
+            return
+        raise InputError("no-path", only_doubling(shape, state.repairs[0]))
     why = " ".join(problem.detail for problem in state.problems)
     remedy = "the method 'blocks' makes 2×2×2 modules of each cell, which always has a path."
     if state.repairs:

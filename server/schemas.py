@@ -160,6 +160,8 @@ class Repair(BaseModel):
     detail: str
     add: list[list[int]]
     drop: list[list[int]]
+    doubled: bool = Field(description="Then 2×2×2 modules are made of each cell.")
+    modules: int = Field(description="How many there are afterwards; ask for so many to double.")
 
 
 class Feasibility(BaseModel):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from planner.errors import InputError
+from planner.feasibility import feasibility
 from planner.formats import write_chain
 from planner.preparation import Wishes, doubled, expected_seconds, prepare
 from planner.shapes import Shape
@@ -140,3 +141,20 @@ def test_where_no_path_begins_another_is_kept_and_it_says_so() -> None:
     with pytest.raises(InputError) as refused:
         prepare(voxels(cells), "box.json", Wishes(start=(9, 0, 0)))
     assert refused.value.code == "not-a-cell"
+
+
+def test_a_repair_never_makes_eight_times_the_modules_unless_so_many_are_wanted() -> None:
+    # A comb: each tooth is a dead end, and nothing small helps.
+    comb = [[x, 0, 0] for x in range(41)] + [[x, y, 0] for x in range(0, 41, 2) for y in (1, 2)]
+    shape = Shape.from_cells(comb)
+    assert [repair.doubled for repair in feasibility(shape).repairs] == [True]
+    for modules in (None, 100):
+        prepared = prepare(voxels(comb), "comb.json", Wishes(repair=True, modules=modules))
+        assert not prepared.chains
+        assert any(f"{8 * len(comb)} modules" in note for note in prepared.notes)
+        with pytest.raises(InputError, match=str(8 * len(comb))):
+            _ = prepared.chain
+    (repair,) = prepared.report()["feasibility"]["repairs"]
+    wished = prepare(voxels(comb), "comb.json", Wishes(repair=True, modules=repair["modules"]))
+    assert len(wished.chain) == repair["modules"] == 8 * len(comb)
+    assert any(note.startswith("Repaired") for note in wished.notes)

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
@@ -235,3 +238,12 @@ def test_a_sheet_without_thickness_has_no_inside() -> None:
     sheet = Solid(name="s", vertices=points, faces=faces, closed=False, oriented=False)
     with pytest.raises(InputError, match="encloses nothing"):
         voxelise(sheet, cells=100)
+
+
+@pytest.mark.parametrize("cells", [8, 20, 125])
+@pytest.mark.parametrize("make", [torus, lambda: box(3.0, 2.0, 1.0)], ids=["torus", "box"])
+def test_other_counts_are_offered_on_both_sides(make: Callable[[], Any], cells: int) -> None:
+    voxels = voxelise(solid_of(make()), cells=cells)
+    assert voxels.below is not None
+    assert voxels.above is not None
+    assert voxels.below < cells < voxels.above
