@@ -203,7 +203,12 @@ function elsewhere() { wishes.start = null; }
 function repairs(feasibility) {
   const ways = (feasibility?.repairs ?? []).filter(({ add, drop }) => add.length || drop.length).slice(0, 1).map((repair) => {
     const button = element("button", { type: "button", class: "button primary" }, `Repair: ${repair.detail.charAt(0).toLowerCase()}${repair.detail.slice(1).replace(/\.$/, "")}`);
-    button.onclick = () => { wishes.repair = true; elsewhere(); look(); };
+    button.onclick = () => {
+      wishes.repair = true;
+      if (repair.doubled) wishes.modules = repair.modules;
+      elsewhere();
+      look();
+    };
     return button;
   });
   if (wishes.method !== "blocks") {
