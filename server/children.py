@@ -286,7 +286,12 @@ class Reader:
             raise InputError("unreadable", f"reading the file failed: {error.detail}") from None
 
     def call(
-        self, task: str, directory: Path, *, most_waiting: int | None = None
+        self,
+        task: str,
+        directory: Path,
+        *,
+        most_waiting: int | None = None,
+        cancelled: Callable[[], bool] | None = None,
     ) -> dict[str, Any]:
         """Has one task done, when those that came before are done.
 
@@ -294,6 +299,10 @@ class Reader:
             task: ``check``, or ``preview``.
             directory: Where the input lies.
             most_waiting: How many may wait for the child at once.
+            cancelled: Asked often; once True nobody wants the result, and the child is ended.
+
+        Returns:
+            The task's result; ``{"status": "cancelled"}`` when nobody wanted it.
 
         Raises:
             InputError: When the input can't be used.
@@ -304,13 +313,20 @@ class Reader:
                 raise ChildError("busy", "many shapes are being read just now; try again soon.")
             self._waiting += 1
         try:
-            with self._lock:
-                return self._call(task, directory)
+            while not self._lock.acquire(timeout=2 * POLL_S):
+                if cancelled is not None and cancelled():
+                    return {"status": "cancelled"}
+            try:
+                return self._call(task, directory, cancelled)
+            finally:
+                self._lock.release()
         finally:
             with self._counting:
                 self._waiting -= 1
 
-    def _call(self, task: str, directory: Path) -> dict[str, Any]:
+    def _call(
+        self, task: str, directory: Path, cancelled: Callable[[], bool] | None
+    ) -> dict[str, Any]:
         child = self._child
         if child is None:
             child = self._child = self._children.take()
@@ -318,12 +334,18 @@ class Reader:
             self._children.release(child)
             child = self._child = self._children.take()
         try:
-            return child.call(task, directory, wall_s=self._wall_s)
+            result = child.call(task, directory, wall_s=self._wall_s, cancelled=cancelled)
         except ChildError:
-            self._child = None
-            self._children.release(child)
-            self._children.prewarm()
+            self._replace(child)
             raise
+        if not child.alive:  # it was ended, since nobody wanted what it did
+            self._replace(child)
+        return result
+
+    def _replace(self, child: Child) -> None:
+        self._child = None
+        self._children.release(child)
+        self._children.prewarm()
 
     def close(self) -> None:
         """Ends the child."""

@@ -13,6 +13,7 @@ import re
 import shutil
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -115,9 +116,22 @@ class Previews:
             raise NoSuchPreviewError(preview_id) from error
 
     def report(
-        self, preview_id: str, wishes: ShapeWishes, reader: Reader, *, most_waiting: int
+        self,
+        preview_id: str,
+        wishes: ShapeWishes,
+        reader: Reader,
+        *,
+        most_waiting: int,
+        gone: Callable[[], bool] | None = None,
     ) -> dict[str, Any]:
         """What comes of an upload with these wishes; computed once.
+
+        Args:
+            preview_id: The upload's.
+            wishes: How it is to become a path.
+            reader: Who computes it.
+            most_waiting: How many may wait for that.
+            gone: Asked often whether the one who asked has gone away.
 
         Raises:
             NoSuchPreviewError: When there is no such upload.
@@ -135,12 +149,14 @@ class Previews:
         request["time_limit_s"] = self._settings.preview_search_seconds
         (place / "request.json").write_text(json.dumps(request))
         try:
-            reader.call("preview", place, most_waiting=most_waiting)
+            reader.call("preview", place, most_waiting=most_waiting, cancelled=gone)
         except InputError as error:
             raise Problem.of_input(error) from None
         except ChildError as error:
             raise _problem(error, self._settings.preview_seconds) from None
         found = read_report(place)
+        if found is None and gone is not None and gone():
+            raise Problem(503, "gone", "Nobody waited for this preview any more.")
         if found is None:
             raise NoSuchPreviewError(preview_id)
         return found

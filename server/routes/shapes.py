@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
+import threading
+from collections.abc import AsyncGenerator, Callable
+from contextlib import asynccontextmanager
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, File, Form, UploadFile
+from fastapi import APIRouter, File, Form, Request, UploadFile
+from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
 from planner.request import LARGEST_SEED
@@ -14,6 +19,7 @@ from server.routes.folds import Here, Wishes, input_of, problems
 from server.schemas import Preview, Shape, Shapes
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
+LOOK_EVERY_S: Final = 0.1
 
 
 @router.get("", summary="The gallery")
@@ -32,7 +38,8 @@ def get_shapes(context: Here) -> Shapes:
     summary="What would come of a shape, before folding it",
     responses=problems(404, 413, 422, 429, 503, 504, 507),
 )
-def post_preview(
+async def post_preview(
+    request: Request,
     context: Here,
     wishes: Wishes,
     file: Annotated[
@@ -55,14 +62,38 @@ def post_preview(
             "too-many-modules",
             f"got {wishes.modules} modules, expected at most {settings.max_modules}.",
         )
-    if preview is None or file is not None or shape is not None:
-        data, filename = input_of(context, file, shape, preview)
-        preview = context.previews.add(data, filename)
     wishes = replace(wishes, seed=seed)
-    report = context.previews.report(
-        preview, wishes, context.preparer, most_waiting=settings.previews_waiting
-    )
-    return Preview.of(preview, wishes.key, report, full=full)
+
+    def reported(gone: Callable[[], bool]) -> tuple[str, dict[str, Any]]:
+        known = preview
+        if known is None or file is not None or shape is not None:
+            data, filename = input_of(context, file, shape, preview)
+            known = context.previews.add(data, filename)
+        waiting = settings.previews_waiting
+        return known, context.previews.report(
+            known, wishes, context.preparer, most_waiting=waiting, gone=gone
+        )
+
+    async with leaving(request) as gone:
+        preview_id, report = await run_in_threadpool(reported, gone)
+    return Preview.of(preview_id, wishes.key, report, full=full)
+
+
+@asynccontextmanager
+async def leaving(request: Request) -> AsyncGenerator[Callable[[], bool]]:
+    """Tells whether the one who asked has gone away meanwhile."""
+    gone = threading.Event()
+
+    async def watch() -> None:
+        while not await request.is_disconnected():
+            await asyncio.sleep(LOOK_EVERY_S)
+        gone.set()
+
+    watching = asyncio.create_task(watch())
+    try:
+        yield gone.is_set
+    finally:
+        watching.cancel()
 
 
 @router.get(

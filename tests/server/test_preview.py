@@ -269,3 +269,17 @@ def test_the_page_of_a_fold_of_a_mesh_waits_for_its_cells(desk: Service) -> None
     for data, name in ((stl(), "brick.stl"), (voxels(box(4, 2, 2)), "box.json")):
         accepted = desk.http.post("/api/folds", files={"file": (name, data)}).json()
         assert desk.http.get(accepted["links"]["page"]).status_code == 200
+
+
+def test_a_preview_that_nobody_waits_for_is_given_up(service_with) -> None:
+    service = service_with(workers=0, preview_seconds=300.0).start()
+    report(service, voxels(box(2, 2, 2)))
+    (busy,) = (c for c in service.processes("server.child") if "preparer" in c.cmdline())
+    busy.suspend()  # as one that would go on for ever
+    with pytest.raises(httpx.ReadTimeout):
+        service.http.post(
+            "/api/shapes/preview", files={"file": ("box.json", voxels(box(4, 4, 2)))}, timeout=1.0
+        )
+    # The child that was busy with it is ended, and the next preview has one of its own.
+    assert report(service, voxels(box(4, 2, 2)))["has_path"]
+    assert not busy.is_running() or busy.status() == "zombie"
