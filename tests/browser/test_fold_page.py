@@ -84,6 +84,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
     )
     expect(page.locator("#name")).to_have_text("dropped wrench")
     page.locator("#sketch.gone").wait_for(state="attached")
+    assert "#" not in page.url  # nothing was done yet that a link should tell of
     fold_id = page.url.rsplit("/", 1)[1]
     timeline = Timeline.open(service.data_dir / "folds" / fold_id / "timeline.zarr")
     frames, chain = timeline.frames(), timeline.chain
@@ -235,8 +236,8 @@ def test_on_a_phone(visit: Visit, service: Service, scheme: str) -> None:
 
 def test_a_bad_file_is_answered_on_the_spot(visit: Visit) -> None:
     page = visit("/")
-    dropped(page, json.dumps([[0, 0, 0], [1, 0, 0], [3, 0, 0]]), "bad.json")
-    expect(page.locator("#drop-message")).to_contain_text("cells 1 and 2")
+    dropped(page, json.dumps([[0, 0, 0], [1, 0, 0], [0, 0, 0]]), "bad.json")
+    expect(page.locator("#drop-message")).to_contain_text("Cells 0 and 2")
     assert page.url.endswith("/")
     keep(page, "landing-bad-file")
 

@@ -34,7 +34,7 @@ const bar = new Bar(control);
 const place = new Place(control);
 const drawer = new Drawer(control, toast);
 const view = new View(get("view"), {
-  onKey: (event) => bar.key(event),
+  onKey: (event) => { place.acted = true; bar.key(event); },
   onTouch: () => { if (bar.state?.follow) control.send({ do: "set", follow: false }); },
 });
 addEventListener("keydown", (event) => bar.key(event));
@@ -92,7 +92,7 @@ control.on("viewing", () => setTimeout(() => {
   get("sketch").addEventListener("transitionend", () => sketch.stop(), { once: true });
 }, DRAW_MS));
 control.on("closed", ({ code, reason }) => {
-  if (code === 1013) cover("Many people are looking just now", reason);
+  if (code === 1013) cover("No room for another view just now", reason);
 });
 
 get("share").onclick = () => {

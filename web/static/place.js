@@ -8,17 +8,25 @@ export function placeIn(hash) {
   return { frame: frame === null ? null : Math.max(0, frame - 1), module: number("module") };
 }
 
-// Writes the place into the address while the fold rests there, so that a reload and a link show it.
+// Writes the place into the address while the fold rests there, so that a reload and a link show it;
+// not before the visitor has done something.
 export class Place {
   constructor(control) {
     this.control = control;
     this.at = { frame: null, module: null };
     this.timer = null;
+    this.acted = false;
+    for (const kind of ["pointerdown", "keydown", "input"]) {
+      addEventListener(kind, () => { this.acted = true; }, { capture: true });
+    }
     control.on("state", ({ frame, playing, live, growing }) => {
-      if (playing || live) return;
+      if (playing || live || !this.acted) return;
       this.note({ frame: growing ? null : Math.round(frame) });
     });
-    control.on("module", ({ index }) => this.note({ module: index }));
+    control.on("module", ({ index }) => {
+      this.acted ||= index !== null;
+      this.note({ module: index });
+    });
   }
 
   // Goes where the address says; true when it names a frame.

@@ -294,7 +294,7 @@ control.on("shown", () => { shown = true; if (viewing) uncover(); });
 control.on("picked", ({ module, cell }) => { picked = module === null ? null : { module, cell }; begin(); });
 control.on("viewing", () => { viewing = true; uncover(); });
 control.on("closed", ({ code, reason }) => {
-  if (code === 1013) cover("Many people are looking just now", reason);
+  if (code === 1013) cover("No room for another view just now", reason);
 });
 
 addEventListener("pageshow", (event) => { if (event.persisted) busy(false); });
