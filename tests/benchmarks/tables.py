@@ -42,7 +42,8 @@ class Section:
 
     def add(self, name: str, value: str, bar: str = "", met: bool | None = None) -> None:
         """Adds a figure."""
-        self.figures.append(Figure(name=name, value=value, bar=bar, met=met))
+        judged = None if met is None else bool(met)  # comparisons of arrays are no plain ones
+        self.figures.append(Figure(name=name, value=value, bar=bar, met=judged))
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
