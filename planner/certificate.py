@@ -301,7 +301,7 @@ def _verdict(
         return "failed: the plan does not begin straight"
     if np.abs(plan[-1] - chain.folded_rad).max() > ENDS_WITHIN_RAD:
         return "failed: the plan does not end folded"
-    if np.abs(plan).max() > chain.module.angle_limit_rad:
+    if np.abs(plan).max() > chain.module.angle_limit_rad + ENDS_WITHIN_RAD:
         return "failed: the plan bends a joint beyond its range"
     if figures["rms_position_error"] > FOLDED_WITHIN:
         return (

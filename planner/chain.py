@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.kinematics import Poses, forward_kinematics
-from planner.modules import CUBE, Module
+from planner.modules import CUBE, TETRAHEDRON, Module
 from planner.overlap import first_close_pair
 from planner.paths import (
     DEFAULT_PITCH_M,
@@ -19,6 +19,7 @@ from planner.paths import (
     Path,
 )
 from planner.rotations import wxyz_from_matrix
+from planner.trails import Trail, hinge_axes
 
 Array = NDArray[np.float64]
 OVERLAP_TOLERANCE = 0.98
@@ -72,6 +73,34 @@ class Chain:
             position=path.cells[0].astype(np.float64),
             wxyz=wxyz_from_matrix(first),
             pitch_m=path.pitch_m,
+        )
+
+    @classmethod
+    def from_trail(cls, trail: Trail, *, module: Module = TETRAHEDRON) -> Chain:
+        """The chain of tetrahedra whose folded modules lie between the nodes of a trail.
+
+        A module's x axis runs from its first node to its second, its y and z axes along the hinges
+        there; the next module's y axis is this one's z axis. Each angle is exactly 0 or ±90°.
+        """
+        steps = np.diff(trail.nodes, axis=0)
+        axes = hinge_axes(trail.nodes)
+        along = steps.astype(np.float64)
+        across = np.empty_like(along)
+        across[0] = np.eye(3)[axes[0]]
+        angles = np.zeros(len(along) - 1)
+        for k in range(len(along)):
+            up = np.cross(along[k], across[k])
+            if k + 1 < len(along):
+                angles[k] = np.sign(along[k + 1] @ across[k]) * np.pi / 2
+                across[k + 1] = up
+        first = np.column_stack([along[0], across[0], np.cross(along[0], across[0])])
+        return cls._checked(
+            name=trail.name,
+            module=module,
+            folded=angles,
+            position=(trail.nodes[0] + trail.nodes[1]) / 2.0,
+            wxyz=wxyz_from_matrix(first),
+            pitch_m=trail.pitch_m,
         )
 
     @classmethod

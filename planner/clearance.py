@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,6 @@ from planner.kernels.pairs import near_pairs
 from planner.modules import Module
 
 Array = NDArray[np.float64]
-APART: Final = 2
-"""Consecutive modules share a joint and don't count as colliding; all others do."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Closest:
@@ -43,7 +39,7 @@ def closest(
         size: Module size as a fraction of the pitch; 1 fills the lattice.
         enough: Distances of this and more are not told apart.
     """
-    pairs = near_pairs(positions, 2.0 * module.radius * size + enough, APART)
+    pairs = near_pairs(positions, 2.0 * module.radius * size + enough, module.apart)
     value, first, second = least_separation(
         positions,
         rotations,

@@ -28,7 +28,8 @@ from planner.straightening import straightening
 from planner.timeline import Frames
 
 Array = NDArray[np.float64]
-APART: Final = 2
+LINKED: Final = 1
+"""Modules this many links apart are linked, and don't repel."""
 COMMIT_EVERY: Final = 25
 FINISH_EVERY: Final = 50
 JAM_WINDOW: Final = 400
@@ -167,7 +168,7 @@ class _Explosion:
         self.segments.place(state)
         positions = self.segments.positions
         self.recorder.add(Step.of(self.time_s, state, positions))
-        pairs = near_pairs(positions, p.repulsion_cutoff, APART)
+        pairs = near_pairs(positions, p.repulsion_cutoff, LINKED + 1)
         self.segments.set_contact_time_constant(max(2.0 * self.step_s, 0.03))
         acceleration = self._accelerations(self._forces(positions, pairs))
         if acceleration is None:

@@ -41,7 +41,9 @@ class Module:
         rigid_links: How many links at the start of a chain carry no joint.
         angle_limit_rad: Each hinge moves within plus and minus this angle.
         folded_angles_rad: Angles a hinge can have in a folded lattice configuration.
+        volume: Of the full-size hull, in cubic pitches.
         inertia: (3,) principal moments of the full-size hull with mass 1, along the frame's axes.
+        apart: Modules fewer links apart than this may lie in one another by the joint's nature.
         geom: How a simulation draws the hull: ``box`` or the convex ``mesh`` of its corners.
     """
 
@@ -57,7 +59,9 @@ class Module:
     rigid_links: int
     angle_limit_rad: float
     folded_angles_rad: Array
+    volume: float
     inertia: Array
+    apart: int
     geom: Literal["box", "mesh"]
 
     @cached_property
@@ -102,12 +106,44 @@ CUBE: Final = Module(
     rigid_links=1,
     angle_limit_rad=float(np.deg2rad(92.0)),
     folded_angles_rad=_frozen(np.deg2rad([-90.0, 0.0, 90.0])),
+    volume=1.0,
     inertia=_frozen([1.0 / 6.0, 1.0 / 6.0, 1.0 / 6.0]),
+    apart=2,
     geom="box",
 )
 """Cubes, each link of length 1, a universal joint (hinges z, then y) at each cube's centre."""
 
-MODULES: Final[dict[str, Module]] = {CUBE.name: CUBE}
+_SIDE: Final = np.sqrt(0.5)
+_SLANT: Final = np.sqrt(1.0 / 3.0)
+TETRAHEDRON: Final = Module(
+    name="tetrahedron",
+    vertices=_frozen([(-0.5, -1, 0), (-0.5, 1, 0), (0.5, 0, -1), (0.5, 0, 1)]),
+    face_normals=_frozen(
+        [(-_SIDE, 0, _SIDE), (-_SIDE, 0, -_SIDE), (_SIDE, _SIDE, 0), (_SIDE, -_SIDE, 0)]
+    ),
+    edge_directions=_frozen(
+        [(0, 1, 0), (0, 0, 1), *((_SLANT, y, z) for y in (-_SLANT, _SLANT) for z in (-_SLANT, _SLANT))]
+    ),
+    anchor=_frozen([0.5, 0.0, 0.0]),
+    axes=_frozen([[0.0, 0.0, 1.0]]),
+    turn=_frozen([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    offset=_frozen([0.5, 0.0, 0.0]),
+    hinge_names=("",),
+    rigid_links=0,
+    angle_limit_rad=float(np.deg2rad(91.0)),
+    folded_angles_rad=_frozen(np.deg2rad([-90.0, 0.0, 90.0])),
+    volume=2.0 / 3.0,
+    inertia=_frozen([0.2, 0.15, 0.15]),
+    apart=1,
+    geom="mesh",
+)
+"""Right-angle tetrahedra (tetragonal disphenoids), edge to edge on hinges along their two long edges.
+
+The middles of a module's hinges are one pitch apart, its long edges two pitches, the others √3. At
+±90° two neighbours lie face to face, so a hinge turns hardly farther.
+"""
+
+MODULES: Final[dict[str, Module]] = {module.name: module for module in (CUBE, TETRAHEDRON)}
 
 
 def module_named(name: str) -> Module:

@@ -27,7 +27,8 @@ from planner.segments import Segments, State
 from planner.timeline import Frames
 
 Array = NDArray[np.float64]
-APART: Final = 2
+LINKED: Final = 1
+"""Modules this many links apart are linked, and don't repel."""
 STRAIGHT_RAD: Final = 0.05
 STRAIGHT_SPAN: Final = 0.99
 CHECK_EVERY: Final = 25
@@ -98,7 +99,7 @@ def explode_as_published(
             arms = positions - positions.mean(axis=0)
             diameter = 2.0 * float(np.sqrt((arms**2).sum(axis=1).max()))
             forces = (p.radial_gain / p.module_mass / diameter) * arms
-            pairs = near_pairs(positions, p.repulsion_cutoff, APART)
+            pairs = near_pairs(positions, p.repulsion_cutoff, LINKED + 1)
             repulsion(positions, pairs, p.repulsion_gain / p.module_mass, forces)
             state.accelerate(segments.accelerations(state, forces), p.step_s, p.damping)
             state.advance(p.step_s)

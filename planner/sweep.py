@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain import Chain
-from planner.clearance import APART
 from planner.kernels.clearance import between, least_separation
 from planner.kernels.pairs import near_pairs
 from planner.kinematics import forward_kinematics
@@ -113,7 +112,7 @@ class _Sweeping:
         return poses.positions, poses.rotations
 
     def _at_frame(self, frame: int, positions: Array, rotations: Array) -> float:
-        pairs = near_pairs(positions, self.reach + self.enough, APART)
+        pairs = near_pairs(positions, self.reach + self.enough, self.chain.module.apart)
         value, first, second = least_separation(
             positions, rotations, pairs, *self.hull, self.enough
         )
@@ -135,7 +134,7 @@ class _Sweeping:
             float(np.sqrt(((m[0] - a[0]) ** 2).sum(axis=1).max())),
             float(np.sqrt(((b[0] - m[0]) ** 2).sum(axis=1).max())),
         )
-        pairs = near_pairs(m[0], self.reach + 2.5 * moved, APART)
+        pairs = near_pairs(m[0], self.reach + 2.5 * moved, self.chain.module.apart)
         self._look(float(frame), 0.5, part[k], part[k + 1], a, m, b, pairs, 0)
 
     def _look(
