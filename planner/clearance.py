@@ -13,6 +13,7 @@ from planner.modules import Module
 
 Array = NDArray[np.float64]
 
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Closest:
     """The closest place of a configuration.

@@ -122,7 +122,11 @@ TETRAHEDRON: Final = Module(
         [(-_SIDE, 0, _SIDE), (-_SIDE, 0, -_SIDE), (_SIDE, _SIDE, 0), (_SIDE, -_SIDE, 0)]
     ),
     edge_directions=_frozen(
-        [(0, 1, 0), (0, 0, 1), *((_SLANT, y, z) for y in (-_SLANT, _SLANT) for z in (-_SLANT, _SLANT))]
+        [
+            (0, 1, 0),
+            (0, 0, 1),
+            *((_SLANT, y, z) for y in (-_SLANT, _SLANT) for z in (-_SLANT, _SLANT)),
+        ]
     ),
     anchor=_frozen([0.5, 0.0, 0.0]),
     axes=_frozen([[0.0, 0.0, 1.0]]),

@@ -56,7 +56,8 @@ class Trail:
         raw: NDArray[Any] = np.asarray(nodes)
         if raw.ndim != 2 or raw.shape[1] != 3 or raw.dtype.kind not in "iu":
             raise InputError(
-                "not-nodes", f"got an array of shape {raw.shape}, expected (n + 1, 3) whole numbers."
+                "not-nodes",
+                f"got an array of shape {raw.shape}, expected (n + 1, 3) whole numbers.",
             )
         if len(raw) < FEWEST_NODES:
             raise InputError(

@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from planner.chain import Chain
+from planner.clearance import closest
+from planner.honeycomb import DODECAHEDRON, RING, dodecahedron_pairs, ring_pairs
+from planner.modules import TETRAHEDRON
+from planner.pathfinding.trails import circuit, opened
+from planner.trails import Trail, hinge_axes
+
+Ints = NDArray[np.int64]
+ONE = np.zeros((1, 3), dtype=np.int64)
+
+
+def corners(pair: Ints) -> NDArray[np.float64]:
+    """(4, 3) corners of the tetrahedron between two nodes: the ends of its two long edges."""
+    axes = np.eye(3)[hinge_axes(pair)]
+    return np.concatenate([pair - axes, pair + axes]).astype(np.float64)
+
+
+def folded_corners(chain: Chain) -> NDArray[np.float64]:
+    """(n, 4, 3) corners of the folded modules."""
+    poses = chain.folded_poses
+    turned = np.einsum("nij,vj->nvi", poses.rotations, chain.module.vertices)
+    return poses.positions[:, None, :] + turned
+
+
+def box(*sides: int) -> Ints:
+    return np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def test_a_tetrahedron_of_the_honeycomb_is_the_module() -> None:
+    own = sorted(np.linalg.norm(a - b) for a in TETRAHEDRON.vertices for b in TETRAHEDRON.vertices)
+    for pair in ring_pairs(ONE):
+        found = corners(pair)
+        np.testing.assert_allclose(
+            sorted(np.linalg.norm(a - b) for a in found for b in found), own, atol=1e-12
+        )
+        assert ConvexHull(found).volume == pytest.approx(TETRAHEDRON.volume)
+        assert np.linalg.norm(np.diff(pair, axis=0)) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("pairs", "count"), [(ring_pairs, RING), (dodecahedron_pairs, DODECAHEDRON)]
+)
+def test_cells_meet_every_node_an_even_number_of_times(pairs, count: int) -> None:
+    found = pairs(ONE)
+    assert len(found) == count
+    assert len({tuple(sorted(map(tuple, pair.tolist()))) for pair in found}) == count
+    degrees = Counter(map(tuple, found.reshape(-1, 3).tolist()))
+    assert set(degrees.values()) <= {2, 4}
+    assert all(sum(c % 2 for c in node) in (1, 2) for node in degrees)
+
+
+def test_rings_fill_as_much_as_their_cubes_and_none_lies_in_another() -> None:
+    # The volume of a cube of side 2 is 8; a large block of rings has that of its cubes.
+    assert RING * TETRAHEDRON.volume == pytest.approx(8.0)
+    pairs = ring_pairs(box(3, 3, 3))
+    keys = {tuple(pair.sum(axis=0)) for pair in pairs.tolist() for pair in [np.array(pair)]}
+    assert len(keys) == 27 * RING
+
+
+def test_a_dodecahedron_is_one() -> None:
+    found = np.concatenate([corners(pair) for pair in dodecahedron_pairs(ONE)])
+    hull = ConvexHull(found)
+    assert hull.volume == pytest.approx(DODECAHEDRON * TETRAHEDRON.volume)
+    normals = np.unique(np.round(hull.equations[:, :3], 9), axis=0)
+    assert len(normals) == 12
+
+
+@pytest.mark.parametrize(
+    "pairs",
+    [
+        ring_pairs(ONE),
+        ring_pairs(box(2, 2, 2)),
+        ring_pairs(np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1]])),
+        dodecahedron_pairs(np.array([[0, 0, 0], [2, 2, 0], [2, 0, 2]])),
+    ],
+    ids=["ring", "2x2x2", "bent", "dodecahedra"],
+)
+def test_the_folded_chain_fills_just_these_tetrahedra(pairs: Ints) -> None:
+    chain = Chain.from_trail(Trail.from_nodes(opened(circuit(pairs), 5)))
+    assert len(chain) == len(pairs)
+    np.testing.assert_allclose(np.abs(np.rad2deg(chain.folded_rad)) % 90.0, 0.0, atol=1e-12)
+    wanted = {tuple(sorted(map(tuple, corners(pair).tolist()))) for pair in pairs}
+    found = {
+        tuple(sorted(map(tuple, (np.rint(module) + 0.0).tolist())))
+        for module in folded_corners(chain)
+    }
+    assert found == wanted
+    poses = chain.folded_poses
+    full = closest(chain.module, poses.positions, poses.rotations, size=1.0)
+    assert full.clearance == pytest.approx(0.0, abs=1e-9)  # face to face, none in another
+
+
+def test_the_ring_turns_as_rings_do() -> None:
+    chain = Chain.from_trail(Trail.from_nodes(opened(circuit(ring_pairs(ONE)), 0)))
+    signs = np.sign(chain.folded_rad).astype(int)
+    once = np.append(signs, -signs.sum())  # the twelfth is not a joint of the open chain
+    found = {
+        tuple(np.roll(s * once[::d], k)[:4]) for k in range(4) for s in (1, -1) for d in (1, -1)
+    }
+    assert (-1, -1, -1, 1) in found
+
+
+@pytest.mark.parametrize(("side", "kept"), [(1, 0.334), (2, 0.596)])
+def test_small_solids_keep_less_of_their_form(side: int, kept: float) -> None:
+    """Intersection over union of a block of rings with its cubes; 4³ cells: 0.77, 6³: 0.85."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-1.0, 2.0 * side + 3.0, (60_000, 3))
+    inside = np.zeros(len(points), dtype=bool)
+    for pair in ring_pairs(box(side, side, side)):
+        hull = ConvexHull(corners(pair))
+        inside |= (points @ hull.equations[:, :3].T + hull.equations[:, 3] <= 0.0).all(axis=1)
+    cube = ((points >= 1.0) & (points <= 1.0 + 2.0 * side)).all(axis=1)
+    assert (inside & cube).sum() / (inside | cube).sum() == pytest.approx(kept, abs=0.02)
