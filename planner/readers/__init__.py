@@ -12,6 +12,7 @@ from typing import Final
 from planner.chain import Chain
 from planner.errors import InputError
 from planner.paths import Path
+from planner.readers.angle_strings import is_angle_string, read_angle_string
 from planner.readers.binvox import is_binvox, read_binvox
 from planner.readers.csv_cells import is_csv, read_csv
 from planner.readers.gltf import is_glb, read_glb
@@ -40,7 +41,7 @@ from planner.solids import MOST_TRIANGLES, Solid
 FORMATS: Final = (
     "a mesh (STL, OBJ, PLY, OFF, GLB, glTF, 3MF), voxels (.vox, .binvox, .npy, "
     "foldback-voxels/1), or cells (foldback-path/1 or foldback-chain/1 JSON, a JSON list, CSV, "
-    "XYZ, .npy)"
+    "XYZ, .npy, a string of angles like 0 - - +)"
 )
 
 Kind = tuple[Callable[[bytes], bool], Callable[[bytes, Source], Path | Shape | Solid]]
@@ -104,6 +105,8 @@ def read(
         raise InputError("empty", f"got a file of nothing but white space, expected {FORMATS}.")
     if is_json(text):
         return read_json(text, source)
+    if is_angle_string(text):
+        return read_angle_string(text, name=source.name or "chain", most_modules=most_cells)
     refuse_prose(text, FORMATS)
     if is_csv(text):
         return read_csv(text, source)

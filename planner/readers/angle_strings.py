@@ -1,0 +1,81 @@
+"""Strings of angles, as people write twisty puzzles: ``0 - - - + 0``, one sign for each hinge.
+
+``0`` is straight, ``+`` a quarter turn, ``-`` a quarter turn the other way; white space and commas
+between them mean nothing.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+import numpy as np
+
+from planner.chain import Chain
+from planner.errors import InputError
+from planner.modules import TETRAHEDRON, Module
+from planner.paths import DEFAULT_PITCH_M
+from planner.readers.limits import MOST_CELLS, quote, too_many
+
+TURNS: Final = {"0": 0.0, "+": 90.0, "-": -90.0, "\u2212": -90.0, "\u2013": -90.0}
+FEWEST_ANGLES: Final = 2
+_BETWEEN: Final = " \t\r\n,;"
+_ALL: Final = re.compile(rf"[{re.escape(''.join(TURNS) + _BETWEEN)}]*")
+_LONE_SIGN: Final = re.compile(r"(?<![^\s,;])[+\-\u2212\u2013](?![^\s,;])|[+\-\u2212\u2013]{2}")
+
+
+def is_angle_string(text: str) -> bool:
+    """Whether a text is nothing but such signs, and not a table of zeros."""
+    return (
+        _ALL.fullmatch(text) is not None
+        and _LONE_SIGN.search(text) is not None
+        and sum(character in TURNS for character in text) >= FEWEST_ANGLES
+    )
+
+
+def read_angle_string(
+    text: str,
+    *,
+    name: str = "chain",
+    module: Module = TETRAHEDRON,
+    pitch_m: float = DEFAULT_PITCH_M,
+    most_modules: int = MOST_CELLS,
+) -> Chain:
+    """A chain from its string of angles.
+
+    Args:
+        text: A sign for each hinge.
+        name: What people call the shape.
+        module: The kind of module.
+        pitch_m: Distance of neighbouring modules in metres.
+        most_modules: Longer chains are refused.
+
+    Raises:
+        InputError: ``stray-character`` with its place, ``wrong-count`` for no sign at all, or
+            ``overlap`` with the modules that lie in one another.
+    """
+    angles: list[float] = []
+    for index, character in enumerate(text):
+        if character in _BETWEEN:
+            continue
+        if character not in TURNS:
+            raise InputError(
+                "stray-character",
+                f"got {quote(character)} after {len(angles)} angles, expected 0, + or - for each "
+                "hinge.",
+                where=f"character {index + 1}",
+            )
+        angles.append(TURNS[character])
+    if len(angles) + 1 + module.rigid_links > most_modules:
+        raise too_many(len(angles) + 1 + module.rigid_links, most_modules, "modules")
+    return Chain.from_angles(module, np.deg2rad(angles), name=name, pitch_m=pitch_m)
+
+
+def angle_string(chain: Chain) -> str | None:
+    """The string of a chain whose hinges are all straight or at quarter turns; None for others."""
+    signs = {0: "0", 1: "+", -1: "-"}
+    turns = np.rad2deg(chain.folded_rad) / 90.0
+    whole = np.rint(turns).astype(int)
+    if np.abs(turns - whole).max(initial=0.0) > 1e-9 or np.abs(whole).max(initial=0) > 1:
+        return None
+    return " ".join(signs[int(turn)] for turn in whole)
