@@ -1,0 +1,131 @@
+"""Trails through the tetrahedra of a shape's cells: several circuits, cut where it is best."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.honeycomb import RING, ring_pairs
+from planner.knots import knot_of
+from planner.pathfinding.lattice import parts
+from planner.pathfinding.obstacles import Cell
+from planner.pathfinding.trails import circuit, free_cuts, opened
+from planner.shapes import Shape
+from planner.trails import Trail
+
+Ints = NDArray[np.int64]
+TRIES: Final = 4
+"""Circuits that are made for each trail that is kept."""
+LARGEST_CHOICE: Final = 20_000
+"""Tetrahedra up to which there is a choice; a larger shape gets one trail."""
+LARGEST_KNOT: Final = 10_000
+CUTS: Final = 64
+"""Places at which a circuit is tried to be cut."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrailSearch:
+    """Trails through a shape's tetrahedra.
+
+    Attributes:
+        trails: The best first.
+        notes: What else is worth knowing.
+    """
+
+    trails: tuple[Trail, ...]
+    notes: tuple[str, ...] = ()
+
+
+def find_trails(
+    shape: Shape,
+    *,
+    ends: str = "any",
+    start: Cell | None = None,
+    seed: int = 0,
+    candidates: int = 4,
+) -> TrailSearch:
+    """Fills each cell with its ring of twelve tetrahedra and finds trails through all of them.
+
+    Unknotted ones come first, then those with both ends free, then those where tetrahedra that meet
+    lie close along the chain, which unfold in fewer steps.
+
+    Args:
+        shape: The shape; its cells must hang together by their faces.
+        ends: ``surface`` when no other module may use the hinge edges at the ends.
+        start: The cell in whose ring the chain begins, None for any.
+        seed: The same seed gives the same trails.
+        candidates: How many trails at most.
+
+    Raises:
+        InputError: ``no-trail`` when the cells are in several parts, ``not-a-cell`` for a start that
+            is not among them, ``no-start`` when no end of that ring is on the surface.
+    """
+    first = None if start is None else _index(shape.cells, start)
+    if parts(shape.cells)[0] > 1:
+        raise InputError(
+            "no-trail",
+            f"the cells are in {parts(shape.cells)[0]} parts, expected one: rings pass from cell to "
+            "cell through their faces.",
+        )
+    pairs = ring_pairs(shape.cells)
+    made = candidates * TRIES if len(pairs) <= LARGEST_CHOICE else 1
+    found: dict[bytes, tuple[tuple[float, ...], Trail]] = {}
+    for k in range(made):
+        rng = np.random.default_rng((seed, k))
+        nodes = circuit(pairs, rng if made > 1 else None)
+        free = free_cuts(nodes)
+        allowed = _cuts(nodes, pairs, free, first, ends)
+        cost, cut = _best_cut(nodes, allowed, rng)
+        trail = Trail.from_nodes(opened(nodes, cut), name=shape.name, pitch_m=0.5 * shape.pitch_m)
+        knotted = 0
+        if len(trail) <= LARGEST_KNOT:
+            knotted = 0 if knot_of(trail.nodes).verdict == "unknot" else 1
+        found[trail.nodes.tobytes()] = ((knotted, int(not free[cut]), cost), trail)
+    ranked = sorted(found.values(), key=lambda entry: (entry[0], entry[1].nodes.tobytes()))
+    return TrailSearch(trails=tuple(trail for _, trail in ranked[:candidates]))
+
+
+def _index(cells: Ints, start: Cell) -> int:
+    at = np.flatnonzero((cells == np.array(start)).all(axis=1))
+    if not len(at):
+        raise InputError("not-a-cell", f"got {start} to start with, expected one of the cells.")
+    return int(at[0])
+
+
+def _cuts(nodes: Ints, pairs: Ints, free: NDArray[np.bool_], first: int | None, ends: str) -> Ints:
+    """(k,) modules before which the circuit may be cut, free ones where there are any."""
+    allowed = np.ones(len(nodes) - 1, dtype=bool)
+    if first is not None:
+        own = pairs[RING * first : RING * (first + 1)].sum(axis=1)
+        sums = nodes[:-1] + nodes[1:]
+        allowed = (sums[:, None, :] == own[None]).all(axis=2).any(axis=1)
+    if (allowed & free).any():
+        allowed &= free
+    elif ends == "surface":
+        raise InputError(
+            "no-start", "no tetrahedron there has an end that no other one uses; start elsewhere."
+        )
+    return np.flatnonzero(allowed)
+
+
+def _best_cut(nodes: Ints, allowed: Ints, rng: np.random.Generator) -> tuple[float, int]:
+    """The cut after which modules that meet lie closest along the chain, and how close."""
+    n = len(nodes) - 1
+    _, inverse = np.unique(nodes[:-1], axis=0, return_inverse=True)
+    order = np.argsort(inverse.reshape(-1), kind="stable")
+    ranked = inverse.reshape(-1)[order]
+    twice = np.flatnonzero(ranked[1:] == ranked[:-1])
+    meet = np.stack([order[twice], order[twice + 1]], axis=1)
+    if len(allowed) > CUTS:
+        allowed = np.sort(rng.choice(allowed, CUTS, replace=False))
+    best = (np.inf, int(allowed[0]))
+    for cut in allowed:
+        places = (meet - cut) % n
+        cost = float(np.abs(places[:, 0] - places[:, 1]).mean()) / n if len(meet) else 0.0
+        if cost < best[0]:
+            best = (cost, int(cut))
+    return best
