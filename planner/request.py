@@ -11,7 +11,7 @@ from typing import Any, Final
 from planner.errors import InputError
 from planner.parameters import Parameters, preset
 from planner.pathfinding.obstacles import Cell
-from planner.preparation import MODULES, Wishes
+from planner.wishes import MODULE_COUNTS, Wishes
 from planner.starts import cell_of
 
 MODULE_SIZES: Final = (0.1, 1.0)
@@ -115,7 +115,7 @@ def _bad(name: str, got: str) -> InputError:
     low, high = MODULE_SIZES
     detail = {
         "seed": f"got the seed {got}, expected a whole number from 0 to {LARGEST_SEED}.",
-        "modules": f"got {got} modules, expected {MODULES[0]} to {MODULES[1]}.",
+        "modules": f"got {got} modules, expected {MODULE_COUNTS[0]} to {MODULE_COUNTS[1]}.",
         "module_size": f"got the module size {got}, expected {low:g} to {high:g} of the pitch.",
     }[name]
     return InputError(f"bad-{name.replace('_', '-')}", detail, where=name)

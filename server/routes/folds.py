@@ -9,7 +9,7 @@ from fastapi import APIRouter, Depends, File, Form, Request, UploadFile
 from fastapi.responses import Response, StreamingResponse
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
-from planner.preparation import MODULES
+from planner.wishes import MODULE_COUNTS
 from planner.request import LARGEST_SEED, MODULE_SIZES
 from planner.starts import TEXT as START
 from planner.starts import cell_of
@@ -31,8 +31,8 @@ def _wishes(
     modules: Annotated[
         int | None,
         Form(
-            ge=MODULES[0],
-            le=MODULES[1],
+            ge=MODULE_COUNTS[0],
+            le=MODULE_COUNTS[1],
             description="About how many modules; meshes get 160 if not said.",
         ),
     ] = None,

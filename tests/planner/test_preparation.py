@@ -9,7 +9,9 @@ import pytest
 from planner.errors import InputError
 from planner.feasibility import feasibility
 from planner.formats import write_chain
-from planner.preparation import Wishes, doubled, expected_seconds, prepare
+from planner.filling.cubes import doubled
+from planner.preparation import expected_seconds, prepare
+from planner.wishes import Wishes
 from planner.shapes import Shape
 from tests.planner.chains import coil
 from tests.planner.conftest import SHAPES

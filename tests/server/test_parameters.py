@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from planner.parameters import PRESETS
 from planner.pathfinding.candidates import METHODS
-from planner.preparation import ENDS, MODULES
+from planner.wishes import ENDS, MODULE_COUNTS
 from planner.request import LARGEST_SEED, MODULE_SIZES
 from server.command_line import application
 from tests.server.service import Service
@@ -80,7 +80,7 @@ def test_the_api_says_what_the_planner_takes(desk: Service) -> None:
     assert tuple(of("ends")["enum"]) == ENDS
     for name, limits in (
         ("seed", (0, LARGEST_SEED)),
-        ("modules", MODULES),
+        ("modules", MODULE_COUNTS),
         ("module_size", MODULE_SIZES),
     ):
         assert (of(name)["minimum"], of(name)["maximum"]) == limits
