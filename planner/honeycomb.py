@@ -89,7 +89,9 @@ def _base_patch() -> tuple[Nodes, NDArray[np.float64], NDArray[np.float64]]:
     grid = np.stack(np.meshgrid(*[np.arange(-2, 5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     odd = (grid % 2 != 0).sum(axis=1)
     nodes = grid[(odd == 1) | (odd == 2)]
-    pairs = np.concatenate([np.stack([nodes, nodes + step], axis=1) for step in np.eye(3, dtype=int)])
+    pairs = np.concatenate(
+        [np.stack([nodes, nodes + step], axis=1) for step in np.eye(3, dtype=int)]
+    )
     odd = (pairs[:, 1] % 2 != 0).sum(axis=1)
     pairs = pairs[(odd == 1) | (odd == 2)]
     near = ((pairs.mean(axis=1) > -1.0) & (pairs.mean(axis=1) < 3.0)).all(axis=1)

@@ -28,10 +28,9 @@ def kept(solid: Solid, voxels: Voxels, filled: Filled) -> float:
         return voxels.iou
     centres = filled.line[:-1] + filled.line[1:]
     low, high = 0.5 * centres.min(axis=0) - 1.5, 0.5 * centres.max(axis=0) + 1.5
-    sampling = sample(
-        solid, pitch=voxels.pitch, size=SAMPLES, rotation=voxels.rotation
-    )
+    sampling = sample(solid, pitch=voxels.pitch, size=SAMPLES, rotation=voxels.rotation)
     corners = np.argwhere(sampling.inside)
+
     # From samples to the turned solid, to cells, to the chain's space.
     def placed(samples: np.ndarray) -> np.ndarray:
         turned = (samples - sampling.offset) * (voxels.pitch / sampling.size)

@@ -141,7 +141,7 @@ TETRAHEDRON: Final = Module(
     apart=1,
     geom="mesh",
 )
-"""Right-angle tetrahedra (tetragonal disphenoids), edge to edge on hinges along their two long edges.
+"""Right-angle tetrahedra (tetragonal disphenoids), hinged to each other along their long edges.
 
 The middles of a module's hinges are one pitch apart, its long edges two pitches, the others √3. At
 ±90° two neighbours lie face to face, so a hinge turns hardly farther.

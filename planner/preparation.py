@@ -234,9 +234,7 @@ def _from_shape(
 def _from_solid(solid: Solid, wishes: Wishes, seed: int, time_limit_s: float) -> Preparation:
     filling = FILLINGS[wishes.module]
     voxels = voxelise(solid, cells=filling.cells_for(wishes), seed=seed)
-    filled = filling.fill(
-        voxels.shape, wishes, of_solid=True, seed=seed, time_limit_s=time_limit_s
-    )
+    filled = filling.fill(voxels.shape, wishes, of_solid=True, seed=seed, time_limit_s=time_limit_s)
     notes = (*solid.notes, *voxels.notes, *filled.notes)
     iou = kept(solid, voxels, filled) if filled.chains else voxels.iou
     return _made("mesh", solid.name, wishes, filled, notes, solid=solid, voxels=voxels, iou=iou)

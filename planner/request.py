@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from planner.errors import InputError
+from planner.modules import CUBE
 from planner.parameters import Parameters, preset
 from planner.pathfinding.obstacles import Cell
-from planner.wishes import MODULE_COUNTS, Wishes
 from planner.starts import cell_of
+from planner.wishes import MODULE_COUNTS, Wishes
 
 MODULE_SIZES: Final = (0.1, 1.0)
 LARGEST_SEED: Final = 2**32 - 1
@@ -29,13 +30,14 @@ class Request:
         preset: Name of a parameter set.
         seed: What randomness starts from.
         module_size: Size at which the plan is verified; None for the preset's.
-        modules, method, repair, ends, as_voxels, start: See ``planner.preparation.Wishes``.
+        module, modules, method, repair, ends, as_voxels, start: See ``planner.wishes.Wishes``.
     """
 
     filename: str | None = None
     preset: str = "default"
     seed: int = 0
     module_size: float | None = None
+    module: str = CUBE.name
     modules: int | None = None
     method: str = "auto"
     repair: bool = False
@@ -79,6 +81,7 @@ class Request:
     def wishes(self) -> Wishes:
         """How a shape is to become a path."""
         return Wishes(
+            module=self.module,
             modules=self.modules,
             method=self.method,
             repair=self.repair,

@@ -32,8 +32,9 @@ SWEEP_EVERY_S: Final = 60.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShapeWishes:
-    """How a shape is to become a path; the words are those of ``planner.preparation.Wishes``."""
+    """How a shape is to become a path; the words are those of ``planner.wishes.Wishes``."""
 
+    module: str = "cube"
     modules: int | None = None
     method: str = "auto"
     repair: bool = False

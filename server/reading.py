@@ -16,21 +16,23 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import InputError
+from planner.modules import CUBE
 from planner.paths import Path as CellPath
 from planner.readers import read
 from planner.shapes import Shape
 
 if TYPE_CHECKING:
-    from planner.preparation import Preparation, Wishes
+    from planner.preparation import Preparation
+    from planner.wishes import Wishes
 
 LARGEST_DRAWING: Final = 4000
 READ_AS_VOXELS: Final = "Read as voxels, since the cells are not in the order of a path."
-WISHES: Final = ("modules", "method", "repair", "ends", "as_voxels", "start")
+WISHES: Final = ("module", "modules", "method", "repair", "ends", "as_voxels", "start")
 
 
 def wishes_of(request: dict[str, Any]) -> Wishes:
     """The wishes in a request; those that are not there are as usual."""
-    from planner.preparation import Wishes
+    from planner.wishes import Wishes
 
     values = {name: request[name] for name in WISHES if name in request}
     if values.get("start") is not None:
@@ -52,21 +54,24 @@ def check(directory: Path) -> dict[str, Any]:
     data = (directory / "input").read_bytes()
     more = {"as_voxels": True} if request.get("as_voxels") else {}
     found = read(data, filename=request["filename"], **more)
-    if isinstance(found, CellPath):
+    other = request.get("module", CUBE.name) != CUBE.name
+    if isinstance(found, CellPath) and not other:
         found = Chain.from_path(found)
     if isinstance(found, Chain):
         _note(directory, np.rint(found.folded_poses.positions))
         return {"name": found.name, "module": found.module.name, "modules": len(found)}
-    from planner.preparation import BLOCK, DEFAULT_MODULES
+    from planner.filling import FILLINGS
+    from planner.wishes import DEFAULT_MODULES
 
     wishes = wishes_of(request)
     modules = wishes.modules or DEFAULT_MODULES
-    if isinstance(found, Shape):
-        _note(directory, found.cells)
-        modules = len(found) if wishes.method != "blocks" else BLOCK * len(found)
-        if wishes.method != "blocks":
-            _check_path(found, wishes)
-    return {"name": found.name, "module": "cube", "modules": modules}
+    if isinstance(found, Shape | CellPath):
+        shape = Shape.from_cells(found.cells, name=found.name, pitch_m=found.pitch_m)
+        filling = FILLINGS[wishes.module]
+        _note(directory, shape.cells)
+        filling.check(shape, wishes)
+        modules = filling.modules_of(shape, wishes)
+    return {"name": found.name, "module": wishes.module, "modules": modules}
 
 
 def preview(directory: Path) -> dict[str, Any]:
@@ -107,24 +112,3 @@ def _note(directory: Path, cells: NDArray[Any]) -> None:
     """Keeps cells for a drawing, so that nobody else has to read the upload for one."""
     if len(cells) <= LARGEST_DRAWING:
         (directory / "cells.json").write_text(json.dumps(cells.astype(int).tolist()))
-
-
-def _check_path(shape: Shape, wishes: Wishes) -> None:
-    """Refuses cells that have no path, for a reason that is quickly found."""
-    from planner.feasibility import feasibility
-    from planner.preparation import only_doubling, wished_repair
-
-    state = feasibility(shape)
-    if state.feasible is not False:
-        return
-    if wishes.repair and state.repairs:
-        if wished_repair(shape, state, wishes) is not None:
-            return
-        raise InputError("no-path", only_doubling(shape, state.repairs[0]))
-    why = " ".join(problem.detail for problem in state.problems)
-    remedy = "the method 'blocks' makes 2×2×2 modules of each cell, which always has a path."
-    if state.repairs:
-        remedy = f"fold it with 'repair' ({state.repairs[0].detail}), or {remedy}"
-    raise InputError(
-        "no-path", f"got cells without a path through them. {why} Expected others; {remedy}"
-    )

@@ -61,15 +61,15 @@ def find_trails(
         candidates: How many trails at most.
 
     Raises:
-        InputError: ``no-trail`` when the cells are in several parts, ``not-a-cell`` for a start that
-            is not among them, ``no-start`` when no end of that ring is on the surface.
+        InputError: ``no-trail`` when the cells are in several parts, ``not-a-cell`` for a start
+            that is not among them, ``no-start`` when no end of that ring is on the surface.
     """
     first = None if start is None else _index(shape.cells, start)
     if parts(shape.cells)[0] > 1:
         raise InputError(
             "no-trail",
-            f"the cells are in {parts(shape.cells)[0]} parts, expected one: rings pass from cell to "
-            "cell through their faces.",
+            f"the cells are in {parts(shape.cells)[0]} parts, expected one: rings pass from cell "
+            "to cell through their faces.",
         )
     pairs = ring_pairs(shape.cells)
     made = candidates * TRIES if len(pairs) <= LARGEST_CHOICE else 1

@@ -39,6 +39,7 @@ def fold(
         str | None,
         typer.Option(metavar="FLOAT", help="Size at which to verify, as a fraction of the pitch."),
     ] = None,
+    module: Annotated[str, typer.Option(help="cube or tetrahedron.")] = "cube",
     modules: Annotated[
         str | None, typer.Option(metavar="INTEGER", help="About how many, for a mesh.")
     ] = None,
@@ -63,6 +64,7 @@ def fold(
             preset=preset,
             seed=seed,
             module_size=module_size,
+            module=module,
             modules=modules,
             method=method,
             repair=repair,

@@ -25,6 +25,7 @@ def shape(
         str, typer.Argument(metavar="INPUT", help="A mesh, a voxel model, cells, or an example.")
     ],
     out: Annotated[Path, typer.Option(help="Where to write the path, foldback-path/1.")],
+    module: Annotated[str, typer.Option(help="cube or tetrahedron.")] = "cube",
     modules: Annotated[
         str | None, typer.Option(metavar="INTEGER", help="About how many modules.")
     ] = None,
@@ -46,7 +47,13 @@ def shape(
     """Find a path through a shape. Exits 0 with a path, 3 when there is none, 2 for bad input."""
     try:
         request = Request.of(
-            modules=modules, method=method, repair=repair, ends=ends, start=start, seed=seed
+            module=module,
+            modules=modules,
+            method=method,
+            repair=repair,
+            ends=ends,
+            start=start,
+            seed=seed,
         )
         request.check()
         data, filename = read_input(source)

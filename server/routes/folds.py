@@ -9,10 +9,10 @@ from fastapi import APIRouter, Depends, File, Form, Request, UploadFile
 from fastapi.responses import Response, StreamingResponse
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
-from planner.wishes import MODULE_COUNTS
 from planner.request import LARGEST_SEED, MODULE_SIZES
 from planner.starts import TEXT as START
 from planner.starts import cell_of
+from planner.wishes import MODULE_COUNTS
 from server.addresses import address_of
 from server.context import Context, context_of
 from server.previews import ShapeWishes
@@ -28,6 +28,10 @@ Bearer = Annotated[HTTPAuthorizationCredentials | None, Depends(bearer)]
 
 
 def _wishes(
+    module: Annotated[
+        Literal["cube", "tetrahedron"],
+        Form(description="What meshes, voxels and cells become; chains say so themselves."),
+    ] = "cube",
     modules: Annotated[
         int | None,
         Form(
@@ -58,6 +62,7 @@ def _wishes(
     ] = None,
 ) -> ShapeWishes:
     return ShapeWishes(
+        module=module,
         modules=modules,
         method=method,
         repair=repair,

@@ -8,11 +8,11 @@ import pytest
 
 from planner.errors import InputError
 from planner.feasibility import feasibility
-from planner.formats import write_chain
 from planner.filling.cubes import doubled
+from planner.formats import write_chain
 from planner.preparation import expected_seconds, prepare
-from planner.wishes import Wishes
 from planner.shapes import Shape
+from planner.wishes import Wishes
 from tests.planner.chains import coil
 from tests.planner.conftest import SHAPES
 

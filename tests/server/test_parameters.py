@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from planner.parameters import PRESETS
 from planner.pathfinding.candidates import METHODS
-from planner.wishes import ENDS, MODULE_COUNTS
 from planner.request import LARGEST_SEED, MODULE_SIZES
+from planner.wishes import ENDS, MODULE_COUNTS
 from server.command_line import application
 from tests.server.service import Service
 
