@@ -242,7 +242,8 @@ def _unusable(chain: Chain, record: Record | None, playback: Playback | None) ->
 
 def _torque_unit(chain: Chain, parameters: Parameters) -> float:
     """One module mass · pitch² / s² in newton-metres."""
-    return parameters.density_kg_m3 * chain.pitch_m**3 * chain.pitch_m**2
+    mass_kg = parameters.density_kg_m3 * chain.module.volume * chain.pitch_m**3
+    return mass_kg * chain.pitch_m**2
 
 
 def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> dict[str, Any]:

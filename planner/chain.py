@@ -111,6 +111,8 @@ class Chain:
         *,
         name: str = "chain",
         pitch_m: float = DEFAULT_PITCH_M,
+        first_position: Array | None = None,
+        first_wxyz: Array | None = None,
     ) -> Chain:
         """A chain from the hinge angles of its folded configuration.
 
@@ -119,18 +121,25 @@ class Chain:
             angles_rad: (J,) or (joints, hinges) angles of the folded configuration.
             name: What people call the shape.
             pitch_m: Distance of neighbouring modules in metres.
+            first_position: (3,) centre of module 0 when folded; the origin when None.
+            first_wxyz: (4,) its orientation, of any length but none; upright when None.
 
         Raises:
             InputError: Angles that are not numbers or not within the joints' range, or a folded
                 configuration in which modules overlap.
         """
         folded = np.array(angles_rad, dtype=np.float64).reshape(-1)
+        position = np.zeros(3) if first_position is None else np.array(first_position, np.float64)
+        wxyz = np.array([1.0, 0.0, 0.0, 0.0] if first_wxyz is None else first_wxyz, np.float64)
+        length = float(np.linalg.norm(wxyz))
+        if not 1e-6 < length < 1e6:
+            raise InputError("bad-orientation", f"got {wxyz.tolist()}, expected a quaternion.")
         chain = cls._checked(
             name=name,
             module=module,
             folded=folded,
-            position=np.zeros(3),
-            wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+            position=position,
+            wxyz=wxyz / length,
             pitch_m=pitch_m,
         )
         check_overlap(chain)

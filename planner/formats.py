@@ -29,14 +29,25 @@ def write_path(path: Path, *, title: str | None = None) -> bytes:
     return _document(head, "cells", path.cells.tolist())
 
 
-def write_chain(chain: Chain) -> bytes:
-    """The folded configuration of a chain as ``foldback-chain/1``; its place is not kept."""
-    head: dict[str, object] = {
-        "format": CHAIN_FORMAT,
-        "name": chain.name,
-        "module": chain.module.name,
-        "pitch_m": chain.pitch_m,
-    }
+def write_chain(
+    chain: Chain, *, title: str | None = None, tags: Sequence[str] | None = None
+) -> bytes:
+    """The folded configuration of a chain as ``foldback-chain/1``.
+
+    Args:
+        chain: What to write.
+        title: A longer name for people, which readers leave alone.
+        tags: What kinds of shape it is of, which they leave alone as well.
+    """
+    head: dict[str, object] = {"format": CHAIN_FORMAT, "name": chain.name}
+    if title is not None:
+        head["title"] = title
+    if tags is not None:
+        head["tags"] = list(tags)
+    head["module"] = chain.module.name
+    head["pitch_m"] = chain.pitch_m
+    head["first_position"] = chain.folded_position.tolist()
+    head["first_wxyz"] = chain.folded_wxyz.tolist()
     angles = np.rad2deg(chain.folded_rad)
     whole = np.round(angles)
     # Right angles are written as 90, not as what is left of them after two roundings.

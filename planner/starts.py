@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import InputError
+from planner.modules import CUBE
 from planner.pathfinding.exact import index_of
 from planner.pathfinding.obstacles import Cell
 from planner.paths import Path
@@ -49,6 +50,8 @@ def started(chain: Chain, start: Cell | None) -> tuple[Chain, str]:
     """
     if start is None:
         return chain, ""
+    if chain.module is not CUBE:
+        return chain, "The order is given: this chain begins where it begins."
     cells = np.rint(chain.folded_poses.positions).astype(np.int64)
     at = index_of(cells, start)
     if not at:

@@ -10,17 +10,23 @@ import typer
 from rich.console import Console
 
 from planner.errors import InputError
+from planner.readers.angle_strings import HEADING
 from server.gallery import Gallery
 
 LARGEST_FILE = 64 * 2**20
 
 
-def read_input(shape: str) -> tuple[bytes, str]:
-    """The bytes and name of a file, or of the example of that name.
+def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str]:
+    """The bytes and name of a file, of the example of that name, or of typed angles.
 
     Raises:
-        InputError: When there is neither, or the file is too large.
+        InputError: When there is neither or both, or the file is too large.
     """
+    if (shape is None) == (angles is None):
+        got = "neither" if shape is None else "both"
+        raise InputError("no-input", f"got {got} of INPUT and --angles, expected one of them.")
+    if shape is None:
+        return f"{HEADING}\n{angles}".encode(), "typed.txt"
     path = Path(shape)
     if not path.exists() and (example := Gallery().shape(shape)) is not None:
         return example.data, example.filename

@@ -10,6 +10,8 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Final
 
+from planner.modules import CUBE, module_named
+
 UNTAGGED: Final = ("paper",)
 """What the first shapes are: those of the paper."""
 
@@ -22,7 +24,8 @@ class GalleryShape:
         name: Its stem, as ``POST /api/folds`` takes it.
         title: What people call it.
         modules: Modules of its chain.
-        data: The bytes of its path file.
+        module: What they are: ``cube`` or ``tetrahedron``.
+        data: The bytes of its path or chain file.
         tags: What kind of shape it is: ``animal``, ``tool``, ``letter`` …
     """
 
@@ -31,6 +34,7 @@ class GalleryShape:
     modules: int
     data: bytes
     tags: tuple[str, ...] = ()
+    module: str = CUBE.name
 
     @property
     def filename(self) -> str:
@@ -72,12 +76,17 @@ def _shape(entry: Traversable) -> GalleryShape:
     data = entry.read_bytes()
     content = json.loads(data)
     name = entry.name.removesuffix(".json")
-    modules = len(content["cells"])
+    module = module_named(str(content.get("module", CUBE.name)))
+    if "cells" in content:
+        modules = len(content["cells"])
+    else:
+        modules = len(content["joint_angles_deg"]) + 1 + module.rigid_links
     title = str(content.get("title") or content.get("name") or name)
     return GalleryShape(
         name=name,
         title=title.removesuffix(f", {modules} modules"),
         modules=modules,
+        module=module.name,
         tags=tuple(map(str, content.get("tags", UNTAGGED))),
         data=data,
     )

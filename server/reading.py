@@ -58,7 +58,8 @@ def check(directory: Path) -> dict[str, Any]:
     if isinstance(found, CellPath) and not other:
         found = Chain.from_path(found)
     if isinstance(found, Chain):
-        _note(directory, np.rint(found.folded_poses.positions))
+        if found.module is CUBE:
+            _note(directory, np.rint(found.folded_poses.positions))
         return {"name": found.name, "module": found.module.name, "modules": len(found)}
     from planner.filling import FILLINGS
     from planner.wishes import DEFAULT_MODULES

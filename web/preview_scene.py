@@ -11,7 +11,7 @@ import viser
 from numpy.typing import NDArray
 from viser._messages import SetCameraLookAtMessage, SetCameraPositionMessage
 
-from planner.modules import CUBE
+from planner.modules import CUBE, Module, module_named
 from web.camera import FIELD_OF_VIEW_RAD, View
 from web.colours import ERROR, NEUTRAL, SELECTED, Rgb, instance_colours, ramp_colours
 from web.meshes import module_mesh
@@ -49,8 +49,9 @@ class PreviewScene:
         self._server = server
         self._handles: dict[str, Any] = {}
         self._report: Mapping[str, Any] | None = None
-        self._cube = module_mesh(CUBE)
-        self._cells: Array = np.zeros((0, 3))
+        self._module: Module = CUBE
+        self._positions: Array = np.zeros((0, 3))
+        self._wxyzs: Array = np.zeros((0, 4))
         self._middle: Array = np.zeros(3)
         self._unit = 1.0
         self.points: Array = np.zeros((1, 3))
@@ -70,8 +71,14 @@ class PreviewScene:
     def show(self, report: Mapping[str, Any], layers: Layers) -> None:
         """Draws a report, in place of the one before."""
         self._report = report
-        cells = np.asarray(report["cells"], dtype=np.float64).reshape(-1, 3)
-        self._cells = cells
+        # Without a chain there are only cells, which are cubes.
+        chained = report.get("positions") is not None
+        self._module = module_named(report["module"]) if chained else CUBE
+        cells = report["positions"] if chained else report["cells"]
+        cells = np.asarray(cells, dtype=np.float64).reshape(-1, 3)
+        wxyzs = report.get("wxyzs")
+        self._positions = cells
+        self._wxyzs = np.tile(UPRIGHT, (len(cells), 1)) if wxyzs is None else np.asarray(wxyzs)
         mesh = report.get("mesh")
         low, high = _bounds(cells, mesh)
         self._middle = (low + high) / 2
@@ -105,12 +112,12 @@ class PreviewScene:
 
         @self._server.scene.on_click()
         def _(event: viser.SceneClickEvent) -> None:
-            if self._report is not None and len(self._cells):
+            if self._report is not None and len(self._positions):
                 told(
                     picked_module(
-                        CUBE,
-                        self._cells,
-                        np.tile(UPRIGHT, (len(self._cells), 1)),
+                        self._module,
+                        self._positions,
+                        self._wxyzs,
                         np.array(event.ray_origin) / self._unit + self._middle,
                         np.array(event.ray_direction),
                     )
@@ -123,7 +130,7 @@ class PreviewScene:
             handle.remove()
         if cell is not None:
             blue = np.array([SELECTED], np.uint8)
-            self._cubes("selected", self._cells[cell : cell + 1], blue, visible=True)
+            self._modules("selected", blue, visible=True, only=slice(cell, cell + 1))
 
     def look(self, view: View) -> None:
         """Moves the camera of all who look."""
@@ -138,15 +145,16 @@ class PreviewScene:
         if not report["has_path"]:
             colours = np.tile(np.array(NEUTRAL, np.uint8), (len(cells), 1))
             self._mark(report, cells, colours)
-            self._cubes("cells", cells, colours, visible=layers.cells or layers.path)
+            self._modules("cells", colours, visible=layers.cells or layers.path)
             return
-        # A path inside full cubes would not be seen: they become a ghost around it.
+        # A path inside full modules would not be seen: they become a ghost around it.
         ghost = layers.path
         shown = np.tile(np.array(GHOST, np.uint8), (len(cells), 1)) if ghost else colours
         opacity = GHOST_OPACITY if ghost else None
-        self._cubes("cells", cells, shown, opacity=opacity, visible=layers.cells)
+        self._modules("cells", shown, opacity=opacity, visible=layers.cells)
         if layers.path:
-            self._path(cells, colours)
+            line = np.asarray(report["line"], dtype=np.float64)
+            self._path(line, ramp_colours(np.linspace(0.0, 1.0, len(line))))
 
     def _mark(self, report: Mapping[str, Any], cells: Array, colours: NDArray[np.uint8]) -> None:
         """Cells that make trouble, and those that the repair would add, stand out."""
@@ -187,6 +195,31 @@ class PreviewScene:
         sizes[[0, -1]] = BEAD * 1.3
         self._cubes("beads", cells, colours, scales=sizes, visible=True)
 
+    def _modules(
+        self,
+        name: str,
+        colours: NDArray[np.uint8],
+        *,
+        visible: bool,
+        opacity: float | None = None,
+        only: slice = slice(None),
+    ) -> None:
+        """The modules of the chain, or some of them, where they are when folded."""
+        mesh = module_mesh(self._module)
+        self._handles[name] = self._server.scene.add_batched_meshes_simple(
+            f"/{name}",
+            mesh.vertices * self._unit,
+            mesh.faces,
+            self._wxyzs[only],
+            self._placed(self._positions[only]),
+            batched_colors=instance_colours(colours),
+            opacity=opacity,
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=visible,
+        )
+
     def _cubes(
         self,
         name: str,
@@ -198,11 +231,12 @@ class PreviewScene:
         sides: Array | None = None,
         scales: Array | None = None,
     ) -> None:
-        vertices = self._cube.vertices * self._unit
+        cube = module_mesh(CUBE)
+        vertices = cube.vertices * self._unit
         self._handles[name] = self._server.scene.add_batched_meshes_simple(
             f"/{name}",
             vertices if sides is None else vertices * sides / 0.93,
-            self._cube.faces,
+            cube.faces,
             np.tile(UPRIGHT, (len(cells), 1)),
             self._placed(cells),
             batched_colors=instance_colours(colours),

@@ -1,7 +1,7 @@
 """Strings of angles, as people write twisty puzzles: ``0 - - - + 0``, one sign for each hinge.
 
 ``0`` is straight, ``+`` a quarter turn, ``-`` a quarter turn the other way; white space and commas
-between them mean nothing.
+between them mean nothing. A file may say in its first line that it is one: ``foldback-angles/1``.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from planner.modules import TETRAHEDRON, Module
 from planner.paths import DEFAULT_PITCH_M
 from planner.readers.limits import MOST_CELLS, quote, too_many
 
+HEADING: Final = "foldback-angles/1"
 TURNS: Final = {"0": 0.0, "+": 90.0, "-": -90.0, "\u2212": -90.0, "\u2013": -90.0}
 FEWEST_ANGLES: Final = 2
 _BETWEEN: Final = " \t\r\n,;"
@@ -25,8 +26,8 @@ _LONE_SIGN: Final = re.compile(r"(?<![^\s,;])[+\-\u2212\u2013](?![^\s,;])|[+\-\u
 
 
 def is_angle_string(text: str) -> bool:
-    """Whether a text is nothing but such signs, and not a table of zeros."""
-    return (
+    """Whether a text says so, or is nothing but such signs and not a table of zeros."""
+    return text.startswith(HEADING) or (
         _ALL.fullmatch(text) is not None
         and _LONE_SIGN.search(text) is not None
         and sum(character in TURNS for character in text) >= FEWEST_ANGLES
@@ -55,7 +56,7 @@ def read_angle_string(
             ``overlap`` with the modules that lie in one another.
     """
     angles: list[float] = []
-    for index, character in enumerate(text):
+    for index, character in enumerate(text.removeprefix(HEADING).lstrip("\r\n")):
         if character in _BETWEEN:
             continue
         if character not in TURNS:

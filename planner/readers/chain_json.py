@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import InputError
 from planner.modules import Module, module_named
-from planner.paths import DEFAULT_PITCH_M
+from planner.paths import DEFAULT_PITCH_M, LARGEST_COORDINATE
 from planner.readers.fields import number_field, text_field
 from planner.readers.limits import Source, quote, too_many
 
@@ -30,7 +31,22 @@ def read_chain(document: dict[str, Any], source: Source) -> Chain:
         np.deg2rad(angles_deg),
         name=text_field(document, "name") or source.name or "chain",
         pitch_m=number_field(document, "pitch_m", DEFAULT_PITCH_M),
+        first_position=_vector(document, "first_position", 3),
+        first_wxyz=_vector(document, "first_wxyz", 4),
     )
+
+
+def _vector(document: dict[str, Any], key: str, length: int) -> NDArray[np.float64] | None:
+    """The numbers under a key; None when it is not there."""
+    if (found := document.get(key)) is None:
+        return None
+    values = cast("list[Any]", found) if isinstance(found, list) else []
+    numbers = [v for v in values if type(v) in (int, float) and abs(v) <= LARGEST_COORDINATE]
+    if len(values) != length or len(numbers) != length:
+        raise InputError(
+            "wrong-type", f"got {quote(found)}, expected {length} finite numbers.", where=key
+        )
+    return np.array(numbers, dtype=np.float64)
 
 
 def _angles(document: dict[str, Any], module: Module, source: Source) -> list[float]:

@@ -27,10 +27,15 @@ WORDS = {
 
 
 def fold(
-    shape: Annotated[
-        str, typer.Argument(metavar="INPUT", help="A mesh, voxels, a path, a chain, or an example.")
-    ],
     out: Annotated[Path, typer.Option(help="Directory for the plan; made if it is not there.")],
+    shape: Annotated[
+        str | None,
+        typer.Argument(metavar="INPUT", help="A mesh, voxels, a path, a chain, or an example."),
+    ] = None,
+    angles: Annotated[
+        str | None,
+        typer.Option(help="Or a chain of tetrahedra, one sign a hinge: '0 - - + 0'."),
+    ] = None,
     preset: Annotated[str, typer.Option(help="default, paper or direct.")] = "default",
     seed: Annotated[
         str, typer.Option(metavar="INTEGER", help="What randomness starts from.")
@@ -73,7 +78,7 @@ def fold(
             start=start,
         )
         request.check()
-        data, filename = read_input(shape)
+        data, filename = read_input(shape, angles)
         make_directory(out)
         write_request(out, replace(request, filename=filename), data)
         run_stage(STAGES[0], out)

@@ -13,7 +13,8 @@ from rich.table import Table
 
 from planner.errors import InputError
 from planner.files import write_whole
-from planner.formats import write_path
+from planner.formats import write_chain, write_path
+from planner.modules import CUBE
 from planner.paths import Path as CellPath
 from planner.preparation import Preparation, prepare
 from planner.request import SHORT_SEED, Request
@@ -24,7 +25,7 @@ def shape(
     source: Annotated[
         str, typer.Argument(metavar="INPUT", help="A mesh, a voxel model, cells, or an example.")
     ],
-    out: Annotated[Path, typer.Option(help="Where to write the path, foldback-path/1.")],
+    out: Annotated[Path, typer.Option(help="Where to write the path, or the chain.")],
     module: Annotated[str, typer.Option(help="cube or tetrahedron.")] = "cube",
     modules: Annotated[
         str | None, typer.Option(metavar="INTEGER", help="About how many modules.")
@@ -88,7 +89,9 @@ def shape(
 
 
 def path_file(prepared: Preparation) -> bytes:
-    """The best path as foldback-path/1."""
+    """The best path as foldback-path/1, or the chain of other modules as foldback-chain/1."""
+    if prepared.chain.module is not CUBE:
+        return write_chain(prepared.chain)
     return write_path(
         CellPath.from_cells(prepared.cells, name=prepared.name, pitch_m=prepared.chain.pitch_m)
     )

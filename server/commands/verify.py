@@ -10,7 +10,10 @@ import typer
 from rich.console import Console
 
 from planner.errors import InputError, TimelineError
+from planner.plan import Plan
 from planner.request import Request
+from planner.sizes import largest_size as find_largest
+from planner.verification import Verification
 from planner.verification import verify as verify_files
 from server.command_inputs import refuse
 
@@ -20,6 +23,10 @@ def verify(
     module_size: Annotated[
         str | None, typer.Option(metavar="FLOAT", help="Another size than the plan's own.")
     ] = None,
+    largest_size: Annotated[
+        bool,
+        typer.Option("--largest-size", help="Also find the largest module that stays clear."),
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object as the last line.")
     ] = False,
@@ -33,8 +40,10 @@ def verify(
         refuse(error, as_json)
     except TimelineError as error:
         refuse(InputError("no-timeline", str(error)), as_json)
+    largest = _largest(directory, found) if largest_size and found.verified else None
     if as_json:
-        print(json.dumps(found.as_dict()), flush=True)
+        sized = {"largest_size": largest} if largest_size else {}
+        print(json.dumps({**found.as_dict(), **sized}), flush=True)
     else:
         console = Console(soft_wrap=True, highlight=False)
         for line in found.problems or (found.certificate.verdict,):
@@ -45,5 +54,14 @@ def verify(
                 f"{found.replay.pose_difference:.1g} pitch, deepest overlap "
                 f"{found.replay.overlap:.2g} pitch"
             )
+        if largest is not None:
+            console.print(f"clear up to a module size of {largest:.3f} of the pitch")
     if not found.verified:
         raise typer.Exit(3)
+
+
+def _largest(directory: Path, found: Verification) -> float:
+    """The largest size at which the plan's motion is clear."""
+    plan = Plan.load(directory / "plan.npz")
+    clear_at = found.certificate.module_size
+    return find_largest(plan.chain, (plan.joint_angles_rad,), clear_at=clear_at)

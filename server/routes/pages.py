@@ -17,6 +17,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
+from planner.chain import Chain
 from planner.errors import PlannerError
 from planner.readers import read
 from planner.timeline import chain_from_attributes
@@ -24,6 +25,7 @@ from server.routes.facts import fold_facts, shown_name
 from server.routes.finding import Found, find_fold
 from web.colours import ERROR, NEUTRAL, UNKNOWN, css
 from web.isometric import isometric_svg
+from web.isometric_modules import chain_svg
 
 if TYPE_CHECKING:
     from server.gallery import Gallery
@@ -62,7 +64,9 @@ KINDS: Final = {
     "sign": "Signs",
     "plant": "Plants",
     "paper": "From the paper",
+    "tetrahedra": "Tetrahedra",
 }
+PLURALS: Final = {"cube": "modules", "tetrahedron": "tetrahedra"}
 PAWN: Final = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1))
 
 
@@ -183,6 +187,7 @@ def _cards(gallery: Gallery) -> list[dict[str, Any]]:
             "name": shape.name,
             "title": shown_name(shape.title),
             "modules": shape.modules,
+            "count": f"{shape.modules} {PLURALS.get(shape.module, shape.module)}",
             "tags": shape.tags or (("solid",) if shape.name.startswith("box-") else ("paper",)),
         }
         for shape in gallery.shapes()
@@ -203,7 +208,7 @@ def _still(gallery: Gallery, name: str, size: int) -> str | None:
     if shape is None:
         return None
     try:
-        return isometric_svg(_cells(read(shape.data, filename=shape.filename)), size=size)
+        return chain_svg(_chain(read(shape.data, filename=shape.filename)), size=size)
     except PlannerError:
         return None
 
@@ -231,18 +236,16 @@ def _drawing_of(path: Path, is_chain: bool) -> str:
     try:
         noted = json.loads(path.read_text(encoding="utf-8"))
         if is_chain:
-            cells = np.rint(chain_from_attributes(noted).folded_poses.positions).astype(int)
-        else:
-            cells = np.array(noted, dtype=int).reshape(-1, 3)
+            chain = chain_from_attributes(noted)
+            return chain_svg(chain) if len(chain) <= LARGEST_DRAWING else ""
+        cells = np.array(noted, dtype=int).reshape(-1, 3)
     except (PlannerError, OSError, ValueError, KeyError):
         pass  # a drawing is not worth an error
     return isometric_svg(cells) if 0 < len(cells) <= LARGEST_DRAWING else ""
 
 
-def _cells(read_in: Any) -> Any:
-    if hasattr(read_in, "cells"):
-        return read_in.cells
-    return np.rint(read_in.folded_poses.positions).astype(int)
+def _chain(read_in: Any) -> Chain:
+    return read_in if isinstance(read_in, Chain) else Chain.from_path(read_in)
 
 
 def new_visitor() -> str:

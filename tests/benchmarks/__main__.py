@@ -16,12 +16,14 @@ from tests.benchmarks.machine import machine
 from tests.benchmarks.meshes import meshes
 from tests.benchmarks.page import page
 from tests.benchmarks.paths import paths
+from tests.benchmarks.tetrahedra import tetrahedra
 
 SECTIONS = {
     "folds": folds,
     "gallery": gallery,
     "meshes": meshes,
     "paths": paths,
+    "tetrahedra": tetrahedra,
     "page": page,
     "direct": direct,
     "paper": paper,

@@ -30,12 +30,12 @@ class Run:
     peak_mb: float
 
 
-def fold(shape: str, *options: str) -> Run:
-    """Folds an example shape in a process of its own."""
+def fold(shape: str, *options: str, out: Path | None = None) -> Run:
+    """Folds an example shape or a file in a process of its own, and keeps the plan in ``out``."""
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as directory:
         command = [
             *(sys.executable, "-m", "server.command_line", "fold", shape),
-            *("--out", str(Path(directory) / "fold"), "--json", *options),
+            *("--out", str(out or Path(directory) / "fold"), "--json", *options),
         ]
         begun = time.perf_counter()
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)

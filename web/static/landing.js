@@ -64,6 +64,20 @@ async function send(file, asVoxels = false) {
   }
 }
 
+// A chain typed as one sign for each hinge is a file as well.
+const ANGLES = "foldback-angles/1";
+function sendTyped() {
+  send(new File([`${ANGLES}\n${get("angles").value}`], "chain.txt", { type: "text/plain" }));
+}
+get("type").onclick = () => {
+  const open = get("typing").hidden;
+  get("typing").hidden = !open;
+  get("type").setAttribute("aria-expanded", String(open));
+  if (open) get("angles").focus();
+};
+get("typed").onclick = sendTyped;
+get("angles").addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); sendTyped(); } });
+
 function offer(file) {
   const button = get("drop-voxels");
   button.hidden = !file;

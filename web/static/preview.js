@@ -17,6 +17,7 @@ const HINTS = {
 // Wishes live in the address, so that a link shows the same.
 const query = new URLSearchParams(location.search);
 const wishes = {
+  module: query.get("module") === "tetrahedron" ? "tetrahedron" : "cube",
   modules: Number(query.get("modules")) || null,
   method: HINTS[query.get("method")] ? query.get("method") : "auto",
   ends: query.get("ends") === "surface" ? "surface" : "any",
@@ -44,7 +45,7 @@ function form() {
 function remember() {
   const kept = new URLSearchParams();
   for (const [key, value] of Object.entries(wishes)) {
-    if (value && value !== "auto" && value !== "any") kept.set(key, String(value));
+    if (value && !["auto", "any", "cube"].includes(value)) kept.set(key, String(value));
   }
   history.replaceState(null, "", `${location.pathname}${kept.size ? `?${kept}` : ""}`);
 }
@@ -134,7 +135,9 @@ function show() {
 
   const resizable = kind === "mesh";
   const fixed = kind === "path" || kind === "chain";
+  get("what").hidden = kind === "chain";
   get("how").hidden = fixed;
+  get("method-part").hidden = get("method-hint").hidden = wishes.module !== "cube";
   get("modules-part").hidden = !resizable;
   if (resizable && !wishes.modules) set(modules, false);
   const asked = report.asked ?? modules;
@@ -211,7 +214,7 @@ function repairs(feasibility) {
     };
     return button;
   });
-  if (wishes.method !== "blocks") {
+  if (wishes.method !== "blocks" && wishes.module === "cube") {
     const button = element("button", { type: "button", class: "button" }, "Use blocks: 2×2×2 modules for each voxel");
     button.onclick = () => { choose("method", "blocks"); elsewhere(); look(); };
     ways.push(button);
@@ -238,7 +241,7 @@ get("modules").addEventListener("input", () => { set(modulesAt(Number(get("modul
 get("modules-number").addEventListener("change", () => { set(Number(get("modules-number").value)); look(); });
 get("seed").addEventListener("change", () => { wishes.seed = Math.max(0, Math.floor(Number(get("seed").value)) || 0); elsewhere(); look(); });
 for (const input of document.querySelectorAll(".choice input")) {
-  input.addEventListener("change", () => { choose(input.name, input.value); if (input.name === "method") elsewhere(); look(); });
+  input.addEventListener("change", () => { choose(input.name, input.value); if (input.name !== "ends") elsewhere(); look(); });
 }
 get("unrepair").onclick = () => { wishes.repair = false; elsewhere(); look(); };
 get("start-button").onclick = () => {
@@ -298,6 +301,7 @@ control.on("closed", ({ code, reason }) => {
 });
 
 addEventListener("pageshow", (event) => { if (event.persisted) busy(false); });
+choose("module", wishes.module);
 choose("method", wishes.method);
 choose("ends", wishes.ends);
 get("seed").value = wishes.seed;

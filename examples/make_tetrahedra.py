@@ -1,0 +1,86 @@
+"""Makes the gallery's chains of tetrahedra: `python examples/make_tetrahedra.py`.
+
+Each cell of a shape becomes a ring of twelve tetrahedra; one trail goes through all of them. The
+same script makes the same files. `run_gallery.py` folds them.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from planner.chain import Chain
+from planner.formats import write_chain
+from planner.honeycomb import dodecahedron_pairs
+from planner.pathfinding.tetrahedra import find_trails
+from planner.pathfinding.trails import circuit, opened
+from planner.shapes import Shape
+from planner.trails import Trail
+
+HERE = Path(__file__).parent
+Cells = list[tuple[int, ...]]
+
+
+def box(a: int, b: int, c: int) -> Cells:
+    """All cells of a box."""
+    return list(product(range(a), range(b), range(c)))
+
+
+def drawn(*rows: str) -> Cells:
+    """Cells of a picture: y to the right, z upward."""
+    return [
+        (0, y, len(rows) - 1 - z)
+        for z, row in enumerate(rows)
+        for y, mark in enumerate(row)
+        if mark == "#"
+    ]
+
+
+SHAPES: tuple[tuple[str, str, tuple[str, ...], Cells], ...] = (
+    ("tetra-ring", "Ring of twelve", ("tetrahedra", "ring"), box(1, 1, 1)),
+    ("tetra-bar", "Bar", ("tetrahedra", "solid"), box(8, 1, 1)),
+    ("tetra-cube-2", "Cube 2×2×2", ("tetrahedra", "solid"), box(2, 2, 2)),
+    ("tetra-cube-3", "Cube 3×3×3", ("tetrahedra", "solid"), box(3, 3, 3)),
+    ("tetra-slab", "Slab 4×4×2", ("tetrahedra", "solid"), box(4, 4, 2)),
+    (
+        "tetra-wrench",
+        "Wrench",
+        ("tetrahedra", "tool"),
+        drawn("##..........", ".##.........", "..##########", ".##.........", "##.........."),
+    ),
+    (
+        "tetra-mallet",
+        "Mallet",
+        ("tetrahedra", "tool"),
+        [*((0, y, 1) for y in range(8)), *((x, 8 + y, z) for x, y, z in box(1, 2, 4))],
+    ),
+    ("tetra-frame", "Square ring", ("tetrahedra", "ring"), drawn("####", "#..#", "#..#", "####")),
+    (
+        "tetra-letter-f",
+        "Letter F",
+        ("tetrahedra", "letter"),
+        drawn("###", "#..", "##.", "#..", "#.."),
+    ),
+)
+
+
+def main() -> None:
+    """Writes the files."""
+    for name, title, tags, cells in SHAPES:
+        trail = find_trails(Shape.from_cells(np.array(cells), name=name)).trails[0]
+        save(name, title, tags, trail)
+    ring = opened(circuit(dodecahedron_pairs(np.zeros((1, 3), dtype=np.int64))), 0)
+    trail = Trail.from_nodes(ring, name="tetra-dodecahedron")
+    save(trail.name, "Rhombic dodecahedron", ("tetrahedra", "solid"), trail)
+
+
+def save(name: str, title: str, tags: tuple[str, ...], trail: Trail) -> None:
+    """Writes the chain of a trail."""
+    data = write_chain(Chain.from_trail(trail), title=title, tags=tags)
+    (HERE / "shapes" / f"{name}.json").write_bytes(data)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,35 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from examples import make_tetrahedra
+from planner.chain import Chain
+from planner.modules import TETRAHEDRON
+from planner.readers import read
+from server.gallery import gallery
+
+SHAPES = Path(make_tetrahedra.__file__).parent / "shapes"
+CHAINS = [shape for shape in gallery() if shape.module == TETRAHEDRON.name]
+
+
+def test_the_files_are_made_the_same_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(make_tetrahedra, "HERE", tmp_path)
+    (tmp_path / "shapes").mkdir()
+    make_tetrahedra.main()
+    made = {file.name: file.read_bytes() for file in (tmp_path / "shapes").iterdir()}
+    there = {file.name: file.read_bytes() for file in SHAPES.glob("tetra-*.json")}
+    assert made == there
+    assert len(there) == len(CHAINS) >= 10
+
+
+@pytest.mark.parametrize("shape", CHAINS, ids=[shape.name for shape in CHAINS])
+def test_each_is_a_folded_chain_on_the_lattice(shape) -> None:  # pyright: ignore
+    chain = read(shape.data, filename=shape.filename)
+    assert isinstance(chain, Chain)
+    assert len(chain) == shape.modules <= 400
+    twice = 2.0 * chain.folded_poses.positions
+    np.testing.assert_allclose(twice, np.rint(twice), atol=1e-9)
+    assert "tetrahedra" in shape.tags

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from planner.errors import InputError
+from planner.formats import write_path
+from planner.honeycomb import RING
+from planner.modules import TETRAHEDRON
+from planner.paths import Path
+from planner.preparation import Preparation, prepare
+from planner.wishes import Wishes
+
+U = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [2, 2, 0], [1, 2, 0], [0, 2, 0]]
+VOXELS = b'{"format": "foldback-voxels/1", "cells": [[0,0,0],[1,0,0],[1,1,0],[5,5,5]]}'
+
+
+def prepared(data: bytes, **wishes: object) -> Preparation:
+    return prepare(data, "shape", Wishes(module="tetrahedron", **wishes))  # pyright: ignore
+
+
+def test_the_cells_of_a_path_become_rings() -> None:
+    made = prepared(write_path(Path.from_cells(U, name="u")))
+    assert made.kind == "voxels"
+    assert len(made.chain) == RING * len(U)
+    assert made.chain.module is TETRAHEDRON
+    assert made.knot is not None
+    assert made.knot.verdict == "unknot"
+    # Each module is named by the cell in whose ring it lies: each cell twelve times.
+    cells, counts = np.unique(made.cells, axis=0, return_counts=True)
+    np.testing.assert_array_equal(cells, np.unique(U, axis=0))
+    assert set(counts) == {RING}
+
+
+def test_a_chain_begins_in_the_cell_that_was_wished_for() -> None:
+    made = prepared(write_path(Path.from_cells(U)), start=(2, 1, 0), ends="surface")
+    assert tuple(made.cells[0]) == (2, 1, 0)
+    assert made.not_started == ""
+
+
+def test_a_cell_that_is_none_is_refused() -> None:
+    with pytest.raises(InputError) as refusal:
+        prepared(write_path(Path.from_cells(U)), start=(7, 7, 7))
+    assert refusal.value.code == "not-a-cell"
+
+
+def test_parts_are_told_and_dropped_only_when_asked() -> None:
+    made = prepared(VOXELS)
+    assert not made.chains
+    assert made.feasibility is not None
+    assert [p.code for p in made.feasibility.problems] == ["disconnected"]
+    with pytest.raises(InputError, match="2 parts"):
+        _ = made.chain
+    repaired = prepared(VOXELS, repair=True)
+    assert len(repaired.chain) == 3 * RING
+    assert any("drop the other 1 cell" in note for note in repaired.notes)
+
+
+def test_a_mesh_is_filled_and_what_is_kept_is_told() -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=3)
+    data = mesh.export(file_type="stl")
+    few, many = prepared(data, modules=120), prepared(data, modules=2000)
+    assert few.iou is not None
+    assert many.iou is not None
+    assert 0.3 < few.iou < many.iou < 1.0
+    assert abs(len(many.chain) - 2000) < 200
+    report = many.report()
+    assert report["module"] == "tetrahedron"
+    assert len(report["positions"]) == len(report["wxyzs"]) == len(many.chain)
+    assert len(report["line"]) == len(many.chain) + 1
+    # The mesh lies where the chain does.
+    vertices = np.array(report["mesh"]["vertices"])
+    np.testing.assert_allclose(
+        vertices.mean(axis=0), np.array(report["positions"]).mean(axis=0), atol=1.5
+    )
+    assert report["below"] % RING == report["above"] % RING == 0
+
+
+def test_cubes_are_told_as_before() -> None:
+    made = prepare(write_path(Path.from_cells(U)), "u.json", Wishes())
+    report = made.report()
+    assert (report["module"], report["modules"], report["wxyzs"]) == ("cube", len(U), None)
+    assert report["line"] == report["positions"]
+
+
+def test_an_unknown_module_is_refused() -> None:
+    with pytest.raises(InputError) as refusal:
+        prepare(b"[[0,0,0],[1,0,0],[2,0,0]]", None, Wishes(module="sphere"))
+    assert refusal.value.code == "unknown-module"

@@ -1,0 +1,121 @@
+"""Chains of tetrahedra from their angles to a verified plan, on the same code as cubes."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from planner.chain import Chain
+from planner.clearance import closest
+from planner.errors import InputError
+from planner.folding import fold
+from planner.formats import write_chain
+from planner.modules import TETRAHEDRON
+from planner.pathfinding.tetrahedra import find_trails
+from planner.readers import read
+from planner.readers.angle_strings import read_angle_string
+from planner.shapes import Shape
+from planner.sizes import largest_size
+from planner.sweep import sweep
+from planner.verification import verify
+
+RING = "- - - + - - - + - - -"
+
+
+@pytest.fixture(scope="module")
+def folded_ring(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("ring")
+    fold(read_angle_string(RING, name="ring"), directory=directory)
+    return directory
+
+
+def cube(side: int) -> Chain:
+    cells = np.array(list(product(range(side), repeat=3)))
+    return Chain.from_trail(find_trails(Shape.from_cells(cells)).trails[0])
+
+
+def test_a_ring_folds_and_a_second_look_agrees(folded_ring: Path) -> None:
+    found = verify(folded_ring)
+    assert found.verified, found.problems
+    assert found.certificate.min_clearance is not None
+    assert found.certificate.min_clearance > 0.0
+
+
+def test_a_solid_folds(tmp_path: Path) -> None:
+    plan = fold(cube(2), directory=tmp_path)
+    assert len(plan.chain) == 96
+    assert plan.certificate.verdict == "verified"
+    assert plan.certificate.rms_position_error is not None
+    assert plan.certificate.rms_position_error <= 0.01
+
+
+def test_neighbours_are_looked_at_too() -> None:
+    """A hinge keeps two tetrahedra apart only up to a right angle; cubes share their joint."""
+    chain = Chain.from_angles(TETRAHEDRON, np.zeros(2))
+    poses = chain.poses(np.deg2rad([100.0, 0.0]), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    found = closest(TETRAHEDRON, poses.positions, poses.rotations, size=0.99)
+    assert found.clearance < 0.0
+    assert found.modules == (0, 1)
+
+
+def test_plain_mujoco_gives_the_plans_poses(folded_ring: Path) -> None:
+    model = mujoco.MjModel.from_xml_path(str(folded_ring / "model.xml"))
+    data = mujoco.MjData(model)
+    chain = read_angle_string(RING)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("folded").id)
+    mujoco.mj_kinematics(model, data)
+    sites = np.array([data.site(f"module_{i}").xpos for i in range(12)])
+    wanted = chain.folded_poses.positions
+    np.testing.assert_allclose(
+        np.linalg.norm(sites[:, None] - sites[None], axis=-1),
+        np.linalg.norm(wanted[:, None] - wanted[None], axis=-1),
+        atol=1e-9,
+    )
+
+
+def test_a_chain_file_keeps_its_place() -> None:
+    chain = cube(2)
+    again = read(write_chain(chain, title="Cube", tags=("solid",)))
+    assert isinstance(again, Chain)
+    np.testing.assert_allclose(
+        again.folded_poses.positions, chain.folded_poses.positions, atol=1e-9
+    )
+    np.testing.assert_array_equal(again.folded_rad, chain.folded_rad)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "code"),
+    [
+        ("first_wxyz", [0, 0, 0, 0], "bad-orientation"),
+        ("first_wxyz", [1, 0, 0], "wrong-type"),
+        ("first_position", ["a", 0, 0], "wrong-type"),
+        ("joint_angles_deg", [0, 91.5], "out-of-range"),
+        ("joint_angles_deg", [[0, 90], 0], "wrong-count"),
+    ],
+)
+def test_bad_chain_files_are_refused(key: str, value: object, code: str) -> None:
+    import json
+
+    document = {
+        "format": "foldback-chain/1",
+        "module": "tetrahedron",
+        "joint_angles_deg": [0, 90],
+        key: value,
+    }
+    with pytest.raises(InputError) as refusal:
+        read(json.dumps(document).encode())
+    assert refusal.value.code == code
+
+
+def test_the_largest_size_is_the_largest() -> None:
+    chain = read_angle_string(RING)
+    # From straight half way to folded, evenly: never closer than at its end.
+    motion = np.linspace(0.0, 1.0, 40)[:, None] * chain.folded_rad[None]
+    partly = motion[:24]
+    size = largest_size(chain, (partly,), clear_at=0.5)
+    assert sweep(chain, partly, size=size).clearance >= 0.0
+    assert size == 1.0 or sweep(chain, partly, size=size + 0.01).clearance < 0.0
