@@ -6,9 +6,10 @@ import sys
 import tempfile
 from pathlib import Path as FilePath
 
+from planner.chain import Chain
 from planner.paths import Path
 from planner.readers import read
-from web.isometric import isometric_svg
+from web.isometric_modules import chain_svg
 
 SHAPES = FilePath(__file__).parent / "shapes"
 
@@ -16,11 +17,12 @@ SHAPES = FilePath(__file__).parent / "shapes"
 def main() -> None:
     folder = FilePath(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp())
     for file in sorted(SHAPES.glob("*.json")):
-        path = read(file.read_bytes())
-        assert isinstance(path, Path)
-        drawing = isometric_svg(path.cells, title=path.name, mark_ends=True)
+        shape = read(file.read_bytes())
+        assert isinstance(shape, Path | Chain)
+        chain = shape if isinstance(shape, Chain) else Chain.from_path(shape)
+        drawing = chain_svg(chain, title=chain.name)
         (folder / f"{file.stem}.svg").write_text(drawing, encoding="utf-8")
-        print(f"{folder / file.stem}.svg: {len(path)} modules, {len(drawing) / 1000:.0f} kB")
+        print(f"{folder / file.stem}.svg: {len(chain)} modules, {len(drawing) / 1000:.0f} kB")
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from planner.trails import hinge_axes
 Nodes = NDArray[np.int64]
 
 
-def circuit(pairs: Nodes, rng: np.random.Generator | None = None) -> Nodes:
+def circuit(pairs: Nodes, along: NDArray[np.float64] | None = None) -> Nodes:
     """A circuit that uses each tetrahedron once and never goes straight through where four meet.
 
     At a node with all four tetrahedra, joining opposite ones would lead the chain through itself;
@@ -21,7 +21,7 @@ def circuit(pairs: Nodes, rng: np.random.Generator | None = None) -> Nodes:
 
     Args:
         pairs: (n, 2, 3) node pairs, each tetrahedron once.
-        rng: Decides at which nodes circuits are merged; in the order of the nodes when None.
+        along: (3,) direction in which one looks for nodes at which to merge circuits; x when None.
 
     Returns:
         (n + 1, 3) nodes in order; the last one is the first.
@@ -49,9 +49,9 @@ def circuit(pairs: Nodes, rng: np.random.Generator | None = None) -> Nodes:
     ends_at = np.full((len(nodes), 4), -1)
     rank = np.arange(2 * n) - np.repeat(np.cumsum(counts) - counts, counts)
     ends_at[ends[order], rank] = order
-    if rng is not None:
-        shuffled = rng.permutation(len(nodes))
-        ends_at, counts = ends_at[shuffled], counts[shuffled]
+    if along is not None:
+        met = np.argsort(nodes @ along, kind="stable")
+        ends_at, counts = ends_at[met], counts[met]
     partner = np.full(2 * n, -1)
     parts = int(one_circuit(ends_at, counts, partner))
     if parts > 1:

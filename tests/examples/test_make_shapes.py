@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import pytest
 
+from examples import make_tetrahedra
 from examples.make_gallery import drawings
 from examples.make_shapes import DRAWINGS, SHAPES, Drawing, make, merged_blocks, snake
 from planner.paths import Path
@@ -25,7 +26,8 @@ def test_a_drawing_is_made_the_same_again(shape: Drawing) -> None:
 
 
 def test_there_is_no_file_without_a_drawing() -> None:
-    drawn = [shape.name for shape in (*DRAWINGS, *drawings())]
+    made = [name for name, *_ in make_tetrahedra.SHAPES] + ["tetra-dodecahedron"]
+    drawn = [*(shape.name for shape in (*DRAWINGS, *drawings())), *made]
     assert sorted(file.stem for file in SHAPES.glob("*.json")) == sorted(drawn)
     assert [len(shape.cells) for shape in DRAWINGS] == [
         *(24, 24, 64, 80, 80, 94, 160, 160, 192, 64, 216)

@@ -131,7 +131,8 @@ function show() {
   get("name").textContent = name;
   document.title = `${name}, preview · foldback`;
   const kept = iou === null ? "" : ` · ${Math.round(100 * iou)} % of the shape`;
-  get("verdict").textContent = path ? `${whole(modules)} modules${kept}` : `${whole(modules)} cells, no path yet`;
+  const parts = report.module === "cube" ? "modules" : "tetrahedra";
+  get("verdict").textContent = path ? `${whole(modules)} ${parts}${kept}` : `${whole(modules)} cells, no path yet`;
 
   const resizable = kind === "mesh";
   const fixed = kind === "path" || kind === "chain";
