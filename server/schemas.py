@@ -136,6 +136,7 @@ class Shape(BaseModel):
 
     name: str
     title: str
+    module: str = Field(description="`cube` or `tetrahedron`.")
     modules: int
     tags: list[str] = Field(description="What kind of shape it is.")
 
@@ -200,6 +201,7 @@ class Preview(BaseModel):
     key: str = Field(description="Stands for the wishes.")
     kind: Literal["path", "chain", "voxels", "mesh"]
     name: str
+    module: Literal["cube", "tetrahedron"]
     modules: int
     asked: int | None
     below: int | None = Field(description="The nearest reachable number of modules below.")
@@ -221,13 +223,19 @@ class Preview(BaseModel):
         description="Why no path begins there; the path is another one then. Empty when one does."
     )
     expected_s: float = Field(description="About how long the fold will take.")
-    mesh: PlacedMesh | None
+    positions: list[list[float]] | None = Field(
+        description="Of the folded chain's modules; None without a chain."
+    )
+    wxyzs: list[list[float]] | None = Field(description="Their orientations; None for cubes.")
+    line: list[list[float]] | None = Field(description="The folded chain's course.")
+    mesh: PlacedMesh | None = Field(description="The solid, in the folded chain's space.")
     links: PreviewLinks
 
     @classmethod
     def of(cls, preview_id: str, key: str, report: dict[str, Any], *, full: bool) -> Preview:
         """The report of a preview; without what is large unless ``full``."""
-        large = {} if full else {"cells": [], "mesh": None}
+        without = {"cells": [], "mesh": None, "positions": None, "wxyzs": None, "line": None}
+        large = {} if full else without
         links = PreviewLinks(page=f"/previews/{preview_id}", folds="/api/folds")
         return cls.model_validate({**report, **large, "id": preview_id, "key": key, "links": links})
 

@@ -27,7 +27,13 @@ def get_shapes(context: Here) -> Shapes:
     """Example shapes that `POST /api/folds` takes by name."""
     return Shapes(
         shapes=[
-            Shape(name=shape.name, title=shape.title, modules=shape.modules, tags=list(shape.tags))
+            Shape(
+                name=shape.name,
+                title=shape.title,
+                module=shape.module,
+                modules=shape.modules,
+                tags=list(shape.tags),
+            )
             for shape in context.gallery.shapes()
         ]
     )
