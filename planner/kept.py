@@ -8,7 +8,6 @@ import numpy as np
 
 from planner.filling import Filled
 from planner.honeycomb import tetrahedra_at
-from planner.modules import CUBE
 from planner.sampling import sample
 from planner.solids import Solid
 from planner.voxeliser import Voxels
@@ -20,11 +19,11 @@ SAMPLES: Final = 6
 def kept(solid: Solid, voxels: Voxels, filled: Filled) -> float:
     """Intersection over union of the folded modules with the solid.
 
-    Cubes fill their cells, so that theirs is that of the voxels; of other modules it is estimated
-    from points spread evenly at random, to about a hundredth.
+    Modules that fill their cells keep what the voxels keep; for others it is estimated from points
+    spread evenly at random, to about a hundredth.
     """
     chain = filled.chains[0]
-    if chain.module is CUBE:
+    if chain.module.fills_cell:
         return voxels.iou
     centres = filled.line[:-1] + filled.line[1:]
     low, high = 0.5 * centres.min(axis=0) - 1.5, 0.5 * centres.max(axis=0) + 1.5

@@ -44,6 +44,7 @@ class Module:
         volume: Of the full-size hull, in cubic pitches.
         inertia: (3,) principal moments of the full-size hull with mass 1, along the frame's axes.
         apart: Modules fewer links apart than this may lie in one another by the joint's nature.
+        fills_cell: Whether a folded module fills one cell of the cubic lattice.
         geom: How a simulation draws the hull: ``box`` or the convex ``mesh`` of its corners.
     """
 
@@ -62,6 +63,7 @@ class Module:
     volume: float
     inertia: Array
     apart: int
+    fills_cell: bool
     geom: Literal["box", "mesh"]
 
     @cached_property
@@ -109,6 +111,7 @@ CUBE: Final = Module(
     volume=1.0,
     inertia=_frozen([1.0 / 6.0, 1.0 / 6.0, 1.0 / 6.0]),
     apart=2,
+    fills_cell=True,
     geom="box",
 )
 """Cubes, each link of length 1, a universal joint (hinges z, then y) at each cube's centre."""
@@ -139,6 +142,7 @@ TETRAHEDRON: Final = Module(
     volume=2.0 / 3.0,
     inertia=_frozen([0.2, 0.15, 0.15]),
     apart=1,
+    fills_cell=False,
     geom="mesh",
 )
 """Right-angle tetrahedra (tetragonal disphenoids), hinged to each other along their long edges.

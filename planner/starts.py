@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import InputError
-from planner.modules import CUBE
 from planner.pathfinding.exact import index_of
 from planner.pathfinding.obstacles import Cell
 from planner.paths import Path
@@ -50,7 +49,7 @@ def started(chain: Chain, start: Cell | None) -> tuple[Chain, str]:
     """
     if start is None:
         return chain, ""
-    if chain.module is not CUBE:
+    if not chain.module.fills_cell:
         return chain, "The order is given: this chain begins where it begins."
     cells = np.rint(chain.folded_poses.positions).astype(np.int64)
     at = index_of(cells, start)

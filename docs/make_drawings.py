@@ -1,0 +1,42 @@
+"""Draws the README's still pictures: the same wrench in cubes and in tetrahedra.
+
+Run from the repository's root::
+
+    .venv/bin/python docs/make_drawings.py
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
+
+from planner.chain import Chain  # noqa: E402
+from planner.paths import Path as CellPath  # noqa: E402
+from planner.readers import read  # noqa: E402
+from web.isometric_modules import chain_svg  # noqa: E402
+
+PICTURES = (
+    ("wrench-cubes.svg", "wrench-128", "A wrench of 128 cubes"),
+    ("wrench-tetrahedra.svg", "tetra-wrench", "The same wrench of 192 tetrahedra"),
+)
+
+
+def drawn(shape: str, title: str) -> str:
+    """The drawing of an example shape."""
+    found = read((ROOT / "examples" / "shapes" / f"{shape}.json").read_bytes())
+    assert isinstance(found, CellPath | Chain)
+    chain = found if isinstance(found, Chain) else Chain.from_path(found)
+    return chain_svg(chain, size=380, title=title) + "\n"
+
+
+def main() -> None:
+    """Writes the pictures."""
+    for name, shape, title in PICTURES:
+        (ROOT / "docs" / name).write_text(drawn(shape, title), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
