@@ -58,7 +58,7 @@ def bridged(cells: NDArray[np.bool_], filled: NDArray[np.float64]) -> Bridged:
     wanted = {int(p) for p in order[: MOST_BRIDGES + 1] if p != main and sizes[p - 1] >= least}
     joined = numbers == main
     added = 0
-    for end, came_from in _ways(numbers, filled, main, wanted):
+    for end, came_from in _ways(numbers, filled, main, wanted) if wanted else ():
         joined |= numbers == numbers[end]
         cell: Cell | None = end
         while cell is not None:
@@ -83,7 +83,7 @@ def _ways(
     cost: dict[Cell, float] = {}
     came_from: dict[Cell, Cell] = {}
     queue: list[tuple[float, Cell]] = []
-    for row in np.argwhere(numbers == main).tolist():
+    for row in np.argwhere(_rim(numbers, filled, main)).tolist():
         start: Cell = (row[0], row[1], row[2])
         cost[start] = 0.0
         queue.append((0.0, start))
@@ -109,3 +109,12 @@ def _ways(
                 came_from[near] = cell
                 heapq.heappush(queue, (paid + price, near))
     return found
+
+
+def _rim(numbers: NDArray[np.int32], filled: NDArray[np.float64], main: int) -> NDArray[np.bool_]:
+    """The cells of the main part from which a way may lead out."""
+    free = np.pad((numbers != main) & ((filled > 0.0) | (numbers > 0)), 1)
+    near = np.zeros(free.shape, dtype=np.bool_)
+    for axis in range(3):
+        near |= np.roll(free, 1, axis) | np.roll(free, -1, axis)
+    return near[1:-1, 1:-1, 1:-1] & (numbers == main)

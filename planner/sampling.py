@@ -68,7 +68,13 @@ def too_fine(pitch: float, extents: Floats) -> InputError:
 
 
 def sample(
-    solid: Solid, *, pitch: float, size: int, rotation: Floats, turned: Floats | None = None
+    solid: Solid,
+    *,
+    pitch: float,
+    size: int,
+    rotation: Floats,
+    turned: Floats | None = None,
+    bounds: tuple[Floats, Floats] | None = None,
 ) -> Sampling:
     """Samples the inside of a solid.
 
@@ -81,13 +87,15 @@ def sample(
         size: Samples along it, an even number.
         rotation: (3, 3) how to turn the solid before.
         turned: (V, 3) its vertices turned, where they are at hand.
+        bounds: Two (3,) corners of the box that is sampled, around all of ``turned``; as tight as
+            it can be where there are none.
 
     Raises:
         InputError: ``too-fine`` when there would be too many samples.
     """
     if turned is None:
         turned = solid.vertices @ rotation.T
-    low, high = turned.min(axis=0), turned.max(axis=0)
+    low, high = (turned.min(axis=0), turned.max(axis=0)) if bounds is None else bounds
     middle = (low + high) / 2.0
     shape = grid_of(high - low, pitch, size)
     if float(np.prod(shape.astype(np.float64))) > MOST_SAMPLES:

@@ -93,17 +93,29 @@ def vote_by_parity(marks: Array, votes: Array) -> None:
 
 
 @njit(cache=True)
-def window_sums(inside: Array, size: int) -> Array:
-    """(X−s+1, Y−s+1, Z−s+1) number of samples in each cube of s³ samples."""
+def block_sums(inside: Array, side: int) -> Array:
+    """(X/side, Y/side, Z/side) int16 number of samples in each block of side³ samples."""
     n_x, n_y, n_z = inside.shape
+    sums = np.zeros((n_x // side, n_y // side, n_z // side), dtype=np.int16)
+    for i in range(sums.shape[0] * side):
+        for j in range(sums.shape[1] * side):
+            for k in range(sums.shape[2] * side):
+                sums[i // side, j // side, k // side] += inside[i, j, k]
+    return sums
+
+
+@njit(cache=True)
+def window_sums(parts: Array, size: int) -> Array:
+    """(X−s+1, Y−s+1, Z−s+1) int16 sum of the parts in each cube of s³ of them."""
+    n_x, n_y, n_z = parts.shape
     along_z = np.zeros((n_x, n_y, n_z - size + 1), dtype=np.int16)
     for i in range(n_x):
         for j in range(n_y):
             total = 0
             for k in range(n_z):
-                total += inside[i, j, k]
+                total += parts[i, j, k]
                 if k >= size:
-                    total -= inside[i, j, k - size]
+                    total -= parts[i, j, k - size]
                 if k >= size - 1:
                     along_z[i, j, k - size + 1] = total
     along_y = np.zeros((n_x, n_y - size + 1, along_z.shape[2]), dtype=np.int16)
@@ -122,12 +134,22 @@ def window_sums(inside: Array, size: int) -> Array:
 
 
 @njit(cache=True)
-def window_histograms(sums: Array, size: int) -> Array:
-    """(s, s, s, s³ + 1) how many windows of each offset hold how many samples."""
-    found = np.zeros((size, size, size, size**3 + 1), dtype=np.int64)
+def window_histograms(sums: Array, size: int, full: int, levels: int) -> tuple[Array, Array]:
+    """Two (s, s, s, levels + 1): for each offset how many windows are how full, and their sums.
+
+    Args:
+        sums: (X, Y, Z) of windows of ``size`` parts along each axis.
+        size: Offsets along each axis.
+        full: What the sum of a full window is.
+        levels: Into how many steps fullness is told apart.
+    """
+    windows = np.zeros((size, size, size, levels + 1), dtype=np.int64)
+    samples = np.zeros((size, size, size, levels + 1), dtype=np.int64)
     for i in range(sums.shape[0]):
         for j in range(sums.shape[1]):
             for k in range(sums.shape[2]):
                 if sums[i, j, k]:
-                    found[i % size, j % size, k % size, sums[i, j, k]] += 1
-    return found
+                    level = sums[i, j, k] * levels // full
+                    windows[i % size, j % size, k % size, level] += 1
+                    samples[i % size, j % size, k % size, level] += sums[i, j, k]
+    return windows, samples
