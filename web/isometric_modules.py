@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain import Chain
+from planner.modules import Module
 from web.isometric import MARGIN, UNIT, isometric_svg
 from web.sketch import sketch_outline
 
@@ -41,14 +42,34 @@ def chain_svg(chain: Chain, *, size: int = 320, title: str | None = None) -> str
         title: What a screen reader says; without one the drawing counts as decoration.
     """
     poses = chain.folded_poses
-    if chain.module.geom == "box":
-        return isometric_svg(np.rint(poses.positions).astype(np.int64), size=size, title=title)
-    outline = sketch_outline(chain.module, len(chain))
+    return modules_svg(chain.module, poses.positions, poses.rotations, size=size, title=title)
+
+
+def modules_svg(
+    module: Module,
+    positions: Array,
+    rotations: Array,
+    *,
+    size: int = 320,
+    title: str | None = None,
+) -> str:
+    """Draws modules where they lie; see ``chain_svg``.
+
+    Args:
+        module: Their kind.
+        positions: (n, 3) in pitches.
+        rotations: (n, 3, 3).
+        size: Width and height in CSS pixels; the drawing scales.
+        title: What a screen reader says; without one the drawing counts as decoration.
+    """
+    if module.geom == "box":
+        return isometric_svg(np.rint(positions).astype(np.int64), size=size, title=title)
+    outline = sketch_outline(module, len(positions))
     faces, normals = np.array(outline["faces"]), np.array(outline["normals"])
     # (n, F, 3) normals and (n, F, C, 3) corners; faces that two modules share are not drawn.
-    turned = np.einsum("nij,fj->nfi", poses.rotations, normals)
-    local = chain.module.vertices[faces]
-    placed = poses.positions[:, None, None] + np.einsum("nij,fcj->nfci", poses.rotations, local)
+    turned = np.einsum("nij,fj->nfi", rotations, normals)
+    local = module.vertices[faces]
+    placed = positions[:, None, None] + np.einsum("nij,fcj->nfci", rotations, local)
     seen = (turned @ EYE > 1e-6) & _outer(placed)
     corners, facing = placed[seen], turned[seen]
     order = np.argsort((corners.mean(axis=1) @ EYE), kind="stable")

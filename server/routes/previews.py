@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fastapi import APIRouter, Request, WebSocket
 from fastapi.responses import HTMLResponse, Response
 
 from server.addresses import address_of
-from server.previews import KEY, NoSuchPreviewError, read_report
+from server.previews import KEY, NoSuchPreviewError, Previews, read_report
 from server.routes.facts import shown_name
 from server.routes.pages import new_visitor, not_found_page, page, script_json
 from server.routes.viewers import (
@@ -19,6 +21,7 @@ from server.routes.viewers import (
     client_page,
 )
 from web.preview import PreviewPlayer
+from web.preview_drawing import preview_svg
 from web.viewers import VISITOR, Viewer
 
 if TYPE_CHECKING:
@@ -56,6 +59,20 @@ async def preview_page(request: Request, preview_id: str) -> Response:
     return page("preview.html", facts=facts, facts_json=script_json(facts))
 
 
+@router.get("/previews/{preview_id}/drawing.svg")
+async def drawing_of_preview(request: Request, preview_id: str, key: str = "") -> Response:
+    """A drawing of what came of the wishes of that key, in nobody's words but ours."""
+    previews = request.app.state.context.previews
+    svg = await asyncio.to_thread(_drawing, previews, preview_id, key)
+    if svg is None:
+        return Response("not found", status_code=404, media_type="text/plain")
+    headers = {
+        "Cache-Control": "private, max-age=3600",
+        "Content-Security-Policy": "default-src 'none'",
+    }
+    return Response(svg, media_type="image/svg+xml", headers=headers)
+
+
 @router.get("/previews/{preview_id}/view/{visitor}/")
 async def view_page(request: Request, preview_id: str, visitor: str) -> Response:
     """Viser's client, to be framed by the preview's page."""
@@ -72,6 +89,23 @@ async def view_socket(websocket: WebSocket, preview_id: str, visitor: str) -> No
 async def control_socket(websocket: WebSocket, preview_id: str, visitor: str) -> None:
     """Carries what the page wants shown to the visitor's scene."""
     await carry_control(websocket, _opener(websocket, preview_id, visitor))
+
+
+def _drawing(previews: Previews, preview_id: str, key: str) -> str | None:
+    if not KEY.fullmatch(key):
+        return None
+    try:
+        return _drawing_at(previews.directory(preview_id) / key)
+    except (NoSuchPreviewError, LookupError, ValueError):
+        return None
+
+
+@lru_cache(maxsize=32)
+def _drawing_at(place: Path) -> str | None:
+    report = read_report(place)
+    if report is None:
+        raise LookupError(place)  # so that it is looked for again
+    return preview_svg(report)
 
 
 async def _known(app: Any, preview_id: str, visitor: str) -> bool:

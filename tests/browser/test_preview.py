@@ -81,6 +81,53 @@ def test_drop_a_mesh_look_change_and_fold(visit: Visit, service: Service) -> Non
     )
 
 
+def test_a_drawing_is_there_before_the_3d_view_is_asked_for(visit: Visit, service: Service) -> None:
+    found = service.http.post(
+        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
+    ).json()
+    page = visit("/shapes/new", width=1440, height=900)
+    page.route("**/view/**", lambda route: None)  # the 3D view never comes
+    page.add_init_script(
+        """window.asked = [];
+        const getContext = HTMLCanvasElement.prototype.getContext;
+        HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+          const drawing = document.getElementById("drawing");
+          if (kind.startsWith("webgl")) asked.push([
+            document.getElementById("verdict").textContent,
+            drawing.complete && drawing.naturalWidth > 0 && !drawing.hidden]);
+          return getContext.call(this, kind, ...more);
+        };"""
+    )
+    page.goto(found["links"]["page"])
+    expect(page.locator("#drawing")).to_be_visible()
+    expect(page.locator("#cover-text")).to_have_text("Starting the 3D view…")
+    expect(page.locator("#view")).to_have_attribute("src", re.compile("/view/"))
+    [(verdict, drawn)] = page.evaluate("window.asked")
+    assert "modules" in verdict
+    assert drawn
+    keep(page, "preview-drawing-1440x900")
+    before = page.locator("#drawing").get_attribute("src")
+    page.locator("#modules-number").fill("64")
+    page.locator("#modules-number").press("Enter")
+    expect(page.locator("#drawing")).not_to_have_attribute("src", before or "")
+
+
+def test_without_webgl_the_drawing_stays_and_the_shape_can_be_folded(
+    visit: Visit, service: Service
+) -> None:
+    found = service.http.post(
+        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
+    ).json()
+    page = visit("/shapes/new", width=390, height=844)
+    page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+    page.goto(found["links"]["page"])
+    expect(page.locator("#cover-text")).to_contain_text("WebGL is missing")
+    expect(page.locator("#drawing")).to_be_visible()
+    expect(page.locator("#fold")).to_be_enabled()
+    assert page.locator("#view").get_attribute("src") is None
+    keep(page, "preview-drawing-390x844")
+
+
 def test_the_slider_asks_again_and_the_view_follows(visit: Visit, service: Service) -> None:
     found = service.http.post(
         "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}

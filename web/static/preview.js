@@ -7,6 +7,7 @@ const get = (id) => document.getElementById(id);
 const facts = JSON.parse(get("facts").textContent);
 const LEAST = 8;
 const PATIENCE_MS = 220;
+const DRAW_MS = 100;
 const HINTS = {
   auto: "The way that suits the shape.",
   blocks: "Each voxel becomes 2×2×2 modules: there is a path in any case, and it folds best.",
@@ -59,7 +60,8 @@ function busy(on) {
 
 function cover(text, more = "", still = true) {
   const cover = get("cover");
-  cover.classList.remove("gone");
+  cover.classList.remove("gone", "drawn");
+  get("drawing").hidden = true;
   cover.classList.toggle("still", still);
   get("cover-text").textContent = text;
   get("cover-more").textContent = more;
@@ -182,8 +184,40 @@ function show() {
     button.hidden = (button.dataset.layer === "solid" && !resizable) || (button.dataset.layer === "path" && !path);
   }
   control.send({ do: "show", key: report.key });
-  if (!hasWebGL()) cover("This browser shows no 3D graphics", "WebGL is missing or switched off. The figures hold all the same, and the shape can be folded.");
-  else if (viewing) uncover();
+  if (viewing) uncover();
+  else draw();
+}
+
+// A drawing stands for the 3D view until that is there, or instead of it.
+function draw() {
+  const drawing = get("drawing");
+  drawing.onload = () => {
+    if (viewing) return;
+    const cover = get("cover");
+    cover.classList.remove("gone", "still");
+    cover.classList.add("drawn");
+    drawing.hidden = false;
+    get("cover-button").hidden = true;
+    tell3d();
+    setTimeout(start3d, DRAW_MS);
+  };
+  drawing.onerror = () => { drawing.hidden = true; tell3d(); start3d(); };
+  drawing.src = `/previews/${facts.id}/drawing.svg?key=${report.key}`;
+}
+
+function tell3d() {
+  get("cover-text").textContent = flat ? "WebGL is missing or switched off, so this is a drawing." : "Starting the 3D view…";
+  get("cover-more").textContent = flat ? "The figures hold all the same, and the shape can be folded." : "";
+}
+
+// To ask is to start the browser's 3D graphics, which takes a second where they are software.
+function start3d() {
+  if (started) return;
+  started = true;
+  if (hasWebGL()) { get("view").src = get("view").dataset.src; return; }
+  flat = true;
+  if (get("drawing").hidden) cover("This browser shows no 3D graphics", "WebGL is missing or switched off. The figures hold all the same, and the shape can be folded.");
+  else tell3d();
 }
 
 // The module that was clicked, or the one that the chain was asked to begin in.
@@ -284,11 +318,13 @@ get("fold").onclick = async () => {
 // The scene.
 let viewing = false;
 let shown = false;
+let started = false;
+let flat = false;
 const control = new Control(facts.id, facts.visitor, "previews");
 const view = new View(get("view"), { onKey: () => {}, onTouch: () => control.send({ do: "set" }) });
 function uncover() { if (shown) setTimeout(() => get("cover").classList.add("gone"), 200); }
 control.on("hello", ({ again }) => {
-  if (again) view.reload();
+  if (again && started && !flat) view.reload();
   for (const button of get("layers").children) {
     if (button.getAttribute("aria-pressed") === "false") control.send({ do: "layers", [button.dataset.layer]: false });
   }
@@ -298,7 +334,9 @@ control.on("shown", () => { shown = true; if (viewing) uncover(); });
 control.on("picked", ({ module, cell }) => { picked = module === null ? null : { module, cell }; begin(); });
 control.on("viewing", () => { viewing = true; uncover(); });
 control.on("closed", ({ code, reason }) => {
-  if (code === 1013) cover("No room for another view just now", reason);
+  if (code !== 1013) return;
+  if (get("drawing").hidden) cover("No room for another view just now", reason);
+  else { get("cover-text").textContent = "No room for another view just now, so this is a drawing."; get("cover-more").textContent = reason; }
 });
 
 addEventListener("pageshow", (event) => { if (event.persisted) busy(false); });

@@ -1,0 +1,42 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from planner.preparation import prepare
+from planner.wishes import Wishes
+from web.isometric import isometric_svg
+from web.preview_drawing import LARGEST_DRAWING, preview_svg
+
+CROSS = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 2, 0]]
+
+
+def report(cells: list[list[int]], module: str = "cube") -> dict[str, object]:
+    data = json.dumps({"format": "foldback-voxels/1", "cells": cells}).encode()
+    return prepare(data, None, Wishes(module=module)).report()
+
+
+def test_cells_are_drawn_from_where_the_3d_view_looks() -> None:
+    # Two on the floor along x, one on the first: the 3D view looks from +x and -y.
+    drawn = preview_svg({"module": "cube", "cells": [[0, 0, 0], [1, 0, 0], [0, 0, 1]]})
+    assert drawn == isometric_svg([[0, 0, 0], [0, 1, 0], [0, 0, 1]], size=480)
+
+
+def test_cells_without_a_path_are_drawn_as_well() -> None:
+    found = report(CROSS)
+    assert not found["has_path"]
+    assert "iso-top" in (preview_svg(found) or "")
+
+
+def test_tetrahedra_are_drawn_as_they_lie() -> None:
+    found = report(np.argwhere(np.ones((2, 2, 2))).tolist(), module="tetrahedron")
+    drawn = preview_svg(found) or ""
+    assert drawn.startswith("<svg")
+    assert "iso-top" not in drawn
+
+
+def test_what_would_take_long_is_not_drawn() -> None:
+    cells = np.argwhere(np.ones((1, 1, LARGEST_DRAWING + 1))).tolist()
+    assert preview_svg({"module": "cube", "cells": cells}) is None
+    assert preview_svg({"module": "cube", "cells": []}) is None
