@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from planner.errors import InputError
+from planner.modules import CUBE
 from server.children import ChildError, Reader
 from server.problems import Problem
 from server.settings import Settings
@@ -161,6 +162,15 @@ class Previews:
         if found is None:
             raise NoSuchPreviewError(preview_id)
         return found
+
+    def cells(self, preview_id: str, wishes: ShapeWishes) -> list[list[int]] | None:
+        """The cells of cubes that came of an upload with these wishes, if that has been computed.
+
+        Raises:
+            NoSuchPreviewError: When there is no such upload.
+        """
+        report = read_report(self.directory(preview_id) / wishes.key)
+        return report["cells"] if report is not None and report["module"] == CUBE.name else None
 
     def _sweep(self, coming: int) -> None:
         """Forgets what is old, and the oldest while there is too much."""

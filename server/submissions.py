@@ -19,6 +19,7 @@ from server.context import Context
 from server.database import FoldRow
 from server.previews import ShapeWishes
 from server.problems import Problem
+from server.reading import LARGEST_DRAWING
 from server.store import new_id, new_token
 
 RETRY_AFTER_S: Final = 30
@@ -37,6 +38,8 @@ class Submission:
     visitor: str
     token: str | None = None
     wishes: ShapeWishes = field(default_factory=ShapeWishes)
+    cells: list[list[int]] | None = None
+    """For a drawing until there is a chain; those that a preview has found."""
 
     @property
     def public(self) -> bool:
@@ -89,6 +92,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
     try:
         _write(aside, submission)
         found = _read(context, aside)
+        _note(aside, submission)
         os.rename(aside, directory)
         _sync(directory.parent)
         row = FoldRow(
@@ -194,6 +198,12 @@ def _write(directory: Path, submission: Submission) -> None:
             file.flush()
             os.fsync(file.fileno())
     _sync(directory)
+
+
+def _note(directory: Path, submission: Submission) -> None:
+    """Keeps the cells that a preview has found for the page's first drawing of the fold."""
+    if submission.cells and len(submission.cells) <= LARGEST_DRAWING:
+        (directory / "cells.json").write_text(json.dumps(submission.cells))
 
 
 def _sync(directory: Path) -> None:

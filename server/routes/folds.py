@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, File, Form, Request, UploadFile
@@ -121,6 +122,7 @@ def post_fold(
             visitor=context.visitor(request),
             token=_token(credentials),
             wishes=wishes,
+            cells=_previewed(context, preview, replace(wishes, seed=seed)),
         ),
     )
     return Accepted(
@@ -224,6 +226,13 @@ def input_of(
         names = ", ".join(s.name for s in context.gallery.shapes())
         raise Problem(422, "no-such-shape", f"got the shape '{shape}', expected one of {names}.")
     return found.data, found.filename
+
+
+def _previewed(
+    context: Context, preview: str | None, wishes: ShapeWishes
+) -> list[list[int]] | None:
+    """The cells that a preview has found, so that the fold's page can draw them at once."""
+    return None if preview is None else context.previews.cells(preview, wishes)
 
 
 def clean_filename(name: str | None) -> str | None:

@@ -224,15 +224,16 @@ def _featured(store: Any) -> Any:
 
 
 def _drawing(found: Found) -> str:
-    """The folded shape, shown until the view is there."""
-    chain = found.directory / "chain.json"
-    return _drawing_of(chain if chain.exists() else found.directory / "cells.json", chain.exists())
+    """The folded shape, shown until the view is there; empty while nobody knows what it will be."""
+    for name in ("chain.json", "cells.json"):
+        if (path := found.directory / name).exists():
+            return _drawing_of(path, name == "chain.json")
+    return ""
 
 
 @lru_cache(maxsize=256)
 def _drawing_of(path: Path, is_chain: bool) -> str:
     """A drawing of a chain, or of the cells that were noted when the upload was read."""
-    cells: Any = np.array(PAWN)
     try:
         noted = json.loads(path.read_text(encoding="utf-8"))
         if is_chain:
@@ -240,7 +241,7 @@ def _drawing_of(path: Path, is_chain: bool) -> str:
             return chain_svg(chain) if len(chain) <= LARGEST_DRAWING else ""
         cells = np.array(noted, dtype=int).reshape(-1, 3)
     except (PlannerError, OSError, ValueError, KeyError):
-        pass  # a drawing is not worth an error
+        return ""  # a drawing is not worth an error
     return isometric_svg(cells) if 0 < len(cells) <= LARGEST_DRAWING else ""
 
 

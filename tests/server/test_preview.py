@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import struct
 from typing import Any
+from xml.etree import ElementTree
 
 import httpx
 import numpy as np
 import pytest
 
 from tests.server.service import SNAKE, Service
+from web.isometric import isometric_svg
 
 CROSS = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 2, 0]]
 
@@ -133,6 +135,36 @@ def test_a_path_begins_where_it_is_asked_to(desk: Service) -> None:
     odd = report(desk, voxels(box(3, 3, 3)), start="1,0,0")
     assert odd["not_started"]
     assert odd["cells"][0] != [1, 0, 0]
+
+
+@pytest.mark.parametrize("module", ["cube", "tetrahedron"])
+def test_what_came_of_it_is_drawn_for_browsers_without_3d(desk: Service, module: str) -> None:
+    found = report(desk, voxels(box(3, 2, 2), name="<script>"), module=module)
+    where = f"/previews/{found['id']}/drawing.svg"
+    answer = desk.http.get(where, params={"key": found["key"]})
+    assert answer.status_code == 200
+    assert answer.headers["content-type"].startswith("image/svg+xml")
+    assert answer.headers["content-security-policy"] == "default-src 'none'"
+    assert "script" not in answer.text
+    drawn = ElementTree.fromstring(answer.text)
+    assert len(list(drawn)) > 2
+    assert len(answer.content) < 200_000
+    for key in ("", "0" * 24, "../../upload", found["key"][:-1]):
+        assert desk.http.get(where, params={"key": key}).status_code == 404
+    elsewhere = desk.http.get("/previews/nosuch/drawing.svg", params={"key": found["key"]})
+    assert elsewhere.status_code == 404
+
+
+def test_the_page_of_a_fold_draws_what_its_preview_has_found(desk: Service) -> None:
+    found = report(desk, stl(), modules="64", seed="5")
+    fold = desk.fold(preview=found["id"], modules="64", seed="5")
+    page = desk.http.get(f"/folds/{fold['id']}").text
+    drawn = page[page.index("<svg", page.index("cover-art")) :].partition("</svg>")[0] + "</svg>"
+    assert drawn == isometric_svg(found["cells"])
+    # What nobody has looked at yet is a mesh of any shape: nothing is drawn, not something else.
+    other = desk.fold(preview=found["id"], modules="96", seed="5")
+    page = desk.http.get(f"/folds/{other['id']}").text
+    assert '<div class="cover-art"></div>' in page
 
 
 def test_a_path_stays_as_it_is_and_its_knot_is_told(desk: Service) -> None:
