@@ -10,7 +10,7 @@ every offset at once how full each cell would be.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,17 +129,21 @@ class Ladder:
         self.thickness = 2.0 * self.volume / _area(solid)
         self.bodies = 1
         self.share = 1.0
-        self._base = float(np.cbrt(self.volume))
+        self._apart = False
         self._rungs: dict[tuple[int, float], Rung | None] = {}
         self._made: dict[tuple[int, float, Place], Made] = {}
         self._grids: dict[tuple[int, float, int], Grid] = {}
         self._stored = 0
         self._rough: dict[int, Solid] = {}
         self._turned: dict[tuple[int, int], Floats] = {}
-        turned = (solid.vertices @ turn.T for turn in turns)
-        self._bounds = tuple((points.min(axis=0), points.max(axis=0)) for points in turned)
-        self.extents = tuple(high - low for low, high in self._bounds)
+        self._bounds = _bounds(solid, turns)
         self._count_bodies()
+        self._base = float(np.cbrt(self.volume))
+
+    @property
+    def extents(self) -> tuple[Floats, ...]:
+        """For each turn (3,) the box of the turned solid."""
+        return tuple(high - low for low, high in self._bounds)
 
     def _count_bodies(self) -> None:
         # A long thin solid that lies askew fits only when it is turned.
@@ -150,12 +154,20 @@ class Ladder:
         while float(np.prod(grid_of(self.extents[turn], 2.0 * edge, 2))) > MOST_BODY_SAMPLES:
             edge *= 1.25
         sampling = sample(self.solid, pitch=2.0 * edge, size=2, rotation=self.turns[turn])
-        _, sizes = parts_of(sampling.inside)
+        numbers, sizes = parts_of(sampling.inside)
         if len(sizes):
             self.bodies = max(1, int((sizes >= LEAST_BODY * sizes.sum()).sum()))
-        if self.bodies > 1:
-            self.share = float(sizes.max() / sizes.sum())
-            self.volume *= self.share
+        if self.bodies == 1:
+            return
+        self.share = float(sizes.max() / sizes.sum())
+        self.volume *= self.share
+        body = _around(self.solid, sampling, numbers == int(np.argmax(sizes)) + 1)
+        self._apart = len(body) == len(self.solid)
+        if not self._apart:
+            self.solid = body
+            self._bounds = _bounds(body, self.turns)
+            if body.oriented:
+                self.volume = abs(signed_volume(body.vertices, body.faces)) or self.volume
 
     def pitch_for(self, cells: int) -> float:
         """Edge of so many cells as large as the solid together."""
@@ -197,7 +209,7 @@ class Ladder:
         """About what a rung costs."""
         samples = self.samples(turn, pitch, self.size(turn, pitch) or PLAIN_SIZE // 2)
         triangles = len(self._roughened(pitch)[1])
-        several = 4.0 if self.bodies > 1 else 1.0
+        several = 4.0 if self._apart else 1.0
         return several * samples + (40.0 if self.solid.oriented else 120.0) * triangles
 
     def rung(self, turn: int, pitch: float) -> Rung | None:
@@ -223,7 +235,7 @@ class Ladder:
             turned=turned,
             bounds=self._bounds[turn],
         )
-        if self.bodies > 1:
+        if self._apart:
             sampling = _largest_body(sampling)
         split = min(OFFSETS, self.size(turn, pitch))
         grid = Grid(
@@ -313,6 +325,35 @@ def _largest_body(sampling: Sampling) -> Sampling:
     if len(sizes) < 2:
         return sampling
     return replace(sampling, inside=numbers == int(np.argmax(sizes)) + 1)
+
+
+def _around(solid: Solid, sampling: Sampling, body: Bools) -> Solid:
+    """The surfaces of a solid that go around or lie in one of its bodies, or all of them."""
+    from scipy import sparse  # not before a mesh is read: importing it takes a while
+
+    a, b, c = solid.faces.T
+    links: Any = sparse.coo_matrix(
+        (np.ones(2 * len(a), dtype=np.int8), (np.concatenate([a, b]), np.concatenate([b, c]))),
+        shape=(len(solid.vertices), len(solid.vertices)),
+    )
+    connected: Any = sparse.csgraph.connected_components
+    count, surface = connected(links, directed=False)
+    points = solid.vertices @ sampling.rotation.T * (sampling.size / sampling.pitch)
+    at = np.floor(points + sampling.offset).astype(np.int64)
+    near = np.zeros(len(at), dtype=np.bool_)
+    for step in np.ndindex(3, 3, 3):
+        near |= body[tuple(np.clip(at + np.array(step) - 1, 0, np.array(body.shape) - 1).T)]
+    kept = 2 * np.bincount(surface[near], minlength=count) > np.bincount(surface, minlength=count)
+    faces = solid.faces[kept[surface[a]]]
+    if not len(faces):
+        return solid
+    used, inverse = np.unique(faces, return_inverse=True)
+    return replace(solid, vertices=solid.vertices[used], faces=inverse.reshape(-1, 3))
+
+
+def _bounds(solid: Solid, turns: tuple[Floats, ...]) -> tuple[tuple[Floats, Floats], ...]:
+    turned = (solid.vertices @ turn.T for turn in turns)
+    return tuple((points.min(axis=0), points.max(axis=0)) for points in turned)
 
 
 def _area(solid: Solid) -> float:

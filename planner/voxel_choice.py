@@ -20,6 +20,8 @@ from planner.sampling import too_fine
 
 NEAR_COUNT: Final = 0.1
 """How far off a count may be, as a part of it, for the sake of the shape."""
+OFF_COUNT: Final = 0.3
+"""How much more of the shape is to be kept for a count that is off by as much as it is itself."""
 NEARLY_AS_GOOD: Final = 0.01
 UPRIGHT_BONUS: Final = 0.02
 SLACKS: Final = (0.03, 0.1, 0.3, 1.0)
@@ -184,12 +186,12 @@ class Chooser:
         off = np.abs(entries.counts - cells)
         inside = np.flatnonzero(_near(entries.counts, cells))
         if len(inside):
-            scores = entries.scores[inside]
+            scores = entries.scores[inside] - OFF_COUNT * off[inside] / cells
             by_score = inside[np.lexsort((entries.misfits[inside], -scores))]
             good = inside[scores >= scores.max() - NEARLY_AS_GOOD]
             by_count = good[np.lexsort((entries.misfits[good], -entries.scores[good], off[good]))]
             wanted = [
-                *entries.first(by_score, 4 if many else 2, each=2),
+                *entries.first(by_score, 6 if many else 2, each=1),
                 *entries.first(by_count, 4 if many else 2, each=2),
             ]
             found = self._made_of(entries, wanted, cells)
@@ -197,8 +199,9 @@ class Chooser:
                 more = entries.first(by_score, 24 if many else 6, each=4)
                 found = self._made_of(entries, more, cells)
             if found:
-                least = max(_score(made) for made in found) - NEARLY_AS_GOOD
-                good_ones = (made for made in found if _score(made) >= least)
+                worth = [_score(m) - OFF_COUNT * abs(m.count - cells) / cells for m in found]
+                least = max(worth) - NEARLY_AS_GOOD
+                good_ones = (m for m, w in zip(found, worth, strict=True) if w >= least)
                 return min(good_ones, key=lambda made: self._rank(made, cells))
         by_off = np.lexsort((entries.misfits, -entries.scores, off))
         nearest = by_off[np.sort(np.unique(entries.counts[by_off], return_index=True)[1])]
@@ -223,17 +226,24 @@ class Chooser:
         limit = max(got + 1, 2 * cells - got) if above else min(got - 1, 2 * cells - got)
         most = OFFERS_TRIED if self._most(cells) >= MUCH_TRIED else 2
         for count in islice(self._likely(choice, limit, above=above), most):
-            if self.choose(count).made.count == count:
-                return count
+            held = self._held(count, limit, above=above, most=2)
+            if held is not None:
+                return held
         for factor in OTHER_COUNTS[above]:
-            count = round(limit * factor)
-            for _ in range(3):
-                if count < 1 or (count < limit if above else count > limit):
-                    break
-                made = self.choose(count).made.count
-                if made == count:
-                    return count
-                count = made
+            held = self._held(max(1, round(limit * factor)), limit, above=above, most=3)
+            if held is not None:
+                return held
+        return None
+
+    def _held(self, count: int, limit: int, *, above: bool, most: int) -> int | None:
+        """A count beyond a limit that asking for it gives: this one, or what this one gives."""
+        for _ in range(most):
+            if count < limit if above else count > limit:
+                return None
+            made = self.choose(count).made.count
+            if made == count:
+                return count
+            count = made
         return None
 
     def _likely(self, choice: Choice, limit: int, *, above: bool) -> Iterator[int]:
@@ -262,7 +272,8 @@ class Chooser:
                 if kept[row] < least or count in said:
                     continue
                 low, high = np.searchsorted(reached, [0.9 * count, 1.1 * count])
-                if kept[row] >= kept[low:high].max() - NEARLY_AS_GOOD:
+                off = np.abs(reached[low:high] - count) / count
+                if kept[row] >= (kept[low:high] - OFF_COUNT * off).max() - NEARLY_AS_GOOD:
                     said.add(count)
                     yield count
 

@@ -98,9 +98,14 @@ def block_sums(inside: Array, side: int) -> Array:
     n_x, n_y, n_z = inside.shape
     sums = np.zeros((n_x // side, n_y // side, n_z // side), dtype=np.int16)
     for i in range(sums.shape[0] * side):
+        a = i // side
         for j in range(sums.shape[1] * side):
-            for k in range(sums.shape[2] * side):
-                sums[i // side, j // side, k // side] += inside[i, j, k]
+            b = j // side
+            for c in range(sums.shape[2]):
+                total = 0
+                for k in range(c * side, (c + 1) * side):
+                    total += inside[i, j, k]
+                sums[a, b, c] += total
     return sums
 
 

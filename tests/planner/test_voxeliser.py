@@ -16,7 +16,7 @@ from planner.errors import InputError
 from planner.sampling import sample
 from planner.solids import Solid
 from planner.voxeliser import Voxels, voxelise
-from tests.planner.solids_made import box, solid_of, torus
+from tests.planner.solids_made import Mesh, box, solid_of, torus
 
 TURNS = trimesh.transformations
 
@@ -247,3 +247,113 @@ def test_other_counts_are_offered_on_both_sides(make: Callable[[], Any], cells: 
     assert voxels.below is not None
     assert voxels.above is not None
     assert voxels.below < cells < voxels.above
+
+
+def joined(*parts: tuple[tuple[float, ...], tuple[float, ...]]) -> Mesh:
+    """Boxes, each with its sides and its middle."""
+    boxes: list[Mesh] = []
+    for sides, middle in parts:
+        boxes.append(box(*sides))
+        boxes[-1].apply_translation(middle)
+    return trimesh.util.concatenate(boxes)
+
+
+TABLE = [
+    ((10.0, 6.0, 0.3), (0.0, 0.0, 0.0)),
+    *(((0.3, 0.3, 6.0), (x, y, -3.0)) for x in (-4.8, 4.8) for y in (-2.8, 2.8)),
+]
+
+
+def table() -> Mesh:
+    return joined(*TABLE)
+
+
+def opened() -> Mesh:
+    closed = box(2, 2, 2)
+    return Mesh(closed.vertices, closed.faces[1:], process=False)
+
+
+MESHES: dict[str, Callable[[], Mesh]] = {
+    "table": table,
+    "open box": opened,
+    "two boxes": lambda: joined(((2, 2, 2), (0, 0, 0)), ((1, 1, 1), (5, 0, 0))),
+    "torus": lambda: trimesh.creation.torus(3, 1),
+    "ball": lambda: trimesh.creation.icosphere(subdivisions=3),
+    "cylinder": lambda: trimesh.creation.cylinder(radius=1, height=4),
+    "long box": lambda: box(7, 2, 1),
+    "cone": lambda: trimesh.creation.cone(radius=2, height=3),
+    "capsule": lambda: trimesh.creation.capsule(height=4, radius=1),
+    "tube": lambda: trimesh.creation.annulus(r_min=1, r_max=1.4, height=3),
+    "corner": lambda: joined(((6, 2, 2), (0, 0, 0)), ((2, 2, 6), (-2, 0, 3))),
+    "slab": lambda: box(9, 7, 0.4),
+}
+
+
+@given(st.sampled_from(sorted(MESHES)), st.integers(1, 400), st.integers(0, 3), st.booleans())
+@settings(max_examples=40, deadline=None)
+def test_a_count_that_is_offered_is_what_asking_for_it_gives(
+    name: str, cells: int, seed: int, upright: bool
+) -> None:
+    solid = solid_of(MESHES[name]())
+    voxels = voxelise(solid, cells=cells, seed=seed, upright=upright)
+    got = len(voxels.shape)
+    for offered in (voxels.below, voxels.above):
+        if offered is not None:
+            again = voxelise(solid, cells=offered, seed=seed, upright=upright)
+            assert len(again.shape) == offered
+            # Nothing that is offered belies what was made for this count.
+            assert abs(offered - cells) >= abs(got - cells)
+    assert voxels.below is None or voxels.below < got
+    assert voxels.above is None or voxels.above > got
+
+
+@pytest.mark.parametrize("name", sorted(MESHES))
+@pytest.mark.parametrize("cells", [20, 60, 160])
+def test_counts_come_within_a_tenth_and_others_are_offered(name: str, cells: int) -> None:
+    voxels = voxelise(solid_of(MESHES[name]()), cells=cells)
+    assert abs(len(voxels.shape) - cells) <= 0.1 * cells
+    assert voxels.below is not None
+    assert voxels.above is not None
+
+
+def brute_iou(mesh_boxes: list[tuple[tuple[float, ...], tuple[float, ...]]], v: Voxels) -> float:
+    """Intersection over union with boxes, from random points and the boxes' own sides."""
+    sides, middles = (np.array(column) for column in zip(*mesh_boxes, strict=True))
+    low, high = (middles - sides / 2).min(axis=0), (middles + sides / 2).max(axis=0)
+    points = np.random.default_rng(0).uniform(low, high, size=(200_000, 3))
+    near = np.abs(points[:, None] - middles) <= sides / 2
+    inside = near.all(axis=2).any(axis=1)
+    volume = float(np.prod(high - low) * inside.mean())
+    own = np.floor(points[inside] @ v.rotation.T / v.pitch + v.offset).astype(int)
+    cells = {tuple(c) for c in v.shape.cells.tolist()}
+    both = volume * np.mean([tuple(c) in cells for c in own.tolist()])
+    return float(both / (volume + len(cells) * v.pitch**3 - both))
+
+
+@pytest.mark.parametrize("cells", [20, 160, 480])
+def test_what_is_kept_of_a_thin_solid_is_true_and_what_is_lost_is_said(cells: int) -> None:
+    voxels = voxelise(solid_of(table()), cells=cells)
+    assert voxels.iou == pytest.approx(brute_iou(TABLE, voxels), abs=0.03)
+    assert voxels.iou > {20: 0.2, 160: 0.42, 480: 0.7}[cells]
+    legs_kept = np.ptp(voxels.shape.cells, axis=0).min() * voxels.pitch > 4
+    assert legs_kept or any("is lost" in note for note in voxels.notes)
+    said = [note for note in voxels.notes if "only" in note and "ask for more modules" in note]
+    assert len(said) == (voxels.iou < 0.5)
+
+
+def test_a_shape_that_is_kept_whole_has_nothing_said_of_loss() -> None:
+    assert voxelise(solid_of(box(4, 4, 2)), cells=32).notes == ()
+
+
+def test_more_that_keeps_less_is_said() -> None:
+    voxels = voxelise(solid_of(box(3, 3, 3)), cells=39)
+    assert voxels.below == 27
+    assert "the next smaller count keeps more of the shape." in voxels.notes
+
+
+def test_the_largest_body_is_laid_as_if_it_were_alone() -> None:
+    alone = voxelise(solid_of(box(2, 2, 2)), cells=125)
+    beside = voxelise(solid_of(MESHES["two boxes"]()), cells=125)
+    assert (alone.bodies, beside.bodies) == (1, 2)
+    assert beside.iou == pytest.approx(alone.iou)
+    assert beside.pitch == pytest.approx(alone.pitch)
