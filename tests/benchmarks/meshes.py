@@ -154,6 +154,7 @@ def _kept(section: Section, forms: dict[str, Callable[[], Mesh]], which: str) ->
     """How much is kept of some meshes; no constant is chosen by those that are held out."""
     rows: list[dict[str, object]] = []
     ious: list[tuple[float, float]] = []
+    held: list[bool] = []
     for name, make in forms.items():
         mesh = make()
         solid = Solid.from_triangles(mesh.vertices, mesh.faces, name=name)
@@ -162,6 +163,8 @@ def _kept(section: Section, forms: dict[str, Callable[[], Mesh]], which: str) ->
         seconds = time.perf_counter() - begun
         blocks = voxelise(solid, cells=MODULES // 8)
         ious.append((exact.iou, blocks.iou))
+        offered = [count for count in (blocks.below, blocks.above) if count is not None]
+        held += [len(voxelise(solid, cells=count).shape) == count for count in offered]
         rows.append(
             {
                 "mesh": name,
@@ -184,6 +187,12 @@ def _kept(section: Section, forms: dict[str, Callable[[], Mesh]], which: str) ->
         mean >= IOU_BAR,
     )
     section.add(f"the same {which} made of blocks of 2×2×2", f"{rough:.3f}")
+    section.add(
+        f"counts offered for blocks, {which}, that asking for them gives",
+        f"{sum(held)} of {len(held)}",
+        f"{len(held)}",
+        all(held),
+    )
 
 
 def _large(section: Section) -> None:
