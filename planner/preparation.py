@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -199,6 +199,30 @@ def prepare(
     if isinstance(found, Shape):
         return _from_shape("voxels", found, wishes, seed, time_limit_s)
     return _from_solid(found, wishes, seed, time_limit_s)
+
+
+def prepare_in_any_order(
+    data: bytes,
+    filename: str | None,
+    wishes: Wishes,
+    *,
+    seed: int = 0,
+    time_limit_s: float = SEARCH_S,
+) -> Preparation:
+    """As ``prepare``; a list of cells that is no path is a shape, and the first note says why.
+
+    Raises:
+        InputError: As ``prepare`` does.
+    """
+    try:
+        return prepare(data, filename, wishes, seed=seed, time_limit_s=time_limit_s)
+    except InputError as error:
+        if error.code != "not-adjacent":
+            raise
+        why = f"Read as voxels, since {error.where} are not neighbours."
+    wishes = replace(wishes, as_voxels=True)
+    made = prepare(data, filename, wishes, seed=seed, time_limit_s=time_limit_s)
+    return replace(made, notes=(why, *made.notes))
 
 
 def expected_seconds(modules: int) -> float:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,18 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain import Chain
-from planner.errors import InputError
 from planner.modules import CUBE
 from planner.paths import Path as CellPath
 from planner.readers import read
 from planner.shapes import Shape
 
 if TYPE_CHECKING:
-    from planner.preparation import Preparation
     from planner.wishes import Wishes
 
 LARGEST_DRAWING: Final = 4000
-READ_AS_VOXELS: Final = "Read as voxels, since the cells are not in the order of a path."
 WISHES: Final = ("module", "modules", "method", "repair", "ends", "as_voxels", "start")
 
 
@@ -81,28 +77,18 @@ def preview(directory: Path) -> dict[str, Any]:
     Raises:
         InputError: When the input above it can't be used.
     """
-    from planner.preparation import prepare
+    from planner.preparation import prepare_in_any_order
 
     request = json.loads((directory / "request.json").read_bytes())
     data = (directory.parent / "input").read_bytes()
     wishes = wishes_of(request)
-
-    def prepared(wishes: Wishes) -> Preparation:
-        return prepare(
-            data,
-            request["filename"],
-            wishes,
-            seed=request["seed"],
-            time_limit_s=request["time_limit_s"],
-        )
-
-    try:
-        made = prepared(wishes)
-    except InputError as error:
-        if error.code != "not-adjacent":
-            raise
-        made = prepared(replace(wishes, as_voxels=True))
-        made = replace(made, notes=(READ_AS_VOXELS, *made.notes))
+    made = prepare_in_any_order(
+        data,
+        request["filename"],
+        wishes,
+        seed=request["seed"],
+        time_limit_s=request["time_limit_s"],
+    )
     aside = directory / f"report.{os.getpid()}"
     aside.write_text(json.dumps(made.report()))
     aside.rename(directory / "report.json")

@@ -13,6 +13,7 @@ from planner.feasibility import Feasibility, Repair, apply_repair, feasibility
 from planner.filling.filled import Filled
 from planner.knots import knot_of
 from planner.pathfinding.candidates import PathSearch, find_paths, halved
+from planner.pathfinding.lattice import parts
 from planner.shapes import Shape
 from planner.wishes import DEFAULT_MODULES, Wishes
 
@@ -20,6 +21,8 @@ BLOCK: Final = 8
 """Cells of a doubled voxel."""
 DOUBLING_REACH: Final = 1.25
 """Times the modules asked for that a repair by doubling may come to."""
+DOUBLED: Final = "Each voxel became 2×2×2 modules."
+FOR_A_PATH: Final = " So there is a path in any case."
 START_SHARE: Final = 0.7
 """Part of the time for paths that begin where it is wished for."""
 
@@ -41,17 +44,19 @@ class Cubes:
     ) -> Filled:
         """Finds chains through cells; see ``planner.filling.Filling``."""
         notes: tuple[str, ...] = ()
+        was_doubled = False
         given = len(shape)
         method = wishes.method
         if of_solid and _in_blocks(wishes):
             shape, method = doubled(shape), "blocks"
         elif method == "blocks" and halved(shape) is None:
-            notes = ("Each voxel became 2×2×2 modules, so that there is a path in any case.",)
-            shape = doubled(shape)
+            shape, was_doubled = doubled(shape), True
         elif wishes.modules not in (None, given) and not wishes.repair and not of_solid:
             notes = (f"Voxels are taken as they are: {given} modules.",)
         scale = round((len(shape) / given) ** (1 / 3))
         state = feasibility(shape)
+        if was_doubled:
+            notes = (DOUBLED if state.feasible is False else f"{DOUBLED}{FOR_A_PATH}",)
         if state.feasible is False and wishes.repair and state.repairs:
             repair = wished_repair(shape, state, wishes)
             if repair is not None:
@@ -84,7 +89,9 @@ class Cubes:
     def check(self, shape: Shape, wishes: Wishes) -> None:
         """Refuses given cells that have no path, for a reason that is quickly found."""
         if wishes.method == "blocks":
-            return
+            if parts(shape.cells)[0] == 1:
+                return
+            shape = doubled(shape) if halved(shape) is None else shape
         state = feasibility(shape)
         if state.feasible is not False:
             return
@@ -93,11 +100,17 @@ class Cubes:
                 return
             raise InputError("no-path", only_doubling(shape, state.repairs[0]))
         why = " ".join(problem.detail for problem in state.problems)
-        remedy = "the method 'blocks' makes 2×2×2 modules of each cell, which always has a path."
+        ways: list[str] = []
         if state.repairs:
-            remedy = f"fold it with 'repair' ({state.repairs[0].detail}), or {remedy}"
+            ways.append(f"fold it with 'repair' ({state.repairs[0].detail})")
+        if not any(problem.code == "disconnected" for problem in state.problems):
+            ways.append(
+                "the method 'blocks' makes 2×2×2 modules of each cell, which always has a path"
+            )
         raise InputError(
-            "no-path", f"got cells without a path through them. {why} Expected others; {remedy}"
+            "no-path",
+            f"got cells without a path through them. {why} Expected others"
+            f"{'; ' if ways else ''}{', or '.join(ways)}.",
         )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +15,7 @@ from planner.files import write_whole
 from planner.formats import write_chain, write_path
 from planner.modules import CUBE
 from planner.paths import Path as CellPath
-from planner.preparation import Preparation, prepare
+from planner.preparation import Preparation, prepare_in_any_order
 from planner.request import SHORT_SEED, Request
 from server.command_inputs import read_input, refuse
 
@@ -38,6 +37,9 @@ def shape(
     start: Annotated[
         str | None, typer.Option(metavar="X,Y,Z", help="The cell that the chain begins in.")
     ] = None,
+    as_voxels: Annotated[
+        bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")
+    ] = False,
     seed: Annotated[
         str, typer.Option(metavar="INTEGER", help="What randomness starts from.")
     ] = "0",
@@ -54,18 +56,14 @@ def shape(
             repair=repair,
             ends=ends,
             start=start,
+            as_voxels=as_voxels,
             seed=seed,
         )
         request.check()
         data, filename = read_input(source)
-        wishes, short = request.wishes(), request.seed % SHORT_SEED
-        try:
-            prepared = prepare(data, filename, wishes, seed=short)
-        except InputError as error:
-            if error.code != "not-adjacent":
-                raise
-            # A list of cells in no order is a shape.
-            prepared = prepare(data, filename, replace(wishes, as_voxels=True), seed=short)
+        prepared = prepare_in_any_order(
+            data, filename, request.wishes(), seed=request.seed % SHORT_SEED
+        )
         if prepared.not_started:
             prepared.chain  # noqa: B018
         if prepared.chains:

@@ -101,7 +101,7 @@ def test_a_list_of_cells_in_no_order_is_taken_as_voxels_and_that_is_said(desk: S
     data = json.dumps(cells).encode()
     found = report(desk, data)
     assert (found["kind"], found["as_voxels"]) == ("voxels", True)
-    assert found["notes"][0].startswith("Read as voxels")
+    assert found["notes"][0] == "Read as voxels, since cells 1 and 2 are not neighbours."
     assert is_path(found["cells"])
     assert {tuple(c) for c in found["cells"]} == {tuple(c) for c in cells}
     asked = report(desk, data, as_voxels="true")
@@ -165,6 +165,25 @@ def test_the_page_of_a_fold_draws_what_its_preview_has_found(desk: Service) -> N
     other = desk.fold(preview=found["id"], modules="96", seed="5")
     page = desk.http.get(f"/folds/{other['id']}").text
     assert '<div class="cover-art"></div>' in page
+
+
+def test_blocks_are_no_remedy_for_cells_apart(desk: Service) -> None:
+    apart = voxels([[0, 0, 0], [1, 0, 0], [2, 0, 0], [9, 0, 0]])
+    found = report(desk, apart, method="blocks")
+    assert not found["has_path"]
+    assert not any("path in any case" in note for note in found["notes"])
+    refused = [
+        desk.http.post("/api/folds", files={"file": ("a.json", apart)}, data={"method": method})
+        for method in ("auto", "blocks")
+    ]
+    assert [answer.status_code for answer in refused] == [422, 422]
+    for answer in refused:
+        assert "2 parts" in answer.json()["detail"]
+        assert "'blocks'" not in answer.json()["detail"]
+    crossed = desk.http.post("/api/folds", files={"file": ("cross.json", voxels(CROSS))})
+    assert "'blocks'" in crossed.json()["detail"]
+    whole = report(desk, voxels(CROSS), method="blocks")
+    assert any("path in any case" in note for note in whole["notes"])
 
 
 def test_a_path_stays_as_it_is_and_its_knot_is_told(desk: Service) -> None:
