@@ -11,8 +11,11 @@ from rich.console import Console
 
 from planner.errors import InputError
 from planner.readers.angle_strings import HEADING
+from planner.readers.cells import REMEDY
+from planner.readers.limits import megabytes
 from server.gallery import Gallery
 
+TYPED_REMEDY = "if these are voxels in no order, use --as-voxels"
 LARGEST_FILE = 64 * 2**20
 
 
@@ -34,15 +37,16 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
         if path.stat().st_size > LARGEST_FILE:
             raise InputError(
                 "too-large",
-                f"got {path.stat().st_size} bytes, expected at most {LARGEST_FILE}.",
+                f"got {megabytes(path.stat().st_size)}, expected at most "
+                f"{megabytes(LARGEST_FILE)}.",
                 where=path.name,
             )
         return path.read_bytes(), path.name
     except OSError as error:
-        names = ", ".join(example.name for example in Gallery().shapes())
         raise InputError(
             "no-file",
-            f"it cannot be read ({error.strerror}); expected a file, or an example: {names}.",
+            f"it cannot be read ({error.strerror}); expected a file, or one of "
+            f"{Gallery().nearest(shape)}.",
             where=shape,
         ) from error
 
@@ -63,6 +67,7 @@ def make_directory(out: Path) -> None:
 
 def refuse(error: InputError, as_json: bool) -> NoReturn:
     """Says what is wrong with the input and exits with 2."""
+    error = InputError(error.code, error.detail.replace(REMEDY, TYPED_REMEDY), where=error.where)
     if as_json:
         problem = {"code": error.code, "detail": error.detail, "where": error.where}
         print(json.dumps({"status": "invalid", "error": problem}), flush=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -12,6 +13,8 @@ from typing import Final
 
 from planner.modules import CUBE, module_named
 
+MOST_NEAREST: Final = 4
+ALIKE: Final = 0.5
 UNTAGGED: Final = ("paper",)
 """What the first shapes are: those of the paper."""
 
@@ -63,6 +66,12 @@ class Gallery:
     def shape(self, name: str) -> GalleryShape | None:
         """The one of this name, if there is one."""
         return next((shape for shape in self.shapes() if shape.name == name), None)
+
+    def nearest(self, name: str) -> str:
+        """How many examples there are, and which are called much like this, in words."""
+        names = [shape.name for shape in self.shapes()]
+        near = ", ".join(get_close_matches(name.lower(), names, n=MOST_NEAREST, cutoff=ALIKE))
+        return f"{len(names)} examples" + (f", such as {near}" if near else "")
 
 
 def shapes_directory() -> Traversable:

@@ -110,12 +110,23 @@ class Previews:
         Raises:
             NoSuchPreviewError: When there is none.
         """
-        directory = self.directory(preview_id)
+        filename = self.filename(preview_id)
         try:
-            about = json.loads((directory / "upload.json").read_bytes())
-            return (directory / "input").read_bytes(), about["filename"]
+            return (self.directory(preview_id) / "input").read_bytes(), filename
         except OSError as error:  # swept away this very moment
             raise NoSuchPreviewError(preview_id) from error
+
+    def filename(self, preview_id: str) -> str | None:
+        """What an upload was called.
+
+        Raises:
+            NoSuchPreviewError: When there is none.
+        """
+        try:
+            about = json.loads((self.directory(preview_id) / "upload.json").read_bytes())
+        except OSError as error:
+            raise NoSuchPreviewError(preview_id) from error
+        return about["filename"]
 
     def report(
         self,
@@ -147,7 +158,7 @@ class Previews:
         if sum(1 for _ in directory.iterdir()) > MOST_WISHES:
             raise Problem(429, "too-many-previews", "Too many previews of one file; send it again.")
         place.mkdir(exist_ok=True)
-        request = {"filename": self.upload(preview_id)[1], **asdict(wishes)}
+        request = {"filename": self.filename(preview_id), **asdict(wishes)}
         request["time_limit_s"] = self._settings.preview_search_seconds
         (place / "request.json").write_text(json.dumps(request))
         try:

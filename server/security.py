@@ -11,6 +11,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from planner.readers.limits import megabytes
 from server.problems import Problem
 
 PAGE_POLICY: Final = "; ".join(
@@ -39,6 +40,8 @@ HEADERS: Final = {
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
 FORM_OVERHEAD_BYTES: Final = 64 * 1024
+LISTENED_BYTES: Final = 64 * 2**20
+"""Of a refused upload, which are counted and forgotten."""
 UPLOAD_SECONDS: Final = 120.0
 
 
@@ -173,7 +176,7 @@ class BodyLimit:
         self._app = app
         self._most = most_bytes + FORM_OVERHEAD_BYTES
         self._words = (
-            f"the upload is larger than the {most_bytes} bytes that are accepted; "
+            f"the upload is larger than the {megabytes(most_bytes)} that are accepted; "
             "use a coarser or shorter file."
         )
 
@@ -202,7 +205,7 @@ class BodyLimit:
                 message = await receive_counted()
                 if got > self._most:
                     # Clients read the answer only when they could send; listen on for a while.
-                    while more and got <= 8 * self._most:
+                    while more and got <= self._most + LISTENED_BYTES:
                         await receive_counted()
                     raise HTTPException(413, self._words)
             except TimeoutError:

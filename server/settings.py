@@ -54,7 +54,7 @@ class Settings(BaseSettings):
         default=16, ge=1, description="Folds that may wait, of one."
     )
 
-    max_upload_bytes: int = Field(default=16 * MIB, ge=1024, description="Largest upload.")
+    max_upload_bytes: int = Field(default=64 * MIB, ge=1024, description="Largest upload.")
     max_modules: int = Field(default=4096, ge=3, description="Longest chain that is accepted.")
     min_free_disk_bytes: int = Field(
         default=64 * MIB, ge=0, description="Refuse uploads below this."

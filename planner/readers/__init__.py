@@ -31,7 +31,7 @@ from planner.readers.obj import is_obj, read_obj
 from planner.readers.off import is_off, read_off
 from planner.readers.ply import is_ply, read_ply
 from planner.readers.stl import is_stl, read_stl
-from planner.readers.text import decode, refuse_prose
+from planner.readers.text import decode, refuse_binary, refuse_prose
 from planner.readers.threemf import is_zip, read_threemf
 from planner.readers.vox import is_vox, read_vox
 from planner.readers.xyz import read_xyz
@@ -92,12 +92,15 @@ def read(
     for belongs, reader in BINARY_KINDS:
         if belongs(data):
             return reader(data, source)
-    called_stl = (filename or "").lower().endswith(".stl")
-    if is_stl(data, called_stl):
-        return read_stl(data, source, called_stl)
+    if is_stl(data, hinted=False):
+        return read_stl(data, source, hinted=False)
     refuse_other_kinds(data, FORMATS)
+    called_stl = (filename or "").lower().endswith(".stl")
+    if called_stl and is_stl(data, hinted=True):
+        return read_stl(data, source, hinted=True)
     if is_obj(data):
         return read_obj(data, source)
+    refuse_binary(data, FORMATS)
     if not _looks_like_gltf(data):
         check_size(data, most_cells)
     text = decode(data, FORMATS)

@@ -49,6 +49,11 @@ def quote(found: object) -> str:
     return f"{shown[:LONGEST_QUOTE]}…" if len(text) > LONGEST_QUOTE else shown
 
 
+def megabytes(count: int) -> str:
+    """A size of a file in words, as people read it elsewhere."""
+    return f"{count / 2**20:.3g} MB" if count >= 2**17 else f"{count} bytes"
+
+
 def check_bytes(data: bytes, most_bytes: int) -> None:
     """Refuses empty files and those of more bytes than any kind may have.
 
@@ -60,7 +65,8 @@ def check_bytes(data: bytes, most_bytes: int) -> None:
     if len(data) > most_bytes:
         raise InputError(
             "too-large",
-            f"got {len(data)} bytes, expected at most {most_bytes}; simplify the model.",
+            f"got {megabytes(len(data))}, expected at most {megabytes(most_bytes)}; simplify the "
+            "model.",
         )
 
 
@@ -74,7 +80,8 @@ def check_size(data: bytes, most_cells: int) -> None:
     if len(data) > most:
         raise InputError(
             "too-large",
-            f"got {len(data)} bytes, expected at most {most}, enough for {most_cells} cells.",
+            f"got {megabytes(len(data))}, expected at most {megabytes(most)}, enough for "
+            f"{most_cells} cells.",
         )
 
 

@@ -11,13 +11,17 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
 from planner.readers.tables import SPACE, chunks, line_starts, lines_of, table
-from planner.solids import Solid, check_triangles
+from planner.solids import MOST_TRIANGLES, Solid, check_triangles
 
 HEADER_BYTES: Final = 84
 TRIANGLE_BYTES: Final = 50
 LOOKED_AT: Final = 2048
 LONGEST_TAIL: Final = 4096
 LOWER: Final = 32
+ROW: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+LENGTHS: Final = (1e-9, 1e9)
+"""What coordinates lie between; of numbers made of random bytes about a quarter does."""
+MOST_LENGTHS: Final = 0.6
 VERTEX: Final = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 
@@ -39,7 +43,20 @@ def is_binary(data: bytes, hinted: bool) -> bool:
         return b"\0" in data[:HEADER_BYTES] or len(data) > HEADER_BYTES
     looks_binary = b"\0" in data[: LOOKED_AT * 4]
     fits = (len(data) - HEADER_BYTES) % TRIANGLE_BYTES == 0 and len(data) > HEADER_BYTES
-    return looks_binary and not is_text(data) and (hinted or (fits and data[:5] == b"solid"))
+    if not looks_binary or is_text(data):
+        return False
+    return _holds_lengths(data) if hinted else fits and data[:5] == b"solid"
+
+
+def _holds_lengths(data: bytes) -> bool:
+    """Whether what follows the header are numbers as shapes have them, not bytes of any kind."""
+    count = min((len(data) - HEADER_BYTES) // TRIANGLE_BYTES, LOOKED_AT)
+    if not count:
+        return announced(data) <= MOST_TRIANGLES
+    rows = np.frombuffer(data, dtype=ROW, count=count, offset=HEADER_BYTES)
+    sizes = np.abs(rows["corners"].reshape(-1))
+    low, high = LENGTHS
+    return bool((((sizes > low) & (sizes < high)) | (sizes == 0.0)).mean() > MOST_LENGTHS)
 
 
 def is_text(data: bytes) -> bool:
@@ -77,8 +94,7 @@ def _binary(data: bytes, source: Source) -> Solid:
             "save the file again.",
         )
     notes = () if len(data) == expected else ("bytes after the last triangle were left alone.",)
-    row = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-    rows = np.frombuffer(data, dtype=row, count=count, offset=HEADER_BYTES)
+    rows = np.frombuffer(data, dtype=ROW, count=count, offset=HEADER_BYTES)
     with np.errstate(invalid="ignore"):
         corners = rows["corners"].reshape(-1, 3).astype(np.float64)
     return Solid.from_triangles(

@@ -39,6 +39,23 @@ def decode(data: bytes, expected: str) -> str:
     return text
 
 
+def refuse_binary(data: bytes, expected: str) -> None:
+    """Refuses what is not text by its first bytes, whatever its size; see ``decode``.
+
+    Raises:
+        InputError: ``wrong-kind``.
+    """
+    start = data[:LOOKED_AT]
+    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return
+    try:
+        text = codecs.getincrementaldecoder("utf-8-sig")().decode(start)
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        decode(start, expected)
+
+
 def refuse_prose(text: str, expected: str) -> None:
     """Refuses text without a single number near its beginning.
 

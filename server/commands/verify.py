@@ -35,6 +35,13 @@ def verify(
     try:
         request = Request.of(module_size=module_size)
         request.check()
+        if not directory.is_dir():
+            what = "This is no folder" if directory.exists() else "There is no such folder"
+            raise InputError(
+                "no-directory",
+                f"{what}; expected one that `foldback fold` wrote.",
+                where=str(directory),
+            )
         found = verify_files(directory, module_size=request.module_size)
     except InputError as error:
         refuse(error, as_json)

@@ -43,7 +43,7 @@ async def preview_page(request: Request, preview_id: str) -> Response:
     """The page of a preview."""
     context = request.app.state.context
     try:
-        _, filename = await asyncio.to_thread(context.previews.upload, preview_id)
+        filename = await asyncio.to_thread(context.previews.filename, preview_id)
     except NoSuchPreviewError:
         return not_found_page(
             "This preview is not there any more",

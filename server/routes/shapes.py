@@ -75,6 +75,7 @@ async def post_preview(
         if known is None or file is not None or shape is not None:
             data, filename = input_of(context, file, shape, preview)
             known = context.previews.add(data, filename)
+            del data  # it is on disk; many may wait for their previews
         waiting = settings.previews_waiting
         return known, context.previews.report(
             known, wishes, context.preparer, most_waiting=waiting, gone=gone

@@ -133,6 +133,21 @@ def test_an_stl_with_a_wrong_count_is_told_apart_by_its_name() -> None:
     assert refusal_of(data + bytes(9999), filename="x.stl").code == "damaged"
 
 
+@pytest.mark.parametrize("size", [100, 3_000, 30_000_000])
+def test_what_is_only_called_stl_is_told_what_it_is(size: int) -> None:
+    noise = np.random.default_rng(size).bytes(size)
+    for data, words in ((noise, "a binary file"), (b"GIF89a" + noise, "a GIF picture")):
+        refusal = refusal_of(data, filename="thing.stl")
+        assert refusal.code == "wrong-kind"
+        assert words in refusal.detail
+        assert "simplify" not in refusal.detail
+
+
+def test_a_binary_stl_may_begin_like_something_else() -> None:
+    data = exported("stl", torus())
+    assert len(solid_in(b"GIF89a".ljust(80) + data[80:], "x.bin")) == 576
+
+
 def test_a_binary_stl_whose_header_says_solid_is_read() -> None:
     data = exported("stl", torus())
     assert len(solid_in(b"solid facet normal".ljust(80) + data[80:], "x.stl")) == 576

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from server.command_line import COMMANDS
+from server.gallery import Gallery
 
 COMMANDS_DIR = Path(__file__).parents[2] / "server" / "commands"
 
@@ -37,6 +39,43 @@ def test_every_command_explains_itself(command: str) -> None:
     answer = foldback(command, "--help")
     assert answer.returncode == 0, answer.stderr
     assert f"foldback {command}" in answer.stdout
+
+
+def test_cells_in_no_order_are_told_and_read_as_voxels_when_asked(tmp_path: Path) -> None:
+    cells = [[x, y, z] for x in range(3) for y in range(2) for z in range(2)]
+    cells[1], cells[6] = cells[6], cells[1]
+    file = tmp_path / "cells.json"
+    file.write_text(json.dumps(cells))
+    out = str(tmp_path / "path.json")
+    told = foldback("shape", str(file), "--out", out, "--json")
+    assert told.returncode == 0, told.stderr
+    note = "Read as voxels, since cells 0 and 1 are not neighbours."
+    assert json.loads(told.stdout.splitlines()[-1])["notes"][0] == note
+    asked = foldback("shape", str(file), "--out", out, "--as-voxels", "--json")
+    assert asked.returncode == 0, asked.stderr
+    assert note not in json.loads(asked.stdout.splitlines()[-1])["notes"]
+    refused = foldback("fold", str(file), "--out", str(tmp_path / "fold"))
+    assert refused.returncode == 2
+    assert "cells 0 and 1" in refused.stderr
+    assert "--as-voxels" in refused.stderr
+
+
+def test_a_name_that_is_none_gets_the_nearest_ones(tmp_path: Path) -> None:
+    answer = foldback("fold", "wrench-161", "--out", str(tmp_path / "fold"))
+    assert answer.returncode == 2
+    assert "wrench-160" in answer.stderr
+    assert "mallet" not in answer.stderr
+    assert f"{len(Gallery().shapes())} examples" in answer.stderr
+    assert len(answer.stderr) < 300
+
+
+def test_a_folder_that_is_not_there_is_told_so(tmp_path: Path) -> None:
+    answer = foldback("verify", str(tmp_path / "nowhere"))
+    assert answer.returncode == 2
+    assert "There is no such folder" in answer.stderr
+    file = tmp_path / "file"
+    file.touch()
+    assert "This is no folder" in foldback("verify", str(file)).stderr
 
 
 def test_an_unknown_command_is_an_error() -> None:

@@ -80,7 +80,34 @@ def test_too_large_an_upload_is_refused_while_it_comes_in(desk: Service) -> None
     answer = desk.http.post("/api/folds", files={"file": ("big.json", b"[" * 400_000)})
     assert answer.status_code == 413
     assert answer.json()["code"] == "too-large"
-    assert "200000 bytes" in answer.json()["detail"]
+    assert "0.191 MB that are accepted" in answer.json()["detail"]
+
+
+def test_a_mesh_of_many_triangles_written_as_text_is_taken(service: Service) -> None:
+    lines = ["solid torus"]
+    for triangle in triangles_of_a_torus(224):
+        lines.append("  facet normal 0.000000e+00 0.000000e+00 -1.000000e+00\n    outer loop")
+        lines.extend(f"      vertex {x:.6e} {y:.6e} {z:.6e}" for x, y, z in triangle)
+        lines.append("    endloop\n  endfacet")
+    data = "\n".join([*lines, "endsolid torus"]).encode()
+    assert len(data) > 24e6
+    answer = service.http.post(
+        "/api/shapes/preview", files={"file": ("torus.stl", data)}, data={"full": "false"}
+    )
+    assert answer.status_code == 200, answer.text
+    assert answer.json()["has_path"]
+
+
+def triangles_of_a_torus(steps: int) -> list[list[list[float]]]:
+    """2 · steps² triangles."""
+    around = np.linspace(0.0, 2 * np.pi, steps + 1)
+    u, v = np.meshgrid(around, around, indexing="ij")
+    reach = 30 + 10 * np.cos(v)
+    points = np.stack([reach * np.cos(u), reach * np.sin(u), 10 * np.sin(v)], axis=-1)
+    points[-1], points[:, -1] = points[0], points[:, 0]
+    a, b, c, d = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
+    both = np.concatenate([np.stack([a, b, c], axis=-2), np.stack([a, c, d], axis=-2)])
+    return both.reshape(-1, 3, 3).tolist()
 
 
 def test_an_upload_without_a_length_is_counted(desk: Service) -> None:
