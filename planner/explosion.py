@@ -88,6 +88,7 @@ class _Explosion:
                 geom_size=parameters.geom_size,
                 stiffness=parameters.spring,
                 armature=parameters.armature,
+                stop_rad=chain.module.stop_rad,
             ),
         )
         self.recorder = Recorder(

@@ -33,6 +33,7 @@ class Material:
         damping: Hinge damping; leave 0 in segments, it would break their welds.
         friction: Sliding friction of contacts; 0 makes them frictionless.
         contact_time_constant: ``solref[0]`` of contacts.
+        stop_rad: Where the hinges' stops begin; None for the module's limit.
     """
 
     geom_size: float = 0.99
@@ -41,6 +42,7 @@ class Material:
     damping: float = 0.0
     friction: float = 0.0
     contact_time_constant: float = 0.03
+    stop_rad: float | None = None
 
 
 def base_spec() -> Any:
@@ -232,7 +234,8 @@ def _add_hinge(
     hinge.type = mujoco.mjtJoint.mjJNT_HINGE
     hinge.pos = position.tolist()
     hinge.axis = axis.tolist()
-    hinge.range = [-module.angle_limit_rad, module.angle_limit_rad]
+    stop = module.angle_limit_rad if material.stop_rad is None else material.stop_rad
+    hinge.range = [-stop, stop]
     hinge.stiffness[0] = material.stiffness
     hinge.armature = material.armature
     hinge.damping[0] = material.damping

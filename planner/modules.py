@@ -40,6 +40,8 @@ class Module:
         hinge_names: K suffixes for the hinges, in the order of ``axes``.
         rigid_links: How many links at the start of a chain carry no joint.
         angle_limit_rad: Each hinge moves within plus and minus this angle.
+        stop_rad: Where the stops of a simulated explosion begin; they give a little, and what is
+            recorded shall stay within the limit.
         folded_angles_rad: Angles a hinge can have in a folded lattice configuration.
         volume: Of the full-size hull, in cubic pitches.
         inertia: (3,) principal moments of the full-size hull with mass 1, along the frame's axes.
@@ -59,6 +61,7 @@ class Module:
     hinge_names: tuple[str, ...]
     rigid_links: int
     angle_limit_rad: float
+    stop_rad: float
     folded_angles_rad: Array
     volume: float
     inertia: Array
@@ -107,6 +110,7 @@ CUBE: Final = Module(
     hinge_names=("z", "y"),
     rigid_links=1,
     angle_limit_rad=float(np.deg2rad(92.0)),
+    stop_rad=float(np.deg2rad(92.0)),
     folded_angles_rad=_frozen(np.deg2rad([-90.0, 0.0, 90.0])),
     volume=1.0,
     inertia=_frozen([1.0 / 6.0, 1.0 / 6.0, 1.0 / 6.0]),
@@ -137,7 +141,8 @@ TETRAHEDRON: Final = Module(
     offset=_frozen([0.5, 0.0, 0.0]),
     hinge_names=("",),
     rigid_links=0,
-    angle_limit_rad=float(np.deg2rad(90.25)),
+    angle_limit_rad=float(np.deg2rad(90.85)),
+    stop_rad=float(np.deg2rad(90.25)),
     folded_angles_rad=_frozen(np.deg2rad([-90.0, 0.0, 90.0])),
     volume=2.0 / 3.0,
     inertia=_frozen([0.2, 0.15, 0.15]),
