@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
@@ -130,6 +130,35 @@ def submit(context: Context, submission: Submission) -> Receipt:
         shutil.rmtree(aside, ignore_errors=True)
     context.jobs.enqueue(fold_id, gallery=row.public)
     return Receipt(row=row, token=token, existing=False)
+
+
+def input_noted(directory: Path) -> tuple[bytes, str | None]:
+    """What a fold was made of: the bytes of its input, and what they were called.
+
+    Raises:
+        Problem: When they are not there any more.
+    """
+    try:
+        request = json.loads((directory / "request.json").read_bytes())
+        return (directory / "input").read_bytes(), request["filename"]
+    except (OSError, ValueError) as error:
+        raise Problem(
+            404, "no-input", "The input of this fold is not there any more; send the file again."
+        ) from error
+
+
+def noted(directory: Path) -> tuple[ShapeWishes, list[list[int]] | None]:
+    """How a fold's input was to become a chain, and cells for a drawing if there are some."""
+    request = json.loads((directory / "request.json").read_bytes())
+    names = {each.name for each in fields(ShapeWishes)} - {"seed"}
+    wishes = {name: value for name, value in request.items() if name in names}
+    if wishes.get("start") is not None:
+        wishes["start"] = tuple(wishes["start"])
+    try:
+        cells = json.loads((directory / "cells.json").read_bytes())
+    except (OSError, ValueError):
+        cells = None
+    return ShapeWishes(**wishes), cells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from planner.modules import CUBE
 from web.film import Film, Snapshot
 
 Message = dict[str, Any]
@@ -42,12 +43,15 @@ def module_of(film: Film, shown: Snapshot, index: int) -> Message:
     hinges = chain.module.hinges_per_joint
     first = (index - chain.module.rigid_links) * hinges
     columns = range(first, first + hinges) if 0 <= first < len(chain.folded_rad) else ()
-    cell = np.rint(film.folded_positions[index]).astype(int)
+    # Only cubes fill cells; what others are rounded to means nothing.
+    cell = None
+    if chain.module is CUBE:
+        cell = [round(float(c)) for c in film.folded_positions[index]]
     return {
         "is": "module",
         "index": index,
         "modules": len(chain),
-        "cell": [int(c) for c in cell],
+        "cell": cell,
         "error_rad": _finite(float(shown.module_error_rad[index])),
         "joints": [
             {

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from planner.errors import TimelineError
+from planner.request import LARGEST_SEED, Request
 from planner.timeline import Timeline
 from server.quantities import DIGITS, PRESETS, length_m, quantity, sentence
 from server.quantities import parameters as parameters_in_words
@@ -50,6 +51,7 @@ def fold_facts(found: Found, *, api: bool = True) -> dict[str, Any]:
         "verdict": _verdict(row, summary, certificate),
         "cover": "Loading the view" if not running else "Waiting for the first frame",
         "problem": problem,
+        "again": _again(row) if api else None,
         "frames": frames_promised(directory),
         "properties": _properties(row, summary, certificate, directory),
         "downloads": downloads,
@@ -98,6 +100,22 @@ def _problem(row: Any, summary: dict[str, Any]) -> dict[str, str] | None:
     if row.status == "cancelled":
         return {"heading": "This fold was cancelled", "text": "It was stopped before its end."}
     return None
+
+
+def _again(row: Any) -> dict[str, Any] | None:
+    """What may be tried where there is no plan: words for a button, and the form to send."""
+    form: dict[str, Any] = {"fold": row.id, "preset": row.preset, "seed": row.seed}
+    if row.module_size is not None:
+        form["module_size"] = row.module_size
+    if row.status == "cancelled":
+        return {"text": "Fold again", "form": form}
+    if row.status != "failed" or row.stage == "read":  # such an input fails again
+        return None
+    plain = Request()
+    if row.preset != plain.preset:
+        return {"text": "Try with the default preset", "form": {**form, "preset": plain.preset}}
+    seed = (row.seed + 1) % (LARGEST_SEED + 1)
+    return {"text": "Try another seed", "form": {**form, "seed": seed}}
 
 
 def _properties(

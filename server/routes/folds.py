@@ -10,6 +10,7 @@ from fastapi import APIRouter, Depends, File, Form, Request, UploadFile
 from fastapi.responses import Response, StreamingResponse
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
+from planner.readers.limits import quote
 from planner.request import LARGEST_SEED, MODULE_SIZES
 from planner.starts import TEXT as START
 from planner.starts import cell_of
@@ -19,7 +20,7 @@ from server.context import Context, context_of
 from server.previews import ShapeWishes
 from server.problems import Problem
 from server.schemas import Accepted, Fold, Folds, Links, ProblemBody
-from server.submissions import Submission, submit
+from server.submissions import Submission, input_noted, noted, submit
 
 router = APIRouter(prefix="/api/folds", tags=["folds"])
 bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
@@ -98,6 +99,10 @@ def post_fold(
     ] = None,
     shape: Annotated[str | None, Form(description="Or the name of a gallery shape.")] = None,
     preview: Annotated[str | None, Form(description="Or the id of a preview.")] = None,
+    fold: Annotated[
+        str | None,
+        Form(description="Or the id of a fold: its input once more, and its wishes for the shape."),
+    ] = None,
     preset: Annotated[
         Literal["default", "paper", "direct"],
         Form(description="`direct` servoes straight to the shape: the baseline that fails."),
@@ -109,7 +114,11 @@ def post_fold(
     ] = None,
 ) -> Accepted:
     """Accepts it and puts it into the queue. The same upload again gives the same fold."""
-    data, filename = input_of(context, file, shape, preview)
+    data, filename = input_of(context, file, shape, preview, fold)
+    cells = _previewed(context, preview, replace(wishes, seed=seed))
+    if fold is not None:
+        shape = context.store.fold(fold).shape
+        wishes, cells = noted(context.store.directory(fold))
     receipt = submit(
         context,
         Submission(
@@ -122,7 +131,7 @@ def post_fold(
             visitor=context.visitor(request),
             token=_token(credentials),
             wishes=wishes,
-            cells=_previewed(context, preview, replace(wishes, seed=seed)),
+            cells=cells,
         ),
     )
     return Accepted(
@@ -197,34 +206,51 @@ def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
 
 
 def input_of(
-    context: Context, file: UploadFile | None, shape: str | None, preview: str | None
+    context: Context,
+    file: UploadFile | None,
+    shape: str | None,
+    preview: str | None,
+    fold: str | None = None,
 ) -> tuple[bytes, str | None]:
-    """The bytes and the name of what a form brings, be it a file, a gallery shape or a preview.
+    """The bytes and the name of what a form brings: a file, or what the service has already.
 
     Raises:
+        NoSuchFoldError: When there is no such fold.
         NoSuchPreviewError: When the preview is not there any more.
         Problem: When it is none of them, or several.
     """
     given = [
         name
-        for name, value in (("file", file), ("shape", shape), ("preview", preview))
+        for name, value in (
+            ("file", file),
+            ("shape", shape),
+            ("preview", preview),
+            ("fold", fold),
+        )
         if value is not None
     ]
     if len(given) != 1:
         raise Problem(
             422,
             "file-or-shape",
-            f"got {' and '.join(given) or 'none'} of the form fields 'file', 'shape' and "
-            "'preview', expected one of them.",
+            f"got {' and '.join(given) or 'none'} of the form fields 'file', 'shape', 'preview' "
+            "and 'fold', expected one of them.",
         )
     if file is not None:
         return file.file.read(), clean_filename(file.filename)
     if preview is not None:
         return context.previews.upload(preview)
+    if fold is not None:
+        context.store.fold(fold)
+        return input_noted(context.store.directory(fold))
     found = context.gallery.shape(shape or "")
     if found is None:
-        names = ", ".join(s.name for s in context.gallery.shapes())
-        raise Problem(422, "no-such-shape", f"got the shape '{shape}', expected one of {names}.")
+        raise Problem(
+            422,
+            "no-such-shape",
+            f"got the shape {quote(shape)!r}, expected one of "
+            f"{context.gallery.nearest((shape or '')[:100])}; GET /api/shapes lists them.",
+        )
     return found.data, found.filename
 
 

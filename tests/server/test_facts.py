@@ -86,6 +86,8 @@ def found(directory: Path, frames: int, **values: Any) -> Found:
         "modules": 16,
         "preset": "default",
         "seed": 0,
+        "module_size": None,
+        "stage": "certify",
         "summary": {},
         "error": None,
         **values,
@@ -121,6 +123,20 @@ def test_a_reason_says_percent_alone_where_the_frame_is_not_known(tmp_path: Path
 def test_a_failed_fold_tells_whether_there_is_something_to_see(tmp_path: Path) -> None:
     assert fold_facts(found(tmp_path, 5))["frames"] == 5
     assert fold_facts(found(tmp_path / "nothing", 0))["frames"] == 0
+
+
+def test_what_may_be_tried_again_is_offered(tmp_path: Path) -> None:
+    cases = (
+        ({"status": "cancelled", "preset": "paper", "seed": 3}, "Fold again", "paper", 3),
+        ({"preset": "direct"}, "Try with the default preset", "default", 0),
+        ({"seed": 2**32 - 1}, "Try another seed", "default", 0),
+    )
+    for values, text, name, seed in cases:
+        again = fold_facts(found(tmp_path, 0, **values))["again"]
+        assert again["text"] == text
+        assert again["form"] == {"fold": "f" * 20, "preset": name, "seed": seed}
+    for values in ({"status": "verified"}, {"status": "running"}, {"stage": "read"}):
+        assert fold_facts(found(tmp_path, 0, **values))["again"] is None
 
 
 def test_what_went_wrong_is_a_sentence(tmp_path: Path) -> None:

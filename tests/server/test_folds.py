@@ -258,3 +258,31 @@ def test_json_is_strict(service: Service, finished: dict[str, Any]) -> None:
 
     for part in ("frames", "plan.json"):
         json.loads(get(service, finished, part).content, parse_constant=refuse)
+
+
+def test_a_fold_is_asked_for_once_more_by_its_id(desk: Service) -> None:
+    cells = [[x, y, z] for x in range(3) for y in range(2) for z in range(2)][::-1]
+    first = desk.fold(cells, as_voxels="true", method="blocks", seed="21")
+    assert desk.http.post(f"/api/folds/{first['id']}/cancel", headers=owner(first)).is_success
+    again = desk.fold(fold=first["id"], seed="21")
+    assert again["id"] != first["id"]
+    folder = desk.data_dir / "folds"
+    for name in ("input", "request.json", "cells.json"):
+        before, after = ((folder / fold["id"] / name).read_bytes() for fold in (first, again))
+        assert before == after
+    other = desk.fold(fold=first["id"], seed="22", preset="paper")
+    assert desk.state(other["id"])["preset"] == "paper"
+    assert desk.fold(fold=other["id"], seed="22", preset="paper")["existing"]
+
+
+def test_a_fold_of_the_gallery_stays_one_when_asked_for_again(desk: Service) -> None:
+    first = desk.fold(shape="wrench-24", seed="31")
+    again = desk.fold(fold=first["id"], seed="32")
+    assert desk.state(again["id"])["shape"] == "wrench-24"
+
+
+def test_a_fold_that_is_not_there_cannot_be_asked_for_again(desk: Service) -> None:
+    for name in ("nosuchfold", "../../etc", ""):
+        assert desk.http.post("/api/folds", data={"fold": name}).status_code in (404, 422)
+    both = desk.http.post("/api/folds", data={"fold": "a", "shape": "wrench-24"})
+    assert both.json()["code"] == "file-or-shape"
