@@ -145,6 +145,19 @@ def test_the_slider_asks_again_and_the_view_follows(visit: Visit, service: Servi
     assert abs(got - asked) <= 0.3 * asked
 
 
+def test_the_most_modules_are_said_where_they_are_reached(visit: Visit, service: Service) -> None:
+    found = service.http.post(
+        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
+    ).json()
+    page = visit("/shapes/new", width=1440, height=900)
+    page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+    page.goto(found["links"]["page"] + "?modules=9000")
+    expect(page.locator("#got")).to_contain_text("At most 4\u2009096 modules")
+    expect(page.locator("#modules-number")).to_have_value("4096")
+    expect(page).to_have_url(re.compile("modules=4096"))
+    keep(page, "preview-most-1440x900")
+
+
 def test_no_path_is_explained_and_repaired_on_a_click(visit: Visit) -> None:
     page = visit("/", width=390, height=844, has_touch=True)
     choose(page, "cross.json", voxels(CROSS, name="Cross"))
@@ -162,13 +175,28 @@ def test_no_path_is_explained_and_repaired_on_a_click(visit: Visit) -> None:
     expect(page.locator("#trouble")).to_be_visible()
 
 
+def test_cells_apart_are_not_offered_what_does_not_help(visit: Visit) -> None:
+    page = visit("/", width=1440, height=900)
+    choose(page, "apart.json", voxels([[0, 0, 0], [1, 0, 0], [2, 0, 0], [9, 0, 0]]))
+    page.wait_for_url(re.compile("/previews/"))
+    expect(page.locator("#problems li").first).to_contain_text("2 parts")
+    expect(page.locator("#repairs .button")).to_have_count(1)
+    expect(page.locator("#repairs")).not_to_contain_text("Use blocks")
+    page.locator("[name=method][value=blocks]").check()
+    expect(page.locator("#notes li").first).to_have_text("Each voxel became 2×2×2 modules.")
+
+
 def test_cells_in_no_order_are_shown_as_voxels(visit: Visit, service: Service) -> None:
     page = visit("/")
     choose(page, "cells.json", json.dumps(box(4, 3, 2)[::-2] + box(4, 3, 2)[::2]).encode())
     page.wait_for_url(re.compile("/previews/"))
     settled(page)
     expect(page.locator("#verdict")).to_have_text("24 modules")
-    expect(page.locator("#notes li").first).to_contain_text("Read as voxels")
+    expect(page.locator("#unordered")).to_have_text(
+        "Read as voxels, since cells 2 and 3 are not neighbours."
+    )
+    expect(page.locator("#unordered")).to_be_in_viewport()
+    keep(page, "preview-unordered-960x640")
     page.locator("#fold").click()
     page.wait_for_url(re.compile("/folds/"))
 
@@ -209,6 +237,8 @@ def test_the_chain_starts_in_the_module_that_is_clicked(
 def test_paint_undo_and_preview_with_the_keyboard(visit: Visit) -> None:
     page = visit("/shapes/new", width=1440, height=900)
     expect(page.locator("#empty")).to_be_visible()
+    expect(page.locator("#model")).to_be_hidden()  # the words are not written over a drawing
+    keep(page, "editor-empty-1440x900")
     expect(page.locator("#preview")).to_be_disabled()
     page.locator('[data-x="5"][data-y="5"]').focus()
     page.keyboard.press("Space")

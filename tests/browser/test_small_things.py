@@ -86,6 +86,14 @@ def test_the_baseline_is_offered_and_its_failure_is_shown(visit: Visit, service:
         "Direct servoing (the baseline that fails)"
     )
     keep(page, "fold-direct-properties")
+    label, value = (page.locator(f"#panel-properties .{part}").first for part in ("above", "below"))
+    expect(label).to_have_text("Preset")
+    assert label.bounding_box()["y"] < value.bounding_box()["y"]  # type: ignore[index]
+    page.locator("#drawer-close").click()
+    before = page.url
+    page.locator("#again", has_text="Try with the default preset").click()
+    page.wait_for_url(lambda url: "/folds/" in url and url != before)
+    expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
 
 
 def test_a_fold_without_a_timeline_says_what_to_do(visit: Visit, service: Service) -> None:
@@ -96,5 +104,33 @@ def test_a_fold_without_a_timeline_says_what_to_do(visit: Visit, service: Servic
         assert service.http.post(address, headers=owner(accepted)).status_code == 202
     assert service.wait_over(fold["id"])["progress"]["frames"] == 0
     page = visit(f"/folds/{fold['id']}")
-    expect(page.locator("#cover-button")).to_have_text("Start another")
+    expect(page.locator("#cover-other")).to_have_text("Start another")
     keep(page, "fold-cancelled")
+    page.locator("#cover-button", has_text="Fold again").click()
+    page.wait_for_url(lambda url: "/folds/" in url and fold["id"] not in url)
+    expect(page.locator("#name")).to_have_text("Small wrench")
+    expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
+
+
+def test_cancelling_is_said_until_it_is_done(visit: Visit, service: Service) -> None:
+    page = visit("/shapes/new", width=390, height=844)
+    fold = service.fold(shape="mallet-192", seed="11", preset="paper")
+    page.evaluate(
+        "([key, token]) => localStorage.setItem(key, token)",
+        [f"foldback:owner:{fold['id']}", fold["owner_token"]],
+    )
+    page.goto(f"/folds/{fold['id']}")
+    page.locator("#cancel").wait_for()
+    page.evaluate(
+        """window.said = [];
+        const verdict = document.getElementById("verdict");
+        new MutationObserver(() => said.push(verdict.textContent))
+          .observe(verdict, { childList: true, characterData: true, subtree: true });
+        document.getElementById("cancel").addEventListener("click", () => { window.said = []; });"""
+    )
+    page.locator("#cancel").click()
+    expect(page.locator("#verdict")).to_have_text("cancelled")
+    assert set(page.evaluate("window.said")) == {"Cancelling…", "cancelled"}
+    expect(page.get_by_role("button", name="Fold again")).to_be_visible()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    keep(page, "fold-cancelled-390x844")

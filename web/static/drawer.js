@@ -2,6 +2,7 @@
 import { copyText, degrees, element, radians } from "./words.js";
 
 const get = (id) => document.getElementById(id);
+const LONG = 28; // characters; beside their label they would stand in a narrow column
 const TABS = ["module", "properties", "downloads"];
 
 export class Drawer {
@@ -91,7 +92,7 @@ export class Drawer {
       element("h2", {}, element("i", { class: "swatch", "aria-hidden": "true" }), `Module ${module.index}${ends[module.index] ?? ""}`),
       element("dl", { class: "rows" },
         element("dt", {}, "Place in the chain"), element("dd", {}, `${module.index + 1} of ${module.modules}`),
-        element("dt", {}, "Cell when folded"), element("dd", {}, module.cell.join(", ").replaceAll("-", "−"))),
+        ...(module.cell ? [element("dt", {}, "Cell when folded"), element("dd", {}, module.cell.join(", ").replaceAll("-", "−"))] : [])),
       element("h3", {}, "Joint"),
       joint,
       element("div", { class: "steppers" }, step(-1, "Previous"), step(1, "Next"), clear));
@@ -111,7 +112,10 @@ export class Drawer {
   facts(facts) {
     const groups = facts.properties.map(({ heading, rows }) => {
       const list = element("dl", { class: "rows" });
-      for (const { label, value } of rows) list.append(element("dt", {}, label), element("dd", {}, value));
+      for (const { label, value } of rows) {
+        const long = value.length > LONG;
+        list.append(element("dt", { class: long && "above" }, label), element("dd", { class: long && "below" }, value));
+      }
       return element("div", { class: "group" }, element("h3", {}, heading), list);
     });
     const copy = element("button", { class: "button", type: "button" }, "Copy all");

@@ -6,7 +6,7 @@ import { Place } from "./place.js";
 import { Progress } from "./progress.js";
 import { Sketch } from "./sketch.js";
 import { View, hasWebGL } from "./view.js";
-import { copyText } from "./words.js";
+import { copyText, refusal } from "./words.js";
 
 const get = (id) => document.getElementById(id);
 const facts = JSON.parse(get("facts").textContent);
@@ -22,6 +22,7 @@ function toast(text) {
 }
 
 function cover(text, more = "", button = null) {
+  get("cover-other").hidden = !button;
   get("cover").classList.remove("gone");
   get("cover-text").textContent = text;
   get("cover-more").textContent = more;
@@ -44,7 +45,39 @@ function show(facts) {
   get("verdict").textContent = facts.verdict.text;
   get("verdict").dataset.tone = facts.verdict.tone;
   drawer.facts(facts);
-  if (facts.problem && !facts.frames && !bar.outline) cover(facts.problem.heading, facts.problem.text, { text: "Start another", press: () => { location.href = "/"; } });
+  const { again, problem } = facts;
+  get("again").hidden = !again;
+  if (again) {
+    get("again").firstElementChild.textContent = get("again").title = again.text;
+    get("again").setAttribute("aria-label", again.text);
+    get("again").onclick = () => tryAgain(again);
+  }
+  if (problem && !facts.frames && !bar.outline) {
+    cover(problem.heading, problem.text, again && { text: again.text, press: () => tryAgain(again) });
+    get("cover-other").hidden = false;
+    get("again").hidden = true; // it is on the cover
+  }
+}
+
+// The same input once more, in the way that may do better.
+async function tryAgain({ form }) {
+  const buttons = [get("again"), get("cover-button")];
+  for (const button of buttons) button.disabled = true;
+  const body = new FormData();
+  for (const [key, value] of Object.entries(form)) body.set(key, String(value));
+  try {
+    const answer = await fetch("/api/folds", { method: "POST", body });
+    const told = await answer.json().catch(() => ({}));
+    if (answer.ok) {
+      if (told.owner_token) localStorage.setItem(`foldback:owner:${told.id}`, told.owner_token);
+      location.href = `/folds/${told.id}`;
+      return;
+    }
+    toast(refusal(told, answer.status));
+  } catch {
+    toast("The server cannot be reached. Check the connection and try again.");
+  }
+  for (const button of buttons) button.disabled = false;
 }
 show(facts);
 new Progress(facts, { onDone: show, toast });

@@ -144,7 +144,8 @@ function show() {
   get("modules-part").hidden = !resizable;
   if (resizable && !wishes.modules) set(modules, false);
   const asked = report.asked ?? modules;
-  get("got").textContent = asked === modules ? "Also possible" : `${whole(modules)} is nearest to ${whole(asked)}`;
+  const nearest = asked === modules ? "" : `${whole(modules)} is nearest to ${whole(asked)}`;
+  get("got").textContent = [bound, nearest].filter(Boolean).join("; ") || "Also possible";
   const near = [report.below, modules, report.above].filter((n) => n && n !== modules);
   get("nearest").replaceChildren(...near.map((count) => {
     const button = element("button", { type: "button", title: "The nearest count that can be reached" }, whole(count));
@@ -174,7 +175,10 @@ function show() {
   get("repaired-text").textContent = repaired ?? "";
 
   begin();
-  const notes = report.notes.filter((note) => note !== repaired);
+  const unordered = report.as_voxels && !wishes.as_voxels ? report.notes[0] : null;
+  get("unordered").hidden = !unordered;
+  get("unordered").textContent = unordered ?? "";
+  const notes = report.notes.filter((note) => note !== repaired && note !== unordered);
   get("notes-part").hidden = !notes.length;
   get("notes").replaceChildren(...notes.map((note) => element("li", {}, sentence(note))));
   get("fold").textContent = path ? `Fold ${whole(modules)} modules` : "Fold";
@@ -249,7 +253,8 @@ function repairs(feasibility) {
     };
     return button;
   });
-  if (wishes.method !== "blocks" && wishes.module === "cube") {
+  const apart = feasibility?.problems.some(({ code }) => code === "disconnected"); // so are their blocks
+  if (wishes.method !== "blocks" && wishes.module === "cube" && !apart) {
     const button = element("button", { type: "button", class: "button" }, "Use blocks: 2×2×2 modules for each voxel");
     button.onclick = () => { choose("method", "blocks"); elsewhere(); look(); };
     ways.push(button);
@@ -257,8 +262,16 @@ function repairs(feasibility) {
   return ways;
 }
 
-function set(modules, wished = true) {
+// How many there may be; what is beyond is taken as the bound, which is then said.
+let bound = "";
+function bounded(modules) {
   const count = Math.min(facts.most_modules, Math.max(LEAST, Math.round(modules) || LEAST));
+  bound = count === facts.most_modules ? `At most ${whole(count)} modules` : modules < LEAST ? `At least ${LEAST} modules` : "";
+  return count;
+}
+
+function set(modules, wished = true) {
+  const count = bounded(modules);
   if (wished) { wishes.modules = count; elsewhere(); }
   get("modules").value = placeOf(count);
   get("modules").setAttribute("aria-valuetext", `${count} modules`);
@@ -344,5 +357,5 @@ choose("module", wishes.module);
 choose("method", wishes.method);
 choose("ends", wishes.ends);
 get("seed").value = wishes.seed;
-if (wishes.modules) set(wishes.modules, false);
+if (wishes.modules) { const { start } = wishes; set(wishes.modules); wishes.start = start; }
 look();

@@ -2,6 +2,8 @@
 import { STAGES, whole } from "./words.js";
 
 const RETRY_MS = 10000;
+const CANCEL_MS = 10000;
+const OVER = ["verified", "failed", "cancelled"];
 const get = (id) => document.getElementById(id);
 
 export class Progress {
@@ -25,8 +27,10 @@ export class Progress {
   }
 
   show(now) {
+    if (OVER.includes(now.status)) return; // the verdict follows
     let text = STAGES[now.stage] ?? "Waiting";
-    if (now.status === "queued") {
+    if (this.cancelling) text = "Cancelling…";
+    else if (now.status === "queued") {
       text = now.queue_position > 0 ? `In the queue, place ${now.queue_position}` : "In the queue";
     } else {
       const parts = [`${text} ${Math.floor(100 * (now.fraction ?? 0))} %`];
@@ -34,10 +38,13 @@ export class Progress {
       if (now.steps_per_second) parts.push(`${whole(now.steps_per_second)} steps/s`);
       text = parts.join(" · ");
     }
-    const verdict = get("verdict");
-    verdict.dataset.tone = "busy";
-    verdict.textContent = text;
+    this.say(text);
     get("progress").firstElementChild.style.transform = `scaleX(${now.status === "queued" ? 0 : now.fraction ?? 0})`;
+  }
+
+  say(text) {
+    get("verdict").dataset.tone = "busy";
+    get("verdict").textContent = text;
     if (!get("cover").classList.contains("gone")) get("cover-text").textContent = text;
   }
 
@@ -50,10 +57,14 @@ export class Progress {
 
   async cancel() {
     get("cancel").disabled = true;
+    this.cancelling = true;
+    this.say("Cancelling…");
     const answer = await fetch(`/api/folds/${this.facts.id}/cancel`, {
       method: "POST",
       headers: { Authorization: `Bearer ${this.token}` },
     });
+    // Where others wait for the same fold it goes on, and so does the telling of it.
+    setTimeout(() => { this.cancelling = false; }, answer.ok ? CANCEL_MS : 0);
     if (!answer.ok) {
       get("cancel").disabled = false;
       this.toast("It could not be cancelled");
