@@ -10,6 +10,7 @@ import viser
 
 from planner.chain import Chain
 from planner.paths import Path as CellPath
+from planner.readers.angle_strings import read_angle_string
 from planner.timeline import TimelineWriter
 from tests.web.conftest import unfolding
 from web.film import Film
@@ -114,6 +115,18 @@ def test_a_seek_shows_the_frame_and_its_error(visit: Visit) -> None:
     state = visit.do("seek", frame=199)
     assert (state["phase"], state["error_rad"]) == ("playback", 3e-3)
     assert visit.do("seek", percent=0)["error_rad"] is None
+
+
+def test_only_cubes_are_told_to_lie_in_cells(server: viser.ViserServer, tmp_path: Path) -> None:
+    tetrahedra = read_angle_string("- - - + - - - + - - -")
+    path = tmp_path / "timeline.zarr"
+    with TimelineWriter.create(path, tetrahedra) as writer:
+        writer.append(unfolding(tetrahedra, 4))
+    visit = Visit(server, path)
+    visit.do("select", module=3)
+    module = visit.last("module")
+    assert (module["index"], module["cell"]) == (3, None)
+    visit.leave()
 
 
 def test_a_module_is_told_about_and_followed(visit: Visit) -> None:

@@ -146,7 +146,7 @@ function show() {
   const asked = report.asked ?? modules;
   const nearest = asked === modules ? "" : `${whole(modules)} is nearest to ${whole(asked)}`;
   get("got").textContent = [bound, nearest].filter(Boolean).join("; ") || "Also possible";
-  const near = [report.below, modules, report.above].filter((n) => n && n !== modules);
+  const near = [report.below, modules, report.above].filter((n) => n && n !== modules && n <= facts.most_modules);
   get("nearest").replaceChildren(...near.map((count) => {
     const button = element("button", { type: "button", title: "The nearest count that can be reached" }, whole(count));
     button.onclick = () => { set(count); look(); };
