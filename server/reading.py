@@ -54,7 +54,7 @@ def check(directory: Path) -> dict[str, Any]:
     if isinstance(found, CellPath) and not other:
         found = Chain.from_path(found)
     if isinstance(found, Chain):
-        if found.module is CUBE:
+        if found.module.fills_cell:
             _note(directory, np.rint(found.folded_poses.positions))
         return {"name": found.name, "module": found.module.name, "modules": len(found)}
     from planner.filling import FILLINGS

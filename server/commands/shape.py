@@ -13,7 +13,6 @@ from rich.table import Table
 from planner.errors import InputError
 from planner.files import write_whole
 from planner.formats import write_chain, write_path
-from planner.modules import CUBE
 from planner.paths import Path as CellPath
 from planner.preparation import Preparation, prepare_in_any_order
 from planner.request import SHORT_SEED, Request
@@ -88,7 +87,7 @@ def shape(
 
 def path_file(prepared: Preparation) -> bytes:
     """The best path as foldback-path/1, or the chain of other modules as foldback-chain/1."""
-    if prepared.chain.module is not CUBE:
+    if not prepared.chain.module.fills_cell:
         return write_chain(prepared.chain)
     return write_path(
         CellPath.from_cells(prepared.cells, name=prepared.name, pitch_m=prepared.chain.pitch_m)
