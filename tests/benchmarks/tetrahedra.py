@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 import time
 from itertools import product
@@ -44,7 +45,8 @@ def tetrahedra(reference_seconds: float) -> Section:
         section.rows += [_row(name, seed, run) for (name, seed), run in runs.items()]
         verified = sum(run.code == 0 for run in runs.values())
         first = sum(
-            run.code == 0 and not run.summary.get("attempts", [])[1:] for run in runs.values()
+            run.code == 0 and _attempts(Path(folder) / f"{name}-{seed}") == 1
+            for (name, seed), run in runs.items()
         )
         section.add(
             "gallery up to 400 modules, seeds 0–2, verified at size 0.95",
@@ -69,7 +71,7 @@ def tetrahedra(reference_seconds: float) -> Section:
         section.rows += [{"shape": name, "largest size": size} for name, size in sizes.items()]
         least = min(sizes.values())
         section.add(
-            "largest module size certified (plan and playback), least of three",
+            "largest module size at which the plan is clear, least of three",
             f"{least:.3f}",
             "≥ 0.90",
             least >= 0.9,
@@ -95,6 +97,11 @@ def _row(name: str, seed: int, run: Run) -> dict[str, Any]:
         "wall s": run.wall_s,
         "MB": run.peak_mb,
     }
+
+
+def _attempts(directory: Path) -> int:
+    """How many explosions and playbacks a plan took."""
+    return len(json.loads((directory / "attempts.json").read_bytes()))
 
 
 def _computing(run: Run) -> float:
