@@ -16,9 +16,7 @@ STEP: Final = 0.002
 MOST_STEPS: Final = 12
 
 
-def largest_size(
-    chain: Chain, motions: tuple[NDArray[np.float64], ...], *, clear_at: float
-) -> float:
+def largest_size(chain: Chain, motions: tuple[Array, ...], *, clear_at: float) -> float:
     """The largest module size, in steps of ``STEP``, at which motions are proved clear.
 
     Clearance falls about evenly with the size, so that two sizes tell where it vanishes; from there
@@ -29,8 +27,8 @@ def largest_size(
         motions: (F, J) hinge angles of each.
         clear_at: A size at which they are clear.
     """
-    low = min(_swept(chain, m, clear_at).clearance for m in motions)
-    high = min(_swept(chain, m, FULL).clearance for m in motions)
+    low = min(sweep(chain, m, size=clear_at).clearance for m in motions)
+    high = min(sweep(chain, m, size=FULL).clearance for m in motions)
     if high >= 0.0:
         return FULL
     vanishes = clear_at + (FULL - clear_at) * low / (low - high)
@@ -39,14 +37,10 @@ def largest_size(
         size = (steps - k) * STEP
         if size <= clear_at:
             break
-        if all(_clear(_swept(chain, m, size)) for m in motions):
+        if all(_clear(sweep(chain, m, size=size)) for m in motions):
             return size
     return clear_at
 
 
 def _clear(found: Sweep) -> bool:
     return found.clearance >= 0.0 and found.bound > 0.0
-
-
-def _swept(chain: Chain, motion: Array, size: float) -> Sweep:
-    return sweep(chain, motion, size=size)

@@ -36,6 +36,8 @@ LARGEST_MESSAGE: Final = 64 * 1024
 GOING_AWAY, REFUSED, TRY_LATER = 1001, 1008, 1013
 OpenViewer = Callable[[], Awaitable[Viewer | None]]
 """The viewer to connect to; None when there is no such view."""
+Listen = Callable[[Callable[[Any], None]], Callable[[], None]]
+"""Begins to send messages to somebody; what it returns ends that."""
 SKETCH: Final = "sketch frame"
 COALESCED: Final = ("state", "outline", "module", "waiting", SKETCH)
 
@@ -101,33 +103,33 @@ async def control_socket(websocket: WebSocket, fold_id: str, visitor: str) -> No
 async def sketch_socket(websocket: WebSocket, fold_id: str, visitor: str) -> None:
     """Tells a page what to draw on its own canvas; takes the canvas's aspect."""
     async with _viewer(websocket, _opener(websocket, fold_id, visitor)) as viewer:
-        if viewer is None:
-            return
-        await websocket.accept()
-        outbox = _Outbox(asyncio.get_running_loop())
-        player = cast("Player", viewer.player)
-        leave = await asyncio.to_thread(player.watch, outbox.put_from_thread)
-        try:
-            await _first_of(_commands(websocket, viewer), outbox.drain(websocket))
-        finally:
-            leave()
-        await _close(websocket, GOING_AWAY)
+        if viewer is not None:
+            player = cast("Player", viewer.player)
+            await _converse(websocket, viewer, player.watch)
 
 
 async def carry_control(websocket: WebSocket, open_viewer: OpenViewer) -> None:
     """Carries a page's messages to what plays in a viewer, and back."""
     async with _viewer(websocket, open_viewer) as viewer:
-        if viewer is None:
-            return
-        await websocket.accept()
-        outbox = _Outbox(asyncio.get_running_loop())
-        outbox.put({"is": "hello", "viewer": viewer.epoch})
-        leave = await asyncio.to_thread(viewer.player.subscribe, outbox.put_from_thread)
-        try:
-            await _first_of(_commands(websocket, viewer), outbox.drain(websocket))
-        finally:
-            leave()
-        await _close(websocket, GOING_AWAY)
+        if viewer is not None:
+            hello = {"is": "hello", "viewer": viewer.epoch}
+            await _converse(websocket, viewer, viewer.player.subscribe, hello)
+
+
+async def _converse(
+    websocket: WebSocket, viewer: Viewer, listen: Listen, *first: dict[str, Any]
+) -> None:
+    """Sends a browser what ``listen`` brings, after ``first``, and does what it asks for."""
+    await websocket.accept()
+    outbox = _Outbox(asyncio.get_running_loop())
+    for message in first:
+        outbox.put(message)
+    leave = await asyncio.to_thread(listen, outbox.put_from_thread)
+    try:
+        await _first_of(_commands(websocket, viewer), outbox.drain(websocket))
+    finally:
+        leave()
+    await _close(websocket, GOING_AWAY)
 
 
 def _opener(websocket: WebSocket, fold_id: str, visitor: str) -> OpenViewer:
