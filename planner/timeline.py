@@ -7,6 +7,7 @@ written last; a reader never sees half a frame.
 
 from __future__ import annotations
 
+import secrets
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -153,6 +154,8 @@ class TimelineWriter:
         group.attrs.put(
             {
                 "format": FORMAT,
+                # Tells a timeline that was begun anew from the one that was there before.
+                "id": secrets.token_hex(8),
                 "chain": chain_attributes(chain),
                 "frames": 0,
                 "status": "growing",
@@ -230,6 +233,7 @@ class Timeline:
 
     def __init__(self, path: str, attributes: dict[str, Any]) -> None:
         self.path = path
+        self.id = str(attributes["id"])
         self.chain = chain_from_attributes(attributes["chain"])
         self._arrays: dict[str, zarr.Array[Any]] = {}
         self._frames = 0
@@ -305,9 +309,10 @@ def _attributes(path: str) -> dict[str, Any]:
             f"got the format {attributes.get('format')!r} at {path}, expected {FORMAT!r}."
         )
     try:
-        return {key: attributes[key] for key in ("chain", "frames", "status")}
+        found = {key: attributes[key] for key in ("chain", "frames", "status")}
     except KeyError as error:
         raise TimelineError(f"{path} is damaged: it lacks {error}.") from error
+    return {**found, "id": attributes.get("id", "")}
 
 
 __all__ = ["FORMAT", "PHASES", "Frames", "Phase", "Timeline", "TimelineWriter"]

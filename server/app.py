@@ -20,15 +20,16 @@ from server.jobs import Jobs
 from server.limits import ChildLimits
 from server.metrics import CountAnswers, Metrics
 from server.previews import NoSuchPreviewError, Previews
-from server.routes import artifacts, folds, health, pages, previews, shapes, viewers
+from server.routes import artifacts, films, folds, health, pages, previews, shapes
 from server.security import AllowedHosts, BodyLimit, SameOrigin, SecurityHeaders, hosts_of
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store
 from server.streams import Streams
 from server.watch import Watch
+from web.films import Films
 from web.viewers import Viewers
 
-ROUTERS: Final = (folds, artifacts, shapes, health, pages, previews, viewers)
+ROUTERS: Final = (folds, artifacts, shapes, health, pages, films, previews)
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -100,6 +101,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
             max_of_address=settings.max_viewers_of_visitor,
             max_of_fold=settings.max_viewers_of_fold,
         ),
+        films=Films(),
         streams=Streams(settings.max_streams, settings.max_streams_of_visitor),
         reader=Reader(ChildLimits.of(settings), wall_s=settings.read_seconds),
         preparer=Reader(ChildLimits.of(settings), wall_s=settings.preview_seconds, kind="preparer"),

@@ -23,6 +23,7 @@ from server.streams import Streams
 from server.watch import Watch
 
 if TYPE_CHECKING:
+    from web.films import Films
     from web.viewers import Viewers
 
 
@@ -33,6 +34,7 @@ class Context:
     settings: Settings
     store: Store
     jobs: Jobs
+    films: Films
     viewers: Viewers
     reader: Reader
     preparer: Reader

@@ -42,10 +42,22 @@ class Client:
 @cache
 def client() -> Client:
     """The dressed client of the installed viser, read once."""
+    return _client("")
+
+
+@cache
+def bridged_client() -> Client:
+    """The same, told what to show by the page that frames it: see ``static/bridge.js``."""
+    script = (Path(__file__).parent / "static" / "bridge.js").read_text(encoding="utf-8")
+    return _client(f"<script>{script}</script>")
+
+
+def _client(script: str) -> Client:
     source = Path(viser.__file__).parent / "client" / "build" / "index.html"
     html = source.read_text(encoding="utf-8")
+    start = html.index("<head>") + len("<head>")
     head = html.rindex("</head>")
-    html = f"{html[:head]}<style>{STYLE}</style>{html[head:]}"
+    html = f"{html[:start]}{script}{html[start:head]}<style>{STYLE}</style>{html[head:]}"
     policy = "; ".join(
         (
             "default-src 'none'",

@@ -107,6 +107,11 @@ class Film:
         return self._summarised
 
     @property
+    def id(self) -> str:
+        """Another one for every timeline, one that was begun anew in the same place too."""
+        return self._timeline.id
+
+    @property
     def chain(self) -> Chain:
         """The chain that is shown."""
         return self._timeline.chain
@@ -177,6 +182,18 @@ class Film:
                 return self._exact(low)
             return self._between(low, share)
 
+    def frames(self, start: int, stop: int, stride: int = 1) -> Frames:
+        """Frames as they were recorded.
+
+        Raises:
+            TimelineError: When they are not there, or the timeline is being replaced.
+        """
+        with self._lock:
+            try:
+                return self._timeline.frames(start, min(stop, self._summarised), stride)
+            except (OSError, ValueError, KeyError) as error:
+                raise TimelineError(f"{self.path} is being replaced: {error}") from error
+
     def outline(self, columns: int = OUTLINE_COLUMNS) -> dict[str, Any]:
         """What the bar draws: phases, and the largest error in each of ``columns`` columns."""
         with self._lock:
@@ -184,6 +201,7 @@ class Film:
             return {
                 "frames": total,
                 "growing": self.growing,
+                "names": list(PHASES),
                 "phases": self._phases(),
                 "errors": self._columns(columns),
                 "error_scale_rad": self.error_scale_rad,

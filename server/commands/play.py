@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import threading
 import webbrowser
-from collections.abc import AsyncGenerator
-from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -18,9 +16,9 @@ from fastapi.responses import RedirectResponse
 
 from planner.errors import TimelineError
 from planner.timeline import Timeline
-from server.routes import pages, viewers
+from server.routes import films, pages
 from server.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
-from web.viewers import Viewers
+from web.films import Films
 
 ONLY: Final = "fold"
 
@@ -62,7 +60,7 @@ class FolderContext:
     """What the routes of the viewer share."""
 
     store: FolderStore
-    viewers: Viewers
+    films: Films
     jobs: None = None
     settings: None = None
 
@@ -100,23 +98,15 @@ def row_of(directory: Path) -> FolderRow:
 def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
     """An application with the viewer of one directory."""
 
-    @asynccontextmanager
-    async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
-        context = FolderContext(FolderStore(directory), Viewers(32, 600.0))
-        app.state.context = context
-        try:
-            yield
-        finally:
-            context.viewers.close()
-
-    app = FastAPI(lifespan=lifespan, openapi_url=None, docs_url=None, redoc_url=None)
+    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+    app.state.context = FolderContext(FolderStore(directory), Films())
 
     @app.get("/")
     async def to_the_fold() -> RedirectResponse:
         return RedirectResponse(f"/folds/{ONLY}")
 
     app.include_router(pages.router)
-    app.include_router(viewers.router)
+    app.include_router(films.router)
     app.add_middleware(SameOrigin)
     app.add_middleware(AllowedHosts, hosts=hosts_of(host))
     app.add_middleware(SecurityHeaders)

@@ -5,30 +5,29 @@ const SVG = "http://www.w3.org/2000/svg";
 const get = (id) => document.getElementById(id);
 
 export class Bar {
-  constructor(control) {
-    this.control = control;
+  constructor(player) {
+    this.player = player;
     this.outline = null;
     this.state = null;
     this.scrubbing = false;
-    this.sent = null;
     this.scrub = get("scrub");
-    const send = (message) => () => control.send(message);
+    const send = (message) => () => player.send(message);
     get("play").onclick = send({ do: "toggle" });
     get("back").onclick = send({ do: "step", by: -1 });
     get("forward").onclick = send({ do: "step", by: 1 });
     for (const name of ["reverse", "loop", "follow", "live"]) {
-      get(name).onclick = () => control.send({ do: "set", [name]: get(name).getAttribute("aria-pressed") !== "true" });
+      get(name).onclick = () => player.send({ do: "set", [name]: get(name).getAttribute("aria-pressed") !== "true" });
     }
-    get("speed").onchange = (event) => control.send({ do: "set", speed: Number(event.target.value) });
+    get("speed").onchange = (event) => player.send({ do: "set", speed: Number(event.target.value) });
     this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
     this.scrub.addEventListener("pointerdown", () => { this.scrubbing = true; });
     for (const name of ["pointerup", "pointercancel", "change"]) {
       this.scrub.addEventListener(name, () => { this.scrubbing = false; });
     }
     this.enable(false);
-    control.on("waiting", () => this.enable(false));
-    control.on("outline", (outline) => this.draw(outline));
-    control.on("state", (state) => this.show(state));
+    player.on("waiting", () => this.enable(false));
+    player.on("outline", (outline) => this.draw(outline));
+    player.on("state", (state) => this.show(state));
   }
 
   enable(on) {
@@ -36,17 +35,9 @@ export class Bar {
     get("head").hidden = !on;
   }
 
-  // At most one seek a picture: the newest counts.
   seek(frame) {
     this.place(frame);
-    if (this.sent !== null) { this.sent = frame; return; }
-    this.sent = frame;
-    this.control.send({ do: "seek", frame });
-    requestAnimationFrame(() => {
-      const last = this.sent;
-      this.sent = null;
-      if (last !== frame) this.seek(last);
-    });
+    this.player.send({ do: "seek", frame });
   }
 
   key(event) {
@@ -65,7 +56,7 @@ export class Bar {
     if (!message) return;
     event.preventDefault();
     event.stopImmediatePropagation();
-    this.control.send(message);
+    this.player.send(message);
   }
 
   draw(outline) {

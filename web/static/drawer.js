@@ -6,8 +6,8 @@ const LONG = 28; // characters; beside their label they would stand in a narrow 
 const TABS = ["module", "properties", "downloads"];
 
 export class Drawer {
-  constructor(control, toast) {
-    this.control = control;
+  constructor(player, toast) {
+    this.player = player;
     this.toast = toast;
     get("details").onclick = () => this.open(get("drawer").hidden);
     get("drawer-close").onclick = () => this.close();
@@ -26,7 +26,7 @@ export class Drawer {
         get(`tab-${next}`).focus();
       };
     });
-    control.on("module", (module) => this.module(module));
+    player.on("module", (module) => this.module(module));
     this.module({ index: null });
   }
 
@@ -74,11 +74,11 @@ export class Drawer {
       const button = element("button", { class: "button", type: "button" }, text);
       const next = module.index + by;
       button.disabled = next < 0 || next >= module.modules;
-      button.onclick = () => this.control.send({ do: "select", module: next });
+      button.onclick = () => this.player.send({ do: "select", module: next });
       return button;
     };
     const clear = element("button", { class: "button quiet", type: "button" }, "Clear");
-    clear.onclick = () => this.control.send({ do: "select", module: null });
+    clear.onclick = () => this.player.send({ do: "select", module: null });
     const joint = module.joints.length
       ? element("table", { class: "joints" },
         element("thead", {}, element("tr", {},

@@ -7,52 +7,36 @@ const EDGED_PX = 5;
 
 let paper = null;
 let pen = null;
-let address = "";
-let socket = null;
 let size = null;
 let outline = null;
 let latest = null;
 let due = false;
-let told = false;
-let tries = 0;
 
 onmessage = ({ data }) => {
   if (data.is === "begin") {
     ({ paper, size } = data);
     pen = paper.getContext("2d");
-    address = data.socket;
-    connect();
   } else if (data.is === "size") {
     ({ size } = data);
-    tell();
-    ask();
+    ask(false);
+  } else if (data.is === "outline") {
+    ({ outline } = data);
+    latest = null;
+  } else if (data.is === "frame") {
+    latest = data.data;
+    ask(true);
   }
 };
 
-function connect() {
-  socket = new WebSocket(address);
-  socket.binaryType = "arraybuffer";
-  socket.onopen = () => { tries = 0; tell(); };
-  socket.onmessage = ({ data }) => {
-    if (typeof data === "string") outline = JSON.parse(data);
-    else { latest = data; ask(); }
-  };
-  socket.onclose = ({ code }) => setTimeout(connect, code === 1008 ? 30000 : Math.min(10000, 300 * 2 ** tries++));
-}
-
-function tell() {
-  if (socket?.readyState !== WebSocket.OPEN || !size.height) return;
-  socket.send(JSON.stringify({ do: "set", aspect: size.width / size.height }));
-}
-
-function ask() {
+let owed = false;
+function ask(told) {
+  owed ||= told;
   if (due) return;
   due = true;
   (self.requestAnimationFrame ?? ((draw) => setTimeout(draw, 16)))(() => {
     due = false;
-    if (!outline || !latest || !size.width) return;
-    draw(outline, latest);
-    if (!told) { told = true; postMessage("drawn"); }
+    if (outline && latest && size.width) draw(outline, latest);
+    if (owed) { owed = false; postMessage("drawn"); }
   });
 }
 
@@ -68,7 +52,7 @@ function light(x, y, z) {
 }
 
 function draw({ modules, corners, faces, normals, field_of_view_rad: angle }, data) {
-  const numbers = new Float32Array(data, 0, 8 + 7 * modules);
+  const numbers = new Float32Array(data, 0, 7 + 7 * modules);
   const colours = new Uint8Array(data, 4 * numbers.length, 3 * modules);
   const width = Math.round(size.width * size.scale);
   const height = Math.round(size.height * size.scale);
@@ -77,8 +61,8 @@ function draw({ modules, corners, faces, normals, field_of_view_rad: angle }, da
   pen.lineJoin = "round";
   pen.lineWidth = size.scale;
 
-  const eye = numbers.subarray(1, 4);
-  const out = unit([eye[0] - numbers[4], eye[1] - numbers[5], eye[2] - numbers[6]]);
+  const eye = numbers.subarray(0, 3);
+  const out = unit([eye[0] - numbers[3], eye[1] - numbers[4], eye[2] - numbers[5]]);
   const right = unit(cross([0, 0, 1], out));
   const up = cross(out, right);
   const zoom = height / 2 / Math.tan(angle / 2);
@@ -94,7 +78,7 @@ function draw({ modules, corners, faces, normals, field_of_view_rad: angle }, da
   const far = new Float32Array(modules);
   const order = new Uint32Array(modules);
   for (let i = 0; i < modules; i++) {
-    const k = 8 + 7 * i;
+    const k = 7 + 7 * i;
     far[i] = Math.hypot(numbers[k] - eye[0], numbers[k + 1] - eye[1], numbers[k + 2] - eye[2]);
     order[i] = i;
   }
@@ -104,7 +88,7 @@ function draw({ modules, corners, faces, normals, field_of_view_rad: angle }, da
   const points = corners.map(() => [0, 0]);
   const r = new Float64Array(9);
   for (const i of order) {
-    const k = 8 + 7 * i;
+    const k = 7 + 7 * i;
     const [x, y, z] = [numbers[k], numbers[k + 1], numbers[k + 2]];
     turn(numbers[k + 3], numbers[k + 4], numbers[k + 5], numbers[k + 6], r);
     // The eye as the module sees it tells which faces look at us.
@@ -141,10 +125,10 @@ function shadow(modules, numbers, see, width, height) {
   const brush = small.getContext("2d");
   brush.clearRect(0, 0, w, h);
   brush.fillStyle = "#000";
-  const ground = numbers[7];
+  const ground = numbers[6];
   const at = [0, 0];
   for (let i = 0; i < modules; i++) {
-    const k = 8 + 7 * i;
+    const k = 7 + 7 * i;
     brush.beginPath();
     for (const [dx, dy] of [[-0.6, -0.6], [0.6, -0.6], [0.6, 0.6], [-0.6, 0.6]]) {
       see(numbers[k] + dx, numbers[k + 1] + dy, ground, at);

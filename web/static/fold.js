@@ -1,11 +1,12 @@
 // The fold page.
 import { Bar } from "./bar.js";
-import { Control } from "./control.js";
 import { Drawer } from "./drawer.js";
+import { Film, Source } from "./film.js";
 import { Place } from "./place.js";
+import { Player } from "./player.js";
 import { Progress } from "./progress.js";
 import { Sketch } from "./sketch.js";
-import { View, hasWebGL } from "./view.js";
+import { Stage, hasWebGL } from "./stage.js";
 import { copyText, refusal } from "./words.js";
 
 const get = (id) => document.getElementById(id);
@@ -30,14 +31,46 @@ function cover(text, more = "", button = null) {
   if (button) { get("cover-button").textContent = button.text; get("cover-button").onclick = button.press; }
 }
 
-const control = new Control(facts.id, facts.visitor);
-const bar = new Bar(control);
-const place = new Place(control);
-const drawer = new Drawer(control, toast);
-const view = new View(get("view"), {
-  onKey: (event) => { place.acted = true; bar.key(event); },
-  onTouch: () => { if (bar.state?.follow) control.send({ do: "set", follow: false }); },
+// The page draws the fold by itself until the 3D view, which takes longer to start, has taken over.
+const DRAW_MS = 250;
+const PATIENCE_MS = 1500;
+const film = new Film(new Source(facts.id));
+const stage = new Stage(get("view"), {
+  open: () => setTimeout(uncover, DRAW_MS),
+  pick: (origin, direction) => player.pick(origin, direction),
+  touch: () => { if (player.head.follow) player.send({ do: "set", follow: false }); },
+  key: (event) => { place.acted = true; bar.key(event); },
 });
+const sketch = new Sketch(get("sketch"), () => {
+  get("cover").classList.add("gone");
+  setTimeout(start3d, DRAW_MS);
+});
+const player = new Player(film, {
+  stage, sketch, aspect: () => get("view").clientWidth / Math.max(1, get("view").clientHeight),
+});
+const bar = new Bar(player);
+const place = new Place(player);
+const drawer = new Drawer(player, toast);
+new ResizeObserver(() => player.show(true)).observe(get("view"));
+
+let started = false;
+function start3d() {
+  if (started) return;
+  started = true;
+  // To ask is to start the browser's 3D graphics, which takes a second where they are software.
+  if (hasWebGL()) { get("view").src = get("view").dataset.src; return; }
+  get("flat").hidden = false;
+  if (!sketch.worker) cover("This browser shows no 3D graphics", get("flat").textContent);
+}
+setTimeout(start3d, sketch.worker ? PATIENCE_MS : 0);
+
+function uncover() {
+  if (!player.shown) { player.addEventListener("drawn", () => setTimeout(uncover, DRAW_MS), { once: true }); return; }
+  get("cover").classList.add("gone");
+  get("sketch").classList.add("gone");
+  get("sketch").addEventListener("transitionend", () => { sketch.stop(); player.sketch = null; }, { once: true });
+}
+
 addEventListener("keydown", (event) => bar.key(event));
 
 function show(facts) {
@@ -82,50 +115,11 @@ async function tryAgain({ form }) {
 show(facts);
 new Progress(facts, { onDone: show, toast });
 
-// After a break the player is where this page was.
 let begun = false;
-let last = null;
-control.on("state", (state) => { last = state; });
-control.on("hello", ({ again }) => {
-  if (again) view.reload();
-  if (!last) return;
-  const { speed, loop, reverse, follow, playing, frame } = last;
-  control.send({ do: "set", speed, loop, reverse, follow });
-  if (again) {
-    control.send({ do: "seek", frame });
-    if (playing) control.send({ do: "play" });
-  }
-});
-control.on("outline", (outline) => {
+player.on("begun", () => {
   if (begun) return;
   begun = true;
-  if (!place.go() && !outline.growing && !calm) control.send({ do: "play" });
-});
-
-// The page draws the fold by itself until the 3D view, which takes longer to start, has taken over.
-const DRAW_MS = 250;
-const PATIENCE_MS = 1500;
-const sketch = new Sketch(get("sketch"), facts.id, facts.visitor, () => {
-  get("cover").classList.add("gone");
-  setTimeout(start3d, DRAW_MS);
-});
-let started = false;
-function start3d() {
-  if (started) return;
-  started = true;
-  // To ask is to start the browser's 3D graphics, which takes a second where they are software.
-  if (hasWebGL()) { get("view").src = get("view").dataset.src; return; }
-  get("flat").hidden = false;
-  if (!sketch.worker) cover("This browser shows no 3D graphics", get("flat").textContent);
-}
-setTimeout(start3d, sketch.worker ? PATIENCE_MS : 0);
-control.on("viewing", () => setTimeout(() => {
-  get("cover").classList.add("gone");
-  get("sketch").classList.add("gone");
-  get("sketch").addEventListener("transitionend", () => sketch.stop(), { once: true });
-}, DRAW_MS));
-control.on("closed", ({ code, reason }) => {
-  if (code === 1013) cover("No room for another view just now", reason);
+  if (!place.go() && !film.growing && !calm) player.send({ do: "play" });
 });
 
 get("share").onclick = () => {

@@ -1,6 +1,5 @@
 // The landing page: takes files and shapes, and keeps the featured fold in motion.
-import { Control } from "./control.js";
-import { Sketch } from "./sketch.js";
+import { playHero } from "./hero.js";
 import { refusal } from "./words.js";
 
 const get = (id) => document.getElementById(id);
@@ -8,6 +7,7 @@ const drop = get("drop");
 const message = get("drop-message");
 const hero = get("hero");
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+const player = playHero(hero, get("sketch"), { calm });
 
 const NO_PATH = new Set(["repeated-cell"]);
 const FIRST_CARDS = 28;
@@ -20,7 +20,7 @@ function say(text, tone = "") {
 
 async function start(fields, label) {
   say(`Sending ${label}…`);
-  const resting = hero.control?.send({ do: "pause" });
+  const resting = player?.send({ do: "pause" });
   const form = new FormData();
   for (const [key, value] of Object.entries(fields)) form.set(key, value);
   form.set("preset", get("preset").value);
@@ -30,7 +30,7 @@ async function start(fields, label) {
     const body = await answer.json().catch(() => ({}));
     if (!answer.ok) {
       say(refusal(body, answer.status), "bad");
-      if (resting && !calm) hero.control.send({ do: "play" });
+      if (resting && !calm) player.send({ do: "play" });
       return;
     }
     if (body.owner_token) localStorage.setItem(`foldback:owner:${body.id}`, body.owner_token);
@@ -132,16 +132,4 @@ for (const card of document.querySelectorAll("[data-shape]")) {
     await start({ shape: card.dataset.shape }, card.querySelector(".card-title").textContent);
     card.removeAttribute("aria-busy");
   };
-}
-
-if (hero.dataset.fold) {
-  const { fold, visitor } = hero.dataset;
-  const control = (hero.control = new Control(fold, visitor));
-  control.on("outline", () => {
-    if (control.begun) return;
-    control.begun = true;
-    control.send({ do: "set", loop: true, speed: 1.6, turn: !calm });
-    if (!calm) control.send({ do: "play" });
-  });
-  new Sketch(get("sketch"), fold, visitor, () => hero.classList.add("moving"));
 }

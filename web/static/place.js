@@ -11,19 +11,19 @@ export function placeIn(hash) {
 // Writes the place into the address while the fold rests there, so that a reload and a link show it;
 // not before the visitor has done something.
 export class Place {
-  constructor(control) {
-    this.control = control;
+  constructor(player) {
+    this.player = player;
     this.at = { frame: null, module: null };
     this.timer = null;
     this.acted = false;
     for (const kind of ["pointerdown", "keydown", "input"]) {
       addEventListener(kind, () => { this.acted = true; }, { capture: true });
     }
-    control.on("state", ({ frame, playing, live, growing }) => {
+    player.on("state", ({ frame, playing, live, growing }) => {
       if (playing || live || !this.acted) return;
       this.note({ frame: growing ? null : Math.round(frame) });
     });
-    control.on("module", ({ index }) => {
+    player.on("module", ({ index }) => {
       this.acted ||= index !== null;
       this.note({ module: index });
     });
@@ -32,9 +32,9 @@ export class Place {
   // Goes where the address says; true when it names a frame.
   go() {
     const { frame, module } = placeIn(location.hash);
-    if (module !== null) this.control.send({ do: "select", module });
+    if (module !== null) this.player.send({ do: "select", module });
     if (frame === null) return false;
-    this.control.send({ do: "seek", frame });
+    this.player.send({ do: "seek", frame });
     return true;
   }
 

@@ -1,16 +1,54 @@
-// A fold drawn by the page itself: at once, without WebGL, and beside the page's own thread.
+// A fold drawn by the page itself, in a worker: at once, and without WebGL.
 export class Sketch {
   // Calls `onFirst` when the first frame has been drawn.
-  constructor(canvas, id, visitor, onFirst = () => {}) {
+  constructor(canvas, onFirst = () => {}) {
     this.canvas = canvas;
+    this.worker = null;
+    this.waiting = false;
+    this.next = null;
     if (!canvas.transferControlToOffscreen || !window.Worker) return;
-    const socket = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/folds/${id}/sketch/${visitor}`;
     const paper = canvas.transferControlToOffscreen();
-    this.worker = new Worker("/static/drawing.js", { type: "module" });
-    this.worker.onmessage = () => onFirst();
-    this.worker.postMessage({ is: "begin", paper, socket, size: this.size() }, [paper]);
+    this.worker = new Worker(new URL("./drawing.js", import.meta.url), { type: "module" });
+    let first = true;
+    this.worker.onmessage = () => {
+      if (first) { first = false; onFirst(); }
+      this.waiting = false;
+      if (this.next) { const next = this.next; this.next = null; this.post(next); }
+    };
+    this.worker.postMessage({ is: "begin", paper, size: this.size() }, [paper]);
     this.watcher = new ResizeObserver(() => this.worker?.postMessage({ is: "size", size: this.size() }));
     this.watcher.observe(canvas);
+  }
+
+  set({ header }) {
+    this.pitch = header.pitch;
+    this.worker?.postMessage({ is: "outline", outline: header.sketch });
+  }
+
+  // Little-endian float32 numbers: the camera's place, what it looks at and the height of the ground,
+  // then centre and orientation of each module, in pitches; then the colours.
+  draw({ positions, wxyzs }, colours, view, ground) {
+    if (!this.worker) return;
+    const n = positions.length / 3;
+    const data = new ArrayBuffer(4 * (7 + 7 * n) + 3 * n);
+    const numbers = new Float32Array(data, 0, 7 + 7 * n);
+    numbers.set(view.position.map((v) => v / this.pitch), 0);
+    numbers.set(view.target.map((v) => v / this.pitch), 3);
+    let low = Infinity;
+    for (let i = 0; i < n; i++) {
+      numbers.set(positions.subarray(3 * i, 3 * i + 3), 7 + 7 * i);
+      numbers.set(wxyzs.subarray(4 * i, 4 * i + 4), 10 + 7 * i);
+      low = Math.min(low, positions[3 * i + 2]);
+    }
+    numbers[6] = ground === null ? low - 0.85 : ground / this.pitch;
+    new Uint8Array(data, 4 * numbers.length).set(colours);
+    // A newer frame replaces one that still waits.
+    if (this.waiting) this.next = data; else this.post(data);
+  }
+
+  post(data) {
+    this.waiting = true;
+    this.worker?.postMessage({ is: "frame", data }, [data]);
   }
 
   size() {

@@ -1,0 +1,97 @@
+"""Films: what a browser shows of a fold, taken from its timeline.
+
+``/view`` is viser's client, the same for every fold, so that a browser keeps it. The page that
+frames it hands it the fold's scenery (``web.scenery``) and, frame by frame, what is in the fold's
+reels (``web.reel``): a visitor far away scrubs as quickly as one next door.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Annotated, Final
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import Response
+
+from planner.errors import TimelineError
+from server.routes.finding import find_fold
+from server.store import NoSuchFoldError
+from web.client import bridged_client
+from web.film import Film
+from web.reel import reel_of
+from web.scenery import scenery_of
+
+router = APIRouter(include_in_schema=False)
+
+LOOK_EVERY_S: Final = 0.1
+LONGEST_WAIT_S: Final = 2.0
+BINARY: Final = "application/octet-stream"
+
+
+@router.get("/view")
+async def view(request: Request) -> Response:
+    """Viser's client, to be framed by a page of ours."""
+    page = await asyncio.to_thread(bridged_client)
+    headers = {
+        "Content-Security-Policy": page.policy,
+        "Cache-Control": "no-cache",
+        "ETag": page.etag,
+        "X-Frame-Options": "SAMEORIGIN",
+    }
+    if request.headers.get("if-none-match") == page.etag:
+        return Response(status_code=304, headers=headers)
+    return Response(page.html, media_type="text/html", headers=headers)
+
+
+@router.get("/folds/{fold_id}/scenery")
+async def scenery(request: Request, fold_id: str) -> Response:
+    """What is known of a fold's chain and its scene; the id is that of the timeline."""
+    film = await _film(request, fold_id)
+    if film is None:
+        return _nothing()
+    data = await asyncio.to_thread(scenery_of, film.chain)
+    return _binary(data, film)
+
+
+@router.get("/folds/{fold_id}/reel")
+async def reel(
+    request: Request,
+    fold_id: str,
+    start: Annotated[int, Query(alias="from", ge=0)] = 0,
+    stop: Annotated[int | None, Query(alias="to", ge=0)] = None,
+    stride: Annotated[int, Query(ge=1, le=1_000_000)] = 1,
+    wait: Annotated[float, Query(ge=0, le=LONGEST_WAIT_S)] = 0.0,
+) -> Response:
+    """Frames of a fold's timeline; with ``wait``, seconds, not before there are any from there."""
+    film = await _film(request, fold_id)
+    if film is None:
+        return _nothing()
+    loop = asyncio.get_running_loop()
+    until = loop.time() + wait
+    while start >= len(film) and film.growing and loop.time() < until:
+        await asyncio.sleep(LOOK_EVERY_S)
+        await asyncio.to_thread(film.refresh)
+    try:
+        data = await asyncio.to_thread(reel_of, film, start, stop, stride)
+    except TimelineError:
+        return _nothing()  # it is being replaced just now
+    return _binary(data, film)
+
+
+def _binary(data: bytes, film: Film) -> Response:
+    headers = {"Cache-Control": "no-store" if film.growing else "private, no-cache"}
+    return Response(data, media_type=BINARY, headers=headers)
+
+
+def _nothing() -> Response:
+    """There is nothing to see yet."""
+    return Response(status_code=204, headers={"Cache-Control": "no-store"})
+
+
+async def _film(request: Request, fold_id: str) -> Film | None:
+    found = await find_fold(request.app, fold_id)
+    if found is None:
+        raise NoSuchFoldError(fold_id)
+    films = request.app.state.context.films
+    film = await asyncio.to_thread(films.get, found.directory / "timeline.zarr")
+    return film if film is not None and len(film) else None

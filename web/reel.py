@@ -1,0 +1,55 @@
+"""Reel: a stretch of a film as one message, for a browser that computes the poses itself.
+
+A message (``web.columns``) tells in its header which timeline it is of (``id``), its ``status``
+(``growing``, ``complete`` or ``failed``), how many frames there are in ``total``, the stretch
+``start``, ``stop`` and ``stride`` that the columns hold, and the film's outline. The columns are
+those of ``planner.timeline.Frames``, in single precision but for the time.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from web.columns import encode
+from web.film import Film
+
+LARGEST_REEL: Final = 2**20
+MOST_FRAMES: Final = 4096
+
+
+def reel_of(film: Film, start: int, stop: int | None = None, stride: int = 1) -> bytes:
+    """Frames from ``start`` on, as many as fit into one message of about a mebibyte.
+
+    Args:
+        film: What they are of.
+        start: The first one; one past the end is answered with no frames.
+        stop: Past the last one; the end when None.
+        stride: Every so many-th.
+
+    Raises:
+        TimelineError: When the timeline is being replaced.
+    """
+    total = len(film)
+    start = min(start, total)
+    end = total if stop is None else max(start, min(stop, total))
+    most = max(1, min(MOST_FRAMES, LARGEST_REEL // (8 * len(film.chain.joint_names) + 40)))
+    end = min(end, start + most * stride)
+    frames = film.frames(start, end, stride)
+    header = {
+        "id": film.id,
+        "status": film.status,
+        "total": total,
+        "start": start,
+        "stop": end,
+        "stride": stride,
+        "outline": film.outline(),
+    }
+    columns = {
+        "time_s": frames.time_s.astype("<f8"),
+        "phase": frames.phase.astype("|u1"),
+        "root_position": frames.root_position.astype("<f4"),
+        "root_wxyz": frames.root_wxyz.astype("<f4"),
+        "joint_angles_rad": frames.joint_angles_rad.astype("<f4"),
+        "joint_error_rad": frames.joint_error_rad.astype("<f4"),
+    }
+    return encode(header, columns)

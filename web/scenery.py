@@ -1,0 +1,190 @@
+"""Scenery: all that a browser needs to know of a fold once, before its frames.
+
+The 3D view is viser's own client. Its scene is built here by viser, taken down as the messages
+that a viser server would send, and handed to the client by the page itself: no server of its own
+stands behind a view, and the frames that follow are computed where they are shown.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Generator
+from functools import lru_cache
+from typing import Any, Final, cast
+
+import msgspec
+import numpy as np
+import rich
+import viser
+import zstandard
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.modules import CUBE
+from planner.rotations import wxyz_from_matrix
+from web.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, TURN_RAD_S
+from web.colours import ERROR, FIRST, LAST, NEUTRAL, SELECTED, UNKNOWN, error_ramp, ramp_colours
+from web.columns import encode
+from web.meshes import SHOWN_SIZE
+from web.scene import Scene
+from web.sketch import sketch_outline
+
+RAMP_STEPS: Final = 256
+_BINARY: Final = "__binary_index"
+_POINTER: Final[dict[str, Any]] = {
+    # A click in the view comes back as a ray; serialised scenes leave this out.
+    "type": "ScenePointerEnableMessage",
+    "event_type": "click",
+    "modifiers": [None],
+    "owner": "",
+}
+
+
+def scenery_of(chain: Chain) -> bytes:
+    """The scenery of a fold of ``chain``, as one message of ``web.columns``.
+
+    The header holds the chain's geometry (``planner.modules`` tells the words), the scene's
+    ``messages`` with ``{"column": name}`` in place of arrays, what a ``sketch`` draws, the
+    ``camera``'s constants and the ``colours``; the columns hold their arrays, and as ``folded_rad``
+    and ``folded_positions`` where the chain is going.
+    """
+    module, n = chain.module, len(chain)
+    pitch, messages, arrays = _staged(module.name, n, chain)
+    header = {
+        "chain": {
+            "name": chain.name,
+            "module": module.name,
+            "modules": n,
+            "root": chain.root,
+            "rigid_links": module.rigid_links,
+            "hinges": module.hinges_per_joint,
+            "anchor": module.anchor.tolist(),
+            "axes": module.axes.tolist(),
+            "turn": wxyz_from_matrix(module.turn).tolist(),
+            "offset": module.offset.tolist(),
+            "face_normals": module.face_normals.tolist(),
+            "vertices": module.vertices.tolist(),
+            "radius": module.radius,
+            "joint_names": list(chain.joint_names),
+            # Only cubes fill cells; what others are rounded to means nothing.
+            "cells": module is CUBE,
+            "pitch_m": chain.pitch_m,
+        },
+        "messages": messages,
+        "sketch": sketch_outline(module, n),
+        "camera": {
+            "field_of_view_rad": float(FIELD_OF_VIEW_RAD),
+            "azimuth_rad": float(AZIMUTH_RAD),
+            "elevation_rad": float(ELEVATION_RAD),
+            "turn_rad_s": float(TURN_RAD_S),
+        },
+        "pitch": pitch,
+        "shown_size": SHOWN_SIZE,
+        "reach": float(np.abs(module.vertices[:, 0]).max()),
+        "colours": {
+            "neutral": NEUTRAL,
+            "unknown": UNKNOWN,
+            "error": ERROR,
+            "selected": SELECTED,
+            "first": FIRST,
+            "last": LAST,
+        },
+    }
+    columns = {
+        **arrays,
+        "ramp_error": error_ramp(RAMP_STEPS),
+        "ramp_even": ramp_colours(np.linspace(0.0, 1.0, RAMP_STEPS)),
+        "folded_rad": chain.folded_rad.astype("<f4"),
+        "folded_positions": chain.folded_poses.positions.astype("<f4"),
+    }
+    return encode(header, columns)
+
+
+def opened_scene(record: bytes) -> tuple[list[tuple[float, dict[str, Any]]], list[memoryview]]:
+    """Messages, each with its time, and binary buffers of a ``.viser`` recording."""
+    size = int.from_bytes(record[:8], "little")
+    raw = zstandard.ZstdDecompressor().decompress(record[8:], max_output_size=size)
+    length = int.from_bytes(raw[:8], "little")
+    found = cast("dict[str, Any]", msgspec.msgpack.decode(raw[8 : 8 + length]))
+    buffers: list[memoryview] = []
+    at = 8 + length
+    for size in found["binaryBufferLengths"]:
+        at += -at % 8
+        buffers.append(memoryview(raw)[at : at + size])
+        at += size
+    return [(float(t), message) for t, message in found["messages"]], buffers
+
+
+_ONE: Final = threading.Lock()
+_QUIET_LOCK: Final = threading.RLock()
+
+
+@contextlib.contextmanager
+def quiet() -> Generator[None]:
+    """Keeps viser's banner off the terminal, which it prints whatever ``verbose`` says."""
+    console = rich.get_console()
+    with _QUIET_LOCK:
+        before, console.quiet = console.quiet, True
+        try:
+            yield
+        finally:
+            console.quiet = before
+
+
+@contextlib.contextmanager
+def viser_scene(chain: Chain) -> Generator[tuple[viser.ViserServer, Scene]]:
+    """A scene in a viser server that nobody can connect to but from this machine, for a moment."""
+    with _ONE:
+        with quiet():
+            server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        try:
+            server.gui.configure_theme(show_logo=False, show_share_button=False)
+            yield server, Scene(server, chain)
+        finally:
+            with quiet():
+                server.stop()
+
+
+class _Alike:
+    """A chain as a key: those of the same kind and length have the same scene."""
+
+    def __init__(self, chain: Chain, *key: object) -> None:
+        self.chain = chain
+        self.key = key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Alike) and other.key == self.key
+
+
+def _staged(
+    kind: str, modules: int, chain: Chain
+) -> tuple[float, list[dict[str, Any]], dict[str, NDArray[Any]]]:
+    return _staged_alike(_Alike(chain, kind, modules))
+
+
+@lru_cache(maxsize=64)
+def _staged_alike(
+    alike: _Alike,
+) -> tuple[float, list[dict[str, Any]], dict[str, NDArray[Any]]]:
+    with viser_scene(alike.chain) as (server, scene):
+        messages, buffers = opened_scene(server.get_scene_serializer().serialize())
+        pitch = scene.pitch
+    arrays: dict[str, NDArray[Any]] = {}
+
+    def named(value: Any) -> Any:
+        if isinstance(value, dict):
+            found = cast("dict[str, Any]", value)
+            if _BINARY in found:
+                name = f"buffer_{len(arrays)}"
+                arrays[name] = np.frombuffer(buffers[found[_BINARY]], found["dtype"])
+                return {"column": name}
+            return {k: named(v) for k, v in found.items()}
+        if isinstance(value, list | tuple):
+            return [named(v) for v in cast("list[Any]", value)]
+        return value
+
+    return pitch, [*(named(message) for _, message in messages), _POINTER], arrays

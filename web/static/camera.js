@@ -1,0 +1,178 @@
+// A camera that keeps the whole chain in view, smoothly, until a visitor takes hold of it.
+// `web/camera.py` frames movies by the same equations.
+const MOST_POINTS = 600;
+const SETTLE_S = 0.14;
+const SETTLED = 2e-4;
+const WHOLE_TURN = 2 * Math.PI;
+
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const between = (angle) => ((((angle + Math.PI) % WHOLE_TURN) + WHOLE_TURN) % WHOLE_TURN) - Math.PI;
+
+export function outward(azimuth, elevation) {
+  const flat = Math.cos(elevation);
+  return [flat * Math.cos(azimuth), flat * Math.sin(azimuth), Math.sin(elevation)];
+}
+
+export function positionOf(view) {
+  const out = outward(view.azimuth, view.elevation);
+  return view.target.map((v, k) => v + view.distance * out[k]);
+}
+
+// Azimuth and elevation from which `position` looks at `target`.
+export function anglesOf(position, target) {
+  const off = position.map((v, k) => v - target[k]);
+  const length = Math.max(Math.hypot(...off), 1e-9);
+  return [Math.atan2(off[1], off[0]), Math.asin(Math.min(1, Math.max(-1, off[2] / length)))];
+}
+
+function axesOf(azimuth, elevation) {
+  const out = outward(azimuth, elevation);
+  const right = [-Math.sin(azimuth), Math.cos(azimuth), 0];
+  return [right, cross(out, right), out];
+}
+
+function some(points) {
+  const n = points.length / 3;
+  const by = Math.max(1, Math.floor(n / MOST_POINTS));
+  const found = [];
+  for (let i = 0; i < n; i += by) found.push([points[3 * i], points[3 * i + 1], points[3 * i + 2]]);
+  return found;
+}
+
+// The nearest view that shows all points: (3n) centres of modules that reach `radius` far.
+export function framing(points, { radius, aspect, field, home, azimuth = null, elevation, margin = [0.9, 0.72] }) {
+  const few = some(points);
+  azimuth ??= sideOf(few, aspect, home);
+  const axes = axesOf(azimuth, elevation);
+  const local = few.map((p) => axes.map((axis) => dot(p, axis)));
+  const middle = [0, 1, 2].map((k) => {
+    let low = Infinity;
+    let high = -Infinity;
+    for (const p of local) { low = Math.min(low, p[k]); high = Math.max(high, p[k]); }
+    return (low + high) / 2;
+  });
+  const tall = Math.tan(field / 2);
+  const wide = tall * aspect;
+  let distance = radius;
+  for (let round = 0; round < 3; round++) { // perspective shifts the middle; a few rounds centre the picture
+    distance = 4 * radius;
+    for (const p of local) {
+      const [x, y, z] = p.map((v, k) => v - middle[k]);
+      distance = Math.max(distance, (Math.abs(x) + radius) / (wide * margin[0]) + z, (Math.abs(y) + radius) / (tall * margin[1]) + z);
+    }
+    const seen = [[Infinity, -Infinity], [Infinity, -Infinity]];
+    for (const p of local) {
+      const depth = distance - (p[2] - middle[2]);
+      for (const k of [0, 1]) {
+        const at = (p[k] - middle[k]) / depth;
+        seen[k] = [Math.min(seen[k][0], at), Math.max(seen[k][1], at)];
+      }
+    }
+    for (const k of [0, 1]) middle[k] += ((seen[k][0] + seen[k][1]) / 2) * distance;
+  }
+  const target = [0, 1, 2].map((c) => axes.reduce((sum, axis, k) => sum + middle[k] * axis[c], 0));
+  return { target, azimuth, elevation, distance };
+}
+
+// The least distance from which a view cuts nothing off, for the target that it has.
+export function distanceNeeded(points, view, { radius, aspect, field }) {
+  const [right, up, out] = axesOf(view.azimuth, view.elevation);
+  const tall = Math.tan(field / 2);
+  let needed = 0;
+  for (const p of some(points)) {
+    const off = p.map((v, k) => v - view.target[k]);
+    const depth = dot(off, out);
+    needed = Math.max(needed, (Math.abs(dot(off, right)) + radius) / (tall * aspect) + depth, (Math.abs(dot(off, up)) + radius) / tall + depth);
+  }
+  return needed;
+}
+
+// A view between several, from as far as the one that must not be cut off needs.
+export function blended(views, weights, nearest) {
+  const total = weights.reduce((a, b) => a + b, 0);
+  const share = weights.map((w) => w / total);
+  const mean = (value) => views.reduce((sum, view, k) => sum + share[k] * value(view), 0);
+  const target = [0, 1, 2].map((c) => mean((v) => v.target[c]));
+  const aside = Math.hypot(...target.map((v, k) => v - nearest.target[k]));
+  return {
+    target,
+    azimuth: nearest.azimuth + mean((v) => between(v.azimuth - nearest.azimuth)),
+    elevation: nearest.elevation + mean((v) => v.elevation - nearest.elevation),
+    distance: Math.max(Math.exp(mean((v) => Math.log(v.distance))), nearest.distance + aside),
+  };
+}
+
+// Glides to the view that it should have.
+export class Follower {
+  constructor() { this.view = null; this.goal = null; }
+
+  aim(goal, atOnce = false) {
+    this.goal = goal;
+    if (atOnce || !this.view) this.view = goal;
+  }
+
+  // True while it moves.
+  move(seconds) {
+    const { view, goal } = this;
+    if (!view || !goal || view === goal) return false;
+    const share = 1 - Math.exp(-seconds / SETTLE_S);
+    const turn = between(goal.azimuth - view.azimuth);
+    const rise = goal.elevation - view.elevation;
+    const off = Math.hypot(...goal.target.map((v, k) => v - view.target[k])) / goal.distance;
+    if (Math.max(off, Math.abs(turn), Math.abs(rise), Math.abs(goal.distance / view.distance - 1)) < SETTLED) {
+      this.view = goal;
+      return true;
+    }
+    this.view = {
+      target: view.target.map((v, k) => v + (goal.target[k] - v) * share),
+      azimuth: view.azimuth + turn * share,
+      elevation: view.elevation + rise * share,
+      distance: view.distance * (goal.distance / view.distance) ** share,
+    };
+    return true;
+  }
+}
+
+// A long chain is looked at from its side, on a tall window from nearer its end.
+function sideOf(points, aspect, home) {
+  const n = points.length;
+  const mean = [0, 1, 2].map((k) => points.reduce((sum, p) => sum + p[k], 0) / n);
+  const spread = [[0, 0, 0], [0, 0, 0], [0, 0, 0]];
+  for (const p of points) for (let a = 0; a < 3; a++) for (let b = 0; b < 3; b++) spread[a][b] += (p[a] - mean[a]) * (p[b] - mean[b]);
+  const { values, vectors } = eigen(spread);
+  const order = [0, 1, 2].sort((a, b) => values[a] - values[b]);
+  const longest = [0, 1, 2].map((k) => vectors[k][order[2]]);
+  const slim = 1 - Math.sqrt(Math.max(values[order[1]], 0) / Math.max(values[order[2]], 1e-12));
+  const weight = Math.min(1, Math.max(0, (slim - 0.4) / 0.4)) * Math.hypot(longest[0], longest[1]);
+  const along = Math.atan2(longest[1], longest[0]);
+  const aside = ((aspect >= 1 ? 68 : 30) * Math.PI) / 180;
+  let least = Infinity;
+  for (const half of [0, Math.PI]) {
+    for (const side of [-aside, aside]) {
+      const turn = between(along + half + side - home);
+      if (Math.abs(turn) < Math.abs(least)) least = turn;
+    }
+  }
+  return home + weight * least;
+}
+
+// Eigenvalues and eigenvectors (in columns) of a symmetric 3×3 matrix, by Jacobi's rotations.
+function eigen(given) {
+  const a = given.map((row) => [...row]);
+  const v = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+  for (let sweep = 0; sweep < 24; sweep++) {
+    if (Math.abs(a[0][1]) + Math.abs(a[0][2]) + Math.abs(a[1][2]) < 1e-14 * (Math.abs(a[0][0]) + Math.abs(a[1][1]) + Math.abs(a[2][2]) + 1e-300)) break;
+    for (const [p, q] of [[0, 1], [0, 2], [1, 2]]) {
+      if (a[p][q] === 0) continue;
+      const theta = (a[q][q] - a[p][p]) / (2 * a[p][q]);
+      const t = Math.sign(theta || 1) / (Math.abs(theta) + Math.hypot(theta, 1));
+      const c = 1 / Math.hypot(t, 1);
+      const s = t * c;
+      for (let k = 0; k < 3; k++) [a[k][p], a[k][q]] = [c * a[k][p] - s * a[k][q], s * a[k][p] + c * a[k][q]];
+      for (let k = 0; k < 3; k++) [a[p][k], a[q][k]] = [c * a[p][k] - s * a[q][k], s * a[p][k] + c * a[q][k]];
+      for (let k = 0; k < 3; k++) [v[k][p], v[k][q]] = [c * v[k][p] - s * v[k][q], s * v[k][p] + c * v[k][q]];
+    }
+  }
+  return { values: [a[0][0], a[1][1], a[2][2]], vectors: v };
+}

@@ -1,0 +1,362 @@
+// A visitor's playhead over a film, and what follows from it: the pose, its colours, the camera.
+//
+// It is told what to do by messages with one verb, `do`:
+//   play, pause, toggle          run or stop; play at the end starts over
+//   seek {frame} or {percent}    go there and stop
+//   step {by}                    whole frames back or forward, and stop
+//   set {speed, loop, reverse, follow, turn, live}   any of them
+//   select {module}              highlight a module; null for none
+// and tells what is by events: waiting, begun, outline, state, module.
+import { Follower, anglesOf, blended, distanceNeeded, framing, positionOf } from "./camera.js";
+import { ErrorColours } from "./colours.js";
+import { picked } from "./kinematics.js";
+
+const SPEEDS = [0.05, 20];
+const WHOLE_FILM_S = 20;
+const SLOWEST_FPS = 12;
+const CATCH_UP_S = 0.4;
+const HOLD_S = 1.2;
+const LONGEST_TICK_S = 0.2;
+const GOAL_EVERY = 12;
+const GOALS_ASIDE = 4;
+const GOAL_SPREAD = 1.8;
+const MOST_GOALS = 4000;
+const ROOM = 1.08; // how much farther than needed the camera stays, so that nothing touches the edge
+const STEEPEST = 1.2;
+
+export class Player extends EventTarget {
+  // Draws on `stage` and, until that is open or for want of it, on `sketch`; both may be null.
+  constructor(film, { stage = null, sketch = null, aspect = () => 1.6 }) {
+    super();
+    this.film = film;
+    this.stage = stage;
+    this.sketch = sketch;
+    this.aspectNow = aspect;
+    this.head = { frame: 0, playing: false, speed: 1, loop: false, reverse: false, follow: true, turn: false, live: false };
+    this.colouring = new ErrorColours();
+    this.selected = null;
+    this.shown = null;
+    this.told = "";
+    this.follower = new Follower();
+    this.direction = null;
+    this.goals = new Map();
+    this.hold = 0;
+    this.clock = null;
+    this.due = false;
+    this.gliding = false;
+    this.changed = false;
+    film.on("waiting", () => { this.shown = null; this.tell("waiting"); });
+    film.on("begun", () => this.begin());
+    film.on("grew", () => this.grew());
+    film.on("loaded", () => { if (this.shown && !this.shown.exact) this.show(true); });
+    if (film.chain) queueMicrotask(() => this.begin());
+  }
+
+  tell(name, detail = null) { this.dispatchEvent(new CustomEvent(name, { detail })); }
+
+  on(name, heard) { this.addEventListener(name, (event) => heard(event.detail)); }
+
+  // What a message does.
+
+  send(message) {
+    if (!this.film.chain) return false;
+    const { head, film } = this;
+    const go = (frame) => Object.assign(head, { frame: Math.min(Math.max(frame, 0), film.last), playing: false, live: false });
+    switch (message.do) {
+      case "play": case "pause": case "toggle":
+        this.run(message.do === "toggle" ? !head.playing : message.do === "play");
+        break;
+      case "seek":
+        go("percent" in message ? (message.percent / 100) * film.last : message.frame);
+        break;
+      case "step":
+        go((message.by > 0 ? Math.floor(head.frame + 1e-9) : Math.ceil(head.frame - 1e-9)) + message.by);
+        break;
+      case "set": this.set(message); break;
+      case "select": this.select(message.module); break;
+      default: return false;
+    }
+    this.show();
+    return true;
+  }
+
+  run(playing) {
+    const { head, film } = this;
+    if (playing && !head.reverse && head.frame >= film.last - 1e-6 && !film.growing) head.frame = 0;
+    if (playing && head.reverse && head.frame <= 1e-6) head.frame = film.last;
+    this.hold = 0;
+    Object.assign(head, { playing, live: false });
+  }
+
+  set(message) {
+    const { head } = this;
+    const { follow, live } = head;
+    if ("speed" in message) head.speed = Math.min(Math.max(message.speed, SPEEDS[0]), SPEEDS[1]);
+    for (const name of ["loop", "reverse", "follow", "turn", "live"]) if (name in message) head[name] = message[name];
+    if (head.live && !live) head.playing = false;
+    if (head.follow && !follow) this.takeOver();
+    this.aim();
+  }
+
+  select(module) {
+    if (module !== null && !(module >= 0 && module < this.film.chain.modules)) return;
+    this.selected = module;
+    this.show(true);
+    this.tellModule();
+  }
+
+  pick(origin, direction) {
+    if (!this.shown) return;
+    const module = picked(this.film.chain, this.shown, origin, direction);
+    if (module === null && this.selected === null) return;
+    this.send({ do: "select", module: module === this.selected ? null : module });
+  }
+
+  // Another way to colour the modules; see colours.js.
+  colourBy(colouring) {
+    this.colouring = colouring;
+    this.show(true);
+  }
+
+  // What time does.
+
+  begin() {
+    const { film, head } = this;
+    this.shown = null;
+    this.follower = new Follower();
+    this.goals.clear();
+    this.selected = this.selected !== null && this.selected < film.chain.modules ? this.selected : null;
+    this.stage?.set(film.scenery);
+    this.sketch?.set(film.scenery);
+    if (film.growing) Object.assign(head, { live: true, frame: film.last });
+    head.frame = Math.min(head.frame, film.last);
+    this.tell("begun");
+    this.tellOutline();
+    this.show(true);
+  }
+
+  grew() {
+    if (!this.film.chain) return;
+    this.goals.clear();
+    this.tellOutline();
+    this.show(true);
+  }
+
+  tellOutline() {
+    const { film } = this;
+    const { modules, rigid_links: rigid } = film.chain;
+    this.tell("outline", { ...film.outline, frames: film.total, growing: film.growing, modules, joints: modules - 1 - rigid });
+  }
+
+  get busy() {
+    const { head } = this;
+    return this.changed || this.gliding || head.playing || head.live || head.turn;
+  }
+
+  // Asks for one more tick.
+  wake() {
+    if (this.due) return;
+    this.due = true;
+    requestAnimationFrame((now) => { this.due = false; this.tick(now / 1000); });
+  }
+
+  tick(now) {
+    const passed = this.clock === null ? 0 : Math.min(Math.max(now - this.clock, 0), LONGEST_TICK_S);
+    if (!this.film.chain || !this.shown) { this.clock = null; return; }
+    this.advance(passed, now);
+    const drawn = this.changed;
+    this.changed = false;
+    let moved = this.stage?.scenery ? this.stage.moveGround(passed, this.shown) : false;
+    if (this.head.follow) moved = this.glide(passed) || moved;
+    this.gliding = moved;
+    if (drawn || moved) this.draw();
+    this.clock = this.busy ? now : null;
+    if (this.busy) this.wake();
+  }
+
+  advance(passed, now) {
+    const { head, film } = this;
+    if (head.live) {
+      const gap = film.last - head.frame;
+      head.frame = gap < 0.6 ? film.last : head.frame + gap * (1 - Math.exp(-passed / CATCH_UP_S));
+      if (!film.growing && head.frame >= film.last) head.live = false;
+    } else if (head.playing && now >= this.hold) {
+      const by = passed * Math.max(SLOWEST_FPS, (film.last + 1) / WHOLE_FILM_S) * head.speed;
+      this.runOn(by, now);
+    } else return;
+    this.show();
+  }
+
+  runOn(by, now) {
+    const { head, film } = this;
+    const frame = head.frame + (head.reverse ? -by : by);
+    if (frame >= 0 && frame <= film.last) {
+      // Frames that pass faster than they can be shown need no in-betweens.
+      this.coarse = by >= 1;
+      head.frame = frame;
+      return;
+    }
+    const end = head.reverse ? 0 : film.last;
+    if (!head.loop) Object.assign(head, { frame: end, playing: film.growing && !head.reverse });
+    else if (head.frame !== end) { this.hold = now + HOLD_S; head.frame = end; }
+    else head.frame = film.last - end;
+  }
+
+  // Takes the snapshot that the playhead is at.
+  show(again = false) {
+    const { film, head } = this;
+    if (!film.chain) return;
+    const frame = this.coarse && head.playing ? Math.round(head.frame) : head.frame;
+    const moved = !this.shown || this.shown.frame !== frame || !this.shown.exact;
+    if (moved || again) {
+      const shown = film.snapshot(frame);
+      if (!shown) return;
+      this.shown = shown;
+      this.aim();
+      this.changed = true;
+      if (this.selected !== null && moved) this.tellModule();
+    }
+    this.tellState();
+    this.wake();
+  }
+
+  tellState() {
+    const { film, head, shown } = this;
+    let error = -1;
+    for (const e of shown.errors) if (Math.abs(e) > error) error = Math.abs(e);
+    const state = {
+      ...head, frames: film.total, growing: film.growing, time_s: shown.time_s, phase: shown.phase, error_rad: error < 0 ? null : error,
+    };
+    const text = JSON.stringify(state);
+    if (text === this.told) return;
+    this.told = text;
+    this.tell("state", state);
+  }
+
+  tellModule() {
+    const { film, shown, selected: index } = this;
+    if (index === null || !shown) { this.tell("module", { index: null }); return; }
+    const { chain } = film;
+    const first = (index - chain.rigid_links) * chain.hinges;
+    const columns = first >= 0 && first < film.joints ? Array.from({ length: chain.hinges }, (_, k) => first + k) : [];
+    const at = film.foldedPositions;
+    this.tell("module", {
+      index,
+      modules: chain.modules,
+      cell: chain.cells ? [0, 1, 2].map((k) => Math.round(at[3 * index + k])) : null,
+      joints: columns.map((j) => ({
+        name: chain.joint_names[j], column: j, angle_rad: shown.angles[j], target_rad: film.foldedRad[j],
+        error_rad: Number.isNaN(shown.errors[j]) ? null : Math.abs(shown.errors[j]),
+      })),
+      shown,
+    });
+  }
+
+  colours() {
+    const colours = this.colouring.of(this.shown, this.film);
+    if (this.selected !== null) colours.set(this.film.scenery.header.colours.selected, 3 * this.selected);
+    return colours;
+  }
+
+  draw() {
+    const { shown, head } = this;
+    const view = this.follower.view && { position: positionOf(this.follower.view), target: this.follower.view.target };
+    const colours = this.colours();
+    if (this.stage) this.stage.draw(shown, colours, head.follow ? view : null);
+    if (view) this.sketch?.draw(shown, colours, view, this.stage?.ground ?? null);
+    this.tell("drawn", shown.frame);
+  }
+
+  // The camera.
+
+  get pitch() { return this.film.scenery.header.pitch; }
+
+  points(snapshot) { return snapshot.positions.map((v) => v * this.pitch); }
+
+  get seeing() {
+    const { camera, chain } = this.film.scenery.header;
+    return { radius: chain.radius * this.pitch, aspect: this.aspect, field: camera.field_of_view_rad, home: camera.azimuth_rad };
+  }
+
+  frameIt(snapshot, azimuth = null) {
+    const [direction, elevation] = this.direction ?? [null, this.film.scenery.header.camera.elevation_rad];
+    return framing(this.points(snapshot), { ...this.seeing, azimuth: azimuth ?? direction, elevation });
+  }
+
+  // Where the camera should be around a frame: looked up once.
+  goal(index) {
+    let found = this.goals.get(index);
+    if (!found) {
+      const snapshot = this.film.snapshot(index * GOAL_EVERY);
+      this.film.focus = Math.floor(this.head.frame);
+      if (!snapshot) return null;
+      found = this.frameIt(snapshot);
+      if (!snapshot.exact) return found;
+      if (this.goals.size > MOST_GOALS) this.goals.clear();
+      this.goals.set(index, found);
+    }
+    return found;
+  }
+
+  // Looks ahead and back along the film, so that the camera moves evenly and in time.
+  aim() {
+    const { shown, head, film } = this;
+    if (!shown || !head.follow) return;
+    const aspect = this.aspectNow();
+    if (aspect > 0 && aspect !== this.aspect) { this.aspect = aspect; this.goals.clear(); }
+    this.aspect ??= 1.6;
+    const turning = head.turn && this.follower.view;
+    const nearest = this.frameIt(shown, turning ? this.follower.view.azimuth : null);
+    let goal = nearest;
+    const here = shown.frame / GOAL_EVERY;
+    const end = film.last / GOAL_EVERY;
+    // Towards both ends of a whole film it looks less far, and at rest there it frames exactly.
+    const reach = film.growing ? GOALS_ASIDE : Math.min(GOALS_ASIDE, here, end - here);
+    if (reach > 1e-6 && !head.turn) {
+      const views = [goal];
+      const weights = [1];
+      const middle = Math.round(here);
+      for (let k = Math.max(middle - GOALS_ASIDE, 0); k <= Math.min(middle + GOALS_ASIDE, Math.floor(end)); k++) {
+        const view = this.goal(k);
+        if (!view) continue;
+        views.push(view);
+        weights.push(Math.exp(-((((k - here) / reach) * GOAL_SPREAD) ** 2)));
+      }
+      goal = blended(views, weights, nearest);
+    }
+    goal = { ...goal, distance: Math.max(goal.distance, ROOM * this.needed(shown, goal)) };
+    this.follower.aim(goal, !this.follower.view);
+    this.gliding = true;
+    this.wake();
+  }
+
+  needed(snapshot, view) { return distanceNeeded(this.points(snapshot), view, this.seeing); }
+
+  glide(passed) {
+    const { head, shown, follower } = this;
+    if (this.aspectNow() !== this.aspect) { follower.view = null; this.aim(); }
+    if (head.turn && follower.view) {
+      follower.view = { ...follower.view, azimuth: follower.view.azimuth + this.film.scenery.header.camera.turn_rad_s * passed };
+      this.aim();
+    }
+    const moved = follower.move(passed) || head.turn;
+    if (moved && follower.view) {
+      const least = this.needed(shown, follower.view);
+      if (follower.view.distance < least) follower.view = { ...follower.view, distance: least };
+    }
+    return moved;
+  }
+
+  // Goes on from where the visitor has turned the camera, and keeps that direction.
+  takeOver() {
+    const camera = this.stage?.camera;
+    if (!camera) return;
+    const [azimuth, elevation] = anglesOf(camera.position, camera.target);
+    this.direction = [azimuth, Math.min(STEEPEST, Math.max(-STEEPEST, elevation))];
+    this.goals.clear();
+    this.follower.view = {
+      target: camera.target, azimuth, elevation: this.direction[1],
+      distance: Math.hypot(...camera.position.map((v, k) => v - camera.target[k])),
+    };
+  }
+}
