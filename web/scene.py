@@ -13,7 +13,14 @@ from viser._messages import Message, SetCameraLookAtMessage, SetCameraPositionMe
 
 from planner.chain import Chain
 from web.camera import FIELD_OF_VIEW_RAD, View
-from web.colours import FIRST, LAST, SELECTED, error_colours, instance_colours
+from web.colours import (
+    FIRST,
+    LAST,
+    SELECTED,
+    error_colours,
+    instance_colours,
+    ramp_colours,
+)
 from web.film import Snapshot
 from web.meshes import SHOWN_SIZE, module_mesh, stud_mesh
 from web.picking import picked_module
@@ -24,9 +31,16 @@ WIDEST: Final = 14.0
 """Length of the straight chain in the scene's units: viser's shadows reach 20 from the camera."""
 LARGEST_PITCH: Final = 0.25
 GROUND_GAP: Final = 0.35
+PATH_THICKNESS: Final = 0.18
 SINK_S: Final = 0.05
 RISE_S: Final = 0.5
 Picked = Callable[[int | None], None]
+
+
+def path_colours(modules: int) -> NDArray[np.uint8]:
+    """(modules - 1, 2, 3) sRGB bytes of the ends of a path's segments, from first to last."""
+    along = ramp_colours(np.linspace(0.0, 1.0, modules))
+    return np.stack([along[:-1], along[1:]], axis=1)
 
 
 def broadcast(server: viser.ViserServer, message: Message) -> None:
@@ -83,6 +97,14 @@ class Scene:
             cast_shadow=False,
             receive_shadow=False,
         )
+        # The way that the chain takes through its modules, for a look into them.
+        line = scene.add_line_segments(
+            "/path",
+            np.zeros((n - 1, 2, 3), np.float32),
+            instance_colours(path_colours(n)),
+            thickness=PATH_THICKNESS * self.pitch,
+        )
+        line.visible = False
         self._floor = scene.add_grid(
             "/ground",
             width=60.0,

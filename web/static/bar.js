@@ -5,8 +5,9 @@ const SVG = "http://www.w3.org/2000/svg";
 const get = (id) => document.getElementById(id);
 
 export class Bar {
-  constructor(player) {
+  constructor(player, worst = () => null) {
     this.player = player;
+    this.worst = worst;
     this.outline = null;
     this.state = null;
     this.scrubbing = false;
@@ -24,6 +25,12 @@ export class Bar {
     for (const name of ["pointerup", "pointercancel", "change"]) {
       this.scrub.addEventListener(name, () => { this.scrubbing = false; });
     }
+    get("folded").addEventListener("input", () => this.fold(Number(get("folded").value)));
+    get("jump").onchange = () => {
+      const where = get("jump").value;
+      get("jump").value = "";
+      if (where) this.jump(where);
+    };
     this.enable(false);
     player.on("waiting", () => this.enable(false));
     player.on("outline", (outline) => this.draw(outline));
@@ -31,13 +38,22 @@ export class Bar {
   }
 
   enable(on) {
-    for (const name of ["back", "play", "forward", "reverse", "loop", "follow", "speed"]) get(name).disabled = !on;
+    for (const name of ["back", "play", "forward", "reverse", "loop", "follow", "speed", "jump"]) get(name).disabled = !on;
     get("head").hidden = !on;
   }
 
   seek(frame) {
     this.place(frame);
     this.player.send({ do: "seek", frame });
+  }
+
+  jump(where) {
+    if (where === "straight" || where === "folded") {
+      if (this.folding) this.fold(where === "folded" ? 100 : 0);
+      return;
+    }
+    const frame = this.worst(where);
+    if (frame !== null) this.player.send({ do: "seek", frame });
   }
 
   key(event) {
@@ -64,6 +80,7 @@ export class Bar {
     const { frames, phases, errors } = outline;
     this.enable(true);
     this.scrub.disabled = frames < 2;
+    get("folded").disabled = !this.folding;
     this.scrub.max = Math.max(0, frames - 1);
     const plot = get("plot");
     plot.replaceChildren();
@@ -95,8 +112,6 @@ export class Bar {
     area.setAttribute("class", "errors");
     area.setAttribute("d", path);
     plot.append(area);
-    get("legend").hidden = false;
-    get("legend-high").textContent = radians(scale);
     if (this.state) this.show({ ...this.state, frames });
   }
 
@@ -106,6 +121,7 @@ export class Bar {
     const press = (id, on) => get(id).setAttribute("aria-pressed", String(on));
     for (const name of ["reverse", "loop", "follow", "live"]) press(name, state[name]);
     get("live").hidden = !state.growing;
+    this.showFolded(state);
     const running = state.playing;
     get("play-icon").setAttribute("href", running ? "#i-pause" : "#i-play");
     get("play").setAttribute("aria-label", running ? "Pause" : "Play");
@@ -117,6 +133,25 @@ export class Bar {
     get("r-error").textContent = state.error_rad === null ? "" : `Error ${radians(state.error_rad)}`;
     this.scrub.setAttribute("aria-valuetext",
       `${PHASES[state.phase] ?? ""}, frame ${Math.round(state.frame) + 1} of ${state.frames}`);
+  }
+
+  // Within its phase a fold goes from straight to folded, and an explosion the other way.
+  showFolded({ frame }) {
+    const phase = this.outline?.phases.find(({ to }) => frame < to) ?? this.outline?.phases.at(-1);
+    if (!phase) return;
+    const share = Math.min(1, Math.max(0, (frame - phase.from) / Math.max(1, phase.to - 1 - phase.from)));
+    const folded = 100 * (phase.name === "playback" ? share : 1 - share);
+    const slider = get("folded");
+    if (document.activeElement !== slider || !slider.matches(":active")) slider.value = folded;
+    get("r-folded").textContent = `${Math.round(folded)} %`;
+  }
+
+  get folding() { return this.outline?.phases.findLast(({ name }) => name === "playback"); }
+
+  // Goes to so much of the fold itself.
+  fold(percent) {
+    const { from, to } = this.folding;
+    this.player.send({ do: "seek", frame: from + (percent / 100) * (to - 1 - from) });
   }
 
   place(frame) {

@@ -1,13 +1,12 @@
-// Details at the side: the clicked module, properties, downloads.
-import { copyText, degrees, element, radians } from "./words.js";
+// Details at the side: the selected module, plots, properties, what can be taken away.
+import { copyText, element } from "./words.js";
 
 const get = (id) => document.getElementById(id);
 const LONG = 28; // characters; beside their label they would stand in a narrow column
-const TABS = ["module", "properties", "downloads"];
+const TABS = ["module", "plots", "properties", "downloads"];
 
 export class Drawer {
-  constructor(player, toast) {
-    this.player = player;
+  constructor(toast) {
     this.toast = toast;
     get("details").onclick = () => this.open(get("drawer").hidden);
     get("drawer-close").onclick = () => this.close();
@@ -26,8 +25,6 @@ export class Drawer {
         get(`tab-${next}`).focus();
       };
     });
-    player.on("module", (module) => this.module(module));
-    this.module({ index: null });
   }
 
   open(open) {
@@ -46,66 +43,18 @@ export class Drawer {
     this.close();
   }
 
+  // Opens the drawer at a tab.
+  openAt(name) {
+    this.choose(name);
+    this.open(true);
+  }
+
   choose(name) {
     for (const other of TABS) {
       const chosen = other === name;
       get(`tab-${other}`).setAttribute("aria-selected", String(chosen));
       get(`tab-${other}`).tabIndex = chosen ? 0 : -1;
       get(`panel-${other}`).hidden = !chosen;
-    }
-  }
-
-  module(module) {
-    const panel = get("panel-module");
-    const before = this.index;
-    this.index = module.index;
-    if (module.index === null) {
-      panel.replaceChildren(element("p", { class: "hint" }, "Click a module to see its joint."));
-      return;
-    }
-    if (before !== module.index) { this.choose("module"); this.open(true); }
-    if (before !== module.index || !panel.querySelector(".joints, .no-joint")) this.build(module);
-    this.fill(module);
-  }
-
-  build(module) {
-    const panel = get("panel-module");
-    const step = (by, text) => {
-      const button = element("button", { class: "button", type: "button" }, text);
-      const next = module.index + by;
-      button.disabled = next < 0 || next >= module.modules;
-      button.onclick = () => this.player.send({ do: "select", module: next });
-      return button;
-    };
-    const clear = element("button", { class: "button quiet", type: "button" }, "Clear");
-    clear.onclick = () => this.player.send({ do: "select", module: null });
-    const joint = module.joints.length
-      ? element("table", { class: "joints" },
-        element("thead", {}, element("tr", {},
-          ...["Hinge", "Now", "Folded", "Error"].map((text) => element("th", { scope: "col" }, text)))),
-        element("tbody", {}, ...module.joints.map(({ name }) =>
-          element("tr", { "data-joint": name }, element("td", {}, name.split("_").slice(2).join(" ") || name),
-            element("td", { "data-of": "now" }), element("td", { "data-of": "target" }), element("td", { "data-of": "error" })))))
-      : element("p", { class: "hint no-joint" }, "This module carries no joint.");
-    const ends = { 0: " · first", [module.modules - 1]: " · last" };
-    panel.replaceChildren(
-      element("h2", {}, element("i", { class: "swatch", "aria-hidden": "true" }), `Module ${module.index}${ends[module.index] ?? ""}`),
-      element("dl", { class: "rows" },
-        element("dt", {}, "Place in the chain"), element("dd", {}, `${module.index + 1} of ${module.modules}`),
-        ...(module.cell ? [element("dt", {}, "Cell when folded"), element("dd", {}, module.cell.join(", ").replaceAll("-", "−"))] : [])),
-      element("h3", {}, "Joint"),
-      joint,
-      element("div", { class: "steppers" }, step(-1, "Previous"), step(1, "Next"), clear));
-  }
-
-  fill(module) {
-    for (const joint of module.joints) {
-      const row = get("panel-module").querySelector(`[data-joint="${joint.name}"]`);
-      if (!row) continue;
-      const put = (of, text) => { row.querySelector(`[data-of="${of}"]`).textContent = text; };
-      put("now", degrees(joint.angle_rad));
-      put("target", degrees(joint.target_rad, 0));
-      put("error", joint.error_rad === null ? "–" : radians(joint.error_rad));
     }
   }
 

@@ -258,6 +258,16 @@ export class Film extends EventTarget {
     };
   }
 
+  // How fast each hinge turns around a frame, in rad/s; NaN where the frames beside it are not here.
+  speeds(frame) {
+    const low = Math.min(Math.max(Math.floor(frame), 0), Math.max(0, this.last - 1));
+    const [a, b] = [this.row(low), this.row(low + 1)];
+    const found = new Float32Array(this.joints);
+    if (!a || !b || a.phase !== b.phase || !(b.time_s > a.time_s)) return found.fill(NaN);
+    for (let j = 0; j < found.length; j++) found[j] = (b.angles[j] - a.angles[j]) / (b.time_s - a.time_s);
+    return found;
+  }
+
   // The largest error of the hinges of the joint that each module carries; NaN where none is recorded.
   moduleErrors(errors) { return this.carried(errors, (a, b) => Math.max(Math.abs(a), Math.abs(b))); }
 

@@ -1,8 +1,12 @@
 // The fold page.
 import { Bar } from "./bar.js";
 import { Drawer } from "./drawer.js";
+import { Figures } from "./figures.js";
 import { Film, Source } from "./film.js";
+import { Legend } from "./legend.js";
+import { ModulePanel } from "./module_panel.js";
 import { Place } from "./place.js";
+import { Plots } from "./plots.js";
 import { Player } from "./player.js";
 import { Progress } from "./progress.js";
 import { Sketch } from "./sketch.js";
@@ -38,7 +42,7 @@ const film = new Film(new Source(facts.id));
 const stage = new Stage(get("view"), {
   open: () => setTimeout(uncover, DRAW_MS),
   pick: (origin, direction) => player.pick(origin, direction),
-  touch: () => { if (player.head.follow) player.send({ do: "set", follow: false }); },
+  touch: () => { if (player.is.follow) player.send({ do: "set", follow: false }); },
   key: (event) => { place.acted = true; bar.key(event); },
 });
 const sketch = new Sketch(get("sketch"), () => {
@@ -48,9 +52,18 @@ const sketch = new Sketch(get("sketch"), () => {
 const player = new Player(film, {
   stage, sketch, aspect: () => get("view").clientWidth / Math.max(1, get("view").clientHeight),
 });
-const bar = new Bar(player);
+const figures = new Figures(facts.id);
+const drawer = new Drawer(toast);
+const plots = new Plots(get("panel-plots"), player, figures);
+const bar = new Bar(player, (name) => plots.worst(name));
 const place = new Place(player);
-const drawer = new Drawer(player, toast);
+new Legend(player, figures);
+new ModulePanel(get("panel-module"), player, figures, () => drawer.openAt("module"));
+get("through").onclick = () => {
+  const on = get("through").getAttribute("aria-pressed") !== "true";
+  get("through").setAttribute("aria-pressed", String(on));
+  stage.seeThrough(on);
+};
 new ResizeObserver(() => player.show(true)).observe(get("view"));
 
 let started = false;
@@ -78,6 +91,7 @@ function show(facts) {
   get("verdict").textContent = facts.verdict.text;
   get("verdict").dataset.tone = facts.verdict.tone;
   drawer.facts(facts);
+  if (!facts.running) figures.begin();
   const { again, problem } = facts;
   get("again").hidden = !again;
   if (again) {

@@ -1,21 +1,12 @@
 // A visitor's playhead over a film, and what follows from it: the pose, its colours, the camera.
 //
-// It is told what to do by messages with one verb, `do`:
-//   play, pause, toggle          run or stop; play at the end starts over
-//   seek {frame} or {percent}    go there and stop
-//   step {by}                    whole frames back or forward, and stop
-//   set {speed, loop, reverse, follow, turn, live}   any of them
-//   select {module}              highlight a module; null for none
-// and tells what is by events: waiting, begun, outline, state, module.
+// It takes the messages of playhead.js and one more, select {module}: highlight a module, null for
+// none. It tells what is by events: waiting, begun, outline, state, module, drawn.
 import { Follower, anglesOf, blended, distanceNeeded, framing, positionOf } from "./camera.js";
-import { ErrorColours } from "./colours.js";
+import { colouring } from "./colours.js";
 import { picked } from "./kinematics.js";
+import { Playhead } from "./playhead.js";
 
-const SPEEDS = [0.05, 20];
-const WHOLE_FILM_S = 20;
-const SLOWEST_FPS = 12;
-const CATCH_UP_S = 0.4;
-const HOLD_S = 1.2;
 const LONGEST_TICK_S = 0.2;
 const GOAL_EVERY = 12;
 const GOALS_ASIDE = 4;
@@ -23,6 +14,7 @@ const GOAL_SPREAD = 1.8;
 const MOST_GOALS = 4000;
 const ROOM = 1.08; // how much farther than needed the camera stays, so that nothing touches the edge
 const STEEPEST = 1.2;
+const BESIDE = 0.4; // how blue the neighbours of the selected module are
 
 export class Player extends EventTarget {
   // Draws on `stage` and, until that is open or for want of it, on `sketch`; both may be null.
@@ -32,15 +24,14 @@ export class Player extends EventTarget {
     this.stage = stage;
     this.sketch = sketch;
     this.aspectNow = aspect;
-    this.head = { frame: 0, playing: false, speed: 1, loop: false, reverse: false, follow: true, turn: false, live: false };
-    this.colouring = new ErrorColours();
+    this.playhead = new Playhead(film);
+    this.colouring = null;
     this.selected = null;
     this.shown = null;
     this.told = "";
     this.follower = new Follower();
     this.direction = null;
     this.goals = new Map();
-    this.hold = 0;
     this.clock = null;
     this.due = false;
     this.gliding = false;
@@ -60,43 +51,18 @@ export class Player extends EventTarget {
 
   send(message) {
     if (!this.film.chain) return false;
-    const { head, film } = this;
-    const go = (frame) => Object.assign(head, { frame: Math.min(Math.max(frame, 0), film.last), playing: false, live: false });
-    switch (message.do) {
-      case "play": case "pause": case "toggle":
-        this.run(message.do === "toggle" ? !head.playing : message.do === "play");
-        break;
-      case "seek":
-        go("percent" in message ? (message.percent / 100) * film.last : message.frame);
-        break;
-      case "step":
-        go((message.by > 0 ? Math.floor(head.frame + 1e-9) : Math.ceil(head.frame - 1e-9)) + message.by);
-        break;
-      case "set": this.set(message); break;
-      case "select": this.select(message.module); break;
-      default: return false;
+    const { follow } = this.is;
+    if (message.do === "select") this.select(message.module);
+    else if (!this.playhead.do(message)) return false;
+    if (message.do === "set") {
+      if (this.is.follow && !follow) this.takeOver();
+      this.aim();
     }
     this.show();
     return true;
   }
 
-  run(playing) {
-    const { head, film } = this;
-    if (playing && !head.reverse && head.frame >= film.last - 1e-6 && !film.growing) head.frame = 0;
-    if (playing && head.reverse && head.frame <= 1e-6) head.frame = film.last;
-    this.hold = 0;
-    Object.assign(head, { playing, live: false });
-  }
-
-  set(message) {
-    const { head } = this;
-    const { follow, live } = head;
-    if ("speed" in message) head.speed = Math.min(Math.max(message.speed, SPEEDS[0]), SPEEDS[1]);
-    for (const name of ["loop", "reverse", "follow", "turn", "live"]) if (name in message) head[name] = message[name];
-    if (head.live && !live) head.playing = false;
-    if (head.follow && !follow) this.takeOver();
-    this.aim();
-  }
+  get is() { return this.playhead.is; }
 
   select(module) {
     if (module !== null && !(module >= 0 && module < this.film.chain.modules)) return;
@@ -113,23 +79,25 @@ export class Player extends EventTarget {
   }
 
   // Another way to colour the modules; see colours.js.
-  colourBy(colouring) {
-    this.colouring = colouring;
+  colourBy(chosen) {
+    this.colouring = chosen;
+    this.tell("colouring", chosen);
     this.show(true);
   }
 
   // What time does.
 
   begin() {
-    const { film, head } = this;
+    const { film, playhead } = this;
     this.shown = null;
+    this.colourBy(colouring(this.colouring?.key ?? "error", film, this.colouring?.figures));
     this.follower = new Follower();
     this.goals.clear();
     this.selected = this.selected !== null && this.selected < film.chain.modules ? this.selected : null;
     this.stage?.set(film.scenery);
     this.sketch?.set(film.scenery);
-    if (film.growing) Object.assign(head, { live: true, frame: film.last });
-    head.frame = Math.min(head.frame, film.last);
+    if (film.growing) { this.is.live = true; playhead.frame = film.last; }
+    playhead.frame = Math.min(playhead.frame, film.last);
     this.tell("begun");
     this.tellOutline();
     this.show(true);
@@ -149,8 +117,8 @@ export class Player extends EventTarget {
   }
 
   get busy() {
-    const { head } = this;
-    return this.changed || this.gliding || head.playing || head.live || head.turn;
+    const { is } = this;
+    return this.changed || this.gliding || is.playing || is.live || is.turn;
   }
 
   // Asks for one more tick.
@@ -163,50 +131,22 @@ export class Player extends EventTarget {
   tick(now) {
     const passed = this.clock === null ? 0 : Math.min(Math.max(now - this.clock, 0), LONGEST_TICK_S);
     if (!this.film.chain || !this.shown) { this.clock = null; return; }
-    this.advance(passed, now);
+    if (this.playhead.advance(passed, now)) this.show();
     const drawn = this.changed;
     this.changed = false;
     let moved = this.stage?.scenery ? this.stage.moveGround(passed, this.shown) : false;
-    if (this.head.follow) moved = this.glide(passed) || moved;
+    if (this.is.follow) moved = this.glide(passed) || moved;
     this.gliding = moved;
     if (drawn || moved) this.draw();
     this.clock = this.busy ? now : null;
     if (this.busy) this.wake();
   }
 
-  advance(passed, now) {
-    const { head, film } = this;
-    if (head.live) {
-      const gap = film.last - head.frame;
-      head.frame = gap < 0.6 ? film.last : head.frame + gap * (1 - Math.exp(-passed / CATCH_UP_S));
-      if (!film.growing && head.frame >= film.last) head.live = false;
-    } else if (head.playing && now >= this.hold) {
-      const by = passed * Math.max(SLOWEST_FPS, (film.last + 1) / WHOLE_FILM_S) * head.speed;
-      this.runOn(by, now);
-    } else return;
-    this.show();
-  }
-
-  runOn(by, now) {
-    const { head, film } = this;
-    const frame = head.frame + (head.reverse ? -by : by);
-    if (frame >= 0 && frame <= film.last) {
-      // Frames that pass faster than they can be shown need no in-betweens.
-      this.coarse = by >= 1;
-      head.frame = frame;
-      return;
-    }
-    const end = head.reverse ? 0 : film.last;
-    if (!head.loop) Object.assign(head, { frame: end, playing: film.growing && !head.reverse });
-    else if (head.frame !== end) { this.hold = now + HOLD_S; head.frame = end; }
-    else head.frame = film.last - end;
-  }
-
   // Takes the snapshot that the playhead is at.
   show(again = false) {
-    const { film, head } = this;
+    const { film, playhead } = this;
     if (!film.chain) return;
-    const frame = this.coarse && head.playing ? Math.round(head.frame) : head.frame;
+    const frame = playhead.shown;
     const moved = !this.shown || this.shown.frame !== frame || !this.shown.exact;
     if (moved || again) {
       const shown = film.snapshot(frame);
@@ -221,11 +161,11 @@ export class Player extends EventTarget {
   }
 
   tellState() {
-    const { film, head, shown } = this;
+    const { film, is, playhead, shown } = this;
     let error = -1;
     for (const e of shown.errors) if (Math.abs(e) > error) error = Math.abs(e);
     const state = {
-      ...head, frames: film.total, growing: film.growing, time_s: shown.time_s, phase: shown.phase, error_rad: error < 0 ? null : error,
+      ...is, frame: playhead.frame, frames: film.total, growing: film.growing, time_s: shown.time_s, phase: shown.phase, error_rad: error < 0 ? null : error,
     };
     const text = JSON.stringify(state);
     if (text === this.told) return;
@@ -254,15 +194,22 @@ export class Player extends EventTarget {
 
   colours() {
     const colours = this.colouring.of(this.shown, this.film);
-    if (this.selected !== null) colours.set(this.film.scenery.header.colours.selected, 3 * this.selected);
+    const { selected } = this;
+    if (selected === null) return colours;
+    const blue = this.film.scenery.header.colours.selected;
+    for (const beside of [selected - 1, selected + 1]) {
+      if (beside < 0 || beside >= this.film.chain.modules) continue;
+      for (let c = 0; c < 3; c++) colours[3 * beside + c] += (blue[c] - colours[3 * beside + c]) * BESIDE;
+    }
+    colours.set(blue, 3 * selected);
     return colours;
   }
 
   draw() {
-    const { shown, head } = this;
+    const { shown, is } = this;
     const view = this.follower.view && { position: positionOf(this.follower.view), target: this.follower.view.target };
     const colours = this.colours();
-    if (this.stage) this.stage.draw(shown, colours, head.follow ? view : null);
+    if (this.stage) this.stage.draw(shown, colours, is.follow ? view : null);
     if (view) this.sketch?.draw(shown, colours, view, this.stage?.ground ?? null);
     this.tell("drawn", shown.frame);
   }
@@ -288,7 +235,7 @@ export class Player extends EventTarget {
     let found = this.goals.get(index);
     if (!found) {
       const snapshot = this.film.snapshot(index * GOAL_EVERY);
-      this.film.focus = Math.floor(this.head.frame);
+      this.film.focus = Math.floor(this.playhead.frame);
       if (!snapshot) return null;
       found = this.frameIt(snapshot);
       if (!snapshot.exact) return found;
@@ -300,19 +247,19 @@ export class Player extends EventTarget {
 
   // Looks ahead and back along the film, so that the camera moves evenly and in time.
   aim() {
-    const { shown, head, film } = this;
-    if (!shown || !head.follow) return;
+    const { shown, is, film } = this;
+    if (!shown || !is.follow) return;
     const aspect = this.aspectNow();
     if (aspect > 0 && aspect !== this.aspect) { this.aspect = aspect; this.goals.clear(); }
     this.aspect ??= 1.6;
-    const turning = head.turn && this.follower.view;
+    const turning = is.turn && this.follower.view;
     const nearest = this.frameIt(shown, turning ? this.follower.view.azimuth : null);
     let goal = nearest;
     const here = shown.frame / GOAL_EVERY;
     const end = film.last / GOAL_EVERY;
     // Towards both ends of a whole film it looks less far, and at rest there it frames exactly.
     const reach = film.growing ? GOALS_ASIDE : Math.min(GOALS_ASIDE, here, end - here);
-    if (reach > 1e-6 && !head.turn) {
+    if (reach > 1e-6 && !is.turn) {
       const views = [goal];
       const weights = [1];
       const middle = Math.round(here);
@@ -333,13 +280,13 @@ export class Player extends EventTarget {
   needed(snapshot, view) { return distanceNeeded(this.points(snapshot), view, this.seeing); }
 
   glide(passed) {
-    const { head, shown, follower } = this;
+    const { is, shown, follower } = this;
     if (this.aspectNow() !== this.aspect) { follower.view = null; this.aim(); }
-    if (head.turn && follower.view) {
+    if (is.turn && follower.view) {
       follower.view = { ...follower.view, azimuth: follower.view.azimuth + this.film.scenery.header.camera.turn_rad_s * passed };
       this.aim();
     }
-    const moved = follower.move(passed) || head.turn;
+    const moved = follower.move(passed) || is.turn;
     if (moved && follower.view) {
       const least = this.needed(shown, follower.view);
       if (follower.view.distance < least) follower.view = { ...follower.view, distance: least };

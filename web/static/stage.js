@@ -3,6 +3,7 @@ const GROUND_GAP = 0.35;
 const SINK_S = 0.05;
 const RISE_S = 0.5;
 const MOVED_PX = 4;
+const SEEN_THROUGH = 0.22;
 
 const linear = Uint8Array.from({ length: 256 }, (_, byte) => {
   const v = byte / 255;
@@ -30,6 +31,7 @@ export class Stage {
     this.latest = null;
     this.ground = null;
     this.camera = null;
+    this.through = false;
     this.dressed = null;
     frame.addEventListener("load", () => this.dress());
     this.dress();
@@ -47,6 +49,7 @@ export class Stage {
   build() {
     const { header, arrays } = this.scenery;
     this.apply(staged(header.messages, arrays));
+    if (this.through) this.seeThrough(true);
     if (this.latest) this.draw(...this.latest);
   }
 
@@ -99,6 +102,7 @@ export class Stage {
       }),
       update("/ends", this.ends(snapshot)),
     ];
+    if (this.through) messages.push(update("/path", { points: this.path(snapshot) }));
     if (this.ground !== null) {
       const [x, y] = this.middle(snapshot);
       messages.push({ type: "SetPositionMessage", owner: "", name: "/ground", position: [x * this.pitch, y * this.pitch, this.ground] });
@@ -110,6 +114,24 @@ export class Stage {
       );
     }
     this.apply(messages);
+  }
+
+  // Lets one look through the modules at the way that the chain takes in them.
+  seeThrough(on) {
+    this.through = on;
+    if (!this.open || !this.scenery) return;
+    this.apply([
+      update("/modules", { opacity: on ? SEEN_THROUGH : null, cast_shadow: !on, receive_shadow: !on }),
+      { type: "SetSceneNodeVisibilityMessage", owner: "", name: "/path", visible: on },
+    ]);
+    if (this.latest) this.draw(...this.latest);
+  }
+
+  path({ positions }) {
+    const n = positions.length / 3;
+    const points = new Float32Array(6 * (n - 1));
+    for (let i = 0; i < n - 1; i++) for (let k = 0; k < 6; k++) points[6 * i + k] = positions[3 * i + k] * this.pitch;
+    return points;
   }
 
   middle({ positions }) {

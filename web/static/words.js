@@ -19,6 +19,10 @@ export function radians(value) {
   return `${Number(value.toPrecision(2))} rad`;
 }
 
+export function newtonMetres(value) {
+  return `${Number(value.toPrecision(2))} N·m`;
+}
+
 export function degrees(value, digits = 1) {
   const shown = ((value * 180) / Math.PI).toFixed(digits);
   return `${Number(shown) === 0 ? (0).toFixed(digits) : shown}°`.replace("-", "−");

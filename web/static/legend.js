@@ -1,0 +1,50 @@
+// What the colours tell: a menu, and the scale with its numbers.
+import { COLOURINGS, colouring } from "./colours.js";
+import { element } from "./words.js";
+
+const get = (id) => document.getElementById(id);
+const KEPT = "foldback:colour-by";
+const MEASURED = new Set(["position", "torque", "clearance"]); // need figures
+
+export class Legend {
+  constructor(player, figures) {
+    this.player = player;
+    this.figures = figures;
+    this.menu = get("colour-by");
+    this.menu.append(...COLOURINGS.map(([key, label]) => element("option", { value: key, disabled: MEASURED.has(key) && !figures.plots }, label)));
+    this.menu.onchange = () => this.choose(this.menu.value);
+    player.on("begun", () => {
+      const kept = recall();
+      if (kept && !(MEASURED.has(kept) && !figures.plots)) this.choose(kept);
+    });
+    player.on("outline", () => this.show());
+    player.on("colouring", () => this.show());
+    figures.on("begun", () => {
+      for (const option of this.menu.options) option.disabled = false;
+      if (MEASURED.has(recall()) && player.film.chain) this.choose(recall());
+    });
+    figures.on("loaded", () => { if (player.shown) player.show(true); });
+  }
+
+  choose(key) {
+    try { localStorage.setItem(KEPT, key); } catch { /* not kept, then */ }
+    this.player.colourBy(colouring(key, this.player.film, this.figures));
+  }
+
+  show() {
+    const { colouring: chosen, film } = this.player;
+    if (!chosen || !film.outline) return;
+    get("legend").hidden = false;
+    this.menu.value = chosen.key;
+    const told = chosen.legend();
+    get("legend-low").textContent = told.low;
+    get("legend-high").textContent = told.high;
+    get("legend-ramp").style.background = told.ramp;
+    get("legend-none").hidden = !told.none;
+    get("legend-none").lastElementChild.textContent = told.none ?? "";
+  }
+}
+
+function recall() {
+  try { return localStorage.getItem(KEPT); } catch { return null; }
+}

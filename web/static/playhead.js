@@ -1,0 +1,94 @@
+// Where a visitor is in a film and how that moves. A message has one verb, `do`:
+//   play, pause, toggle           run or stop; play at the end starts over
+//   seek {frame} or {percent}     go there and stop
+//   step {by}                     whole frames back or forward, and stop
+//   set {speed, loop, reverse, follow, turn, live}   any of them
+const SPEEDS = [0.05, 20];
+const WHOLE_FILM_S = 20;
+const SLOWEST_FPS = 12;
+const CATCH_UP_S = 0.4;
+const HOLD_S = 1.2;
+
+export class Playhead {
+  // `film` tells its `last` frame and whether it is `growing`.
+  constructor(film) {
+    this.film = film;
+    this.frame = 0;
+    this.coarse = false;
+    this.hold = 0;
+    this.is = { playing: false, speed: 1, loop: false, reverse: false, follow: true, turn: false, live: false };
+  }
+
+  // True when the message was understood.
+  do(message) {
+    const { is, film } = this;
+    switch (message.do) {
+      case "play": case "pause": case "toggle":
+        this.run(message.do === "toggle" ? !is.playing : message.do === "play");
+        return true;
+      case "seek":
+        this.go("percent" in message ? (message.percent / 100) * film.last : message.frame);
+        return true;
+      case "step":
+        this.go((message.by > 0 ? Math.floor(this.frame + 1e-9) : Math.ceil(this.frame - 1e-9)) + message.by);
+        return true;
+      case "set":
+        if ("speed" in message) is.speed = Math.min(Math.max(message.speed, SPEEDS[0]), SPEEDS[1]);
+        if (message.live && !is.live) is.playing = false;
+        for (const name of ["loop", "reverse", "follow", "turn", "live"]) if (name in message) is[name] = message[name];
+        return true;
+      default: return false;
+    }
+  }
+
+  go(frame) {
+    this.frame = Math.min(Math.max(frame, 0), this.film.last);
+    Object.assign(this.is, { playing: false, live: false });
+  }
+
+  run(playing) {
+    const { is, film } = this;
+    if (playing && !is.reverse && this.frame >= film.last - 1e-6 && !film.growing) this.frame = 0;
+    if (playing && is.reverse && this.frame <= 1e-6) this.frame = film.last;
+    this.hold = 0;
+    Object.assign(is, { playing, live: false });
+  }
+
+  // Lets seconds pass, up to `now`; true when the playhead has moved.
+  advance(passed, now) {
+    const { is, film } = this;
+    if (is.live) {
+      const gap = film.last - this.frame;
+      this.frame = gap < 0.6 ? film.last : this.frame + gap * (1 - Math.exp(-passed / CATCH_UP_S));
+      if (!film.growing && this.frame >= film.last) is.live = false;
+      return true;
+    }
+    if (!is.playing || now < this.hold) return false;
+    this.runOn(passed * Math.max(SLOWEST_FPS, (film.last + 1) / WHOLE_FILM_S) * is.speed, now);
+    return true;
+  }
+
+  runOn(by, now) {
+    const { is, film } = this;
+    const frame = this.frame + (is.reverse ? -by : by);
+    if (frame >= 0 && frame <= film.last) {
+      // Frames that pass faster than they can be shown need no in-betweens.
+      this.coarse = by >= 1;
+      this.frame = frame;
+      return;
+    }
+    const end = is.reverse ? 0 : film.last;
+    if (!is.loop) {
+      this.frame = end;
+      is.playing = film.growing && !is.reverse;
+    } else if (this.frame !== end) {
+      this.hold = now + HOLD_S;
+      this.frame = end;
+    } else {
+      this.frame = film.last - end;
+    }
+  }
+
+  // The frame to show: a whole one where in-betweens would not be seen.
+  get shown() { return this.coarse && this.is.playing ? Math.round(this.frame) : this.frame; }
+}

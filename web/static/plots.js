@@ -1,0 +1,113 @@
+// Figures along the whole fold, with the playhead in them; a click goes there.
+import { newtonMetres, radians, whole } from "./words.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+const COLUMNS = 360;
+const HIGH = 100;
+const PLOTS = [
+  { name: "max_error_rad", label: "Largest joint error", text: radians, worst: Math.max },
+  { name: "min_clearance", label: "Least clearance", text: (v) => `${Number(v.toPrecision(2))} pitch`, worst: Math.min },
+  { name: "hinges_moving", label: "Hinges moving", text: whole, worst: Math.max },
+  { name: "peak_torque_nm", label: "Peak torque", text: newtonMetres, worst: Math.max },
+];
+
+function svg(name, attributes = {}) {
+  const made = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  return made;
+}
+
+// The worst value in each of a few hundred columns; NaN where there is none.
+function columns(values, worst) {
+  const count = Math.min(COLUMNS, values.length);
+  return Array.from({ length: count }, (_, k) => {
+    let found = NaN;
+    for (let i = Math.floor((k * values.length) / count); i < Math.floor(((k + 1) * values.length) / count); i++) {
+      if (Number.isFinite(values[i])) found = Number.isNaN(found) ? values[i] : worst(found, values[i]);
+    }
+    return found;
+  });
+}
+
+export class Plots {
+  constructor(panel, player, figures) {
+    this.panel = panel;
+    this.player = player;
+    this.figures = figures;
+    this.made = [];
+    const hint = document.createElement("p");
+    hint.className = "hint";
+    hint.textContent = "The plots are here as soon as the fold is over and measured.";
+    panel.replaceChildren(hint);
+    figures.on("begun", () => this.build());
+    player.on("state", (state) => this.show(state));
+  }
+
+  build() {
+    const { plots } = this.figures;
+    this.made = PLOTS.map((plot) => this.plot(plot, plots[plot.name])).filter(Boolean);
+    this.panel.replaceChildren(...this.made.map(({ box }) => box));
+    if (this.player.shown) this.show({ frame: this.player.playhead.frame });
+  }
+
+  plot({ name, label, text, worst }, values) {
+    const drawn = columns(values, worst);
+    const known = drawn.filter(Number.isFinite);
+    if (!known.length) return null;
+    const high = Math.max(...known, 0);
+    const low = Math.min(...known, 0);
+    const span = high - low || 1;
+    const y = (v) => HIGH - ((v - low) / span) * HIGH;
+    let path = "";
+    let open = false;
+    drawn.forEach((v, k) => {
+      if (!Number.isFinite(v)) { open = false; return; }
+      path += `${open ? "L" : "M"}${((1000 * (k + 0.5)) / drawn.length).toFixed(1)} ${y(v).toFixed(1)}`;
+      open = true;
+    });
+    const box = document.createElement("figure");
+    box.className = "plot";
+    const caption = document.createElement("figcaption");
+    const title = document.createElement("span");
+    title.textContent = label;
+    const now = document.createElement("b");
+    caption.append(title, now);
+    const picture = svg("svg", { viewBox: `0 0 1000 ${HIGH}`, preserveAspectRatio: "none", role: "img", "aria-label": `${label}: ${text(low)} to ${text(high)}` });
+    if (low < 0) picture.append(svg("rect", { class: "plot-bad", x: 0, width: 1000, y: y(0), height: HIGH - y(0) }));
+    const line = svg("line", { class: "plot-head", y1: 0, y2: HIGH });
+    picture.append(svg("line", { class: "plot-zero", x1: 0, x2: 1000, y1: y(0), y2: y(0) }), svg("path", { class: "plot-line", d: path }), line);
+    const scale = document.createElement("small");
+    scale.textContent = `${text(low)} to ${text(high)}`;
+    box.append(caption, picture, scale);
+    const go = (event) => {
+      const { left, width } = picture.getBoundingClientRect();
+      const share = Math.min(1, Math.max(0, (event.clientX - left) / width));
+      this.player.send({ do: "seek", frame: Math.round(share * (values.length - 1)) });
+    };
+    picture.addEventListener("pointerdown", (event) => { picture.setPointerCapture(event.pointerId); go(event); });
+    picture.addEventListener("pointermove", (event) => { if (event.buttons) go(event); });
+    return { box, values, text, now, line, name };
+  }
+
+  show({ frame }) {
+    const { frames } = this.figures.plots ?? {};
+    if (!frames) return;
+    const x = (1000 * Math.min(frame, frames - 1)) / Math.max(1, frames - 1);
+    for (const { values, text, now, line } of this.made) {
+      line.setAttribute("x1", x);
+      line.setAttribute("x2", x);
+      const value = values[Math.min(frames - 1, Math.round(frame))];
+      now.textContent = Number.isFinite(value) ? text(value) : "–";
+    }
+  }
+
+  // The frame at which a figure is worst, or null.
+  worst(name) {
+    const plot = PLOTS.find((p) => p.name === name);
+    const values = this.figures.plots?.[name];
+    if (!plot || !values) return null;
+    let at = null;
+    values.forEach((v, k) => { if (Number.isFinite(v) && (at === null || plot.worst(values[at], v) !== values[at])) at = k; });
+    return at;
+  }
+}
