@@ -167,7 +167,7 @@ def certify(
         of_plan = swept(playback.reference_rad, "plan", 0.35)
         of_playback = swept(playback.frames.joint_angles_rad, "playback", 0.7)
         figures = _plan_figures(chain, playback, parameters)
-    unit = _torque_unit(chain, parameters)
+    unit = torque_unit_nm(chain, parameters)
     weight = unit / chain.pitch_m * GRAVITY_M_S2
     verdict = _verdict(chain, record, playback, of_plan, of_playback, figures, size)
     if unusable:
@@ -240,8 +240,8 @@ def _unusable(chain: Chain, record: Record | None, playback: Playback | None) ->
     return ""
 
 
-def _torque_unit(chain: Chain, parameters: Parameters) -> float:
-    """One module mass · pitch² / s² in newton-metres."""
+def torque_unit_nm(chain: Chain, parameters: Parameters) -> float:
+    """One module mass · pitch² / s², the unit of simulated torques, in newton-metres."""
     mass_kg = parameters.density_kg_m3 * chain.module.volume * chain.pitch_m**3
     return mass_kg * chain.pitch_m**2
 
@@ -268,7 +268,7 @@ def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> d
     figures["fold_time_s"] = float(times[-1] - times[0]) * slower
     figures["hinges_moving_mean"] = float(moving.mean()) if len(moving) else 0.0
     figures["hinges_moving_most"] = int(moving.max()) if len(moving) else 0
-    unit = _torque_unit(chain, parameters) / max(slower, 1e-12) ** 2
+    unit = torque_unit_nm(chain, parameters) / max(slower, 1e-12) ** 2
     if playback.peak_torque is not None and playback.rms_torque is not None:
         figures["peak_torque_nm"] = playback.peak_torque * unit
         figures["rms_torque_nm"] = playback.rms_torque * unit

@@ -11,6 +11,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path as FilePath
+from shutil import rmtree
 from typing import Any, Final
 
 from planner import attempts
@@ -18,6 +19,7 @@ from planner.certificate import Certificate, certify
 from planner.chain import Chain
 from planner.explosion import explode
 from planner.exports.mjcf import mjcf
+from planner.figures import write_figures
 from planner.files import write_whole
 from planner.parameters import (
     ExplosionParameters,
@@ -153,6 +155,7 @@ def _explode(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
     # What an earlier fold left in this directory must not pass for a result of this one.
     for name in ("record.npz", "playback.npz"):
         (directory / name).unlink(missing_ok=True)
+    rmtree(directory / "figures.zarr", ignore_errors=True)
     candidates = _candidates(directory)
     if request.parameters().explosion is None:
         TimelineWriter.create(directory / "timeline.zarr", candidates[0])
@@ -277,7 +280,29 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
     write_whole(directory / "model.xml", text.encode())
     plan.save_npz(directory / "plan.npz")
     plan.save_json(directory / "plan.json")
+    work_out_figures(directory)
     return plan.summary()
+
+
+def work_out_figures(directory: FilePath) -> FilePath:
+    """Writes the figures of a fold's timeline, as far as it goes; where they are.
+
+    ``export`` does so for every fold that gets there, verified or not. Of a fold that was
+    cancelled, or is older than the figures, whoever wants them asks for them.
+
+    Raises:
+        TimelineError: When the fold has no timeline.
+    """
+    certificate = directory / "certificate.json"
+    known = json.loads(certificate.read_bytes()) if certificate.exists() else None
+    path = directory / "figures.zarr"
+    write_figures(
+        directory / "timeline.zarr",
+        path,
+        _request(directory).parameters(),
+        certificate=known and Certificate.from_dict(known),
+    )
+    return path
 
 
 def _write_json(path: FilePath, values: object) -> None:
@@ -292,4 +317,12 @@ _STAGES: Final[dict[str, _Stage]] = {
     "certify": _certify,
     "export": _export,
 }
-__all__ = ["STAGES", "Request", "next_stage", "run_stage", "run_stages", "write_request"]
+__all__ = [
+    "STAGES",
+    "Request",
+    "next_stage",
+    "run_stage",
+    "run_stages",
+    "work_out_figures",
+    "write_request",
+]

@@ -282,6 +282,11 @@ class Timeline:
             found[name] = part.astype(np.float64) if part.dtype == np.float32 else part
         return Frames(**found)
 
+    def clock(self) -> tuple[Array, NDArray[np.uint8]]:
+        """(F,) times and (F,) phases of all frames, without reading the rest of them."""
+        time_s, phase = (self._arrays[name][: self._frames] for name in ("time_s", "phase"))
+        return cast("Array", time_s), cast("NDArray[np.uint8]", phase)
+
     def _take(self, attributes: dict[str, Any]) -> None:
         frames = int(attributes["frames"])
         if frames != self._frames or not self._arrays:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from planner.chain import Chain
+from planner.dynamics import floating_torques
+from planner.figures import clearances_of
 from planner.folding import fold
 from planner.knots import knot_of
+from planner.modules import CUBE
 from planner.pathfinding.exact import exact_path
 from planner.paths import Path
 from planner.shapes import Shape
@@ -22,7 +26,11 @@ def warm_up() -> None:
     if found.cells is not None:
         knot_of(found.cells)
     voxelise(_tetrahedron(), cells=8)
-    fold(Path.from_cells(SMALL_SHAPE, name="warm-up"))
+    path = Path.from_cells(SMALL_SHAPE, name="warm-up")
+    fold(path)
+    still = np.tile(Chain.from_path(path).folded_rad, (2, 1))
+    clearances_of(Chain.from_path(path), still, size=0.95)
+    floating_torques(CUBE, still, 0.0 * still, 0.0 * still)
 
 
 def _tetrahedron() -> Solid:

@@ -13,8 +13,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels.pairs import near_pairs
+
 Array = NDArray[np.float64]
 Pairs = NDArray[np.int64]
+ROUNDING = 1e-9
+"""What bounds are widened by, so that rounding does not skip the pair that is closest."""
 
 
 @njit(cache=True)
@@ -273,3 +277,79 @@ def between(
         else:
             bound = min(bound, separation - motion)
     return best, first, second, bound, open_pairs[:count].copy()
+
+
+@njit(cache=True)
+def module_clearances(
+    positions: Array,
+    rotations: Array,
+    vertices: Array,
+    normals: Array,
+    edges: Array,
+    radius: float,
+    inner_radius: float,
+    size: float,
+    apart: int,
+    reach: float,
+    clearance: NDArray[np.float32],
+    nearest: NDArray[np.int32],
+) -> None:
+    """Writes every module's least separation from the others in every configuration, and who it is.
+
+    A separation lies between the centres' distance less two radii and less two inner radii, so the
+    nearest centre of a module bounds its result, and most pairs need no closer look.
+
+    Args:
+        positions: (F, n, 3) centres.
+        rotations: (F, n, 3, 3) orientations.
+        vertices, normals, edges, radius, inner_radius: The module's hull.
+        size: Scale of the hull.
+        apart: Pairs fewer links apart don't count.
+        reach: Separations of this and more are not told apart.
+        clearance: (F, n) written; ``reach`` where nothing is nearer.
+        nearest: (F, n) written: the other module of the pair; −1 where nothing is nearer.
+    """
+    frames, n = positions.shape[:2]
+    outer = 2.0 * radius * size
+    inner = 2.0 * inner_radius * size
+    best = np.empty(n)
+    bound = np.empty(n)
+    gap = np.empty(3)
+    for f in range(frames):
+        points = positions[f]
+        pairs = near_pairs(points, outer + reach, apart)
+        count = pairs.shape[0]
+        distances = np.empty(count)
+        for i in range(n):
+            best[i] = reach
+            bound[i] = reach
+            nearest[f, i] = -1
+        for k in range(count):
+            i = pairs[k, 0]
+            j = pairs[k, 1]
+            dx = points[j, 0] - points[i, 0]
+            dy = points[j, 1] - points[i, 1]
+            dz = points[j, 2] - points[i, 2]
+            distances[k] = np.sqrt(dx * dx + dy * dy + dz * dz)
+            most = distances[k] - inner + ROUNDING
+            bound[i] = min(bound[i], most)
+            bound[j] = min(bound[j], most)
+        for k in range(count):
+            i = pairs[k, 0]
+            j = pairs[k, 1]
+            enough = float(max(min(best[i], bound[i]), min(best[j], bound[j])))
+            if distances[k] - outer >= enough:
+                continue
+            for r in range(3):
+                gap[r] = points[j, r] - points[i, r]
+            separation = pair_separation(
+                gap, rotations[f, i], rotations[f, j], vertices, normals, edges, size, enough
+            )
+            if separation < best[i]:
+                best[i] = separation
+                nearest[f, i] = j
+            if separation < best[j]:
+                best[j] = separation
+                nearest[f, j] = i
+        for i in range(n):
+            clearance[f, i] = best[i]

@@ -1,0 +1,71 @@
+"""Dynamics: the torques that move a chain as it moved, from its motion alone."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from planner.kernels.dynamics import many_floating_torques
+from planner.modules import Module
+
+Array = NDArray[np.float64]
+FEWEST: Final = 4
+"""Times that a cubic curve goes through."""
+
+
+def floating_torques(
+    module: Module, angles_rad: Array, rates: Array, accelerations: Array
+) -> Array:
+    """Hinge torques of a chain that floats freely, without gravity, momentum or contacts.
+
+    Args:
+        module: The kind of module.
+        angles_rad: (F, J) hinge angles.
+        rates: (F, J) hinge velocities in rad/s.
+        accelerations: (F, J) hinge accelerations in rad/s².
+
+    Returns:
+        (F, J) torques in units of module mass · pitch² / s². They are linear in the accelerations
+        and quadratic in the rates, so a motion k times slower takes 1/k² of them.
+    """
+    torques = np.empty(angles_rad.shape)
+    many_floating_torques(
+        np.ascontiguousarray(angles_rad),
+        np.ascontiguousarray(rates),
+        np.ascontiguousarray(accelerations),
+        module.rigid_links,
+        module.anchor,
+        module.axes,
+        module.turn,
+        module.offset,
+        module.inertia,
+        torques,
+    )
+    return torques
+
+
+def motion_of(
+    time_s: Array, angles_rad: Array, at: NDArray[np.int64], *, from_rest: bool
+) -> tuple[Array, Array]:
+    """Rates and accelerations along recorded angles: those of the cubic spline through them.
+
+    Args:
+        time_s: (F,) not falling.
+        angles_rad: (F, J).
+        at: (K,) the frames that are asked for.
+        from_rest: Whether nothing moves at the first of all.
+
+    Returns:
+        (K, J) in rad/s and (K, J) in rad/s²; NaN where the times are too few to tell.
+    """
+    later = np.concatenate([[True], np.diff(time_s) > 0.0])
+    if later.sum() < FEWEST:
+        nothing = np.full((len(at), angles_rad.shape[1]), np.nan)
+        return nothing, nothing
+    start = (1, np.zeros(angles_rad.shape[1])) if from_rest else "not-a-knot"
+    ends: Any = (start, "not-a-knot")
+    curve = CubicSpline(time_s[later], angles_rad[later], bc_type=ends)
+    return curve(time_s[at], 1), curve(time_s[at], 2)

@@ -1,0 +1,56 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.chain import Chain
+from planner.dynamics import floating_torques, motion_of
+from planner.model import Material
+from planner.modules import TETRAHEDRON
+from planner.tree import Tree
+from tests.planner.chains import coil, random_angles
+
+
+def tetrahedra(modules: int) -> Chain:
+    return Chain.from_angles(TETRAHEDRON, np.zeros(modules - 1), name="line")
+
+
+@pytest.mark.parametrize("chain", [coil(9), tetrahedra(8)], ids=["cubes", "tetrahedra"])
+def test_torques_are_those_of_the_simulated_tree(chain: Chain) -> None:
+    tree = Tree(chain, Material(), step_s=0.01)
+    rng = np.random.default_rng(3)
+    angles = np.stack([random_angles(chain, rng) for _ in range(4)])
+    rates, accelerations = rng.normal(size=(2, *angles.shape))
+    found = floating_torques(chain.module, angles, rates, accelerations)
+    for k in range(len(angles)):
+        tree.evaluate(angles[k], rates[k])
+        np.testing.assert_allclose(found[k], tree.torques_for(accelerations[k]), atol=1e-10)
+
+
+def test_a_motion_that_is_twice_as_slow_takes_a_quarter() -> None:
+    chain = coil(12)
+    rng = np.random.default_rng(5)
+    angles = random_angles(chain, rng)[None]
+    rates, accelerations = rng.normal(size=(2, *angles.shape))
+    fast = floating_torques(chain.module, angles, rates, accelerations)
+    slow = floating_torques(chain.module, angles, 0.5 * rates, 0.25 * accelerations)
+    np.testing.assert_allclose(slow, 0.25 * fast, atol=1e-12)
+
+
+def test_rates_and_accelerations_of_a_known_motion() -> None:
+    times = np.cumsum(np.random.default_rng(1).uniform(0.01, 0.03, 200))
+    times -= times[0]
+    angles = np.stack([1.0 - np.cos(times), times**3], axis=1)
+    at = np.array([0, 50, 150])
+    rates, accelerations = motion_of(times, angles, at, from_rest=True)
+    when = times[at]
+    np.testing.assert_allclose(rates, np.stack([np.sin(when), 3 * when**2], 1), atol=1e-5)
+    np.testing.assert_allclose(accelerations, np.stack([np.cos(when), 6 * when], 1), atol=2e-3)
+
+
+def test_too_few_frames_tell_nothing() -> None:
+    rates, accelerations = motion_of(
+        np.array([0.0, 1.0, 1.0, 2.0]), np.zeros((4, 3)), np.arange(4), from_rest=True
+    )
+    assert np.isnan(rates).all()
+    assert np.isnan(accelerations).all()

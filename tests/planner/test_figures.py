@@ -1,0 +1,242 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.certificate import Certificate, torque_unit_nm
+from planner.chain import Chain
+from planner.dynamics import floating_torques, motion_of
+from planner.errors import TimelineError
+from planner.figures import REACH, Curves, Figures, clearances_of, figures_of, write_figures
+from planner.kernels.clearance import pair_separation
+from planner.kinematics import forward_kinematics
+from planner.modules import TETRAHEDRON
+from planner.parameters import Parameters
+from planner.stages import work_out_figures
+from planner.sweep import sweep
+from planner.timeline import Frames, Phase, Timeline, TimelineWriter
+from tests.planner.chains import coil, random_angles
+
+Array = NDArray[np.float64]
+PARAMETERS = Parameters()
+
+
+def timeline_of(path: FilePath, chain: Chain, *parts: tuple[Phase, Array], error: float) -> None:
+    """A timeline of those phases, a frame a second, every joint error the same."""
+    start = 0
+    with TimelineWriter.create(path, chain) as writer:
+        for phase, angles in parts:
+            count = len(angles)
+            writer.append(
+                Frames.of_phase(
+                    phase,
+                    time_s=np.arange(start, start + count, dtype=np.float64),
+                    joint_angles_rad=angles,
+                    root_position=np.zeros((count, 3)),
+                    root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+                    joint_error_rad=np.full_like(angles, error),
+                )
+            )
+            start += count - 1
+
+
+def closing(chain: Chain, frames: int) -> Array:
+    """All hinges at once from straight to folded, beginning and ending at rest."""
+    way = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, frames))
+    return way[:, None] * chain.folded_rad
+
+
+def by_brute_force(chain: Chain, angles: Array, size: float) -> tuple[Array, NDArray[np.int64]]:
+    module = chain.module
+    poses = forward_kinematics(module, angles)
+    n = len(chain)
+    found = np.full((n, n), np.inf)
+    for i in range(n):
+        for j in range(i + module.apart, n):
+            found[i, j] = found[j, i] = pair_separation(
+                poses.positions[j] - poses.positions[i],
+                poses.rotations[i],
+                poses.rotations[j],
+                module.vertices,
+                module.face_normals,
+                module.edge_directions,
+                size,
+                np.inf,
+            )
+    return found.min(axis=1), found.argmin(axis=1)
+
+
+@pytest.mark.parametrize("size", [0.95, 1.1])
+@pytest.mark.parametrize("module", ["cube", "tetrahedron"])
+def test_clearances_are_those_of_all_pairs(module: str, size: float) -> None:
+    cubes = coil(14)
+    tetrahedra = Chain.from_angles(TETRAHEDRON, np.zeros(13), name="line")
+    chain = cubes if module == "cube" else tetrahedra
+    rng = np.random.default_rng(11)
+    angles = np.stack([random_angles(chain, rng, most) for most in (0.0, 0.4, 0.8, 1.2, 1.5, 1.6)])
+    clearance, nearest = clearances_of(chain, angles, size=size)
+    assert clearance.min() < 0.0 or size < 1.0
+    for k in range(len(angles)):
+        least, who = by_brute_force(chain, angles[k], size)
+        np.testing.assert_allclose(clearance[k], np.minimum(least, REACH), atol=1e-6)
+        near = nearest[k] >= 0
+        np.testing.assert_array_equal(near, least < REACH)
+        # Where two are equally near, either may be named.
+        others = np.where(near, nearest[k], who)
+        for i in np.flatnonzero(others != who):
+            assert clearance[k, others[i]] <= clearance[k, i] + 1e-6
+
+
+@pytest.mark.parametrize("shape", ["wrench-24", "tetra-bar"])
+def test_the_certificate_and_the_figures_agree(shape: str, folded: Callable[..., Any]) -> None:
+    fold = folded(shape)
+    figures = Figures.load(fold.directory / "figures.zarr")
+    frames = Timeline.open(fold.directory / "timeline.zarr").frames()
+    assert len(figures) == len(frames)
+    for phase in (0, 1):
+        here = frames.phase == phase
+        found = sweep(
+            fold.chain, frames.joint_angles_rad[here], size=fold.parameters.module_size
+        ).per_frame
+        capped = np.minimum(figures.min_clearance[here], 0.2)
+        np.testing.assert_allclose(capped, np.minimum(found, 0.2), atol=1e-6)
+    certificate: Certificate = fold.plan.certificate
+    assert certificate.min_clearance_playback is not None
+    played = figures.min_clearance[frames.phase == 1]
+    assert played.min() >= certificate.min_clearance_playback - 1e-6
+    assert figures.max_error_rad[frames.phase == 1].max() == pytest.approx(
+        frames.joint_error_rad[frames.phase == 1].max()
+    )
+    assert np.isnan(figures.max_error_rad[frames.phase == 0]).all()
+    assert np.isnan(figures.torque_nm[frames.phase == 0]).all()
+    torques = figures.torque_nm[frames.phase == 1]
+    np.testing.assert_array_equal(
+        figures.peak_torque_nm[frames.phase == 1], np.abs(torques).max(axis=1)
+    )
+    # The certificate saw every step, the figures see frames: close, not the same.
+    assert np.abs(torques).max() == pytest.approx(certificate.peak_torque_nm, rel=0.35)
+    most = certificate.hinges_moving_most
+    assert figures.hinges_moving[frames.phase == 1].max() == pytest.approx(most, abs=2)
+
+
+def test_overlaps_of_a_fold_that_failed_are_negative(tmp_path: FilePath) -> None:
+    chain = coil(16)
+    angles = closing(chain, 30)
+    timeline_of(tmp_path / "t", chain, ("playback", angles), error=0.1)
+    figures = figures_of(tmp_path / "t", PARAMETERS)
+    least = sweep(chain, angles, size=PARAMETERS.module_size).per_frame
+    assert least.min() < -0.1
+    assert figures.min_clearance.min() == pytest.approx(least.min(), abs=1e-6)
+    frame = int(figures.min_clearance.argmin())
+    first = int(figures.clearance[frame].argmin())
+    second = int(figures.nearest[frame, first])
+    assert figures.clearance[frame, second] == figures.clearance[frame, first]
+    assert (figures.max_error_rad == np.float32(0.1)).all()
+
+
+def test_a_stuck_explosion_has_clearances_and_no_torques(tmp_path: FilePath) -> None:
+    chain = coil(12)
+    still = np.tile(chain.folded_rad, (5, 1))
+    timeline_of(tmp_path / "t", chain, ("explosion", still), error=np.nan)
+    figures = figures_of(tmp_path / "t", PARAMETERS)
+    np.testing.assert_allclose(figures.clearance, 0.05, atol=1e-6)
+    assert np.isnan(figures.torque_nm).all()
+    assert np.isnan(figures.peak_torque_nm).all()
+    assert (figures.hinges_moving == 0).all()
+
+
+def test_chunks_leave_no_seam(tmp_path: FilePath) -> None:
+    # 300 frames are three chunks, and the playback begins within the first.
+    chain = coil(8)
+    angles = closing(chain, 260)
+    exploded = angles[::-1][220:]
+    timeline_of(tmp_path / "t", chain, ("explosion", exploded), ("playback", angles), error=np.nan)
+    figures = figures_of(tmp_path / "t", PARAMETERS)
+    frames = Timeline.open(tmp_path / "t").frames()
+    times = frames.time_s[frames.phase == 1]
+    rates, accelerations = motion_of(times, angles, np.arange(len(angles)), from_rest=True)
+    expected = floating_torques(chain.module, angles, rates, accelerations)
+    fastest = np.abs(np.diff(angles, axis=0)).max()
+    expected *= torque_unit_nm(chain, PARAMETERS) / fastest**2
+    found = figures.torque_nm[frames.phase == 1]
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+    assert np.isfinite(found).all()
+    moving = np.count_nonzero(chain.folded_rad)
+    np.testing.assert_array_equal(figures.hinges_moving, moving)
+
+
+def test_torques_are_those_of_the_certificates_fold_time(
+    tmp_path: FilePath, folded: Callable[..., Any]
+) -> None:
+    fold = folded("wrench-24")
+    path = fold.directory / "timeline.zarr"
+    slow = replace(fold.plan.certificate, fold_time_s=2.0 * fold.plan.certificate.fold_time_s)
+    fast = figures_of(path, fold.parameters, certificate=fold.plan.certificate)
+    once = figures_of(path, fold.parameters, certificate=slow)
+    np.testing.assert_allclose(once.torque_nm, 0.25 * fast.torque_nm, rtol=1e-5)
+
+
+def test_what_is_saved_is_read_in_any_range(tmp_path: FilePath) -> None:
+    chain = coil(10)
+    timeline_of(tmp_path / "t", chain, ("playback", closing(chain, 300)), error=0.0)
+    figures = figures_of(tmp_path / "t", PARAMETERS)
+    figures.save(tmp_path / "saved")
+    write_figures(tmp_path / "t", tmp_path / "written", PARAMETERS)
+    write_figures(tmp_path / "t", tmp_path / "written", PARAMETERS)  # replaces what was there
+    for path in (tmp_path / "saved", tmp_path / "written"):
+        for start, stop in ((0, 300), (100, 140), (299, 300), (7, 7)):
+            part = Figures.load(path, start, stop)
+            assert len(part) == stop - start
+            for field in fields(Figures):
+                values = getattr(figures, field.name)
+                np.testing.assert_array_equal(getattr(part, field.name), values[start:stop])
+                assert getattr(part, field.name).dtype == values.dtype
+        np.testing.assert_array_equal(Curves.load(path).min_clearance, figures.min_clearance)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["saved", "t", "written"]
+    for start, stop in ((-1, 3), (5, 4), (0, 301)):
+        with pytest.raises(TimelineError, match="300 frames"):
+            Figures.load(tmp_path / "saved", start, stop)
+
+
+def test_no_figures_are_no_figures(tmp_path: FilePath) -> None:
+    with pytest.raises(TimelineError, match="no figures at"):
+        Figures.load(tmp_path / "nothing")
+    with pytest.raises(TimelineError, match="no timeline at"):
+        write_figures(tmp_path / "nothing", tmp_path / "figures", PARAMETERS)
+    chain = coil(9)
+    TimelineWriter.create(tmp_path / "t", chain).close("failed")
+    with pytest.raises(TimelineError, match="no figures at"):
+        Figures.load(tmp_path / "t")
+    write_figures(tmp_path / "t", tmp_path / "figures", PARAMETERS)
+    assert Figures.load(tmp_path / "figures").clearance.shape == (0, 9)
+
+
+def test_frames_that_are_not_numbers_have_no_figures(tmp_path: FilePath) -> None:
+    chain = coil(9)
+    angles = closing(chain, 12)
+    angles[5, 3] = np.nan
+    timeline_of(tmp_path / "t", chain, ("playback", angles), error=0.0)
+    figures = figures_of(tmp_path / "t", PARAMETERS)
+    assert np.isnan(figures.clearance[5]).all()
+    assert (figures.nearest[5] == -1).all()
+    assert np.isfinite(figures.clearance[[4, 6]]).all()
+    assert np.isnan(figures.torque_nm).all()
+
+
+def test_whoever_has_a_fold_without_figures_asks_for_them(
+    tmp_path: FilePath, folded: Callable[..., Any]
+) -> None:
+    fold = folded("wrench-24")
+    for name in ("request.json", "timeline.zarr"):
+        (tmp_path / name).symlink_to(fold.directory / name)
+    found = Curves.load(work_out_figures(tmp_path))
+    made = Curves.load(fold.directory / "figures.zarr")
+    np.testing.assert_array_equal(found.min_clearance, made.min_clearance)
+    # Without the certificate the speed is that of the frames, not of the plan.
+    np.testing.assert_allclose(found.peak_torque_nm, made.peak_torque_nm, rtol=0.02)
