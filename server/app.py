@@ -20,7 +20,7 @@ from server.jobs import Jobs
 from server.limits import ChildLimits
 from server.metrics import CountAnswers, Metrics
 from server.previews import NoSuchPreviewError, Previews
-from server.routes import artifacts, films, folds, health, pages, previews, shapes
+from server.routes import artifacts, films, folds, health, pages, previews, shapes, sharing
 from server.security import AllowedHosts, BodyLimit, SameOrigin, SecurityHeaders, hosts_of
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store
@@ -29,7 +29,7 @@ from server.watch import Watch
 from web.films import Films
 from web.viewers import Viewers
 
-ROUTERS: Final = (folds, artifacts, shapes, health, pages, films, previews)
+ROUTERS: Final = (folds, artifacts, shapes, health, pages, films, sharing, previews)
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:

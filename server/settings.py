@@ -91,6 +91,11 @@ class Settings(BaseSettings):
     viewer_idle_s: float = Field(
         default=600.0, gt=0, description="A view unused for so long is closed."
     )
+    embed_origins: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Sites that may show folds in a frame, as `https://…`, separated by commas; "
+        "`*` lets all.",
+    )
     frames_per_answer: int = Field(
         default=2000, ge=1, description="Frames in one answer of the API."
     )
@@ -98,7 +103,7 @@ class Settings(BaseSettings):
         default=2_000_000, ge=1000, description="Numbers in such an answer."
     )
 
-    @field_validator("allowed_hosts", mode="before")
+    @field_validator("allowed_hosts", "embed_origins", mode="before")
     @classmethod
     def _split(cls, value: Any) -> Any:
         if not isinstance(value, str):

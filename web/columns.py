@@ -4,11 +4,17 @@ A message is a little-endian uint32 that tells the length of a JSON header, the 
 arrays, each beginning at a multiple of eight bytes. The header's ``columns`` lists name, dtype,
 shape and place of each array, counted from the end of the (padded) header; all else in it is the
 sender's.
+
+Numbers that need not be exact can be packed. A column with a ``step`` holds whole steps, each row
+as its difference from the one before; one that is ``short`` holds the upper half of every single
+precision number. Both are taken apart into planes of bytes and deflated, ``size`` bytes long. A
+fold's joint angles shrink to a third or less of what compressing them alone gives.
 """
 
 from __future__ import annotations
 
 import json
+import zlib
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -16,11 +22,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 ALIGNED: Final = 8
+LEVEL: Final = 6
 DTYPES: Final = frozenset({"<f8", "<f4", "|u1", "<u2", "<u4", "<i4"})
 
 
-def encode(header: Mapping[str, Any], columns: Mapping[str, NDArray[Any]]) -> bytes:
+def encode(
+    header: Mapping[str, Any],
+    columns: Mapping[str, NDArray[Any]],
+    *,
+    steps: Mapping[str, float] | None = None,
+    short: frozenset[str] = frozenset(),
+) -> bytes:
     """One message of a header and named arrays.
+
+    Args:
+        header: Plain JSON values.
+        columns: The arrays.
+        steps: Columns to pack in whole steps of this size; they must be finite.
+        short: Columns to pack with a precision of 1 in 256.
 
     Raises:
         TypeError: For an array of a type that browsers have no word for.
@@ -29,13 +48,29 @@ def encode(header: Mapping[str, Any], columns: Mapping[str, NDArray[Any]]) -> by
     parts: list[bytes] = []
     at = 0
     for name, values in columns.items():
-        array = np.ascontiguousarray(values)
+        how: dict[str, Any] = {}
+        if steps and name in steps:
+            how = {"step": steps[name]}
+            whole = np.rint(values.astype(np.float64) / steps[name]).astype("<i4")
+            array = np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1])).astype("<i4")
+        elif name in short:
+            how = {"short": True}
+            bits = np.ascontiguousarray(values, "<f4").view("<u4")
+            # Rounded to nearest; a NaN stays one, for its upper half has the quiet bit.
+            array = ((bits + 0x8000) >> 16).astype("<u2")
+            array[np.isnan(values)] = 0x7FC0
+        else:
+            array = np.ascontiguousarray(values)
         if array.dtype.str not in DTYPES:
             raise TypeError(f"got the dtype {array.dtype.str} for {name}, expected one of {DTYPES}")
-        described.append(
-            {"name": name, "dtype": array.dtype.str, "shape": list(array.shape), "at": at}
-        )
         data = array.tobytes()
+        if how:
+            planes = np.frombuffer(data, np.uint8).reshape(-1, array.dtype.itemsize).T
+            data = zlib.compress(np.ascontiguousarray(planes).tobytes(), LEVEL)
+            how["size"] = len(data)
+        described.append(
+            {"name": name, "dtype": array.dtype.str, "shape": list(array.shape), "at": at, **how}
+        )
         padding = -len(data) % ALIGNED
         parts.append(data + bytes(padding))
         at += len(data) + padding
@@ -49,11 +84,17 @@ def decode(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """The header and the arrays of a message made by ``encode``."""
     length = int.from_bytes(message[:4], "little")
     header = json.loads(message[4 : 4 + length])
-    start = 4 + length
-    columns = {
-        c["name"]: np.frombuffer(
-            message, c["dtype"], int(np.prod(c["shape"])), start + c["at"]
-        ).reshape(c["shape"])
-        for c in header.pop("columns")
-    }
-    return header, columns
+    return header, {c["name"]: _column(c, message, 4 + length) for c in header.pop("columns")}
+
+
+def _column(told: dict[str, Any], message: bytes, start: int) -> NDArray[Any]:
+    at, dtype = start + told["at"], np.dtype(told["dtype"])
+    shape = told["shape"]
+    if "size" not in told:
+        return np.frombuffer(message, dtype, int(np.prod(shape)), at).reshape(shape)
+    planes = np.frombuffer(zlib.decompress(message[at : at + told["size"]]), np.uint8)
+    bytes_ = np.ascontiguousarray(planes.reshape(dtype.itemsize, -1).T)
+    values = bytes_.view(dtype).reshape(shape)
+    if told.get("short"):
+        return (values.astype("<u4") << 16).view("<f4")
+    return (np.cumsum(values, axis=0, dtype=np.int64) * told["step"]).astype("<f4")

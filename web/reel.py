@@ -3,7 +3,8 @@
 A message (``web.columns``) tells in its header which timeline it is of (``id``), its ``status``
 (``growing``, ``complete`` or ``failed``), how many frames there are in ``total``, the stretch
 ``start``, ``stop`` and ``stride`` that the columns hold, and the film's outline. The columns are
-those of ``planner.timeline.Frames``, in single precision but for the time.
+those of ``planner.timeline.Frames``: the time is exact, joint angles are within half a millionth
+of a radian, joint errors within a half per cent, so that little has to travel.
 """
 
 from __future__ import annotations
@@ -14,10 +15,17 @@ from web.columns import encode
 from web.film import Film
 
 LARGEST_REEL: Final = 2**20
-MOST_FRAMES: Final = 4096
+ANGLE_STEP_RAD: Final = 2.0**-20
 
 
-def reel_of(film: Film, start: int, stop: int | None = None, stride: int = 1) -> bytes:
+def reel_of(
+    film: Film,
+    start: int = 0,
+    stop: int | None = None,
+    stride: int = 1,
+    *,
+    largest: int = LARGEST_REEL,
+) -> bytes:
     """Frames from ``start`` on, as many as fit into one message of about a mebibyte.
 
     Args:
@@ -25,6 +33,7 @@ def reel_of(film: Film, start: int, stop: int | None = None, stride: int = 1) ->
         start: The first one; one past the end is answered with no frames.
         stop: Past the last one; the end when None.
         stride: Every so many-th.
+        largest: About as many bytes of angles and errors as a reel may have when unpacked.
 
     Raises:
         TimelineError: When the timeline is being replaced.
@@ -32,7 +41,7 @@ def reel_of(film: Film, start: int, stop: int | None = None, stride: int = 1) ->
     total = len(film)
     start = min(start, total)
     end = total if stop is None else max(start, min(stop, total))
-    most = max(1, min(MOST_FRAMES, LARGEST_REEL // (8 * len(film.chain.joint_names) + 40)))
+    most = max(1, largest // (8 * len(film.chain.joint_names) + 40))
     end = min(end, start + most * stride)
     frames = film.frames(start, end, stride)
     header = {
@@ -52,4 +61,9 @@ def reel_of(film: Film, start: int, stop: int | None = None, stride: int = 1) ->
         "joint_angles_rad": frames.joint_angles_rad.astype("<f4"),
         "joint_error_rad": frames.joint_error_rad.astype("<f4"),
     }
-    return encode(header, columns)
+    return encode(
+        header,
+        columns,
+        steps={"joint_angles_rad": ANGLE_STEP_RAD},
+        short=frozenset({"joint_error_rad"}),
+    )

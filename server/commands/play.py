@@ -16,7 +16,7 @@ from fastapi.responses import RedirectResponse
 
 from planner.errors import TimelineError
 from planner.timeline import Timeline
-from server.routes import films, pages
+from server.routes import films, pages, sharing
 from server.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
 from web.films import Films
 
@@ -107,6 +107,7 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
 
     app.include_router(pages.router)
     app.include_router(films.router)
+    app.include_router(sharing.router)
     app.add_middleware(SameOrigin)
     app.add_middleware(AllowedHosts, hosts=hosts_of(host))
     app.add_middleware(SecurityHeaders)

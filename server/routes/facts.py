@@ -25,12 +25,19 @@ DOWNLOADS: Final = (
 )
 
 
-def fold_facts(found: Found, *, api: bool = True) -> dict[str, Any]:
+FILES: Final = (
+    ("standalone.html", "One page in one file", "HTML: plays anywhere, without a server"),
+    ("recording.viser", "Recording", ".viser: for viser's own client"),
+)
+
+
+def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[str, Any]:
     """Everything that the page shows besides the timeline, as JSON.
 
     Args:
         found: The fold.
         api: Whether the service's API is there for downloads and news.
+        embed: Whether other sites may show folds in a frame.
     """
     row, directory = found.row, found.directory
     summary: dict[str, Any] = dict(row.summary or {})
@@ -48,11 +55,20 @@ def fold_facts(found: Found, *, api: bool = True) -> dict[str, Any]:
         "name": shown_name(row.name) or "New fold",
         "status": row.status,
         "running": running and api,
+        "preset": PRESETS.get(row.preset, row.preset),
         "verdict": _verdict(row, summary, certificate),
         "cover": "Loading the view" if not running else "Waiting for the first frame",
         "problem": problem,
         "again": _again(row) if api else None,
         "frames": frames_promised(directory),
+        "refoldable": api and row.status == "verified",
+        "compare": _compare(row) if api and not running else [],
+        "embed": f"/embed/{row.id}" if embed else None,
+        "files": [
+            {"href": f"/folds/{row.id}/{name}", "label": label, "hint": hint}
+            for name, label, hint in FILES
+            if not running and frames_promised(directory)
+        ],
         "properties": _properties(row, summary, certificate, directory),
         "downloads": downloads,
         "downloads_hint": "The plan can be downloaded as soon as the fold is finished."
@@ -116,6 +132,26 @@ def _again(row: Any) -> dict[str, Any] | None:
         return {"text": "Try with the default preset", "form": {**form, "preset": plain.preset}}
     seed = (row.seed + 1) % (LARGEST_SEED + 1)
     return {"text": "Try another seed", "form": {**form, "seed": seed}}
+
+
+def _compare(row: Any) -> list[dict[str, Any]]:
+    """What a fold may be set beside: words for a button, and the form to send for the other."""
+    form: dict[str, Any] = {"fold": row.id, "seed": row.seed}
+    if row.module_size is not None:
+        form["module_size"] = row.module_size
+    ways = (
+        ("default", "Reverse explosion", "Our preset"),
+        ("direct", "Direct servoing", "Straight to the shape, without a record"),
+        ("paper", "As published", "The paper's parameters; takes minutes"),
+    )
+    found = [
+        {"text": text, "hint": hint, "form": {**form, "preset": preset}}
+        for preset, text, hint in ways
+        if preset != row.preset
+    ]
+    seed = (row.seed + 1) % (LARGEST_SEED + 1)
+    other = {**form, "preset": row.preset, "seed": seed}
+    return [*found, {"text": "Another seed", "hint": f"Seed {seed}", "form": other}]
 
 
 def _properties(

@@ -8,16 +8,21 @@ reels (``web.reel``): a visitor far away scrubs as quickly as one next door.
 from __future__ import annotations
 
 import asyncio
+import threading
+from pathlib import Path
 from typing import Annotated, Final
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 
 from planner.errors import TimelineError
+from planner.stages import work_out_figures
+from server.routes.facts import RUNNING
 from server.routes.finding import find_fold
 from server.store import NoSuchFoldError
 from web.client import bridged_client
 from web.film import Film
+from web.measured import FIGURES, curves_of, stretch_of
 from web.reel import reel_of
 from web.scenery import scenery_of
 
@@ -26,6 +31,7 @@ router = APIRouter(include_in_schema=False)
 LOOK_EVERY_S: Final = 0.1
 LONGEST_WAIT_S: Final = 2.0
 BINARY: Final = "application/octet-stream"
+_MEASURING: Final = threading.Lock()
 
 
 @router.get("/view")
@@ -76,6 +82,32 @@ async def reel(
     except TimelineError:
         return _nothing()  # it is being replaced just now
     return _binary(data, film)
+
+
+@router.get("/folds/{fold_id}/figures")
+async def figures(
+    request: Request, fold_id: str, part: Annotated[int | None, Query(ge=0)] = None
+) -> Response:
+    """Figures of a fold that is over: curves of all frames, or everything of one stretch."""
+    found = await find_fold(request.app, fold_id)
+    if found is None:
+        raise NoSuchFoldError(fold_id)
+    if found.row.status in RUNNING:
+        return _nothing()
+    try:
+        data = await asyncio.to_thread(_figures, found.directory, part)
+    except (TimelineError, OSError):
+        return _nothing()
+    return Response(data, media_type=BINARY, headers={"Cache-Control": "private, no-cache"})
+
+
+def _figures(directory: Path, part: int | None) -> bytes:
+    if not (directory / FIGURES).exists():
+        # Folds that failed, and older ones, have none until somebody looks; one at a time.
+        with _MEASURING:
+            if not (directory / FIGURES).exists():
+                work_out_figures(directory)
+    return curves_of(directory) if part is None else stretch_of(directory, part)
 
 
 def _binary(data: bytes, film: Film) -> Response:

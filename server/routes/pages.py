@@ -23,7 +23,6 @@ from planner.readers import read
 from planner.timeline import chain_from_attributes
 from server.routes.facts import fold_facts, shown_name
 from server.routes.finding import Found, find_fold
-from web.colours import ERROR, NEUTRAL, UNKNOWN, css
 from web.isometric import isometric_svg
 from web.isometric_modules import chain_svg
 
@@ -107,16 +106,10 @@ async def fold_page(request: Request, fold_id: str) -> Response:
         return not_found_page(
             "There is no such fold", "The link may be incomplete, or the fold was deleted."
         )
-    facts = await asyncio.to_thread(fold_facts, found, api=_has_api(request))
-    facts["visitor"] = visitor = new_visitor()
+    facts = await asyncio.to_thread(_facts, request, found)
     drawing = await asyncio.to_thread(_drawing, found)
     return page(
-        "fold.html",
-        facts=facts,
-        facts_json=script_json(facts),
-        visitor=visitor,
-        drawing=drawing,
-        colours={"none": css(NEUTRAL), "full": css(ERROR), "unknown": css(UNKNOWN)},
+        "fold.html", facts=facts, facts_json=script_json(facts), drawing=drawing, details=True
     )
 
 
@@ -126,7 +119,7 @@ async def facts_of_fold(request: Request, fold_id: str) -> Response:
     found = await find_fold(request.app, fold_id)
     if found is None:
         return JSONResponse({"detail": "There is no such fold."}, status_code=404)
-    facts = await asyncio.to_thread(fold_facts, found, api=_has_api(request))
+    facts = await asyncio.to_thread(_facts, request, found)
     return JSONResponse(facts, headers={"Cache-Control": "no-store"})
 
 
@@ -151,9 +144,14 @@ def not_found_page(heading: str, text: str, *, status_code: int = 404) -> Respon
 
 def page(template: str, status_code: int = 200, /, **values: Any) -> Response:
     """A page made of a template, under the policy of all pages."""
-    html = _templates().get_template(template).render(**values)
+    html = rendered(template, **values)
     headers = {"Content-Security-Policy": POLICY, "Cache-Control": "no-store"}
     return HTMLResponse(html, status_code=status_code, headers=headers)
+
+
+def rendered(template: str, /, **values: Any) -> str:
+    """A template filled in."""
+    return _templates().get_template(template).render(**values)
 
 
 @cache
@@ -254,8 +252,11 @@ def new_visitor() -> str:
     return secrets.token_urlsafe(18)
 
 
-def _has_api(request: Request) -> bool:
-    return getattr(request.app.state.context, "jobs", None) is not None
+def _facts(request: Request, found: Found) -> dict[str, Any]:
+    context = request.app.state.context
+    settings = context.settings
+    embed = settings is not None and bool(settings.embed_origins)
+    return fold_facts(found, api=context.jobs is not None, embed=embed)
 
 
 def script_json(value: Any) -> str:

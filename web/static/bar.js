@@ -129,7 +129,7 @@ export class Bar {
     if (document.activeElement !== speed) speed.value = String(state.speed);
     get("r-phase").textContent = PHASES[state.phase] ?? "";
     get("r-frame").textContent = `Frame ${whole(state.frame + 1)} of ${whole(state.frames)}`;
-    get("r-time").textContent = seconds(state.time_s);
+    get("r-time").textContent = state.time_s === null ? "" : seconds(state.time_s);
     get("r-error").textContent = state.error_rad === null ? "" : `Error ${radians(state.error_rad)}`;
     this.scrub.setAttribute("aria-valuetext",
       `${PHASES[state.phase] ?? ""}, frame ${Math.round(state.frame) + 1} of ${state.frames}`);

@@ -16,6 +16,9 @@ export const COLOURINGS = [
   ["chain", "Place in the chain"],
 ];
 
+// Those that need figures.js.
+export const MEASURED = new Set(["position", "torque", "clearance"]);
+
 // Shares of a ramp (n), NaN where nothing is known, as 3n sRGB bytes.
 export function ramped(shares, ramp, unknown) {
   const last = ramp.length / 3 - 1;
@@ -93,8 +96,8 @@ export function colouring(key, film, figures) {
     return known.high;
   };
   const makers = {
-    error: () => per((shown) => film.moduleErrors(shown.errors), radians, { high: () => film.outline.error_scale_rad, ramp: "ramp_error" }),
-    "error-even": () => per((shown) => film.moduleErrors(shown.errors), radians, { high: () => film.outline.error_scale_rad }),
+    error: () => per((shown) => film.moduleErrors(shown.errors), radians, { high: () => film.errorScale, ramp: "ramp_error" }),
+    "error-even": () => per((shown) => film.moduleErrors(shown.errors), radians, { high: () => film.errorScale }),
     position: () => per((shown) => figures.row(shown.low)?.position_error ?? unknown(), (v) => `${round(v)} pitch`, {
       high: () => roundUp(figures.largest("position_error")),
     }),

@@ -3,12 +3,36 @@ const TYPES = {
   "<f8": Float64Array, "<f4": Float32Array, "|u1": Uint8Array, "<u2": Uint16Array, "<u4": Uint32Array, "<i4": Int32Array,
 };
 
-export function decode(buffer) {
+export async function decode(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const { columns, ...header } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
   const arrays = {};
-  for (const { name, dtype, shape, at } of columns) {
-    arrays[name] = new TYPES[dtype](buffer, 4 + length + at, shape.reduce((a, b) => a * b, 1));
-  }
+  await Promise.all(columns.map(async (told) => { arrays[told.name] = await column(told, buffer, 4 + length); }));
   return { header, arrays };
+}
+
+async function column({ dtype, shape, at, size, step, short }, buffer, start) {
+  const Type = TYPES[dtype];
+  const count = shape.reduce((a, b) => a * b, 1);
+  if (size === undefined) return new Type(buffer, start + at, count);
+  const planes = await inflated(new Uint8Array(buffer, start + at, size));
+  const width = Type.BYTES_PER_ELEMENT;
+  const bytes = new Uint8Array(count * width);
+  for (let b = 0; b < width; b++) for (let i = 0, from = b * count; i < count; i++) bytes[i * width + b] = planes[from + i];
+  const values = new Type(bytes.buffer);
+  const found = new Float32Array(count);
+  if (short) {
+    const bits = new Uint32Array(found.buffer);
+    for (let i = 0; i < count; i++) bits[i] = values[i] << 16;
+    return found;
+  }
+  const row = shape.length > 1 ? count / (shape[0] || 1) : 1;
+  for (let i = row; i < count; i++) values[i] += values[i - row];
+  for (let i = 0; i < count; i++) found[i] = values[i] * step;
+  return found;
+}
+
+async function inflated(bytes) {
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
 }

@@ -14,13 +14,14 @@ export class Drawer {
     const onKey = (event) => this.key(event);
     addEventListener("keydown", onKey);
     get("view").addEventListener("load", () => get("view").contentWindow.addEventListener("keydown", onKey, { capture: true }));
-    TABS.forEach((name, k) => {
+    const tabs = TABS.filter((name) => get(`tab-${name}`));
+    tabs.forEach((name, k) => {
       const tab = get(`tab-${name}`);
       tab.onclick = () => this.choose(name);
       tab.onkeydown = (event) => {
         const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
         if (!by) return;
-        const next = TABS[(k + by + TABS.length) % TABS.length];
+        const next = tabs[(k + by + tabs.length) % tabs.length];
         this.choose(next);
         get(`tab-${next}`).focus();
       };
@@ -51,6 +52,7 @@ export class Drawer {
 
   choose(name) {
     for (const other of TABS) {
+      if (!get(`tab-${other}`)) continue;
       const chosen = other === name;
       get(`tab-${other}`).setAttribute("aria-selected", String(chosen));
       get(`tab-${other}`).tabIndex = chosen ? 0 : -1;
@@ -76,6 +78,7 @@ export class Drawer {
     };
     get("panel-properties").replaceChildren(...groups, element("div", { class: "drawer-foot" }, copy));
     const panel = get("panel-downloads");
+    if (!panel) return;
     if (!facts.downloads.length) {
       panel.replaceChildren(element("p", { class: "hint" }, facts.downloads_hint));
       return;

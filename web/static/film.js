@@ -11,9 +11,9 @@ const MOST_BYTES = 384 * 2 ** 20;
 const RETRY_MS = 300;
 const WAIT_S = 1;
 
-// The frames of a fold on this server.
+// Scenery and reels under an address of this server.
 export class Source {
-  constructor(id) { this.under = `/folds/${id}`; }
+  constructor(under) { this.under = under; }
 
   scenery() { return this.get("scenery"); }
 
@@ -54,6 +54,9 @@ export class Film extends EventTarget {
   }
 
   get growing() { return this.status === "growing"; }
+
+  // The joint error at which a module is fully red; films beside each other share one.
+  get errorScale() { return Math.max(this.outline.error_scale_rad, this.sharedScale ?? 0); }
 
   get last() { return Math.max(0, this.total - 1); }
 

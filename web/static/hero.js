@@ -5,11 +5,10 @@ import { Sketch } from "./sketch.js";
 
 const SPEED = 1.6;
 
-// Plays a fold on the canvas in `hero`; null where there is none to play.
+// Plays the film whose address `hero` names on its canvas.
 export function playHero(hero, canvas, { calm }) {
-  if (!hero.dataset.fold) return null;
   const sketch = new Sketch(canvas, () => hero.classList.add("moving"));
-  const player = new Player(new Film(new Source(hero.dataset.fold)), {
+  const player = new Player(new Film(new Source(hero.dataset.film)), {
     sketch, aspect: () => canvas.clientWidth / Math.max(1, canvas.clientHeight),
   });
   new ResizeObserver(() => player.show(true)).observe(canvas);

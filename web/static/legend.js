@@ -1,10 +1,9 @@
 // What the colours tell: a menu, and the scale with its numbers.
-import { COLOURINGS, colouring } from "./colours.js";
+import { COLOURINGS, MEASURED, colouring } from "./colours.js";
 import { element } from "./words.js";
 
 const get = (id) => document.getElementById(id);
 const KEPT = "foldback:colour-by";
-const MEASURED = new Set(["position", "torque", "clearance"]); // need figures
 
 export class Legend {
   constructor(player, figures) {
@@ -34,15 +33,21 @@ export class Legend {
   show() {
     const { colouring: chosen, film } = this.player;
     if (!chosen || !film.outline) return;
-    get("legend").hidden = false;
     this.menu.value = chosen.key;
-    const told = chosen.legend();
-    get("legend-low").textContent = told.low;
-    get("legend-high").textContent = told.high;
-    get("legend-ramp").style.background = told.ramp;
-    get("legend-none").hidden = !told.none;
-    get("legend-none").lastElementChild.textContent = told.none ?? "";
+    showScale(chosen, film);
   }
+}
+
+// The scale of a colouring, in numbers.
+export function showScale(colouring, film) {
+  const { low, high, ramp, none } = colouring.legend();
+  get("legend").hidden = false;
+  get("legend").style.setProperty("--unknown", `rgb(${film.scenery.header.colours.unknown.join(" ")})`);
+  get("legend-low").textContent = low;
+  get("legend-high").textContent = high;
+  get("legend-ramp").style.background = ramp;
+  get("legend-none").hidden = !none;
+  get("legend-none").lastElementChild.textContent = none ?? "";
 }
 
 function recall() {

@@ -8,6 +8,13 @@ export function placeIn(hash) {
   return { frame: frame === null ? null : Math.max(0, frame - 1), module: number("module") };
 }
 
+function linkTo({ frame, module }) {
+  const parts = [];
+  if (frame) parts.push(`frame=${frame + 1}`);
+  if (module !== null) parts.push(`module=${module}`);
+  return location.pathname + (parts.length ? `#${parts.join("&")}` : "");
+}
+
 // Writes the place into the address while the fold rests there, so that a reload and a link show it;
 // not before the visitor has done something.
 export class Place {
@@ -46,10 +53,10 @@ export class Place {
     this.timer = setTimeout(() => history.replaceState(null, "", this.link()), WAIT_MS);
   }
 
-  link() {
-    const parts = [];
-    if (this.at.frame) parts.push(`frame=${this.at.frame + 1}`);
-    if (this.at.module !== null) parts.push(`module=${this.at.module}`);
-    return location.pathname + (parts.length ? `#${parts.join("&")}` : "");
+  link() { return linkTo(this.at); }
+
+  // A link to what is seen now, whether it rests or not.
+  here() {
+    return linkTo({ frame: Math.round(this.player.playhead.frame), module: this.player.selected });
   }
 }

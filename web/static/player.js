@@ -50,7 +50,7 @@ export class Player extends EventTarget {
   // What a message does.
 
   send(message) {
-    if (!this.film.chain) return false;
+    if (!this.film.chain || !this.colouring) return false;
     const { follow } = this.is;
     if (message.do === "select") this.select(message.module);
     else if (!this.playhead.do(message)) return false;
@@ -145,7 +145,7 @@ export class Player extends EventTarget {
   // Takes the snapshot that the playhead is at.
   show(again = false) {
     const { film, playhead } = this;
-    if (!film.chain) return;
+    if (!film.chain || !this.colouring) return;
     const frame = playhead.shown;
     const moved = !this.shown || this.shown.frame !== frame || !this.shown.exact;
     if (moved || again) {

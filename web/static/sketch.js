@@ -1,5 +1,7 @@
 // A fold drawn by the page itself, in a worker: at once, and without WebGL.
 export class Sketch {
+  static script = "/static/drawing.js";
+
   // Calls `onFirst` when the first frame has been drawn.
   constructor(canvas, onFirst = () => {}) {
     this.canvas = canvas;
@@ -8,7 +10,7 @@ export class Sketch {
     this.next = null;
     if (!canvas.transferControlToOffscreen || !window.Worker) return;
     const paper = canvas.transferControlToOffscreen();
-    this.worker = new Worker(new URL("./drawing.js", import.meta.url), { type: "module" });
+    this.worker = new Worker(Sketch.script, { type: "module" });
     let first = true;
     this.worker.onmessage = () => {
       if (first) { first = false; onFirst(); }

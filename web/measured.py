@@ -1,0 +1,125 @@
+"""Measured: the figures of a fold as messages for a browser, curves first, then stretch by stretch.
+
+Messages are those of ``web.columns``. The curves' header tells ``frames``, how many ``rows`` a
+stretch has and the ``largest`` torque and position error; a stretch holds the clearances, nearest
+modules, torques and position errors of its frames, ``widths`` columns each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError, TimelineError
+from planner.figures import Curves, Figures
+from planner.plan import Plan
+from planner.timeline import Frames, Timeline
+from web.columns import encode
+
+STRETCH_NUMBERS: Final = 2**18
+MOST_ROWS: Final = 128
+SAMPLES: Final = 48
+"""Frames, spread over the fold, from which the largest position error is told."""
+FIGURES: Final = "figures.zarr"
+Array = NDArray[np.float64]
+
+
+def curves_of(directory: Path) -> bytes:
+    """What a plot draws of every frame.
+
+    Raises:
+        TimelineError: When there are no figures.
+    """
+    curves = Curves.load(directory / FIGURES)
+    timeline = Timeline.open(directory / "timeline.zarr")
+    total = len(timeline)
+    sampled = np.unique(np.linspace(0, max(total - 1, 0), SAMPLES).astype(int))
+    error = 0.0
+    if (reference := _reference(directory)) is not None:
+        for k in sampled:
+            found = _position_errors(timeline.frames(int(k), int(k) + 1), timeline, reference)
+            error = max(error, float(np.nan_to_num(found, nan=0.0).max(initial=0.0)))
+    header = {
+        "frames": len(curves),
+        "rows": _rows(timeline),
+        "largest": {
+            "torque": _largest(curves.peak_torque_nm),
+            "position_error": error,
+        },
+    }
+    return encode(header, {f.name: _plain(getattr(curves, f.name)) for f in fields(Curves)})
+
+
+def stretch_of(directory: Path, part: int) -> bytes:
+    """The figures of the modules and hinges in one stretch of frames.
+
+    Raises:
+        TimelineError: When there are no figures, or no such stretch.
+    """
+    timeline = Timeline.open(directory / "timeline.zarr")
+    rows, total = _rows(timeline), len(timeline)
+    start, stop = part * rows, min((part + 1) * rows, total)
+    found = Figures.load(directory / FIGURES, start, stop)
+    errors = _position_errors(timeline.frames(start, stop), timeline, _reference(directory))
+    columns = {
+        "clearance": _plain(found.clearance),
+        "nearest": _plain(found.nearest),
+        "torque": _plain(found.torque_nm),
+        "position_error": _plain(errors),
+    }
+    return encode({"widths": {name: v.shape[1] for name, v in columns.items()}}, columns)
+
+
+def _rows(timeline: Timeline) -> int:
+    numbers = 3 * len(timeline.chain) + len(timeline.chain.folded_rad)
+    return max(1, min(MOST_ROWS, STRETCH_NUMBERS // numbers))
+
+
+def _reference(directory: Path) -> tuple[Array, Array] | None:
+    """Times and angles that the playback was to follow; None when there was none."""
+    try:
+        plan = Plan.load(directory / "plan.npz")
+    except (InputError, OSError):
+        return None
+    return (plan.time_s, plan.joint_angles_rad) if len(plan.time_s) else None
+
+
+def _position_errors(
+    frames: Frames, timeline: Timeline, reference: tuple[Array, Array] | None
+) -> Array:
+    """(F, N) how far each module is from where it would be without joint errors, in pitches.
+
+    The root is taken to be in its place. NaN where no errors are recorded.
+    """
+    chain = timeline.chain
+    errors = np.full((len(frames), len(chain)), np.nan)
+    if reference is None:
+        return errors
+    times, angles = reference
+    clock, phases = timeline.clock()
+    recorded = np.isfinite(frames.joint_error_rad).all(axis=1)
+    # Playback frames come in the plan's order, at the end of the timeline.
+    first = len(clock) - len(times)
+    place = np.searchsorted(clock, frames.time_s) - first
+    known = recorded & (place >= 0) & (place < len(times))
+    if not known.any() or first < 0 or phases[first] == 0:
+        return errors
+    meant = chain.poses(angles[place[known]], frames.root_position[known], frames.root_wxyz[known])
+    there = chain.poses(
+        frames.joint_angles_rad[known], frames.root_position[known], frames.root_wxyz[known]
+    )
+    errors[known] = np.linalg.norm(meant.positions - there.positions, axis=-1)
+    return errors
+
+
+def _largest(values: NDArray[Any]) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.max()) if len(known) else 0.0
+
+
+def _plain(values: NDArray[Any]) -> NDArray[Any]:
+    return values.astype("<i4" if values.dtype.kind in "iu" else "<f4")

@@ -1,0 +1,58 @@
+// Two folds beside each other.
+import { Bar } from "./bar.js";
+import { COLOURINGS, MEASURED, colouring } from "./colours.js";
+import { Film, Source } from "./film.js";
+import { showScale } from "./legend.js";
+import { Pair } from "./pair.js";
+import { Player } from "./player.js";
+import { Sketch } from "./sketch.js";
+import { Stage, hasWebGL } from "./stage.js";
+import { toast } from "./toast.js";
+import { copyText, element, radians } from "./words.js";
+
+const get = (id) => document.getElementById(id);
+const DRAW_MS = 250;
+const START_MS = 600; // two 3D views at once would keep both drawings waiting
+const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+const facts = JSON.parse(get("facts").textContent);
+const webgl = new Promise((told) => { setTimeout(() => told(hasWebGL()), START_MS); });
+
+const sides = facts.map(({ id }, k) => {
+  const side = get(`side-${k}`);
+  const frame = side.querySelector("iframe");
+  const canvas = side.querySelector("canvas");
+  const sketch = new Sketch(canvas);
+  const stage = new Stage(frame, {
+    open: () => setTimeout(() => { canvas.classList.add("gone"); player.sketch = null; sketch.stop(); }, DRAW_MS),
+    touch: () => { if (player.is.follow) pair.send({ do: "set", follow: false }); },
+    pick: (origin, direction) => player.pick(origin, direction),
+    key: (event) => bar.key(event),
+  });
+  const player = new Player(new Film(new Source(`/folds/${id}`)), {
+    stage, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),
+  });
+  new ResizeObserver(() => player.show(true)).observe(frame);
+  player.on("state", ({ error_rad: error }) => {
+    side.querySelector(".side-now").textContent = error === null ? "No error recorded here" : `Error ${radians(error)}`;
+  });
+  webgl.then((there) => setTimeout(() => { if (there) frame.src = "/view"; }, 1500 * k));
+  return { player, stage };
+});
+const pair = new Pair(sides.map(({ player }) => player));
+const bar = new Bar(pair);
+addEventListener("keydown", (event) => bar.key(event));
+pair.on("begun", () => { if (!calm) pair.send({ do: "play" }); });
+const colours = get("colour-by");
+colours.append(...COLOURINGS.filter(([key]) => !MEASURED.has(key)).map(([key, label]) => element("option", { value: key }, label)));
+colours.onchange = () => {
+  for (const { player } of sides) player.colourBy(colouring(colours.value, player.film, null));
+  scale();
+};
+const scale = () => showScale(sides[0].player.colouring, sides[0].player.film);
+pair.on("outline", scale);
+get("through").onclick = () => {
+  const on = get("through").getAttribute("aria-pressed") !== "true";
+  get("through").setAttribute("aria-pressed", String(on));
+  for (const { stage } of sides) stage.seeThrough(on);
+};
+get("share").onclick = () => copyText(location.href, () => toast("Link copied"), () => toast(location.href));

@@ -1,0 +1,72 @@
+// What every page that shows one fold has: the film, the 3D view with the drawing that stands in for
+// it, the timeline, the legend and, where there are panels for them, module and plots.
+import { Bar } from "./bar.js";
+import { Film } from "./film.js";
+import { Legend } from "./legend.js";
+import { ModulePanel } from "./module_panel.js";
+import { Place } from "./place.js";
+import { Player } from "./player.js";
+import { Plots } from "./plots.js";
+import { Sketch } from "./sketch.js";
+import { Stage, hasWebGL } from "./stage.js";
+
+const get = (id) => document.getElementById(id);
+const DRAW_MS = 250;
+const PATIENCE_MS = 1500;
+export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+// `load` begins to load viser's client into the frame; `drawer` is shown when a module is selected.
+export function view({ source, figures, load, drawer = null, play = !calm }) {
+  const film = new Film(source);
+  const frame = get("view");
+  const stage = new Stage(frame, {
+    open: () => setTimeout(uncover, DRAW_MS),
+    pick: (origin, direction) => player.pick(origin, direction),
+    touch: () => { if (player.is.follow) player.send({ do: "set", follow: false }); },
+    key: (event) => { place.acted = true; bar.key(event); },
+  });
+  // The page draws the fold by itself until the 3D view, which takes longer to start, has taken over.
+  const sketch = new Sketch(get("sketch"), () => {
+    get("cover").classList.add("gone");
+    setTimeout(start3d, DRAW_MS);
+  });
+  const player = new Player(film, { stage, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight) });
+  const plots = get("panel-plots") ? new Plots(get("panel-plots"), player, figures) : null;
+  const bar = new Bar(player, (name) => plots?.worst(name) ?? null);
+  const place = new Place(player);
+  new Legend(player, figures);
+  if (get("panel-module")) new ModulePanel(get("panel-module"), player, figures, () => drawer.openAt("module"));
+  get("through").onclick = () => {
+    const on = get("through").getAttribute("aria-pressed") !== "true";
+    get("through").setAttribute("aria-pressed", String(on));
+    stage.seeThrough(on);
+  };
+  new ResizeObserver(() => player.show(true)).observe(frame);
+  addEventListener("keydown", (event) => bar.key(event));
+
+  let started = false;
+  function start3d() {
+    if (started) return;
+    started = true;
+    // To ask is to start the browser's 3D graphics, which takes a second where they are software.
+    if (hasWebGL()) { load(frame); return; }
+    get("flat").hidden = false;
+    if (!sketch.worker) get("cover-text").textContent = "This browser shows no 3D graphics";
+  }
+  setTimeout(start3d, sketch.worker ? PATIENCE_MS : 0);
+
+  function uncover() {
+    if (!player.shown) { player.addEventListener("drawn", () => setTimeout(uncover, DRAW_MS), { once: true }); return; }
+    get("cover").classList.add("gone");
+    get("sketch").classList.add("gone");
+    get("sketch").addEventListener("transitionend", () => { sketch.stop(); player.sketch = null; }, { once: true });
+  }
+
+  let begun = false;
+  player.on("begun", () => {
+    if (begun) return;
+    begun = true;
+    if (!place.go() && !film.growing && play) player.send({ do: "play" });
+  });
+  return { film, player, stage, sketch, bar, place, plots };
+}
