@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError, TimelineError
 from planner.figures import Curves, Figures
 from planner.plan import Plan
-from planner.timeline import Frames, Timeline
+from planner.timeline import Timeline
 from web.columns import encode
 
 STRETCH_NUMBERS: Final = 2**18
@@ -41,7 +41,7 @@ def curves_of(directory: Path) -> bytes:
     error = 0.0
     if (reference := _reference(directory)) is not None:
         for k in sampled:
-            found = _position_errors(timeline.frames(int(k), int(k) + 1), timeline, reference)
+            found = _position_errors(timeline, int(k), int(k) + 1, reference)
             error = max(error, float(np.nan_to_num(found, nan=0.0).max(initial=0.0)))
     header = {
         "frames": len(curves),
@@ -64,7 +64,7 @@ def stretch_of(directory: Path, part: int) -> bytes:
     rows, total = _rows(timeline), len(timeline)
     start, stop = part * rows, min((part + 1) * rows, total)
     found = Figures.load(directory / FIGURES, start, stop)
-    errors = _position_errors(timeline.frames(start, stop), timeline, _reference(directory))
+    errors = _position_errors(timeline, start, stop, _reference(directory))
     columns = {
         "clearance": _plain(found.clearance),
         "nearest": _plain(found.nearest),
@@ -79,39 +79,32 @@ def _rows(timeline: Timeline) -> int:
     return max(1, min(MOST_ROWS, STRETCH_NUMBERS // numbers))
 
 
-def _reference(directory: Path) -> tuple[Array, Array] | None:
-    """Times and angles that the playback was to follow; None when there was none."""
+def _reference(directory: Path) -> Array | None:
+    """The angles that the playback was to follow; None when there was none."""
     try:
         plan = Plan.load(directory / "plan.npz")
     except (InputError, OSError):
         return None
-    return (plan.time_s, plan.joint_angles_rad) if len(plan.time_s) else None
+    return plan.joint_angles_rad if len(plan.time_s) else None
 
 
-def _position_errors(
-    frames: Frames, timeline: Timeline, reference: tuple[Array, Array] | None
-) -> Array:
+def _position_errors(timeline: Timeline, start: int, stop: int, reference: Array | None) -> Array:
     """(F, N) how far each module is from where it would be without joint errors, in pitches.
 
     The root is taken to be in its place. NaN where no errors are recorded.
     """
-    chain = timeline.chain
+    chain, frames = timeline.chain, timeline.frames(start, stop)
     errors = np.full((len(frames), len(chain)), np.nan)
     if reference is None:
         return errors
-    times, angles = reference
-    clock, phases = timeline.clock()
-    recorded = np.isfinite(frames.joint_error_rad).all(axis=1)
-    # Playback frames come in the plan's order, at the end of the timeline.
-    first = len(clock) - len(times)
-    place = np.searchsorted(clock, frames.time_s) - first
-    known = recorded & (place >= 0) & (place < len(times))
-    if not known.any() or first < 0 or phases[first] == 0:
+    # A plan's frames are the last ones of its timeline.
+    place = np.arange(start, stop) - (len(timeline) - len(reference))
+    known = np.isfinite(frames.joint_error_rad).all(axis=1) & (place >= 0)
+    if not known.any():
         return errors
-    meant = chain.poses(angles[place[known]], frames.root_position[known], frames.root_wxyz[known])
-    there = chain.poses(
-        frames.joint_angles_rad[known], frames.root_position[known], frames.root_wxyz[known]
-    )
+    root = (frames.root_position[known], frames.root_wxyz[known])
+    meant = chain.poses(reference[place[known]], *root)
+    there = chain.poses(frames.joint_angles_rad[known], *root)
     errors[known] = np.linalg.norm(meant.positions - there.positions, axis=-1)
     return errors
 

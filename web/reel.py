@@ -9,12 +9,15 @@ of a radian, joint errors within a half per cent, so that little has to travel.
 
 from __future__ import annotations
 
+import tempfile
 from typing import Final
 
+from planner.timeline import TimelineWriter
 from web.columns import encode
 from web.film import Film
 
 LARGEST_REEL: Final = 2**20
+WHOLE: Final = 2**40
 ANGLE_STEP_RAD: Final = 2.0**-20
 
 
@@ -67,3 +70,20 @@ def reel_of(
         steps={"joint_angles_rad": ANGLE_STEP_RAD},
         short=frozenset({"joint_error_rad"}),
     )
+
+
+def thinned(film: Film, stride: int) -> bytes:
+    """A whole finished film in one reel, of every ``stride``-th frame and the last, counted anew.
+
+    Raises:
+        TimelineError: When the timeline is being replaced.
+    """
+    if stride == 1:
+        return reel_of(film, largest=WHOLE)
+    with tempfile.TemporaryDirectory() as place:
+        path = f"{place}/timeline.zarr"
+        with TimelineWriter.create(path, film.chain) as writer:
+            writer.append(film.frames(0, len(film), stride))
+            if (len(film) - 1) % stride:
+                writer.append(film.frames(len(film) - 1, len(film)))
+        return reel_of(Film(path), largest=WHOLE)

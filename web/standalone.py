@@ -16,14 +16,14 @@ from typing import Any, Final
 
 from web.client import bridged_client
 from web.film import Film
-from web.reel import reel_of
+from web.reel import thinned
 from web.scenery import scenery_of
 
 STATIC: Final = Path(__file__).parent / "static"
 ENTRY: Final = "standalone.js"
 WORKER: Final = "drawing.js"
 MOST_BYTES: Final = 192 * 2**20
-"""Of a reel, unpacked; a longer fold is told in every second frame, or every third, and so on."""
+"""Of a reel, unpacked; of a longer fold every second frame is told, or every third, and no curves."""
 _IMPORT: Final = re.compile(r'(\bfrom\s+|\bimport\s+)"\./([a-z_]+\.js)"')
 
 Render = Callable[..., str]
@@ -45,13 +45,12 @@ def standalone_html(
     """
     row = 8 * len(film.chain.joint_names) + 40
     stride = max(1, -(-len(film) * row // MOST_BYTES))
-    reel = reel_of(film, stride=stride, largest=2 * MOST_BYTES)
     parts = {
         "client": bridged_client().html.decode(),
         "worker": (STATIC / WORKER).read_text(encoding="utf-8"),
         "scenery": _text(scenery_of(film.chain)),
-        "reel": _text(reel),
-        "curves": None if curves is None else _text(curves),
+        "reel": _text(thinned(film, stride)),
+        "curves": None if curves is None or stride > 1 else _text(curves),
         "facts": dict(facts),
     }
     styles = "".join((STATIC / name).read_text(encoding="utf-8") for name in ("base.css", "fold.css"))

@@ -25,6 +25,7 @@ from server.routes.facts import fold_facts, shown_name
 from server.routes.finding import Found, find_fold
 from web.isometric import isometric_svg
 from web.isometric_modules import chain_svg
+from web.scenery import scenery_of
 
 if TYPE_CHECKING:
     from server.gallery import Gallery
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 router = APIRouter(include_in_schema=False)
 
 STATIC: Final = Path(__file__).parents[2] / "web" / "static"
+REEL: Final = STATIC.parent / "featured.reel"
 FEATURED: Final = "wrench-160"
 LARGEST_DRAWING: Final = 4000
 POLICY: Final = "; ".join(
@@ -80,9 +82,37 @@ async def landing(request: Request) -> Response:
         shapes=_cards(context.gallery),
         kinds=_kinds(context.gallery),
         featured=featured,
-        visitor=new_visitor(),
         still=still or isometric_svg(PAWN),
     )
+
+
+@router.get("/featured/scenery")
+async def featured_scenery(request: Request) -> Response:
+    """What is known of the chain on the first page."""
+    shape = request.app.state.context.gallery.shape(FEATURED)
+    if shape is None:
+        return Response("not found", status_code=404, media_type="text/plain")
+    chain = await asyncio.to_thread(lambda: _chain(read(shape.data, filename=shape.filename)))
+    return _kept(request, await asyncio.to_thread(scenery_of, chain))
+
+
+@router.get("/featured/reel")
+async def featured_reel(request: Request) -> Response:
+    """Its fold, recorded: ``examples/make_featured.py``."""
+    return _kept(request, await asyncio.to_thread(_recorded))
+
+
+@cache
+def _recorded() -> bytes:
+    return REEL.read_bytes()
+
+
+def _kept(request: Request, data: bytes) -> Response:
+    """Something that browsers keep until it changes."""
+    headers = {"ETag": f'"{hashlib.sha256(data).hexdigest()[:20]}"', "Cache-Control": "no-cache"}
+    if request.headers.get("if-none-match") == headers["ETag"]:
+        return Response(status_code=304, headers=headers)
+    return Response(data, media_type="application/octet-stream", headers=headers)
 
 
 @router.get("/shapes/{name}.svg")
@@ -211,14 +241,10 @@ def _still(gallery: Gallery, name: str, size: int) -> str | None:
         return None
 
 
-def _featured(store: Any) -> Any:
-    """The fold in motion on the first page: the featured shape if it is there, or the newest."""
-    rows = [row for row in store.list_public() if row.status in ("verified", "running")]
-    rows.sort(key=lambda r: (getattr(r, "shape", None) == FEATURED, r.status == "verified"))
-    for row in reversed(rows):
-        if (Path(store.directory(row.id)) / "timeline.zarr").exists():
-            return {"id": row.id, "name": shown_name(row.name), "modules": row.modules}
-    return None
+def _featured(store: Any) -> str | None:
+    """The fold of the shape that plays on the first page, if somebody has folded it here."""
+    rows = [row for row in store.list_public() if row.shape == FEATURED and row.status == "verified"]
+    return rows[-1].id if rows else None
 
 
 def _drawing(found: Found) -> str:

@@ -1,0 +1,32 @@
+"""Makes the recording that plays on the first page: web/featured.reel.
+
+    python examples/make_featured.py
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from planner.request import Request
+from planner.stages import run_stages, write_request
+from web.film import Film
+from web.reel import thinned
+
+SHAPE = Path(__file__).parent / "shapes" / "wrench-160.json"
+REEL = Path(__file__).parents[1] / "web" / "featured.reel"
+EVERY = 4
+
+
+def main() -> None:
+    """Folds the shape and keeps every fourth frame."""
+    with tempfile.TemporaryDirectory() as place:
+        directory = Path(place)
+        write_request(directory, Request(filename=SHAPE.name), SHAPE.read_bytes())
+        run_stages(directory)
+        REEL.write_bytes(thinned(Film(directory / "timeline.zarr"), EVERY))
+    print(f"{REEL.name}: {REEL.stat().st_size / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,170 @@
+"""What the page's scripts compute is what Python computes."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page
+
+from planner.chain import Chain
+from planner.modules import TETRAHEDRON
+from planner.paths import Path as CellPath
+from web.camera import blended, distance_needed, framing
+from web.columns import encode
+from web.picking import picked_module
+from web.scenery import scenery_of
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+SNAKE = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
+UNPACK = """
+  const { decode } = await import("/static/columns.js");
+  const unpack = (text) => decode(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
+"""
+
+
+@pytest.fixture
+def page(visit: Callable[..., Page]) -> Iterator[Page]:
+    yield visit("/")
+
+
+def run(page: Page, script: str, *given: Any) -> Any:
+    return page.evaluate(f"async (given) => {{ {UNPACK} {script} }}", list(given))
+
+
+def text(message: bytes) -> str:
+    return base64.b64encode(message).decode()
+
+
+CHAINS = [
+    Chain.from_path(CellPath.from_cells(SNAKE, name="snake")),
+    Chain.from_angles(TETRAHEDRON, np.deg2rad([90.0, -90, 0, 90, 90, 0, -90]), name="chain"),
+]
+
+
+@pytest.mark.parametrize("chain", CHAINS, ids=["cubes", "tetrahedra"])
+def test_poses(page: Page, chain: Chain) -> None:
+    rng = np.random.default_rng(3)
+    angles = rng.uniform(-1.5, 1.5, len(chain.folded_rad))
+    position = rng.uniform(-3, 3, 3)
+    wxyz = rng.normal(size=4)
+    wxyz /= np.linalg.norm(wxyz)
+    found = run(
+        page,
+        """
+        const { Kinematics } = await import("/static/kinematics.js");
+        const { header } = await unpack(given[0]);
+        const { positions, wxyzs } = new Kinematics(header.chain).poses(...given.slice(1));
+        return [Array.from(positions), Array.from(wxyzs)];
+        """,
+        text(scenery_of(chain)),
+        angles.tolist(),
+        position.tolist(),
+        wxyz.tolist(),
+    )
+    poses = chain.poses(angles, position, wxyz)
+    assert np.allclose(np.reshape(found[0], (-1, 3)), poses.positions, atol=2e-6)
+    turns = np.abs(np.einsum("ij,ij->i", np.reshape(found[1], (-1, 4)), poses.wxyzs))
+    assert np.allclose(turns, 1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("chain", CHAINS, ids=["cubes", "tetrahedra"])
+def test_picking(page: Page, chain: Chain) -> None:
+    poses = chain.folded_poses
+    rng = np.random.default_rng(4)
+    origin = poses.positions.mean(axis=0) + [9.0, -7.0, 8.0]
+    ways = poses.positions[rng.integers(0, len(chain), 12)] + rng.normal(0, 0.8, (12, 3)) - origin
+    found = run(
+        page,
+        """
+        const { picked } = await import("/static/kinematics.js");
+        const { header } = await unpack(given[0]);
+        const poses = { positions: given[1], wxyzs: given[2] };
+        return given[4].map((way) => picked(header.chain, poses, given[3], way));
+        """,
+        text(scenery_of(chain)),
+        poses.positions.ravel().tolist(),
+        poses.wxyzs.ravel().tolist(),
+        origin.tolist(),
+        ways.tolist(),
+    )
+    expected = [
+        picked_module(chain.module, poses.positions, poses.wxyzs, origin, way) for way in ways
+    ]
+    assert found == expected
+    assert len(set(expected)) > 3
+
+
+@pytest.mark.parametrize("aspect", [1.7, 0.5])
+@pytest.mark.parametrize("stretch", [(1.0, 1.0, 1.0), (40.0, 0.3, 0.2), (0.2, 3.0, 25.0)])
+def test_the_camera(page: Page, aspect: float, stretch: tuple[float, ...]) -> None:
+    rng = np.random.default_rng(5)
+    points = rng.normal(size=(300, 3)) * stretch + [1.0, -2.0, 0.5]
+    found = run(
+        page,
+        """
+        const { framing, distanceNeeded, blended, positionOf } = await import("/static/camera.js");
+        const [points, aspect, field, home, elevation] = given;
+        const seeing = { radius: 0.9, aspect, field, home };
+        const view = framing(points, { ...seeing, elevation });
+        const other = framing(points, { ...seeing, elevation, azimuth: view.azimuth + 6 });
+        return [
+          view.azimuth, ...view.target, view.distance, distanceNeeded(points, view, seeing),
+          ...positionOf(blended([view, other], [2, 1], view)),
+        ];
+        """,
+        points.ravel().tolist(),
+        aspect,
+        float(np.deg2rad(32.0)),
+        float(np.deg2rad(-62.0)),
+        float(np.deg2rad(24.0)),
+    )
+    view = framing(points, radius=0.9, aspect=aspect)
+    other = framing(points, radius=0.9, aspect=aspect, azimuth_rad=view.azimuth_rad + 6)
+    between = blended([view, other], np.array([2.0, 1.0]), nearest=view)
+    needed = distance_needed(points, view, radius=0.9, aspect=aspect)
+    expected = [view.azimuth_rad, *view.target, view.distance, needed, *between.position]
+    assert np.allclose(found, expected, rtol=1e-6, atol=1e-6)
+
+
+def test_packed_columns(page: Page) -> None:
+    rng = np.random.default_rng(6)
+    angles = np.cumsum(rng.normal(0, 0.02, (50, 7)), axis=0)
+    errors = np.abs(rng.normal(0, 1e-4, (50, 7)))
+    errors[3, 2] = np.nan
+    message = encode(
+        {"said": "ü"},
+        {"plain": np.arange(5.0), "angles": angles, "errors": errors},
+        steps={"angles": 2.0**-20},
+        short=frozenset({"errors"}),
+    )
+    header, plain, found, short = run(
+        page,
+        """
+        const { header, arrays } = await unpack(given[0]);
+        return [header, Array.from(arrays.plain), Array.from(arrays.angles),
+          Array.from(arrays.errors, (v) => (Number.isNaN(v) ? null : v))];
+        """,
+        text(message),
+    )
+    assert header == {"said": "ü"}
+    assert plain == [0, 1, 2, 3, 4]
+    assert np.allclose(np.reshape(found, angles.shape), angles, atol=6e-7)
+    told = np.array([np.nan if v is None else v for v in short]).reshape(errors.shape)
+    assert np.allclose(told, errors, rtol=1 / 256, equal_nan=True)
+
+
+def test_no_script_is_left_unused() -> None:
+    static = Path(__file__).parents[2] / "web" / "static"
+    named = "".join(
+        path.read_text(encoding="utf-8")
+        for folder in (static, static.parent / "templates", static.parent, static.parents[1] / "server" / "routes")
+        for path in sorted(folder.iterdir())
+        if path.suffix in {".js", ".html", ".py"}
+    )
+    unused = [path.name for path in static.glob("*.js") if named.count(path.name) == 0]
+    assert unused == []

@@ -1,0 +1,161 @@
+"""Films, sharing and comparing through a real service, and through ``foldback play``."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+
+from planner.timeline import Timeline
+from tests.server.service import SNAKE, Service
+from web.columns import decode
+from web.scenery import opened_scene
+
+SITE = "https://blog.example"
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    service = Service(tmp_path_factory.mktemp("service") / "data", embed_origins=SITE).start()
+    yield service
+    assert service.stop() == 0
+
+
+@pytest.fixture(scope="module")
+def fold(service: Service) -> str:
+    accepted = service.fold(SNAKE)
+    assert service.wait_over(accepted["id"])["status"] == "verified"
+    return accepted["id"]
+
+
+def test_a_whole_fold_comes_in_reels(service: Service, fold: str) -> None:
+    timeline = Timeline.open(service.data_dir / "folds" / fold / "timeline.zarr")
+    frames = timeline.frames()
+    angles = []
+    at = 0
+    while at < len(timeline):
+        header, arrays = decode(service.http.get(f"/folds/{fold}/reel?from={at}&to={at + 77}").content)
+        assert header["start"] == at
+        angles.append(arrays["joint_angles_rad"])
+        at = header["stop"]
+    assert np.allclose(np.concatenate(angles), frames.joint_angles_rad, atol=6e-7)
+    scenery, _ = decode(service.http.get(f"/folds/{fold}/scenery").content)
+    assert scenery["chain"]["modules"] == 16
+
+
+def test_before_there_is_anything_to_see_nothing_is_answered(service: Service) -> None:
+    waiting = service.fold(SNAKE, seed=7)
+    answers = {service.http.get(f"/folds/{waiting['id']}/reel").status_code for _ in range(2)}
+    assert answers <= {204, 200}
+    assert service.http.get(f"/folds/{waiting['id']}/figures").status_code in (204, 200)
+    service.wait_over(waiting["id"])
+    assert service.http.get(f"/folds/{waiting['id']}/reel").status_code == 200
+    assert service.http.get(f"/folds/{waiting['id']}/figures").status_code == 200
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/folds/{}/reel",
+        "/folds/{}/scenery",
+        "/folds/{}/figures",
+        "/folds/{}/standalone.html",
+        "/folds/{}/recording.viser",
+        "/embed/{}",
+        "/compare?a={}&b={}",
+    ],
+)
+def test_unknown_folds_have_nothing(service: Service, path: str) -> None:
+    assert service.http.get(path.format("nosuchfold", "nosuchfold")).status_code == 404
+
+
+@pytest.mark.parametrize("query", ["from=-1", "stride=0", "wait=999", "from=x", "to=-3"])
+def test_senseless_stretches_are_refused(service: Service, fold: str, query: str) -> None:
+    assert service.http.get(f"/folds/{fold}/reel?{query}").status_code == 422
+
+
+def test_a_file_is_a_download_and_no_page_of_ours(service: Service, fold: str) -> None:
+    for name, kind in (("standalone.html", "text/html"), ("recording.viser", "octet-stream")):
+        answer = service.http.get(f"/folds/{fold}/{name}")
+        assert answer.status_code == 200
+        assert kind in answer.headers["Content-Type"]
+        assert answer.headers["Content-Disposition"].startswith("attachment; filename=")
+        assert "sandbox" in answer.headers["Content-Security-Policy"]
+
+
+def test_a_recording_is_viser_s_own(service: Service, fold: str) -> None:
+    record = service.http.get(f"/folds/{fold}/recording.viser").content
+    timed, buffers = opened_scene(record)
+    timeline = Timeline.open(service.data_dir / "folds" / fold / "timeline.zarr")
+    places = [
+        (t, m["updates"]["batched_positions"])
+        for t, m in timed
+        if m["type"] == "SceneNodeUpdateMessage"
+        and m["name"] == "/modules"
+        and "batched_positions" in m["updates"]
+    ]
+    assert len({t for t, _ in places}) >= len(timeline) - 3  # what rests is not said twice
+    told = places[-1][1]
+    last = np.frombuffer(buffers[told["__binary_index"]], told["dtype"]).reshape(-1, 3)
+    frame = timeline.frames(len(timeline) - 1)
+    poses = timeline.chain.poses(frame.joint_angles_rad, frame.root_position, frame.root_wxyz)
+    assert np.allclose(last / 0.25, poses.positions[0], atol=1e-5)
+
+
+def test_only_named_sites_may_frame_a_fold(service: Service, fold: str) -> None:
+    for path in (f"/embed/{fold}", "/embed/view"):
+        policy = service.http.get(path).headers["Content-Security-Policy"]
+        assert f"frame-ancestors 'self' {SITE}" in policy
+    for path in (f"/folds/{fold}", "/", "/view"):
+        policy = service.http.get(path).headers["Content-Security-Policy"]
+        assert SITE not in policy
+        assert "frame-ancestors 'self'" in policy
+
+
+def test_the_client_is_kept_by_browsers(service: Service) -> None:
+    first = service.http.get("/view")
+    again = service.http.get("/view", headers={"If-None-Match": first.headers["ETag"]})
+    assert (first.status_code, again.status_code) == (200, 304)
+    assert b"window.bridge" in first.content
+
+
+def test_comparing_names_both(service: Service, fold: str) -> None:
+    page = service.http.get(f"/compare?a={fold}&b={fold}")
+    assert page.status_code == 200
+    assert page.text.count(f'href="/folds/{fold}"') == 2
+    assert service.http.get("/compare?a=%3Cscript%3E&b=x").status_code == 422
+
+
+def test_play_shows_a_directory(tmp_path: Path, service: Service, fold: str) -> None:
+    directory = service.data_dir / "folds" / fold
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", "server.command_line", "play", str(directory), "--no-browser"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout is not None
+        address = re.search(r"http://[^/\s]+", process.stdout.readline())
+        assert address
+        with httpx.Client(base_url=address.group(), timeout=60) as http:
+            page = http.get("/folds/fold")
+            assert page.status_code == 200
+            found = re.search(r'id="facts">(.*?)</script>', page.text, re.DOTALL)
+            assert found
+            facts = json.loads(found[1])
+            assert facts["verdict"]["tone"] == "good"
+            assert not facts["refoldable"]
+            header, _ = decode(http.get("/folds/fold/reel?to=3").content)
+            assert header["stop"] == 3
+            assert http.get("/folds/fold/figures").status_code == 200
+            assert http.get("/folds/fold/standalone.html").status_code == 200
+    finally:
+        process.terminate()
+        process.communicate(timeout=30)

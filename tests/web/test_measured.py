@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.errors import TimelineError
+from planner.figures import Figures
+from planner.plan import Plan
+from planner.request import Request
+from planner.stages import run_stages, write_request
+from planner.timeline import Timeline
+from tests.web.conftest import SNAKE
+from web.columns import decode
+from web.measured import curves_of, stretch_of
+
+
+@pytest.fixture(scope="module")
+def fold(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("fold")
+    write_request(directory, Request(), json.dumps(SNAKE).encode())
+    run_stages(directory)
+    return directory
+
+
+def test_curves_are_those_of_the_figures(fold: Path) -> None:
+    header, arrays = decode(curves_of(fold))
+    figures = Figures.load(fold / "figures.zarr")
+    assert header["frames"] == len(figures)
+    assert np.allclose(arrays["min_clearance"], figures.min_clearance)
+    assert header["largest"]["torque"] == pytest.approx(np.nanmax(figures.peak_torque_nm))
+
+
+def test_a_stretch_tells_of_every_module(fold: Path) -> None:
+    header, _ = decode(curves_of(fold))
+    rows, total = header["rows"], header["frames"]
+    found = [decode(stretch_of(fold, k))[1] for k in range(-(-total // rows))]
+    figures = Figures.load(fold / "figures.zarr")
+    for name, whole in (("clearance", figures.clearance), ("nearest", figures.nearest)):
+        assert np.array_equal(np.concatenate([f[name] for f in found]), whole)
+
+
+def test_position_errors_are_those_of_the_joint_errors(fold: Path) -> None:
+    plan = Plan.load(fold / "plan.npz")
+    timeline = Timeline.open(fold / "timeline.zarr")
+    first = len(timeline) - len(plan.time_s)
+    header, _ = decode(curves_of(fold))
+    rows = header["rows"]
+    errors = np.concatenate(
+        [decode(stretch_of(fold, k))[1]["position_error"] for k in range(-(-len(timeline) // rows))]
+    )
+    assert np.isnan(errors[:first]).all()
+    frame = int(np.nanargmax(np.nanmax(errors[first:], axis=1)))
+    played = timeline.frames(first + frame, first + frame + 1)
+    root = (played.root_position, played.root_wxyz)
+    there = plan.chain.poses(played.joint_angles_rad, *root).positions[0]
+    meant = plan.chain.poses(plan.joint_angles_rad[frame : frame + 1], *root).positions[0]
+    assert np.allclose(errors[first + frame], np.linalg.norm(there - meant, axis=1), atol=1e-6)
+    assert errors[first + frame][plan.chain.root] == 0.0
+    assert np.nanmax(errors) > 0.0
+
+
+def test_past_the_end_is_refused(fold: Path) -> None:
+    with pytest.raises(TimelineError):
+        stretch_of(fold, 10_000)

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from planner.timeline import Timeline, TimelineWriter
+from web.columns import decode
+from web.film import Film
+from web.reel import reel_of
+
+
+def test_a_reel_holds_what_was_recorded(timeline_path: Path) -> None:
+    header, found = decode(reel_of(Film(timeline_path), 90, 130))
+    frames = Timeline.open(timeline_path).frames(90, 130)
+    assert (header["start"], header["stop"], header["total"]) == (90, 130, 200)
+    assert header["status"] == "complete"
+    assert np.array_equal(found["time_s"], frames.time_s)
+    assert np.array_equal(found["phase"], frames.phase)
+    assert np.allclose(found["joint_angles_rad"], frames.joint_angles_rad, atol=6e-7)
+    assert np.allclose(found["root_position"], frames.root_position, atol=1e-6)
+    assert np.allclose(found["root_wxyz"], frames.root_wxyz, atol=1e-6)
+    assert np.allclose(
+        found["joint_error_rad"], frames.joint_error_rad, rtol=1 / 256, equal_nan=True
+    )
+    assert [p["name"] for p in header["outline"]["phases"]] == ["explosion", "playback"]
+
+
+def test_a_stride_spreads_frames_over_the_film(timeline_path: Path) -> None:
+    header, found = decode(reel_of(Film(timeline_path), stride=50))
+    assert header["stride"] == 50
+    assert len(found["time_s"]) == 4
+    assert np.array_equal(found["time_s"], Timeline.open(timeline_path).frames(stride=50).time_s)
+
+
+def test_a_reel_is_never_longer_than_asked_for(timeline_path: Path) -> None:
+    header, found = decode(reel_of(Film(timeline_path), 10, largest=3000))
+    assert 1 <= len(found["time_s"]) < 20
+    assert header["stop"] == 10 + len(found["time_s"])
+    _, one = decode(reel_of(Film(timeline_path), 10, largest=1))
+    assert len(one["time_s"]) == 1
+
+
+def test_past_the_end_there_is_nothing(timeline_path: Path) -> None:
+    header, found = decode(reel_of(Film(timeline_path), 999))
+    assert header["start"] == header["stop"] == 200
+    assert found["joint_angles_rad"].shape[0] == 0
+
+
+def test_a_timeline_that_is_begun_anew_is_another_one(
+    growing: tuple[Path, TimelineWriter, Callable[[int], None]],
+) -> None:
+    path, _, add = growing
+    film = Film(path)
+    first, _ = decode(reel_of(film))
+    add(5)
+    film.refresh(at_once=True)
+    more, _ = decode(reel_of(film, 10))
+    assert more["id"] == first["id"]
+    assert (more["start"], more["stop"], more["status"]) == (10, 15, "growing")
+    with TimelineWriter.create(path, film.chain) as writer:
+        writer.append(Timeline.open(path).frames(0, 0))
+    film.refresh(at_once=True)
+    assert film.id != first["id"]

@@ -1,0 +1,69 @@
+"""The scene as a browser is handed it: viser's own messages, complete, and no server left behind."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+from viser import _messages as messages
+
+from planner.chain import Chain
+from planner.modules import TETRAHEDRON
+from web.columns import decode
+from web.scenery import scenery_of
+
+
+def test_the_scene_is_what_viser_would_send(chain: Chain) -> None:
+    header, arrays = decode(scenery_of(chain))
+    kinds = {m["type"] for m in header["messages"]}
+    # What the page sends for each frame names these nodes and properties.
+    assert {"BatchedMeshesMessage", "GridMessage", "LineSegmentsMessage"} <= kinds
+    nodes = {m["name"]: m for m in header["messages"] if "props" in m}
+    assert {"/modules", "/ends", "/path", "/ground"} <= nodes.keys()
+    props = nodes["/modules"]["props"]
+    for name in ("batched_positions", "batched_wxyzs", "batched_colors"):
+        assert props[name]["column"] in arrays
+    assert {"opacity", "cast_shadow", "receive_shadow"} <= props.keys()
+    assert "points" in nodes["/path"]["props"]
+
+
+def test_viser_still_has_the_messages_that_the_page_makes() -> None:
+    for name, fields in {
+        "SceneNodeUpdateMessage": {"name", "updates", "owner"},
+        "SetPositionMessage": {"name", "position", "owner"},
+        "SetSceneNodeVisibilityMessage": {"name", "visible", "owner"},
+        "SetCameraPositionMessage": {"position", "initial"},
+        "SetCameraLookAtMessage": {"look_at", "initial"},
+        "ScenePointerEnableMessage": {"event_type", "modifiers", "owner"},
+        "ScenePointerMessage": {"ray_origin", "ray_direction"},
+        "ViewerCameraMessage": {"position", "look_at"},
+    }.items():
+        kind = getattr(messages, name)
+        assert fields <= set(kind.__dataclass_fields__), name
+
+
+def test_the_chain_is_told_in_full(chain: Chain) -> None:
+    header, arrays = decode(scenery_of(chain))
+    told = header["chain"]
+    assert told["modules"] == 16
+    assert told["joint_names"] == list(chain.joint_names)
+    assert np.allclose(arrays["folded_rad"], chain.folded_rad)
+    assert np.allclose(arrays["folded_positions"], chain.folded_poses.positions)
+
+
+def test_chains_of_one_kind_and_length_share_a_scene_but_not_a_shape() -> None:
+    one, two = (
+        Chain.from_angles(TETRAHEDRON, np.deg2rad(angles), name=name)
+        for angles, name in (([90.0, 90.0], "a"), ([-90.0, 90.0], "b"))
+    )
+    first, second = decode(scenery_of(one)), decode(scenery_of(two))
+    assert first[0]["messages"] == second[0]["messages"]
+    assert (first[0]["chain"]["name"], second[0]["chain"]["name"]) == ("a", "b")
+    assert not np.allclose(first[1]["folded_rad"], second[1]["folded_rad"])
+
+
+def test_no_server_stays_behind(chain: Chain) -> None:
+    scenery_of(chain)
+    before = threading.active_count()
+    decode(scenery_of(Chain.from_angles(TETRAHEDRON, np.deg2rad([0.0, 90.0, 0.0, 90.0]), name="c")))
+    assert threading.active_count() <= before
