@@ -1,6 +1,6 @@
 """Makes the recording that plays on the first page: web/featured.reel.
 
-    python examples/make_featured.py
+python examples/make_featured.py
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import InputError, TimelineError
+from planner.errors import InputError
 from planner.figures import Curves, Figures
 from planner.plan import Plan
 from planner.timeline import Timeline

@@ -53,7 +53,9 @@ def standalone_html(
         "curves": None if curves is None or stride > 1 else _text(curves),
         "facts": dict(facts),
     }
-    styles = "".join((STATIC / name).read_text(encoding="utf-8") for name in ("base.css", "fold.css"))
+    styles = "".join(
+        (STATIC / name).read_text(encoding="utf-8") for name in ("base.css", "fold.css")
+    )
     return render(
         styles=styles,
         imports=_script_json({"imports": _imports()}),

@@ -97,7 +97,6 @@ def row_of(directory: Path) -> FolderRow:
 
 def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
     """An application with the viewer of one directory."""
-
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     app.state.context = FolderContext(FolderStore(directory), Films())
 

@@ -243,7 +243,9 @@ def _still(gallery: Gallery, name: str, size: int) -> str | None:
 
 def _featured(store: Any) -> str | None:
     """The fold of the shape that plays on the first page, if somebody has folded it here."""
-    rows = [row for row in store.list_public() if row.shape == FEATURED and row.status == "verified"]
+    rows = [
+        row for row in store.list_public() if row.shape == FEATURED and row.status == "verified"
+    ]
     return rows[-1].id if rows else None
 
 

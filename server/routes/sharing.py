@@ -96,7 +96,10 @@ def _standalone(directory: Path, film: Film, facts: dict[str, Any]) -> bytes:
     except (TimelineError, OSError):
         curves = None
     return standalone_html(
-        film, lambda **values: rendered("standalone.html", details=True, **values), facts, curves=curves
+        film,
+        lambda **values: rendered("standalone.html", details=True, **values),
+        facts,
+        curves=curves,
     )
 
 

@@ -162,7 +162,12 @@ def test_no_script_is_left_unused() -> None:
     static = Path(__file__).parents[2] / "web" / "static"
     named = "".join(
         path.read_text(encoding="utf-8")
-        for folder in (static, static.parent / "templates", static.parent, static.parents[1] / "server" / "routes")
+        for folder in (
+            static,
+            static.parent / "templates",
+            static.parent,
+            static.parents[1] / "server" / "routes",
+        )
         for path in sorted(folder.iterdir())
         if path.suffix in {".js", ".html", ".py"}
     )

@@ -41,7 +41,9 @@ def test_a_whole_fold_comes_in_reels(service: Service, fold: str) -> None:
     angles = []
     at = 0
     while at < len(timeline):
-        header, arrays = decode(service.http.get(f"/folds/{fold}/reel?from={at}&to={at + 77}").content)
+        header, arrays = decode(
+            service.http.get(f"/folds/{fold}/reel?from={at}&to={at + 77}").content
+        )
         assert header["start"] == at
         angles.append(arrays["joint_angles_rad"])
         at = header["stop"]
