@@ -17,7 +17,7 @@ from planner import attempts
 from planner.certificate import Certificate, certify
 from planner.chain import Chain
 from planner.explosion import explode
-from planner.exports.mjcf import mjcf
+from planner.exports import mjcf
 from planner.files import write_whole
 from planner.parameters import (
     ExplosionParameters,
@@ -273,8 +273,7 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
         certificate,
         tuple(attempts.load(directory)),
     )
-    text = mjcf(chain, module_size=parameters.module_size)
-    write_whole(directory / "model.xml", text.encode())
+    write_whole(directory / "model.xml", mjcf.write(plan))
     plan.save_npz(directory / "plan.npz")
     plan.save_json(directory / "plan.json")
     return plan.summary()
