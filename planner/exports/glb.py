@@ -211,7 +211,7 @@ def _error_between(track: Track, start: int, stop: int) -> float:
     """How far the frames between two are from the line and the arc that join them."""
     inside = slice(start + 1, stop)
     span = track.time_s[stop] - track.time_s[start]
-    u = np.float32((track.time_s[inside] - track.time_s[start]) / span)[:, None, None]
+    u = ((track.time_s[inside] - track.time_s[start]) / span).astype(np.float32)[:, None, None]
     places = (1 - u) * track.positions[start] + u * track.positions[stop]
     off = np.linalg.norm(places - track.positions[inside], axis=-1).max()
     cosine = np.clip((track.wxyzs[start] * track.wxyzs[stop]).sum(axis=-1), -1.0, 1.0)

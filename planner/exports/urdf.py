@@ -29,41 +29,40 @@ MESH_SCALE: Final = "0.001 0.001 0.001"
 HINGE_SHARE: Final = 0.01
 """Of a module's mass: what the link between two hinges carries, so that no link is without."""
 
+UPRIGHT: Final = np.zeros(3)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Side:
     """How a module hangs off the one before it on the way from the root.
 
     Attributes:
-        turn: (3, 3) its orientation in its parent's frame, straight.
+        rpy: (3,) its orientation in its parent's frame, straight: turns about the fixed axes x, y
+            and z, in this order.
         anchor: (3,) the joint seen from the parent's centre, in pitches.
         axes: (K, 3) hinge axes in the module's own frame, nearest the root first.
-        centre: (3,) the module's centre seen from the joint, in pitches.
     """
 
-    turn: Array
+    rpy: Array
     anchor: Array
     axes: Array
-    centre: Array
 
 
 def outward(module: Module) -> Side:
     """How module i + 1 hangs off module i."""
     return Side(
-        turn=module.turn,
+        rpy=_rpy(module.turn),
         anchor=module.anchor,
         axes=module.axes @ module.turn,
-        centre=module.offset,
     )
 
 
 def inward(module: Module) -> Side:
     """How module i hangs off module i + 1: the same joint from its other end."""
     return Side(
-        turn=module.turn.T,
+        rpy=_rpy(module.turn.T),
         anchor=-module.offset,
         axes=-module.axes[::-1],
-        centre=-module.anchor,
     )
 
 
@@ -71,8 +70,8 @@ def centre_of(chain: Chain, index: int) -> Array:
     """(3,) where the link ``module_<index>`` has its module's centre, in metres."""
     if index == chain.root:
         return np.zeros(3)
-    side = outward(chain.module) if index > chain.root else inward(chain.module)
-    return side.centre * chain.pitch_m
+    module = chain.module
+    return (module.offset if index > chain.root else -module.anchor) * chain.pitch_m
 
 
 def write(plan: Plan) -> bytes:
@@ -112,10 +111,10 @@ def write(plan: Plan) -> bytes:
             anchor = centre_of(chain, parent) + side.anchor * chain.pitch_m
             if not names:
                 name = f"rigid_{min(i, parent)}"
-                joints[name] = _joint(name, "fixed", links[0], links[1], anchor, side.turn)
+                joints[name] = _joint(name, "fixed", links[0], links[1], anchor, side.rpy)
             for k, name in enumerate(names):
-                origin, turn = (anchor, side.turn) if k == 0 else (np.zeros(3), np.eye(3))
-                joint = _joint(name, "revolute", links[k], links[k + 1], origin, turn)
+                origin, rpy = (anchor, side.rpy) if k == 0 else (np.zeros(3), UPRIGHT)
+                joint = _joint(name, "revolute", links[k], links[k + 1], origin, rpy)
                 ElementTree.SubElement(joint, "axis", xyz=_numbers(side.axes[k]))
                 ElementTree.SubElement(joint, "limit", limit)
                 joints[name] = joint
@@ -133,7 +132,7 @@ def _add_module(
     _add_inertial(link, chain, centre, mass)
     for part in ("visual", "collision"):
         element = ElementTree.SubElement(link, part)
-        _add_origin(element, centre, np.eye(3))
+        _add_origin(element, centre)
         geometry = ElementTree.SubElement(element, "geometry")
         if chain.module.geom == "box":
             edges = np.ptp(chain.module.vertices, axis=0) * (size * chain.pitch_m)
@@ -144,7 +143,7 @@ def _add_module(
 
 def _add_inertial(link: ElementTree.Element, chain: Chain, centre: Array, mass: float) -> None:
     inertial = ElementTree.SubElement(link, "inertial")
-    _add_origin(inertial, centre, np.eye(3))
+    _add_origin(inertial, centre)
     ElementTree.SubElement(inertial, "mass", value=repr(mass))
     ixx, iyy, izz = (chain.module.inertia * (mass * chain.pitch_m**2)).tolist()
     moments = {"ixx": ixx, "ixy": 0.0, "ixz": 0.0, "iyy": iyy, "iyz": 0.0, "izz": izz}
@@ -152,19 +151,21 @@ def _add_inertial(link: ElementTree.Element, chain: Chain, centre: Array, mass: 
 
 
 def _joint(
-    name: str, kind: str, parent: str, child: str, origin: Array, turn: Array
+    name: str, kind: str, parent: str, child: str, origin: Array, rpy: Array
 ) -> ElementTree.Element:
     joint = ElementTree.Element("joint", name=name, type=kind)
-    _add_origin(joint, origin, turn)
+    _add_origin(joint, origin, rpy)
     ElementTree.SubElement(joint, "parent", link=parent)
     ElementTree.SubElement(joint, "child", link=child)
     return joint
 
 
-def _add_origin(element: ElementTree.Element, xyz: Array, turn: Array) -> None:
-    """URDF's roll, pitch and yaw turn about the fixed axes x, y and z, in this order."""
-    rpy = Rotation.from_matrix(turn).as_euler("xyz")
+def _add_origin(element: ElementTree.Element, xyz: Array, rpy: Array = UPRIGHT) -> None:
     ElementTree.SubElement(element, "origin", xyz=_numbers(xyz), rpy=_numbers(rpy))
+
+
+def _rpy(turn: Array) -> Array:
+    return Rotation.from_matrix(turn).as_euler("xyz")
 
 
 def _numbers(values: Array) -> str:
