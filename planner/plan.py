@@ -145,20 +145,25 @@ class Plan:
 
     def save_json(self, path: FilePath) -> None:
         """Writes the JSON form; the file is either whole or not there."""
-        write_whole(path, json.dumps(self.as_dict(), separators=(",", ":")).encode())
+        write_whole(path, self.json_bytes())
+
+    def json_bytes(self) -> bytes:
+        """The JSON form as text."""
+        return json.dumps(self.as_dict(), separators=(",", ":")).encode()
 
     def save_npz(self, path: FilePath) -> None:
         """Writes the arrays, with all else as JSON text in ``plan``; needs no pickle to read."""
+        save_npz(path, self.npz_arrays())
+
+    def npz_arrays(self) -> dict[str, Any]:
+        """What the ``.npz`` form holds, by name."""
         rest = {k: v for k, v in self.as_dict().items() if k not in _ARRAYS and k != "phase"}
-        save_npz(
-            path,
-            {
-                "plan": np.array(json.dumps(rest)),
-                "phase": np.array([PHASES[1]] * len(self.time_s), dtype="<U16"),
-                "joint_names": np.array(self.chain.joint_names),
-                **{name: getattr(self, name) for name in _ARRAYS},
-            },
-        )
+        return {
+            "plan": np.array(json.dumps(rest)),
+            "phase": np.array([PHASES[1]] * len(self.time_s), dtype="<U16"),
+            "joint_names": np.array(self.chain.joint_names),
+            **{name: getattr(self, name) for name in _ARRAYS},
+        }
 
     @classmethod
     def load(cls, path: FilePath) -> Plan:

@@ -18,7 +18,7 @@ from planner import attempts
 from planner.certificate import Certificate, certify
 from planner.chain import Chain
 from planner.explosion import explode
-from planner.exports.mjcf import mjcf
+from planner.exports import mjcf
 from planner.figures import write_figures
 from planner.files import write_whole
 from planner.parameters import (
@@ -276,8 +276,7 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
         certificate,
         tuple(attempts.load(directory)),
     )
-    text = mjcf(chain, module_size=parameters.module_size)
-    write_whole(directory / "model.xml", text.encode())
+    write_whole(directory / "model.xml", mjcf.write(plan))
     plan.save_npz(directory / "plan.npz")
     plan.save_json(directory / "plan.json")
     work_out_figures(directory)

@@ -15,6 +15,7 @@ from fastapi import FastAPI, Request, Response
 from server import problems
 from server.children import Reader
 from server.context import Context, secret_of
+from server.exports import Exports
 from server.gallery import Gallery
 from server.jobs import Jobs
 from server.limits import ChildLimits
@@ -106,6 +107,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         reader=Reader(ChildLimits.of(settings), wall_s=settings.read_seconds),
         preparer=Reader(ChildLimits.of(settings), wall_s=settings.preview_seconds, kind="preparer"),
         previews=Previews(settings),
+        exports=Exports(store, min_free_disk_bytes=settings.min_free_disk_bytes),
         gallery=Gallery(),
         watch=Watch(store),
         metrics=metrics,

@@ -13,6 +13,7 @@ from fastapi import Request
 
 from server.addresses import address_of
 from server.children import Reader
+from server.exports import Exports
 from server.gallery import Gallery
 from server.jobs import Jobs
 from server.metrics import Metrics
@@ -39,6 +40,7 @@ class Context:
     reader: Reader
     preparer: Reader
     previews: Previews
+    exports: Exports
     gallery: Gallery
     watch: Watch
     streams: Streams

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, Field
 
+from planner.exports import Export
 from server.store import FoldRow, Store
 from server.timelines import frames_promised
 
@@ -36,6 +37,7 @@ class Links(BaseModel):
     plan_json: str
     plan_npz: str
     model: str
+    exports: str
 
     @classmethod
     def of(cls, fold_id: str) -> Links:
@@ -50,7 +52,42 @@ class Links(BaseModel):
             plan_json=f"{here}/plan.json",
             plan_npz=f"{here}/plan.npz",
             model=f"{here}/model.xml",
+            exports=f"{here}/exports",
         )
+
+
+class ExportBody(BaseModel):
+    """A file that a finished fold can be taken away in."""
+
+    name: str
+    label: str
+    hint: str
+    media_type: str
+    filename: str
+    href: str
+
+    @classmethod
+    def of(cls, fold_id: str, export: Export) -> ExportBody:
+        """What the API shows of an export."""
+        return cls(
+            name=export.name,
+            label=export.label,
+            hint=export.hint,
+            media_type=export.media_type,
+            filename=export.filename,
+            href=export_href(fold_id, export),
+        )
+
+
+class ExportList(BaseModel):
+    """All such files of one fold."""
+
+    exports: list[ExportBody]
+
+
+def export_href(fold_id: str, export: Export) -> str:
+    """The address of an export."""
+    return f"/api/folds/{fold_id}/exports/{export.name}"
 
 
 class Accepted(BaseModel):

@@ -23,7 +23,7 @@ STATIC: Final = Path(__file__).parent / "static"
 ENTRY: Final = "standalone.js"
 WORKER: Final = "drawing.js"
 MOST_BYTES: Final = 192 * 2**20
-"""Of a reel, unpacked; of a longer fold every second frame is told, or every third, and no curves."""
+"""Of a reel, unpacked; a longer fold is thinned, and told without its curves."""
 _IMPORT: Final = re.compile(r'(\bfrom\s+|\bimport\s+)"\./([a-z_]+\.js)"')
 
 Render = Callable[..., str]

@@ -1,1 +1,149 @@
-"""Exports: plans in the formats of other programs."""
+"""Exports: plans in the formats of other programs.
+
+``EXPORTS`` lists them in the order in which they are offered; each is made from a plan alone::
+
+    plan = Plan.load(Path("wrench/plan.npz"))
+    Path("wrench.urdf").write_bytes(export_named("urdf").write(plan))
+
+A format's own parts are imported when it is written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Final
+
+from planner.errors import InputError
+
+if TYPE_CHECKING:
+    from planner.plan import Plan
+
+Write = Callable[["Plan"], bytes]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Export:
+    """One format that a plan can be taken away in.
+
+    Attributes:
+        name: Short stable word for programs and addresses.
+        label: What it is, for people.
+        hint: Its format, what reads it, its units.
+        media_type: Of the file.
+        filename: What the file is called in a directory of its own.
+        write: Makes the file; ``InputError`` when the plan lacks what it needs.
+        moving: Whether it shows the motion, so that a plan without frames has none.
+        shared: Whether other files name it, so that it keeps its name wherever it goes.
+    """
+
+    name: str
+    label: str
+    hint: str
+    media_type: str
+    filename: str
+    write: Write
+    moving: bool = False
+    shared: bool = False
+
+
+def _by(module: str) -> Write:
+    def write(plan: Plan) -> bytes:
+        return import_module(f"planner.exports.{module}").write(plan)
+
+    return write
+
+
+EXPORTS: Final = (
+    Export(
+        name="json",
+        label="Plan",
+        hint="JSON: joint angles, poses, certificate",
+        media_type="application/json",
+        filename="plan.json",
+        write=_by("plan_json"),
+    ),
+    Export(
+        name="npz",
+        label="Plan",
+        hint="NumPy arrays, the same numbers",
+        media_type="application/octet-stream",
+        filename="plan.npz",
+        write=_by("plan_npz"),
+    ),
+    Export(
+        name="csv",
+        label="Table",
+        hint="CSV: joint angles in radians, root pose in metres",
+        media_type="text/csv; charset=utf-8",
+        filename="plan.csv",
+        write=_by("table"),
+        moving=True,
+    ),
+    Export(
+        name="mjcf",
+        label="Robot model",
+        hint="MJCF for MuJoCo, with keyframes of the fold; lengths in pitches",
+        media_type="application/xml",
+        filename="model.xml",
+        write=_by("mjcf"),
+    ),
+    Export(
+        name="urdf",
+        label="Robot model",
+        hint="URDF for ROS and others, in metres; tetrahedra need module.stl beside it",
+        media_type="application/xml",
+        filename="model.urdf",
+        write=_by("urdf"),
+    ),
+    Export(
+        name="mcap",
+        label="Robot log",
+        hint="MCAP with ROS 2 joint states and one joint trajectory, for Foxglove and rosbag",
+        media_type="application/octet-stream",
+        filename="joints.mcap",
+        write=_by("log"),
+        moving=True,
+    ),
+    Export(
+        name="glb",
+        label="Animated scene",
+        hint="GLB for Blender, slides and web pages, in metres",
+        media_type="model/gltf-binary",
+        filename="fold.glb",
+        write=_by("glb"),
+        moving=True,
+    ),
+    Export(
+        name="stl",
+        label="Module",
+        hint="STL of one module's outer solid, without its joints; in millimetres",
+        media_type="model/stl",
+        filename="module.stl",
+        write=_by("stl"),
+        shared=True,
+    ),
+)
+"""All formats, in the order in which they are offered."""
+
+
+def exports_of(*, moving: bool) -> tuple[Export, ...]:
+    """The exports of a plan, with or without those that show its motion."""
+    return tuple(export for export in EXPORTS if moving or not export.moving)
+
+
+def export_named(name: str) -> Export:
+    """The export of that name.
+
+    Raises:
+        InputError: ``unknown-export`` when there is none.
+    """
+    for export in EXPORTS:
+        if export.name == name:
+            return export
+    known = ", ".join(export.name for export in EXPORTS)
+    raise InputError("unknown-export", f"got the export {name[:40]!r}, expected one of: {known}.")
+
+
+__all__ = ["EXPORTS", "Export", "export_named", "exports_of"]

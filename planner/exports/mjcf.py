@@ -1,15 +1,68 @@
-"""MJCF: the chain as one MuJoCo tree, with the folded and the straight configuration as keys."""
+"""MJCF: the chain as one MuJoCo tree, with configurations of its fold as keys."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.model import Material, tree_spec
+from planner.plan import Plan
 from planner.rotations import wxyz_from_matrix
 
+Array = NDArray[np.float64]
+PERCENTS: Final = (0, 25, 50, 75, 100)
+"""How far into the fold's time the keys on the way are, ``at_0`` to ``at_100``."""
 
-def mjcf(chain: Chain, *, module_size: float) -> str:
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Key:
+    """A configuration by name.
+
+    Attributes:
+        name: Of the key.
+        angles_rad: (J,) hinge angles.
+        position: (3,) centre of the root module in pitches.
+        wxyz: (4,) its orientation.
+        time_s: When the plan is there.
+    """
+
+    name: str
+    angles_rad: Array
+    position: Array
+    wxyz: Array
+    time_s: float = 0.0
+
+
+def write(plan: Plan) -> bytes:
+    """The plan's chain as MJCF, with keys on the way besides ``straight`` and ``folded``."""
+    text = mjcf(plan.chain, module_size=plan.certificate.module_size, keys=keys_of(plan))
+    return text.encode()
+
+
+def keys_of(plan: Plan) -> tuple[Key, ...]:
+    """Frames of the plan at ``PERCENTS`` of its time; none when it has no frames."""
+    if not len(plan.time_s):
+        return ()
+    wanted = np.array(PERCENTS) / 100.0 * plan.time_s[-1]
+    frames = np.abs(plan.time_s[:, None] - wanted).argmin(axis=0)
+    return tuple(
+        Key(
+            name=f"at_{percent}",
+            angles_rad=plan.joint_angles_rad[k],
+            position=plan.root_position[k],
+            wxyz=plan.root_wxyz[k],
+            time_s=float(plan.time_s[k]),
+        )
+        for percent, k in zip(PERCENTS, frames.tolist(), strict=True)
+    )
+
+
+def mjcf(chain: Chain, *, module_size: float, keys: Sequence[Key] = ()) -> str:
     """The chain as MJCF text that plain MuJoCo loads.
 
     Joints are named as in ``Chain.joint_names``, their values are the plan's angles. The free joint
@@ -19,22 +72,34 @@ def mjcf(chain: Chain, *, module_size: float) -> str:
     Args:
         chain: The chain.
         module_size: Size of the colliding hulls as a fraction of the pitch.
+        keys: Further configurations.
     """
     spec = tree_spec(chain, Material(geom_size=module_size))
     model = spec.compile()
     addresses = [int(model.joint(name).qposadr[0]) for name in chain.joint_names]
     folded = chain.folded_poses
     upright = wxyz_from_matrix(folded.rotations[chain.root])
-    keys = ""
-    for name, angles, position in (
-        ("straight", np.zeros_like(chain.folded_rad), folded.positions.mean(axis=0)),
-        ("folded", chain.folded_rad, folded.positions[chain.root]),
-    ):
+    straight = Key(
+        name="straight",
+        angles_rad=np.zeros_like(chain.folded_rad),
+        position=folded.positions.mean(axis=0),
+        wxyz=upright,
+    )
+    at_the_end = Key(
+        name="folded",
+        angles_rad=chain.folded_rad,
+        position=folded.positions[chain.root],
+        wxyz=upright,
+    )
+    lines = ""
+    for key in (straight, at_the_end, *keys):
         qpos = np.zeros(model.nq)
-        qpos[:3], qpos[3:7] = position, upright
-        qpos[addresses] = angles
+        qpos[:3], qpos[3:7] = key.position, key.wxyz
+        qpos[addresses] = key.angles_rad
+        time = f' time="{key.time_s!r}"' if key.time_s else ""
         # MuJoCo's own writer keeps six digits: over a long chain that is a visible error.
-        keys += f'    <key name="{name}" qpos="{" ".join(map(repr, qpos.tolist()))}"/>\n'
+        values = " ".join(map(repr, qpos.tolist()))
+        lines += f'    <key name="{key.name}"{time} qpos="{values}"/>\n'
     text = str(spec.to_xml()).rstrip()
     end = "</mujoco>"
-    return f"{text.removesuffix(end)}  <keyframe>\n{keys}  </keyframe>\n{end}\n"
+    return f"{text.removesuffix(end)}  <keyframe>\n{lines}  </keyframe>\n{end}\n"

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from fastapi import APIRouter, Query
 from fastapi.responses import FileResponse, Response
 
+from planner.errors import InputError
+from planner.exports import EXPORTS, export_named, exports_of
+from server.context import Context
 from server.problems import Problem
+from server.routes.facts import has_motion
 from server.routes.folds import Here, problems
-from server.schemas import FramesBody
+from server.schemas import ExportBody, ExportList, FramesBody
 from server.store import FoldRow
 
 if TYPE_CHECKING:
@@ -90,6 +95,47 @@ def get_frames(
     return Response(body.model_dump_json(by_alias=True), media_type="application/json")
 
 
+@router.get(
+    "/exports",
+    summary="What a finished fold can be taken away as",
+    responses=problems(404, 409),
+)
+def get_exports(fold_id: str, context: Here) -> ExportList:
+    """Formats of other programs, in the order in which they are offered."""
+    row = _finished(context, fold_id)
+    moving = has_motion(row.summary)
+    return ExportList(
+        exports=[ExportBody.of(fold_id, export) for export in exports_of(moving=moving)]
+    )
+
+
+@router.get(
+    "/exports/{name}",
+    summary="Take it away in one of these formats",
+    response_class=FileResponse,
+    responses={
+        200: {
+            "description": "The file; made when it is first asked for.",
+            "content": {export.media_type: {} for export in EXPORTS},
+        },
+        **problems(404, 409, 503, 507),
+    },
+)
+async def get_export(fold_id: str, name: str, context: Here) -> FileResponse:
+    """A file in one of the formats that the list names."""
+    row = await asyncio.to_thread(_finished, context, fold_id)
+    try:
+        export = export_named(name)
+    except InputError as error:
+        raise Problem(404, "no-such-export", error.detail) from error
+    path = await context.exports.file(fold_id, export)
+    return FileResponse(
+        path,
+        media_type=export.media_type,
+        filename=export.filename if export.shared else _download(row, export.filename),
+    )
+
+
 def _file(name: str) -> None:
     @router.get(
         f"/{name}",
@@ -107,16 +153,25 @@ def _file(name: str) -> None:
         path = context.store.directory(fold_id) / name
         if not row.over or not path.is_file():
             raise _not_there(row, name)
-        stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in row.name).strip("-")
-        return FileResponse(
-            path,
-            media_type=MEDIA_TYPES[name],
-            filename=f"{stem[:60] or 'fold'}-{name}",
-        )
+        return FileResponse(path, media_type=MEDIA_TYPES[name], filename=_download(row, name))
 
 
 for _name in MEDIA_TYPES:
     _file(_name)
+
+
+def _finished(context: Context, fold_id: str) -> FoldRow:
+    """The row of a fold that has a plan."""
+    row = context.store.fold(fold_id)
+    if not row.over or not (context.store.directory(fold_id) / "plan.npz").is_file():
+        raise _not_there(row, "plan")
+    return row
+
+
+def _download(row: FoldRow, name: str) -> str:
+    """What a file of a fold is called where it is saved."""
+    stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in row.name).strip("-")
+    return f"{stem[:60] or 'fold'}-{name}"
 
 
 def _not_there(row: FoldRow, what: str) -> Problem:

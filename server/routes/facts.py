@@ -9,20 +9,17 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from planner.errors import TimelineError
+from planner.exports import exports_of
 from planner.request import LARGEST_SEED, Request
 from planner.timeline import Timeline
 from server.quantities import DIGITS, PRESETS, length_m, quantity, sentence
 from server.quantities import parameters as parameters_in_words
 from server.routes.finding import Found
+from server.schemas import export_href
 from server.timelines import frames_promised
 
 RUNNING: Final = ("queued", "running")
 VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
-DOWNLOADS: Final = (
-    ("plan.json", "Plan", "JSON: joint angles, poses, certificate"),
-    ("plan.npz", "Plan", "NumPy arrays, the same numbers"),
-    ("model.xml", "Robot model", "MJCF for MuJoCo, with both keyframes"),
-)
 
 
 FILES: Final = (
@@ -45,10 +42,10 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
     running = row.status in RUNNING
     done = row.status in ("verified", "failed")
     problem = _problem(row, summary)
+    there = api and done and (directory / "plan.npz").is_file()
     downloads = [
-        {"label": label, "hint": hint, "href": f"/api/folds/{row.id}/{name}"}
-        for name, label, hint in DOWNLOADS
-        if api and done and (directory / name).is_file()
+        {"label": export.label, "hint": export.hint, "href": export_href(row.id, export)}
+        for export in (exports_of(moving=has_motion(summary)) if there else ())
     ]
     return {
         "id": row.id,
@@ -75,6 +72,11 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
         if running
         else "There is nothing to download here.",
     }
+
+
+def has_motion(summary: Any) -> bool:
+    """Whether a plan of this summary has frames."""
+    return bool((summary or {}).get("playback"))
 
 
 def shown_name(name: str) -> str:

@@ -22,6 +22,8 @@ def test_the_description_is_valid_and_complete(desk: Service) -> None:
         "/api/folds/{fold_id}/plan.json",
         "/api/folds/{fold_id}/plan.npz",
         "/api/folds/{fold_id}/model.xml",
+        "/api/folds/{fold_id}/exports",
+        "/api/folds/{fold_id}/exports/{name}",
         "/api/shapes",
     } <= set(paths)
     operations = [o for methods in paths.values() for o in methods.values()]

@@ -1,4 +1,4 @@
-"""The scene as a browser is handed it: viser's own messages, complete, and no server left behind."""
+"""The scene as a browser is handed it: viser's own messages, and no server left."""
 
 from __future__ import annotations
 

@@ -1,0 +1,257 @@
+"""GLB: the fold as an animated scene (glTF 2.0, binary), in metres, y up.
+
+A node a module, all of one mesh, below one node that turns the planner's z axis up. Each module is
+moved by a translation and a rotation channel over common keyframes; at rest it is folded.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.exports.hull import hull_triangles, normals_of
+from planner.exports.motion import require_frames
+from planner.exports.names import clean_name
+from planner.plan import Plan
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+TOLERANCE: Final = 3e-3
+"""How far, in pitches, a module may be from its frame where that frame is no keyframe; and its
+quaternion from the frame's. It is doubled until the keyframes fit into ``MOST_BYTES``."""
+MOST_BYTES: Final = 32 * 2**20
+POSE_BYTES: Final = 28
+BLOCK_POSES: Final = 200_000
+"""Poses computed at once, to bound memory."""
+FLOAT: Final = 5126
+ARRAY_BUFFER: Final = 34962
+Z_TO_Y: Final = (-float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5)))
+"""A quarter turn about x, as x, y, z, w."""
+COLOUR: Final = (0.80, 0.36, 0.11, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Track:
+    """K snapshots of all n modules.
+
+    Attributes:
+        time_s: (K,) strictly rising, in single precision too.
+        positions: (K, n, 3) centres in pitches.
+        wxyzs: (K, n, 4) unit quaternions, each in the half space of the one before.
+        tolerance: How far the track may be from the plan between snapshots.
+    """
+
+    time_s: Array
+    positions: Single
+    wxyzs: Single
+    tolerance: float
+
+
+@dataclass(slots=True)
+class Buffer:
+    """The binary part of a file and the JSON that points into it."""
+
+    data: bytearray = field(default_factory=bytearray)
+    views: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    accessors: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+
+    def add(self, values: Single, *, target: int | None = None) -> list[int]:
+        """Adds (A, K, …) values in one view; A accessors of K elements each."""
+        view: dict[str, Any] = {
+            "buffer": 0,
+            "byteOffset": len(self.data),
+            "byteLength": values.nbytes,
+        }
+        if target is not None:
+            view["target"] = target
+        self.views.append(view)
+        self.data += values.tobytes()
+        kind = "SCALAR" if values.ndim == 2 else f"VEC{values.shape[2]}"
+        first = len(self.accessors)
+        for k, part in enumerate(values):
+            accessor: dict[str, Any] = {
+                "bufferView": len(self.views) - 1,
+                "byteOffset": k * part.nbytes,
+                "componentType": FLOAT,
+                "count": len(part),
+                "type": kind,
+            }
+            # Asked for by the format, of times and of the mesh's corners.
+            if kind == "SCALAR" or target is not None:
+                accessor["min"] = np.atleast_1d(part.min(axis=0)).tolist()
+                accessor["max"] = np.atleast_1d(part.max(axis=0)).tolist()
+            self.accessors.append(accessor)
+        return list(range(first, len(self.accessors)))
+
+
+def write(plan: Plan) -> bytes:
+    """The fold as one GLB file.
+
+    Raises:
+        InputError: ``no-frames``.
+    """
+    require_frames(plan)
+    chain = plan.chain
+    track = track_of(plan)
+    places = np.ascontiguousarray(
+        (track.positions.astype(np.float64) * chain.pitch_m).swapaxes(0, 1), dtype="<f4"
+    )
+    # glTF puts w last.
+    turns = np.ascontiguousarray(np.roll(track.wxyzs, -1, axis=-1).swapaxes(0, 1), dtype="<f4")
+    edge = plan.certificate.module_size * chain.pitch_m
+    triangles = hull_triangles(chain.module, edge)
+    corners = triangles.reshape(1, -1, 3).astype("<f4")
+    normals = np.repeat(normals_of(triangles), 3, axis=0)[None].astype("<f4")
+    buffer = Buffer()
+    (position,) = buffer.add(corners, target=ARRAY_BUFFER)
+    (normal,) = buffer.add(normals, target=ARRAY_BUFFER)
+    (times,) = buffer.add(track.time_s.astype("<f4")[None])
+    outputs = list(zip(buffer.add(places), buffer.add(turns), strict=True))
+    nodes: list[dict[str, Any]] = [
+        {
+            "name": f"module_{i}",
+            "mesh": 0,
+            "translation": places[i, -1].tolist(),
+            "rotation": turns[i, -1].tolist(),
+        }
+        for i in range(len(chain))
+    ]
+    top = {"name": clean_name(chain.name), "rotation": Z_TO_Y, "children": [*range(len(chain))]}
+    samplers = [
+        {"input": times, "output": output, "interpolation": "LINEAR"}
+        for pair in outputs
+        for output in pair
+    ]
+    channels = [
+        {"sampler": 2 * i + k, "target": {"node": i, "path": path}}
+        for i in range(len(chain))
+        for k, path in enumerate(("translation", "rotation"))
+    ]
+    document: dict[str, Any] = {
+        "asset": {
+            "version": "2.0",
+            "generator": "foldback",
+            "extras": {
+                "pitch_m": chain.pitch_m,
+                "module": chain.module.name,
+                "verdict": clean_name(plan.certificate.verdict),
+                "keyframes": len(track.time_s),
+                "tolerance_m": track.tolerance * chain.pitch_m,
+            },
+        },
+        "scene": 0,
+        "scenes": [{"nodes": [len(chain)]}],
+        "nodes": [*nodes, top],
+        "meshes": [
+            {
+                "name": chain.module.name,
+                "primitives": [
+                    {"attributes": {"POSITION": position, "NORMAL": normal}, "material": 0}
+                ],
+            }
+        ],
+        "materials": [
+            {
+                "name": "module",
+                "pbrMetallicRoughness": {
+                    "baseColorFactor": COLOUR,
+                    "metallicFactor": 0.0,
+                    "roughnessFactor": 0.6,
+                },
+            }
+        ],
+        "animations": [{"name": "fold", "samplers": samplers, "channels": channels}],
+        "accessors": buffer.accessors,
+        "bufferViews": buffer.views,
+        "buffers": [{"byteLength": len(buffer.data)}],
+    }
+    text = json.dumps(document, separators=(",", ":")).encode()
+    return _packed(text, bytes(buffer.data))
+
+
+def track_of(plan: Plan) -> Track:
+    """Keyframes of the plan, few enough, between which straight lines and slerps follow it."""
+    modules = len(plan.chain)
+    rising = np.flatnonzero(np.diff(np.float32(plan.time_s), prepend=np.float32(-np.inf)) > 0)
+    most = max(2, MOST_BYTES // (modules * POSE_BYTES))
+    # What is looked at fits into memory; of many frames, some are passed over from the outset.
+    seen = rising[:: -(-len(rising) // (4 * most))]
+    if seen[-1] != rising[-1]:
+        seen = np.append(seen, rising[-1])
+    track = _all_of(plan, seen)
+    tolerance = TOLERANCE
+    while len(keys := keyframes(track, tolerance)) > most:
+        tolerance *= 2.0
+    return Track(
+        time_s=track.time_s[keys],
+        positions=track.positions[keys],
+        wxyzs=track.wxyzs[keys],
+        tolerance=tolerance,
+    )
+
+
+def keyframes(track: Track, tolerance: float) -> list[int]:
+    """Frames to keep, the first and the last among them, each as far on as the tolerance lets."""
+    keys = [0]
+    last = len(track.time_s) - 1
+    while keys[-1] < last:
+        stop = keys[-1] + 1
+        while stop < last and _error_between(track, keys[-1], stop + 1) <= tolerance:
+            stop += 1
+        keys.append(stop)
+    return keys
+
+
+def _error_between(track: Track, start: int, stop: int) -> float:
+    """How far the frames between two are from the line and the arc that join them."""
+    inside = slice(start + 1, stop)
+    span = track.time_s[stop] - track.time_s[start]
+    u = ((track.time_s[inside] - track.time_s[start]) / span).astype(np.float32)[:, None, None]
+    places = (1 - u) * track.positions[start] + u * track.positions[stop]
+    off = np.linalg.norm(places - track.positions[inside], axis=-1).max()
+    cosine = np.clip((track.wxyzs[start] * track.wxyzs[stop]).sum(axis=-1), -1.0, 1.0)
+    angle = np.arccos(cosine)[:, None]
+    near = angle < 1e-3
+    sine = np.where(near, 1.0, np.sin(angle))
+    first = np.where(near, 1 - u, np.sin((1 - u) * angle) / sine)
+    second = np.where(near, u, np.sin(u * angle) / sine)
+    turns = first * track.wxyzs[start] + second * track.wxyzs[stop]
+    return float(max(off, np.linalg.norm(turns - track.wxyzs[inside], axis=-1).max()))
+
+
+def _all_of(plan: Plan, frames: NDArray[np.int64]) -> Track:
+    modules = len(plan.chain)
+    positions = np.empty((len(frames), modules, 3), dtype=np.float32)
+    wxyzs = np.empty((len(frames), modules, 4), dtype=np.float32)
+    step = max(1, BLOCK_POSES // modules)
+    for k in range(0, len(frames), step):
+        part = frames[k : k + step]
+        poses = plan.chain.poses(
+            plan.joint_angles_rad[part], plan.root_position[part], plan.root_wxyz[part]
+        )
+        positions[k : k + step], wxyzs[k : k + step] = poses.positions, poses.wxyzs
+    # q and −q are one orientation, but the way between two is long if their signs differ.
+    turned = (wxyzs[1:] * wxyzs[:-1]).sum(axis=-1) < 0
+    wxyzs[1:][np.cumsum(turned, axis=0) % 2 == 1] *= -1.0
+    return Track(time_s=plan.time_s[frames], positions=positions, wxyzs=wxyzs, tolerance=0.0)
+
+
+def _packed(text: bytes, binary: bytes) -> bytes:
+    """The JSON and the binary chunk behind the header of a GLB file."""
+    text += b" " * (-len(text) % 4)
+    binary += bytes(-len(binary) % 4)
+    length = 12 + 8 + len(text) + 8 + len(binary)
+    return b"".join(
+        (
+            struct.pack("<4sII", b"glTF", 2, length),
+            struct.pack("<I4s", len(text), b"JSON"),
+            text,
+            struct.pack("<I4s", len(binary), b"BIN\x00"),
+            binary,
+        )
+    )

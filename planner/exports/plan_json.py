@@ -1,0 +1,10 @@
+"""JSON: the plan as ``foldback-plan/1``."""
+
+from __future__ import annotations
+
+from planner.plan import Plan
+
+
+def write(plan: Plan) -> bytes:
+    """The plan as JSON text."""
+    return plan.json_bytes()

@@ -1,0 +1,35 @@
+"""Table: the fold as CSV, a row a frame, for pandas, NumPy and spreadsheets."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.exports.motion import require_frames
+from planner.plan import Plan
+from planner.timeline import PHASES
+
+ROOT = ("root_x_m", "root_y_m", "root_z_m", "root_qw", "root_qx", "root_qy", "root_qz")
+
+
+def write(plan: Plan) -> bytes:
+    """The frames as CSV text with one header line; the columns' names end in their units.
+
+    Columns: ``time_s``, ``phase``, the root module's centre in metres and its unit quaternion,
+    every hinge angle as ``<joint>_rad``, ``max_error_rad`` (empty where there was no simulation).
+    All digits are kept.
+
+    Raises:
+        InputError: ``no-frames``.
+    """
+    require_frames(plan)
+    joints = [f"{name}_rad" for name in plan.chain.joint_names]
+    lines = [",".join(["time_s", "phase", *ROOT, *joints, "max_error_rad"])]
+    numbers = np.column_stack(
+        [plan.root_position * plan.chain.pitch_m, plan.root_wxyz, plan.joint_angles_rad]
+    )
+    for time_s, row, error in zip(
+        plan.time_s.tolist(), numbers.tolist(), plan.max_error_rad.tolist(), strict=True
+    ):
+        last = "" if np.isnan(error) else repr(error)
+        lines.append(f"{time_s!r},{PHASES[1]},{','.join(map(repr, row))},{last}")
+    return ("\n".join(lines) + "\n").encode()

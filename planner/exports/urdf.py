@@ -1,0 +1,172 @@
+"""URDF: the chain as links and joints, for ROS and everything that reads its models. In SI units.
+
+A link's frame has its module's orientation and sits at the hinge that ties it to its parent, as
+URDF wants it; the module's centre is where its visual, collision and inertial origins are. The
+tree's root is the chain's root module, whose frame is at its centre; the chain hangs off it both
+ways. A universal joint is two revolute ones with a small link between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from planner.chain import Chain
+from planner.exports.names import clean_name
+from planner.model import hinge_names
+from planner.modules import Module
+from planner.plan import Plan
+
+Array = NDArray[np.float64]
+MESH: Final = "module.stl"
+MESH_SCALE: Final = "0.001 0.001 0.001"
+"""The STL export is in millimetres."""
+HINGE_SHARE: Final = 0.01
+"""Of a module's mass: what the link between two hinges carries, so that no link is without."""
+
+UPRIGHT: Final = np.zeros(3)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Side:
+    """How a module hangs off the one before it on the way from the root.
+
+    Attributes:
+        rpy: (3,) its orientation in its parent's frame, straight: turns about the fixed axes x, y
+            and z, in this order.
+        anchor: (3,) the joint seen from the parent's centre, in pitches.
+        axes: (K, 3) hinge axes in the module's own frame, nearest the root first.
+    """
+
+    rpy: Array
+    anchor: Array
+    axes: Array
+
+
+def outward(module: Module) -> Side:
+    """How module i + 1 hangs off module i."""
+    return Side(
+        rpy=_rpy(module.turn),
+        anchor=module.anchor,
+        axes=module.axes @ module.turn,
+    )
+
+
+def inward(module: Module) -> Side:
+    """How module i hangs off module i + 1: the same joint from its other end."""
+    return Side(
+        rpy=_rpy(module.turn.T),
+        anchor=-module.offset,
+        axes=-module.axes[::-1],
+    )
+
+
+def centre_of(chain: Chain, index: int) -> Array:
+    """(3,) where the link ``module_<index>`` has its module's centre, in metres."""
+    if index == chain.root:
+        return np.zeros(3)
+    module = chain.module
+    return (module.offset if index > chain.root else -module.anchor) * chain.pitch_m
+
+
+def write(plan: Plan) -> bytes:
+    """The plan's chain as URDF.
+
+    Joints are named as in ``Chain.joint_names`` and come in that order. A module has the mass of a
+    solid one; cubes are boxes, tetrahedra the mesh ``module.stl``, which is an export of its own.
+    Limits of effort and speed are what holds the straight chain out against gravity, and the
+    plan's joint speed.
+    """
+    chain, module = plan.chain, plan.chain.module
+    robot = ElementTree.Element("robot", name=clean_name(chain.name))
+    mass = float(plan.parameters["density_kg_m3"]) * module.volume * chain.pitch_m**3
+    limit = {
+        "lower": repr(-module.angle_limit_rad),
+        "upper": repr(module.angle_limit_rad),
+        "effort": repr(plan.certificate.gravity_torque_straight_nm),
+        "velocity": repr(plan.certificate.joint_speed_limit_rad_s),
+    }
+    joints: dict[str, ElementTree.Element] = {}
+    size = plan.certificate.module_size
+    _add_module(robot, chain, chain.root, mass, size)
+    ways = (
+        (range(chain.root + 1, len(chain)), -1, outward(module)),
+        (range(chain.root - 1, -1, -1), 1, inward(module)),
+    )
+    for modules, back, side in ways:
+        for i in modules:
+            parent = i + back
+            names = hinge_names(chain, min(i, parent))[::-back]
+            bare = max(0, len(names) - 1)
+            _add_module(robot, chain, i, mass * (1.0 - HINGE_SHARE * bare), size)
+            links = [f"module_{parent}", *(f"hinge_{name}" for name in names[:-1]), f"module_{i}"]
+            for name in links[1:-1]:
+                link = ElementTree.SubElement(robot, "link", name=name)
+                _add_inertial(link, chain, np.zeros(3), mass * HINGE_SHARE)
+            anchor = centre_of(chain, parent) + side.anchor * chain.pitch_m
+            if not names:
+                name = f"rigid_{min(i, parent)}"
+                joints[name] = _joint(name, "fixed", links[0], links[1], anchor, side.rpy)
+            for k, name in enumerate(names):
+                origin, rpy = (anchor, side.rpy) if k == 0 else (np.zeros(3), UPRIGHT)
+                joint = _joint(name, "revolute", links[k], links[k + 1], origin, rpy)
+                ElementTree.SubElement(joint, "axis", xyz=_numbers(side.axes[k]))
+                ElementTree.SubElement(joint, "limit", limit)
+                joints[name] = joint
+    order = {name: k for k, name in enumerate(chain.joint_names)}
+    robot.extend(joints[name] for name in sorted(joints, key=lambda name: order.get(name, -1)))
+    ElementTree.indent(robot)
+    return ElementTree.tostring(robot, encoding="utf-8", xml_declaration=True) + b"\n"
+
+
+def _add_module(
+    robot: ElementTree.Element, chain: Chain, index: int, mass: float, size: float
+) -> None:
+    link = ElementTree.SubElement(robot, "link", name=f"module_{index}")
+    centre = centre_of(chain, index)
+    _add_inertial(link, chain, centre, mass)
+    for part in ("visual", "collision"):
+        element = ElementTree.SubElement(link, part)
+        _add_origin(element, centre)
+        geometry = ElementTree.SubElement(element, "geometry")
+        if chain.module.geom == "box":
+            edges = np.ptp(chain.module.vertices, axis=0) * (size * chain.pitch_m)
+            ElementTree.SubElement(geometry, "box", size=_numbers(edges))
+        else:
+            ElementTree.SubElement(geometry, "mesh", filename=MESH, scale=MESH_SCALE)
+
+
+def _add_inertial(link: ElementTree.Element, chain: Chain, centre: Array, mass: float) -> None:
+    inertial = ElementTree.SubElement(link, "inertial")
+    _add_origin(inertial, centre)
+    ElementTree.SubElement(inertial, "mass", value=repr(mass))
+    ixx, iyy, izz = (chain.module.inertia * (mass * chain.pitch_m**2)).tolist()
+    moments = {"ixx": ixx, "ixy": 0.0, "ixz": 0.0, "iyy": iyy, "iyz": 0.0, "izz": izz}
+    ElementTree.SubElement(inertial, "inertia", {k: repr(v) for k, v in moments.items()})
+
+
+def _joint(
+    name: str, kind: str, parent: str, child: str, origin: Array, rpy: Array
+) -> ElementTree.Element:
+    joint = ElementTree.Element("joint", name=name, type=kind)
+    _add_origin(joint, origin, rpy)
+    ElementTree.SubElement(joint, "parent", link=parent)
+    ElementTree.SubElement(joint, "child", link=child)
+    return joint
+
+
+def _add_origin(element: ElementTree.Element, xyz: Array, rpy: Array = UPRIGHT) -> None:
+    ElementTree.SubElement(element, "origin", xyz=_numbers(xyz), rpy=_numbers(rpy))
+
+
+def _rpy(turn: Array) -> Array:
+    return Rotation.from_matrix(turn).as_euler("xyz")
+
+
+def _numbers(values: Array) -> str:
+    return " ".join(repr(value) for value in (values + 0.0).tolist())

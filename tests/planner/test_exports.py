@@ -1,0 +1,377 @@
+"""Every export, read again by somebody else's program, has the plan's poses."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+import struct
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pandas
+import pygltflib
+import pytest
+import trimesh
+import yourdfpy
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from planner.errors import InputError
+from planner.exports import EXPORTS, Export, export_named, exports_of, glb
+from planner.exports.mjcf import PERCENTS
+from planner.exports.urdf import centre_of
+from planner.folding import fold
+from planner.kinematics import Poses
+from planner.plan import Plan
+from planner.readers.angle_strings import read_angle_string
+
+Array = NDArray[np.float64]
+NASTY = "</robot>\x00\x1b[31m\ud800\u202e\uffff \"'&<]]>\n- -- \U0001f980"
+
+
+@pytest.fixture(scope="module")
+def ring(tmp_path_factory: pytest.TempPathFactory) -> Plan:
+    chain = read_angle_string("- - - + - - - + - - -", name="ring")
+    return fold(chain, directory=tmp_path_factory.mktemp("ring"))
+
+
+@pytest.fixture(params=["cube", "tetrahedron"])
+def plan(request: pytest.FixtureRequest) -> Plan:
+    """A small plan of each kind of module; not a centimetre, so that units show."""
+    if request.param == "cube":
+        made = request.getfixturevalue("folded")("wrench-24").plan
+    else:
+        made = request.getfixturevalue("ring")
+    return dataclasses.replace(made, chain=dataclasses.replace(made.chain, pitch_m=0.025))
+
+
+def poses_of(plan: Plan, frame: int) -> Poses:
+    return plan.chain.poses(
+        plan.joint_angles_rad[frame], plan.root_position[frame], plan.root_wxyz[frame]
+    )
+
+
+def written(name: str, plan: Plan) -> bytes:
+    return export_named(name).write(plan)
+
+
+def some_frames(plan: Plan) -> list[int]:
+    return np.linspace(0, len(plan.time_s) - 1, 7).round().astype(int).tolist()
+
+
+def same_poses(found: list[Array], plan: Plan, frame: int, within: float) -> None:
+    """(4, 4) transforms in metres, module by module, against the planner's kinematics."""
+    wanted = poses_of(plan, frame)
+    metres = np.array([transform[:3, 3] for transform in found])
+    np.testing.assert_allclose(metres / plan.chain.pitch_m, wanted.positions, atol=within)
+    turns = np.array([transform[:3, :3] for transform in found])
+    np.testing.assert_allclose(turns, wanted.rotations, atol=within)
+
+
+def root_of(plan: Plan, frame: int) -> Array:
+    transform = np.eye(4)
+    poses = poses_of(plan, frame)
+    transform[:3, :3] = poses.rotations[plan.chain.root]
+    transform[:3, 3] = plan.root_position[frame] * plan.chain.pitch_m
+    return transform
+
+
+def test_exports_have_names_and_files_of_their_own(plan: Plan) -> None:
+    for attribute in ("name", "filename"):
+        values = [getattr(export, attribute) for export in EXPORTS]
+        assert len(set(values)) == len(values)
+    assert export_named("urdf") in exports_of(moving=False)
+    assert {e.name for e in EXPORTS} - {e.name for e in exports_of(moving=False)} == {
+        "csv",
+        "mcap",
+        "glb",
+    }
+    with pytest.raises(InputError, match="expected one of: json, npz"):
+        export_named("dae")
+
+
+@pytest.mark.parametrize("name", ["json", "npz"])
+def test_a_plan_is_read_again(plan: Plan, name: str, tmp_path: Path) -> None:
+    path = tmp_path / export_named(name).filename
+    path.write_bytes(written(name, plan))
+    again = Plan.load(path)
+    np.testing.assert_allclose(again.joint_angles_rad, plan.joint_angles_rad, atol=1e-11)
+    assert again.chain.pitch_m == 0.025
+
+
+def test_a_table_has_every_number_of_the_plan(plan: Plan) -> None:
+    data = written("csv", plan)
+    table = pandas.read_csv(io.BytesIO(data))
+    chain = plan.chain
+    assert set(table["phase"]) == {"playback"}
+    angles = table[[f"{name}_rad" for name in chain.joint_names]].to_numpy()
+    metres = table[["root_x_m", "root_y_m", "root_z_m"]].to_numpy()
+    wxyz = table[["root_qw", "root_qx", "root_qy", "root_qz"]].to_numpy()
+    np.testing.assert_allclose(angles, plan.joint_angles_rad, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(metres, plan.root_position * chain.pitch_m, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(wxyz, plan.root_wxyz, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(table["max_error_rad"], plan.max_error_rad, atol=1e-15)
+    # NumPy reads it too, and the standard library finds as many fields in every row.
+    times = np.genfromtxt(io.BytesIO(data), delimiter=",", names=True, usecols=0)["time_s"]
+    np.testing.assert_allclose(times, plan.time_s, atol=1e-12)
+    rows = list(csv.reader(io.StringIO(data.decode())))
+    assert {len(row) for row in rows} == {len(chain.joint_names) + 10}
+
+
+def test_an_error_that_nobody_measured_is_empty(plan: Plan) -> None:
+    unmeasured = dataclasses.replace(plan, max_error_rad=np.full_like(plan.time_s, np.nan))
+    table = pandas.read_csv(io.BytesIO(written("csv", unmeasured)))
+    assert table["max_error_rad"].isna().all()
+
+
+def test_keys_of_the_mjcf_are_frames_of_the_plan(plan: Plan) -> None:
+    model = mujoco.MjModel.from_xml_string(written("mjcf", plan).decode())
+    data = mujoco.MjData(model)
+    names = [model.key(k).name for k in range(model.nkey)]
+    assert names == ["straight", "folded", *(f"at_{percent}" for percent in PERCENTS)]
+    ends = {"at_0": 0, "at_100": len(plan.time_s) - 1}
+    for name in names[2:]:
+        mujoco.mj_resetDataKeyframe(model, data, model.key(name).id)
+        mujoco.mj_kinematics(model, data)
+        frame = int(np.abs(plan.time_s - data.time).argmin())
+        assert plan.time_s[frame] == data.time
+        assert ends.get(name, frame) == frame
+        wanted = poses_of(plan, frame)
+        for i in range(len(plan.chain)):
+            site = data.site(f"module_{i}")
+            np.testing.assert_allclose(site.xpos, wanted.positions[i], atol=1e-9)
+            np.testing.assert_allclose(site.xmat, wanted.rotations[i].ravel(), atol=1e-9)
+
+
+def centred(plan: Plan, links: list[Array]) -> list[Array]:
+    """Transforms of modules' centres from those of their links."""
+    shifts = [np.eye(4) for _ in links]
+    for i, shift in enumerate(shifts):
+        shift[:3, 3] = centre_of(plan.chain, i)
+    return [link @ shift for link, shift in zip(links, shifts, strict=True)]
+
+
+def test_yourdfpy_moves_the_urdf_as_the_plan(plan: Plan, tmp_path: Path) -> None:
+    (tmp_path / "model.urdf").write_bytes(written("urdf", plan))
+    (tmp_path / "module.stl").write_bytes(written("stl", plan))
+    robot: Any = yourdfpy.URDF.load(str(tmp_path / "model.urdf"), build_scene_graph=True)
+    assert robot.base_link == f"module_{plan.chain.root}"
+    assert tuple(robot.actuated_joint_names) == plan.chain.joint_names
+    assert robot.validate()
+    for frame in some_frames(plan):
+        robot.update_cfg(plan.joint_angles_rad[frame])
+        links = [
+            root_of(plan, frame) @ robot.get_transform(f"module_{i}")
+            for i in range(len(plan.chain))
+        ]
+        same_poses(centred(plan, links), plan, frame, 1e-6)
+    # What is seen is where the modules are, as large as they are.
+    edge = plan.certificate.module_size * plan.chain.pitch_m
+    widest = np.linalg.norm(poses_of(plan, 0).positions[0] - poses_of(plan, 0).positions[-1])
+    robot.update_cfg(plan.joint_angles_rad[0])
+    across = np.linalg.norm(np.ptp(robot.scene.bounds, axis=0))
+    assert across > widest * plan.chain.pitch_m
+    assert across < (widest + 4) * plan.chain.pitch_m
+    (volume,) = {round(g.volume, 12) for g in robot.scene.geometry.values()}
+    assert volume == pytest.approx(plan.chain.module.volume * edge**3, rel=1e-6)
+
+
+def test_mujoco_moves_the_urdf_as_the_plan(plan: Plan) -> None:
+    assets = {"module.stl": written("stl", plan)}
+    text = written("urdf", plan).decode()
+    model = mujoco.MjModel.from_xml_string(text, assets)
+    data = mujoco.MjData(model)
+    chain = plan.chain
+    names = {model.joint(k).name for k in range(model.njnt)}
+    assert names == set(chain.joint_names)
+    limit = np.repeat([[-1.0, 1.0]], model.njnt, axis=0) * chain.module.angle_limit_rad
+    np.testing.assert_allclose(model.jnt_range, limit)
+    density = plan.parameters["density_kg_m3"]
+    mass = density * chain.module.volume * chain.pitch_m**3
+    root = [link for link in ElementTree.fromstring(text).iter("link")]
+    masses = [float(link.find("inertial/mass").get("value")) for link in root]  # type: ignore[union-attr]
+    assert sum(masses) == pytest.approx(mass * len(chain))
+    for frame in some_frames(plan):
+        for name, angle in zip(chain.joint_names, plan.joint_angles_rad[frame], strict=True):
+            data.joint(name).qpos[0] = angle
+        mujoco.mj_kinematics(model, data)
+        # Links that are fixed to others are made one with them, and the root is the world.
+        base = root_of(plan, frame)
+        for i in range(chain.module.rigid_links, len(chain)):
+            if i == chain.root:
+                continue
+            link = np.eye(4)
+            link[:3, :3] = data.body(f"module_{i}").xmat.reshape(3, 3)
+            link[:3, 3] = data.body(f"module_{i}").xpos
+            centre = base @ link @ np.append(centre_of(chain, i), 1.0)
+            wanted = poses_of(plan, frame).positions[i] * chain.pitch_m
+            np.testing.assert_allclose(centre[:3], wanted, atol=1e-6 * chain.pitch_m)
+
+
+def decoded(data: bytes) -> list[tuple[Any, Any, Any]]:
+    """Channel, record and decoded message of everything in a log."""
+    reader = make_reader(io.BytesIO(data), decoder_factories=[DecoderFactory()])
+    return [found[1:] for found in reader.iter_decoded_messages()]
+
+
+def test_the_log_is_the_fold_in_messages_of_ros(plan: Plan) -> None:
+    data = written("mcap", plan)
+    chain = plan.chain
+    messages: dict[str, list[Any]] = {}
+    times: dict[str, list[int]] = {}
+    for channel, record, message in decoded(data):
+        messages.setdefault(channel.topic, []).append(message)
+        times.setdefault(channel.topic, []).append(record.log_time)
+    states = messages["/joint_states"]
+    assert len(states) == len(plan.time_s) == len(messages["/tf"])
+    np.testing.assert_allclose(np.array(times["/joint_states"]) * 1e-9, plan.time_s, atol=1e-9)
+    for k, state in enumerate(states):
+        assert tuple(state.name) == chain.joint_names
+        assert (list(state.velocity), list(state.effort)) == ([], [])
+        np.testing.assert_array_equal(state.position, plan.joint_angles_rad[k])
+    (trajectory,) = messages["/joint_trajectory"]
+    assert tuple(trajectory.joint_names) == chain.joint_names
+    assert len(trajectory.points) == len(plan.time_s)
+    for k, point in enumerate(trajectory.points):
+        np.testing.assert_array_equal(point.positions, plan.joint_angles_rad[k])
+        since = point.time_from_start.sec + point.time_from_start.nanosec * 1e-9
+        assert since == pytest.approx(plan.time_s[k] - plan.time_s[0], abs=2e-9)
+    for k in some_frames(plan):
+        (transform,) = messages["/tf"][k].transforms
+        assert transform.header.frame_id == "world"
+        assert transform.child_frame_id == f"module_{chain.root}"
+        place, turn = transform.transform.translation, transform.transform.rotation
+        link = np.eye(4)
+        link[:3, :3] = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
+        link[:3, 3] = [place.x, place.y, place.z]
+        np.testing.assert_allclose(link, root_of(plan, k), atol=1e-12)
+    if chain.module.geom == "box":
+        (description,) = messages["/robot_description"]
+        assert description.data.encode() == written("urdf", plan)
+    else:
+        assert "/robot_description" not in messages
+
+
+def floats(file: pygltflib.GLTF2, index: int) -> Array:
+    accessor = file.accessors[index]
+    view = file.bufferViews[accessor.bufferView]
+    width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor.type]
+    values = np.frombuffer(
+        file.binary_blob(),
+        dtype="<f4",
+        count=accessor.count * width,
+        offset=view.byteOffset + accessor.byteOffset,
+    )
+    return values.reshape(-1, width).astype(np.float64)
+
+
+def z_up(transform: Array) -> Array:
+    """A transform of the scene, turned back to the planner's axes."""
+    turn = np.eye(4)
+    turn[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    return turn @ transform
+
+
+def test_the_scene_stands_folded_and_upright(plan: Plan) -> None:
+    scene: Any = trimesh.load_scene(io.BytesIO(written("glb", plan)), file_type="glb")
+    nodes = [scene.graph[f"module_{i}"] for i in range(len(plan.chain))]
+    assert {geometry for _, geometry in nodes} == {plan.chain.module.name}
+    found = [z_up(transform) for transform, _ in nodes]
+    same_poses(found, plan, len(plan.time_s) - 1, 1e-4)
+    mesh = scene.geometry[plan.chain.module.name]
+    mesh.merge_vertices(merge_norm=True)
+    edge = plan.certificate.module_size * plan.chain.pitch_m
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(plan.chain.module.volume * edge**3, rel=1e-5)
+
+
+def test_the_scene_moves_as_the_plan(plan: Plan) -> None:
+    file: Any = pygltflib.GLTF2.load_from_bytes(written("glb", plan))
+    (animation,) = file.animations
+    chain = plan.chain
+    assert len(animation.channels) == 2 * len(chain)
+    tracks: dict[tuple[int, str], tuple[Array, Array]] = {}
+    for channel in animation.channels:
+        sampler = animation.samplers[channel.sampler]
+        assert sampler.interpolation == "LINEAR"
+        times = floats(file, sampler.input)[:, 0]
+        index = int(file.nodes[channel.target.node].name.removeprefix("module_"))
+        tracks[index, channel.target.path] = (times, floats(file, sampler.output))
+    times = tracks[0, "translation"][0]
+    keys = [int(np.abs(plan.time_s - t).argmin()) for t in times]
+    assert (keys[0], keys[-1]) == (0, len(plan.time_s) - 1)
+    assert keys == sorted(set(keys))
+    for k, frame in enumerate(keys):
+        found = []
+        for i in range(len(chain)):
+            transform = np.eye(4)
+            transform[:3, 3] = tracks[i, "translation"][1][k]
+            transform[:3, :3] = Rotation.from_quat(tracks[i, "rotation"][1][k]).as_matrix()
+            found.append(transform)
+        same_poses(found, plan, frame, 1e-4)
+    # Between keyframes a player draws straight lines and arcs: they follow the plan too.
+    inside = np.clip(plan.time_s, times[0], times[-1])
+    for i in range(len(chain)):
+        places, turns = tracks[i, "translation"][1], tracks[i, "rotation"][1]
+        assert ((turns[1:] * turns[:-1]).sum(axis=1) > 0).all()
+        drawn = np.stack([np.interp(inside, times, axis) for axis in places.T], axis=1)
+        arcs = Slerp(times, Rotation.from_quat(turns))(inside).as_matrix()
+        poses = chain.poses(plan.joint_angles_rad, plan.root_position, plan.root_wxyz)
+        off = np.linalg.norm(drawn / chain.pitch_m - poses.positions[:, i], axis=1)
+        assert off.max() < glb.TOLERANCE + 1e-4
+        assert np.abs(arcs - poses.rotations[:, i]).max() < 3 * glb.TOLERANCE
+
+
+def test_a_long_scene_is_thinned_to_its_bound(plan: Plan, monkeypatch: Any) -> None:
+    monkeypatch.setattr(glb, "MOST_BYTES", 9 * len(plan.chain) * glb.POSE_BYTES)
+    track = glb.track_of(plan)
+    assert 2 <= len(track.time_s) <= 9
+    assert track.tolerance > glb.TOLERANCE
+    assert (track.time_s[0], track.time_s[-1]) == (plan.time_s[0], plan.time_s[-1])
+
+
+def test_the_module_is_a_closed_solid_in_millimetres(plan: Plan) -> None:
+    data = written("stl", plan)
+    assert not data.startswith(b"solid")
+    mesh: Any = trimesh.load_mesh(io.BytesIO(data), file_type="stl")
+    edge = plan.certificate.module_size * plan.chain.pitch_m * 1000.0
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.volume == pytest.approx(plan.chain.module.volume * edge**3, rel=1e-6)
+    assert np.abs(mesh.center_mass).max() < 1e-5 * edge
+
+
+@pytest.mark.parametrize("export", EXPORTS, ids=lambda export: export.name)
+def test_a_strangers_name_breaks_nothing(plan: Plan, export: Export) -> None:
+    chain = dataclasses.replace(plan.chain, name=NASTY)
+    data = export.write(dataclasses.replace(plan, chain=chain))
+    if export.media_type == "application/xml":
+        root = ElementTree.fromstring(data)
+        named = root.get("name", "")
+        assert named.startswith("</robot>") or root.tag == "mujoco"
+        assert "\x1b" not in named
+    elif export.name == "glb":
+        length = struct.unpack_from("<I", data, 12)[0]
+        name = json.loads(data[20 : 20 + length])["nodes"][-1]["name"]
+        assert name.isprintable()
+    elif export.name == "mcap":
+        assert len(decoded(data)) > len(plan.time_s)
+
+
+@pytest.mark.parametrize("export", EXPORTS, ids=lambda export: export.name)
+def test_a_plan_without_frames_says_so(plan: Plan, export: Export) -> None:
+    names = ("time_s", "joint_angles_rad", "root_position", "root_wxyz", "max_error_rad")
+    nothing = {name: getattr(plan, name)[:0] for name in names}
+    still = dataclasses.replace(plan, playback=None, **nothing)
+    if export.moving:
+        with pytest.raises(InputError, match="no frames"):
+            export.write(still)
+    else:
+        assert export.write(still)
