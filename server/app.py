@@ -19,8 +19,19 @@ from server.gallery import Gallery
 from server.jobs import Jobs
 from server.limits import ChildLimits
 from server.metrics import CountAnswers, Metrics
+from server.movies import Movies, NoSuchMovieError
 from server.previews import NoSuchPreviewError, Previews
-from server.routes import artifacts, folds, health, pages, previews, shapes, viewers
+from server.routes import (
+    artifacts,
+    folds,
+    health,
+    movies,
+    pages,
+    pictures,
+    previews,
+    shapes,
+    viewers,
+)
 from server.security import AllowedHosts, BodyLimit, SameOrigin, SecurityHeaders, hosts_of
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store
@@ -28,7 +39,17 @@ from server.streams import Streams
 from server.watch import Watch
 from web.viewers import Viewers
 
-ROUTERS: Final = (folds, artifacts, shapes, health, pages, previews, viewers)
+ROUTERS: Final = (
+    folds,
+    artifacts,
+    movies,
+    shapes,
+    health,
+    pages,
+    pictures,
+    previews,
+    viewers,
+)
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -70,7 +91,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     async def on_no_such_preview(request: Request, error: Exception) -> Response:
         return problems.no_such_preview().response()
 
+    async def on_no_such_movie(request: Request, error: Exception) -> Response:
+        return problems.no_such_movie().response()
+
     app.add_exception_handler(NoSuchFoldError, on_no_such_fold)
+    app.add_exception_handler(NoSuchMovieError, on_no_such_movie)
     app.add_exception_handler(NoSuchPreviewError, on_no_such_preview)
     for module in ROUTERS:
         app.include_router(module.router)
@@ -104,6 +129,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         reader=Reader(ChildLimits.of(settings), wall_s=settings.read_seconds),
         preparer=Reader(ChildLimits.of(settings), wall_s=settings.preview_seconds, kind="preparer"),
         previews=Previews(settings),
+        movies=Movies(settings, store, jobs),
         gallery=Gallery(),
         watch=Watch(store),
         metrics=metrics,

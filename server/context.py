@@ -16,6 +16,7 @@ from server.children import Reader
 from server.gallery import Gallery
 from server.jobs import Jobs
 from server.metrics import Metrics
+from server.movies import Movies
 from server.previews import Previews
 from server.settings import Settings
 from server.store import Store
@@ -37,6 +38,7 @@ class Context:
     reader: Reader
     preparer: Reader
     previews: Previews
+    movies: Movies
     gallery: Gallery
     watch: Watch
     streams: Streams

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 from pathlib import Path
 from types import TracebackType
@@ -73,10 +74,8 @@ class Encoder:
         try:
             if error is not None:
                 self._process.kill()
-            try:
+            with contextlib.suppress(BrokenPipeError):  # its exit code says more
                 self._process.stdin.close()
-            except BrokenPipeError:
-                pass  # its exit code says more
             code = self._process.wait()
             if error is None:
                 if code:

@@ -43,8 +43,9 @@ class Movie:
         elevation_deg: How far above the ground the camera looks from.
         turn_deg: How far the camera goes around the chain during the movie.
         theme: ``light``, or ``dark``.
-        first: Frame of the timeline to begin with; of the playback's first when None.
-        last: Frame to end with; the timeline's last when None. Before ``first`` it runs backwards.
+        first_frame: Frame of the timeline to begin with; of the playback's first when None.
+        last_frame: Frame to end with; the timeline's last when None. Before the first one, it runs
+            backwards.
     """
 
     format: Format = "mp4"
@@ -56,8 +57,8 @@ class Movie:
     elevation_deg: float = 24.0
     turn_deg: float = 30.0
     theme: Theme = "light"
-    first: int | None = None
-    last: int | None = None
+    first_frame: int | None = None
+    last_frame: int | None = None
 
     @classmethod
     def of(cls, wishes: dict[str, Any]) -> Self:
@@ -122,9 +123,9 @@ class Movie:
         Raises:
             InputError: When the timeline does not have them.
         """
-        first = playback if self.first is None else self.first
-        last = total - 1 if self.last is None else self.last
-        for name, frame in (("first", first), ("last", last)):
+        first = playback if self.first_frame is None else self.first_frame
+        last = total - 1 if self.last_frame is None else self.last_frame
+        for name, frame in (("first_frame", first), ("last_frame", last)):
             _within(name, frame, 0, total - 1, f" of {total} frames, counted from 0")
         return first, last
 

@@ -17,64 +17,27 @@ from numpy.typing import NDArray
 from planner.modules import Module
 from planner.rotations import matrix_from_wxyz
 from web.camera import FIELD_OF_VIEW_RAD, View
-from web.colours import FIRST, LAST, Rgb
-from web.ground_shadow import CELLS, GroundShadow, ground_shadow
+from web.colours import FIRST, LAST
+from web.ground_shadow import CELLS, ground_shadow
+from web.lighting import (
+    LEAN,
+    THEMES,
+    UP,
+    Theme,
+    fill_light,
+    key_light,
+    shade_colours,
+    share_left,
+    unit,
+)
 from web.meshes import SHOWN_SIZE, stud_mesh
 from web.module_faces import module_faces
-from web.occlusion import face_light
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 SAMPLES: Final = 4
 """Samples of a pixel. Software GL has at most 4; without them edges crawl as modules turn."""
-UP: Final = np.array([0.0, 0.0, 1.0])
-LEFT_UP: Final = (-0.5, 0.6, 1.0)
-"""Where the key light comes from: right, towards the camera, up."""
-SHADED: Final = 0.35
-"""How much of its colour a face loses when the key light is kept from it."""
-WARMTH: Final = np.array([1.0, 0.985, 0.955])
-"""Colour of the key light, in linear steps of red, green and blue."""
-LEAN: Final = 0.25
-"""How far shadows on the ground lean away from the key light: less than they would."""
-BALL: Final = 1.12
-"""Radius of the ball that a module counts as, by that of the ball that fits into it."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Theme:
-    """The colours of a ground and how light falls on modules.
-
-    Attributes:
-        ground: Its colour.
-        shade: Its colour in full shadow.
-        key: Strength of the light that is thrown from one side, 0 to 1.
-        fill: Strength of the light from the other side.
-        ambient: Strength of the light from everywhere.
-        dimmest: What is left of a colour where neither sky nor light comes to.
-    """
-
-    ground: Rgb
-    shade: Rgb
-    key: float
-    fill: float
-    ambient: float
-    dimmest: float
-
-
-THEMES: Final = {
-    "light": Theme(
-        ground=(247, 245, 241),
-        shade=(172, 164, 154),
-        key=0.62,
-        fill=0.2,
-        ambient=0.44,
-        dimmest=0.42,
-    ),
-    "dark": Theme(
-        ground=(30, 35, 42), shade=(6, 8, 10), key=0.62, fill=0.16, ambient=0.34, dimmest=0.24
-    ),
-}
 
 
 class NoGLError(Exception):
@@ -188,15 +151,13 @@ class Stage:
     def _place_modules(self, shot: Shot, turns: Array) -> None:
         middles = np.array([piece.middle for piece in self._pieces])
         normals = np.array([piece.normal for piece in self._pieces])
-        sky, lit = face_light(
+        left = share_left(
             np.einsum("nij,fj->nfi", turns, middles) + shot.positions[:, None],
             np.einsum("nij,fj->nfi", turns, normals),
             shot.positions,
-            radius=BALL * self._module.inner_radius,
-            towards_light=self._key(shot.view),
-        )
-        left = self._theme.dimmest + (1.0 - self._theme.dimmest) * sky * (
-            1.0 - SHADED * (1.0 - lit)
+            module=self._module,
+            view=shot.view,
+            theme=self._theme,
         )
         colours = (shot.colours / np.float32(255.0))[:, None] * left[..., None]
         count = len(self._pieces)
@@ -217,9 +178,9 @@ class Stage:
 
     def _place_ground(self, shot: Shot) -> None:
         shadow = ground_shadow(
-            shot.positions, ground=shot.ground, lean=-LEAN * self._key(shot.view)[:2]
+            shot.positions, ground=shot.ground, lean=-LEAN * key_light(shot.view)[:2]
         )
-        self._paint(shadow)
+        self._paint(shade_colours(shadow, self._theme))
         half = shadow.side / 2
         self._shade.pos = (*shadow.middle, shot.ground)
         self._shade.size = (half, half, 1.0)
@@ -227,32 +188,23 @@ class Stage:
         self._ground.pos = (*shadow.middle, shot.ground - 4e-4 * shot.view.distance)
         self._ground.size = (far, far, 1.0)
 
-    def _paint(self, shadow: GroundShadow) -> None:
-        low, high = np.array(self._theme.ground, float), np.array(self._theme.shade, float)
-        steps = np.rint(low + (high - low) * np.linspace(0, 1, 256)[:, None]).astype(np.uint8)
-        shade = np.rint(shadow.shade * 255.0).astype(np.uint8)
+    def _paint(self, colours: Picture) -> None:
         at = int(self._model.tex_adr[0])
-        self._model.tex_data[at : at + 3 * CELLS * CELLS] = steps[shade[::-1]].reshape(-1)
+        self._model.tex_data[at : at + colours.size] = colours[::-1].reshape(-1)
         mujoco.mjr_uploadTexture(self._model, self._context, 0)
-
-    def _key(self, view: View) -> Array:
-        """(3,) unit vector towards the key light, which goes with the camera."""
-        right, out = _level(view)
-        return _unit(LEFT_UP[0] * right + LEFT_UP[1] * out + LEFT_UP[2] * UP)
 
     def _light(self, view: View) -> None:
         theme, scene = self._theme, self._scene
-        right, out = _level(view)
         scene.nlight = 2
         key, fill = scene.lights[0], scene.lights[1]
-        _shine(key, self._key(view), theme.key * WARMTH)
+        _shine(key, key_light(view), theme.key_colour)
         key.specular = [0.25] * 3
-        _shine(fill, _unit(0.9 * right + 0.6 * out + 0.1 * UP), theme.fill * np.ones(3))
+        _shine(fill, fill_light(view), theme.fill * np.ones(3))
         fill.ambient = [theme.ambient] * 3
 
     def _look(self, view: View) -> None:
-        forward = _unit(view.target - view.position)
-        right = _unit(np.cross(forward, UP))
+        forward = unit(view.target - view.position)
+        right = unit(np.cross(forward, UP))
         near = 0.02 * view.distance
         half = near * float(np.tan(FIELD_OF_VIEW_RAD / 2))
         for camera in self._scene.camera:
@@ -272,16 +224,6 @@ def _shine(light: Any, towards: Array, diffuse: Array) -> None:
     light.ambient = light.specular = (0.0, 0.0, 0.0)
     light.diffuse = diffuse
     light.headlight, light.castshadow, light.texid = 0, 0, -1
-
-
-def _level(view: View) -> tuple[Array, Array]:
-    """Level unit vectors to the right of the camera, and from what it looks at towards it."""
-    out = np.array([np.cos(view.azimuth_rad), np.sin(view.azimuth_rad), 0.0])
-    return np.cross(UP, out), out
-
-
-def _unit(vector: Array) -> Array:
-    return vector / np.linalg.norm(vector)
 
 
 def _model(module: Module, theme: Theme, *, width: int, height: int) -> mujoco.MjModel:
