@@ -22,6 +22,8 @@ SMOOTH_S: Final = 0.5
 """Standard deviation, in seconds of the movie, of how a camera is smoothed."""
 TURNING_S: Final = 1.2
 """The same for the direction that it looks from."""
+LONGEST_SHARE: Final = 0.05
+"""Of a short movie, that a standard deviation is at most: it shall still get near in time."""
 REACH: Final = 3.0
 """Standard deviations that are looked ahead and back."""
 MARGIN: Final = (0.88, 0.82)
@@ -68,10 +70,12 @@ def camera_path(
         turn_rad: How far the camera goes around on its way.
     """
     count = len(pictures)
+    smooth = min(SMOOTH_S * fps, LONGEST_SHARE * count)
+    turning = min(TURNING_S * fps, 2 * LONGEST_SHARE * count)
     azimuths = np.full(count, azimuth_rad or 0.0)
     if azimuth_rad is None:
         wished = [framing(p, radius=radius, aspect=aspect).azimuth_rad for p in pictures]
-        azimuths = _smooth(np.unwrap(wished), TURNING_S * fps)
+        azimuths = _smooth(np.unwrap(wished), turning)
     azimuths = azimuths + turn_rad * (np.linspace(0.0, 1.0, count) - 1.0)
     wanted = [
         framing(
@@ -84,19 +88,19 @@ def camera_path(
         )
         for points, azimuth in zip(pictures, azimuths, strict=True)
     ]
-    targets = _smooth(np.array([view.target for view in wanted]), SMOOTH_S * fps)
+    targets = _smooth(np.array([view.target for view in wanted]), smooth)
     aimed = [replace(view, target=t) for view, t in zip(wanted, targets, strict=True)]
     needed = [
         max(view.distance, ROOM * distance_needed(points, view, radius=radius, aspect=aspect))
         for points, view in zip(pictures, aimed, strict=True)
     ]
     # In the logarithm, so that coming nearer looks as even as going away.
-    distances = np.exp(_above(np.log(needed), SMOOTH_S * fps))
+    distances = np.exp(_above(np.log(needed), smooth))
     return CameraPath(
         views=tuple(
             replace(view, distance=float(d)) for view, d in zip(aimed, distances, strict=True)
         ),
-        grounds=-_above(0.5 + GROUND_GAP - lows, SMOOTH_S * fps),
+        grounds=-_above(0.5 + GROUND_GAP - lows, smooth),
     )
 
 

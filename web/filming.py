@@ -91,7 +91,7 @@ def frame_numbers(film: Film, movie: Movie) -> Array:
     still = [min(seconds, share * movie.seconds) * movie.fps for seconds, share in REST]
     moving = max(movie.count - 1 - sum(still), 1e-9)
     share = np.clip((np.arange(movie.count) - still[0]) / moving, 0.0, 1.0)
-    return first + (last - first) * share
+    return np.asarray(first + (last - first) * share, np.float64)
 
 
 def _path(film: Film, movie: Movie, frames: Array) -> CameraPath:

@@ -39,7 +39,7 @@ class GroundShadow:
 
     middle: Array
     side: float
-    shade: Floats
+    shade: Array
 
 
 def ground_shadow(

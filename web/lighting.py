@@ -15,7 +15,6 @@ from web.ground_shadow import GroundShadow
 from web.occlusion import face_light
 
 Array = NDArray[np.float64]
-Floats = NDArray[np.float32]
 
 UP: Final = np.array([0.0, 0.0, 1.0])
 KEY: Final = (-0.5, 0.6, 1.0)
@@ -85,7 +84,7 @@ def fill_light(view: View) -> Array:
 
 def share_left(
     middles: Array, normals: Array, positions: Array, *, module: Module, view: View, theme: Theme
-) -> Floats:
+) -> Array:
     """What other modules leave of the colour of each face.
 
     Args:
@@ -106,7 +105,8 @@ def share_left(
         radius=BALL * module.inner_radius,
         towards_light=key_light(view),
     )
-    return theme.dimmest + (1.0 - theme.dimmest) * sky * (1.0 - SHADED * (1.0 - lit))
+    bright = (sky * (1.0 - SHADED * (1.0 - lit))).astype(np.float64)
+    return theme.dimmest + (1.0 - theme.dimmest) * bright
 
 
 def shade_colours(shadow: GroundShadow, theme: Theme) -> NDArray[np.uint8]:

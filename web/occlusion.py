@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import Final
 
-import numba
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ def face_light(
     )
 
 
-@numba.njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True)
 def _face_light(middles, normals, positions, radius, light):  # pyright: ignore
     n, faces = middles.shape[0], middles.shape[1]
     sky = np.ones((n, faces), np.float32)

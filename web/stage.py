@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Final
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.modules import Module
 from planner.rotations import matrix_from_wxyz
+from planner.untyped import mujoco
 from web.camera import FIELD_OF_VIEW_RAD, View
 from web.colours import FIRST, LAST
 from web.ground_shadow import CELLS, ground_shadow
@@ -126,7 +126,7 @@ class Stage:
         mujoco.mjr_readPixels(self._picture, None, self._rectangle, self._context)
         return self._picture[::-1]
 
-    def _geom(self, kind: mujoco.mjtGeom, size: Array) -> Any:
+    def _geom(self, kind: Any, size: Array) -> Any:
         scene = self._scene
         geom = scene.geoms[scene.ngeom]
         scene.ngeom += 1
@@ -226,7 +226,7 @@ def _shine(light: Any, towards: Array, diffuse: Array) -> None:
     light.headlight, light.castshadow, light.texid = 0, 0, -1
 
 
-def _model(module: Module, theme: Theme, *, width: int, height: int) -> mujoco.MjModel:
+def _model(module: Module, theme: Theme, *, width: int, height: int) -> Any:
     """A model of nothing but what is drawn: meshes and textures."""
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
@@ -247,7 +247,7 @@ def _model(module: Module, theme: Theme, *, width: int, height: int) -> mujoco.M
     return spec.compile()
 
 
-def _add_mesh(spec: mujoco.MjSpec, name: str, vertices: Array, triangles: NDArray[np.int64]) -> Any:
+def _add_mesh(spec: Any, name: str, vertices: Array, triangles: NDArray[np.int64]) -> Any:
     added = spec.add_mesh(name=name)
     added.uservert, added.userface = vertices.ravel(), triangles.ravel()
     added.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL

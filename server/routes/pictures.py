@@ -33,6 +33,7 @@ async def picture_of_fold(request: Request, fold_id: str) -> Response:
     headers = {
         "Cache-Control": "public, max-age=86400",
         "Content-Security-Policy": "default-src 'none'",
+        "Cross-Origin-Resource-Policy": "cross-origin",  # it is made to be shown elsewhere
     }
     return Response(data, media_type="image/png", headers=headers)
 
