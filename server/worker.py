@@ -17,9 +17,9 @@ from typing import Final
 
 from dbos import DBOS, DBOSConfig
 
-from server.filming import Filming
 from server.jobs import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, prepare
 from server.logs import set_up_logs
+from server.movie_jobs import MovieJobs
 from server.runner import STAGES, Outcome, Runner
 from server.settings import Settings
 from server.slots import Slot
@@ -31,7 +31,7 @@ FAILED_JOBS: Final = ("ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED")
 log = logging.getLogger("foldback.worker")
 
 
-def register(runner: Runner, filming: Filming) -> None:
+def register(runner: Runner, movies: MovieJobs) -> None:
     """Tells the job system what a fold is: one step a stage, then its end; and what a movie is."""
 
     def fold(fold_id: str) -> str:
@@ -48,7 +48,7 @@ def register(runner: Runner, filming: Filming) -> None:
         return outcome["status"]
 
     def movie(fold_id: str, movie_id: str, job: str) -> None:
-        DBOS.run_step({"name": "film"}, filming.make, fold_id, movie_id, job)
+        DBOS.run_step({"name": "film"}, movies.make, fold_id, movie_id, job)
 
     DBOS.workflow(name=WORKFLOW)(fold)
     DBOS.workflow(name=MOVIE_WORKFLOW)(movie)
@@ -116,7 +116,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         "log_level": "WARNING",
     }
     DBOS(config=config)
-    register(runner, Filming(settings, store))
+    register(runner, MovieJobs(settings, store))
     DBOS.launch()
     threading.Thread(target=_look_after, args=(slot, store, runner, stopping), daemon=True).start()
     log.info("worker %s is ready", slot.name)
