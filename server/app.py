@@ -20,8 +20,20 @@ from server.gallery import Gallery
 from server.jobs import Jobs
 from server.limits import ChildLimits
 from server.metrics import CountAnswers, Metrics
+from server.movies import Movies, NoSuchMovieError
 from server.previews import NoSuchPreviewError, Previews
-from server.routes import artifacts, films, folds, health, pages, previews, shapes, sharing
+from server.routes import (
+    artifacts,
+    films,
+    folds,
+    health,
+    movies,
+    pages,
+    pictures,
+    previews,
+    shapes,
+    sharing,
+)
 from server.security import AllowedHosts, BodyLimit, SameOrigin, SecurityHeaders, hosts_of
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store
@@ -30,7 +42,18 @@ from server.watch import Watch
 from web.films import Films
 from web.viewers import Viewers
 
-ROUTERS: Final = (folds, artifacts, shapes, health, pages, films, sharing, previews)
+ROUTERS: Final = (
+    folds,
+    artifacts,
+    movies,
+    shapes,
+    health,
+    pages,
+    films,
+    sharing,
+    pictures,
+    previews,
+)
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -72,7 +95,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     async def on_no_such_preview(request: Request, error: Exception) -> Response:
         return problems.no_such_preview().response()
 
+    async def on_no_such_movie(request: Request, error: Exception) -> Response:
+        return problems.no_such_movie().response()
+
     app.add_exception_handler(NoSuchFoldError, on_no_such_fold)
+    app.add_exception_handler(NoSuchMovieError, on_no_such_movie)
     app.add_exception_handler(NoSuchPreviewError, on_no_such_preview)
     for module in ROUTERS:
         app.include_router(module.router)
@@ -108,6 +135,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         preparer=Reader(ChildLimits.of(settings), wall_s=settings.preview_seconds, kind="preparer"),
         previews=Previews(settings),
         exports=Exports(store, min_free_disk_bytes=settings.min_free_disk_bytes),
+        movies=Movies(settings, store, jobs),
         gallery=Gallery(),
         watch=Watch(store),
         metrics=metrics,

@@ -118,6 +118,43 @@ def _preparer() -> Task:
     return _reader()
 
 
+def _movies() -> Task:
+    from planner.errors import TimelineError
+    from web.encoding import EncodingError
+    from web.filming import film_movie
+    from web.movie import Movie
+    from web.stage import NoGLError
+
+    def film(
+        task: str,
+        directory: Path,
+        progress: Callable[[Progress], None],
+        cancelled: Callable[[], bool],
+    ) -> dict[str, Any]:
+        request = json.loads((directory / "request.json").read_bytes())
+        movie = Movie.of(request["movie"])
+        try:
+            whole = film_movie(
+                Path(request["timeline"]),
+                movie,
+                directory / request["part"],
+                backend=task,
+                progress=lambda done: progress(
+                    Progress(stage="movie", fraction=done / movie.count, steps=done)
+                ),
+                cancelled=cancelled,
+            )
+        except NoGLError as error:
+            return {"status": "no-gl", "reason": str(error)}
+        except EncodingError as error:
+            return {"status": "not-encoded", "reason": str(error)}
+        except TimelineError as error:
+            raise InputError("no-timeline", str(error)) from error
+        return {"status": "done" if whole else "cancelled"}
+
+    return film
+
+
 def main() -> None:
     """Serves requests until the parent is gone."""
     kind, limits = sys.argv[1], json.loads(sys.argv[2])
@@ -125,7 +162,13 @@ def main() -> None:
     os.dup2(2, 1)  # what a library prints must not get between the events
     parent = _Parent(events)
     try:
-        task = {"stages": _stages, "reader": _reader, "preparer": _preparer}[kind]()
+        kinds = {
+            "stages": _stages,
+            "reader": _reader,
+            "preparer": _preparer,
+            "movies": _movies,
+        }
+        task = kinds[kind]()
         _limit(limits["memory_bytes"], limits["cpu_s"])
     except Exception as error:
         traceback.print_exc()

@@ -15,7 +15,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -25,7 +25,7 @@ import psutil
 from planner.errors import InputError
 from server.limits import ChildLimits, memory_words
 
-Kind = Literal["stages", "reader", "preparer"]
+Kind = Literal["stages", "reader", "preparer", "movies"]
 POLL_S: Final = 0.05
 CANCEL_GRACE_S: Final = 0.7
 START_S: Final = 180.0
@@ -48,16 +48,18 @@ class ChildError(Exception):
 class Child:
     """One child process, from its start to its end."""
 
-    def __init__(self, kind: Kind, limits: ChildLimits) -> None:
+    def __init__(
+        self, kind: Kind, limits: ChildLimits, *, environment: Mapping[str, str] | None = None
+    ) -> None:
         self._limits = limits
         self._events: queue.Queue[dict[str, Any] | None] = queue.Queue()
         # Threads of linear algebra cost memory and bring nothing at these sizes.
-        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "server.child", kind, json.dumps(asdict(limits))],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env=environment,
+            env={**os.environ, **threads, **(environment or {})},
             start_new_session=True,
         )
         self._ready = False

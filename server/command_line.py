@@ -10,7 +10,7 @@ from typing import Annotated, Final
 
 import typer
 
-COMMANDS: Final = ("serve", "worker", "fold", "shape", "verify", "play", "export")
+COMMANDS: Final = ("serve", "worker", "fold", "shape", "verify", "play", "export", "movie")
 
 
 def application(commands: Iterable[str] = COMMANDS) -> typer.Typer:

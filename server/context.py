@@ -17,6 +17,7 @@ from server.exports import Exports
 from server.gallery import Gallery
 from server.jobs import Jobs
 from server.metrics import Metrics
+from server.movies import Movies
 from server.previews import Previews
 from server.settings import Settings
 from server.store import Store
@@ -41,6 +42,7 @@ class Context:
     preparer: Reader
     previews: Previews
     exports: Exports
+    movies: Movies
     gallery: Gallery
     watch: Watch
     streams: Streams

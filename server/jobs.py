@@ -22,6 +22,8 @@ APPLICATION: Final = "foldback"
 APPLICATION_VERSION: Final = "1"
 QUEUE: Final = "folds"
 WORKFLOW: Final = "fold"
+MOVIES_QUEUE: Final = "movies"
+MOVIE_WORKFLOW: Final = "movie"
 POLL_S: Final = 0.1
 GALLERY_PRIORITY: Final = 1
 PRIORITY: Final = 2
@@ -41,6 +43,8 @@ def prepare(settings: Settings) -> None:
         client.register_queue(
             QUEUE, worker_concurrency=settings.folds_per_worker, polling_interval_sec=POLL_S
         )
+        # One at a time: software OpenGL and the encoder keep all cores of a small machine busy.
+        client.register_queue(MOVIES_QUEUE, worker_concurrency=1, polling_interval_sec=POLL_S)
     finally:
         client.destroy()
 
@@ -78,6 +82,21 @@ class Jobs:
             status = self._client.retrieve_workflow(fold_id).get_status()
             if status.status == "ENQUEUED":
                 self._client.cancel_workflow(fold_id)
+
+    def enqueue_movie(self, job: str, fold_id: str, movie_id: str) -> None:
+        """Puts a movie into the queue, under a name of its own."""
+        options: EnqueueOptions = {
+            "workflow_name": MOVIE_WORKFLOW,
+            "queue_name": MOVIES_QUEUE,
+            "workflow_id": job,
+            "app_version": APPLICATION_VERSION,
+        }
+        self._client.enqueue(options, fold_id, movie_id, job)
+
+    def movies(self) -> list[str]:
+        """Names of the movies that wait or are being made."""
+        found = self._client.list_queued_workflows(queue_name=MOVIES_QUEUE, load_input=False)
+        return [str(job.workflow_id) for job in found]
 
     def reconcile(self, store: Store) -> int:
         """Enqueues folds that have a row and no job, after a crash between the two."""

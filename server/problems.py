@@ -80,6 +80,13 @@ def no_such_preview() -> Problem:
     )
 
 
+def no_such_movie() -> Problem:
+    """For an id that is not, or is no longer, a movie of that fold."""
+    return Problem(
+        404, "no-such-movie", "There is no such movie, or not any more; ask for it anew."
+    )
+
+
 def install(app: FastAPI) -> None:
     """Makes the application answer every error as a problem."""
 

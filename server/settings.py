@@ -79,6 +79,13 @@ class Settings(BaseSettings):
         default=2048 * MIB, ge=128 * MIB, description="Memory of one fold."
     )
 
+    movies_waiting: int = Field(default=6, ge=1, description="Movies that may wait at once.")
+    movies_waiting_of_visitor: int = Field(default=2, ge=1, description="Of them, of one.")
+    movies_of_fold: int = Field(
+        default=12, ge=1, description="Movies of one fold that are kept; the oldest goes first."
+    )
+    movie_seconds: float = Field(default=600.0, gt=0, description="Time to make one movie.")
+
     max_viewers: int = Field(default=256, ge=1, description="Views that may be open at once.")
     max_viewers_of_visitor: int = Field(
         default=128, ge=1, description="Of them, by one address; a school may share one."

@@ -17,8 +17,9 @@ from typing import Final
 
 from dbos import DBOS, DBOSConfig
 
-from server.jobs import APPLICATION, APPLICATION_VERSION, WORKFLOW, prepare
+from server.jobs import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, prepare
 from server.logs import set_up_logs
+from server.movie_jobs import MovieJobs
 from server.runner import STAGES, Outcome, Runner
 from server.settings import Settings
 from server.slots import Slot
@@ -30,8 +31,8 @@ FAILED_JOBS: Final = ("ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED")
 log = logging.getLogger("foldback.worker")
 
 
-def register(runner: Runner) -> None:
-    """Tells the job system what a fold is: one step a stage, then its end."""
+def register(runner: Runner, movies: MovieJobs) -> None:
+    """Tells the job system what a fold is: one step a stage, then its end; and what a movie is."""
 
     def fold(fold_id: str) -> str:
         stage: str = STAGES[0]
@@ -46,7 +47,11 @@ def register(runner: Runner) -> None:
         DBOS.run_step({"name": "finish"}, runner.finish, fold_id, outcome)
         return outcome["status"]
 
+    def movie(fold_id: str, movie_id: str, job: str) -> None:
+        DBOS.run_step({"name": "film"}, movies.make, fold_id, movie_id, job)
+
     DBOS.workflow(name=WORKFLOW)(fold)
+    DBOS.workflow(name=MOVIE_WORKFLOW)(movie)
 
 
 def _hold_leash(on_end: Callable[[], None]) -> None:
@@ -111,7 +116,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         "log_level": "WARNING",
     }
     DBOS(config=config)
-    register(runner)
+    register(runner, MovieJobs(settings, store))
     DBOS.launch()
     threading.Thread(target=_look_after, args=(slot, store, runner, stopping), daemon=True).start()
     log.info("worker %s is ready", slot.name)

@@ -14,6 +14,7 @@ from tests.benchmarks.folds import folds
 from tests.benchmarks.gallery import gallery
 from tests.benchmarks.machine import machine
 from tests.benchmarks.meshes import meshes
+from tests.benchmarks.movies import movies
 from tests.benchmarks.page import page
 from tests.benchmarks.paths import paths
 from tests.benchmarks.tetrahedra import tetrahedra
@@ -25,6 +26,7 @@ SECTIONS = {
     "paths": paths,
     "tetrahedra": tetrahedra,
     "page": page,
+    "movies": movies,
     "direct": direct,
     "paper": paper,
 }

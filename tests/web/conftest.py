@@ -9,6 +9,7 @@ import pytest
 from planner.chain import Chain
 from planner.paths import Path as CellPath
 from planner.timeline import Frames, TimelineWriter
+from tests.web.ensure_gl import ensure
 
 SNAKE = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
 ERROR_AT_END = 3e-3
@@ -74,3 +75,9 @@ def growing(chain: Chain, tmp_path: Path) -> tuple[Path, TimelineWriter, Callabl
 
     add(10)
     return path, writer, add
+
+
+@pytest.fixture(scope="session")
+def backend() -> str:
+    """A backend of OpenGL that draws without a screen."""
+    return ensure()

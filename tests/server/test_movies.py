@@ -1,0 +1,226 @@
+from __future__ import annotations
+
+import io
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from server.command_line import application
+from tests.server.service import PATIENCE_S, SNAKE, Service, owner
+from tests.web.ensure_gl import ensure
+
+SMALL = {"width": 128, "height": 72, "fps": 10, "seconds": 0.4}
+LONG = {"width": 128, "height": 72, "fps": 60, "seconds": 30}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def backend() -> str:
+    return ensure()
+
+
+def ask(service: Service, fold_id: str, **wishes: Any) -> dict[str, Any]:
+    answer = service.http.post(f"/api/folds/{fold_id}/movies", json=wishes)
+    assert answer.status_code == 202, answer.text
+    return answer.json()
+
+
+def wait(
+    service: Service, movie: dict[str, Any], until: Callable[[dict[str, Any]], bool]
+) -> dict[str, Any]:
+    deadline = time.monotonic() + PATIENCE_S
+    while not until(found := service.http.get(movie["links"]["self"]).json()):
+        assert time.monotonic() < deadline, f"{found}\n{service.log.read_text()}"
+        time.sleep(0.05)
+    return found
+
+
+def over(movie: dict[str, Any]) -> bool:
+    return movie["status"] in ("ready", "failed")
+
+
+def children(service: Service) -> list[psutil.Process]:
+    """Processes that make movies, encoders included."""
+    assert service.process is not None
+    found = []
+    for process in psutil.Process(service.process.pid).children(recursive=True):
+        try:
+            words = process.cmdline()
+        except psutil.Error:
+            continue
+        if "movies" in words or any("ffmpeg" in word for word in words):
+            found.append(process)
+    return found
+
+
+def test_a_movie_from_the_wish_to_the_file(service: Service, finished: dict[str, Any]) -> None:
+    answer = service.http.post(f"/api/folds/{finished['id']}/movies", json=SMALL)
+    assert answer.status_code == 202
+    movie = answer.json()
+    assert answer.headers["Location"] == movie["links"]["self"]
+    assert answer.headers["Retry-After"] == "1"
+    assert (movie["frames_total"], movie["problem"]) == (4, None)
+    early = service.http.get(movie["links"]["file"])
+    assert early.status_code in (200, 409)
+    ready = wait(service, movie, over)
+    assert (ready["status"], ready["frames_done"]) == ("ready", 4)
+    file = service.http.get(movie["links"]["file"])
+    assert file.headers["Content-Type"] == "video/mp4"
+    assert file.headers["Content-Disposition"].endswith('.mp4"')
+    assert file.content[4:8] == b"ftyp"
+    part = service.http.get(movie["links"]["file"], headers={"Range": "bytes=4-7"})
+    assert (part.status_code, part.content) == (206, b"ftyp")
+    # The same wishes, however they are said, are the same movie, which is there.
+    again = ask(service, finished["id"], **{**SMALL, "format": "mp4", "theme": None})
+    assert (again["id"], again["status"]) == (movie["id"], "ready")
+    assert service.http.delete(movie["links"]["self"]).status_code == 204
+    assert service.http.get(movie["links"]["self"]).json()["code"] == "no-such-movie"
+    assert service.http.get(movie["links"]["file"]).status_code == 404
+
+
+def test_a_gif_moves(service: Service, finished: dict[str, Any]) -> None:
+    movie = wait(service, ask(service, finished["id"], **SMALL, format="gif"), over)
+    file = service.http.get(movie["links"]["file"])
+    assert file.headers["Content-Type"] == "image/gif"
+    with Image.open(io.BytesIO(file.content)) as picture:
+        assert (picture.size, picture.n_frames) == ((128, 72), 4)  # type: ignore[attr-defined]
+        first = np.asarray(picture.convert("RGB")).astype(int)
+        picture.seek(3)
+        assert np.abs(np.asarray(picture.convert("RGB")) - first).max() > 40
+
+
+@pytest.mark.parametrize(
+    ("wishes", "code", "where"),
+    [
+        ({"width": 127}, "bad-movie", "width"),
+        ({"seconds": 3600}, "bad-movie", "seconds"),
+        ({"format": "avi"}, "bad-request", "body.format"),
+        ({"widht": 128}, "bad-request", "body.widht"),
+    ],
+)
+def test_refusals(
+    service: Service, finished: dict[str, Any], wishes: dict[str, Any], code: str, where: str
+) -> None:
+    answer = service.http.post(f"/api/folds/{finished['id']}/movies", json=wishes)
+    assert answer.status_code == 422
+    assert (answer.json()["code"], answer.json()["where"]) == (code, where)
+
+
+def test_frames_that_are_not_there_fail_the_movie(
+    service: Service, finished: dict[str, Any]
+) -> None:
+    movie = wait(service, ask(service, finished["id"], **SMALL, last_frame=10**6), over)
+    assert movie["status"] == "failed"
+    assert (movie["problem"]["code"], movie["problem"]["where"]) == ("bad-movie", "last_frame")
+
+
+def test_unknown_folds_and_movies(service: Service, finished: dict[str, Any]) -> None:
+    for fold_id, code in (("nosuchfold", "no-such-fold"), (finished["id"], "no-such-movie")):
+        answer = service.http.get(f"/api/folds/{fold_id}/movies/0123456789ab")
+        assert (answer.status_code, answer.json()["code"]) == (404, code)
+    assert service.http.post("/api/folds/nosuchfold/movies", json={}).status_code == 404
+
+
+def test_deleted_while_it_is_made_it_stops_within_a_second(
+    service: Service, finished: dict[str, Any]
+) -> None:
+    movie = ask(service, finished["id"], **LONG)
+    wait(service, movie, lambda m: m["frames_done"] > 1)
+    making = children(service)
+    assert len(making) == 2  # it, and its encoder
+    begun = time.monotonic()
+    assert service.http.delete(movie["links"]["self"]).status_code == 204
+    _, alive = psutil.wait_procs(making, timeout=30)
+    assert not alive
+    assert time.monotonic() - begun < 10  # a second, where the machine has nothing else to do
+    directory = service.data_dir / "folds" / finished["id"] / "movies" / movie["id"]
+    deadline = time.monotonic() + PATIENCE_S
+    while directory.exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_as_many_as_there_may_be(service_with: Callable[..., Service]) -> None:
+    service = service_with(movies_waiting=2, movies_waiting_of_visitor=1).start()
+    accepted = service.fold(SNAKE)
+    early = service.http.post(f"/api/folds/{accepted['id']}/movies", json=SMALL)
+    assert (early.status_code, early.json()["code"]) == (409, "not-ready")
+    service.wait_over(accepted["id"])
+    movie = ask(service, accepted["id"], **LONG)
+    more = service.http.post(f"/api/folds/{accepted['id']}/movies", json=SMALL)
+    assert (more.status_code, more.json()["code"]) == (429, "too-many-movies")
+    assert "Retry-After" in more.headers
+    assert ask(service, accepted["id"], **LONG)["id"] == movie["id"]  # this one is on its way
+    # Killed and started anew, the service goes on with what it had begun.
+    wait(service, movie, lambda m: m["frames_done"] > 1)
+    service.kill()
+    service.start()
+    state = service.http.get(movie["links"]["self"]).json()
+    assert state["status"] in ("queued", "running")
+    before = state["frames_done"]
+    wait(service, movie, lambda m: m["status"] == "running" and 0 < m["frames_done"] != before)
+    assert service.http.delete(movie["links"]["self"]).status_code == 204
+    short = wait(service, ask(service, accepted["id"], **SMALL), over)
+    assert short["status"] == "ready"
+    gone = service.http.delete(f"/api/folds/{accepted['id']}", headers=owner(accepted))
+    assert gone.status_code == 204
+    assert service.http.get(short["links"]["self"]).json()["code"] == "no-such-fold"
+
+
+def test_the_picture_of_a_fold(service: Service, finished: dict[str, Any]) -> None:
+    answer = service.http.get(f"/folds/{finished['id']}/picture.png")
+    assert answer.status_code == 200
+    assert answer.headers["Content-Type"] == "image/png"
+    with Image.open(io.BytesIO(answer.content)) as picture:
+        assert picture.size == (1200, 630)
+    again = service.http.get(f"/folds/{finished['id']}/picture.png")
+    assert again.content == answer.content
+    assert service.http.get("/folds/nosuchfold/picture.png").status_code == 404
+
+
+def film(directory: Path, out: Path, *words: str, **environment: str) -> Any:
+    arguments = ["movie", str(directory), "--out", str(out), *words]
+    return CliRunner().invoke(application(["movie"]), arguments, env=environment)
+
+
+def test_the_command_films_a_directory(
+    service: Service, finished: dict[str, Any], tmp_path: Path
+) -> None:
+    directory = service.data_dir / "folds" / finished["id"]
+    size = ["--width", "128", "--height", "72", "--fps", "10", "--seconds", "0.3"]
+    done = film(directory, tmp_path / "fold.mp4", *size, "--from", "5", "--to", "0", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["pictures"] == 3
+    assert [path.name for path in tmp_path.iterdir()] == ["fold.mp4"]
+    for name, words, said in (
+        ("fold.avi", [], ".mp4 or .gif"),
+        ("fold.gif", ["--width", "65"], "expected"),
+        ("none/fold.mp4", [], "folder does not exist"),
+    ):
+        refused = film(directory, tmp_path / name, *words)
+        assert refused.exit_code == 2 and said in refused.stderr
+    empty = film(tmp_path, tmp_path / "other.mp4")
+    assert empty.exit_code == 2 and "foldback fold" in empty.stderr
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [{"MUJOCO_GL": "off"}, {"PYOPENGL_PLATFORM": "none"}],
+    ids=["switched off", "no library"],
+)
+def test_without_opengl_it_says_what_to_install(
+    service: Service, finished: dict[str, Any], tmp_path: Path, environment: dict[str, str]
+) -> None:
+    directory = service.data_dir / "folds" / finished["id"]
+    failed = film(directory, tmp_path / "fold.mp4", **environment)
+    assert failed.exit_code == 1
+    assert failed.stderr.count("no-gl: no OpenGL is there") == 1
+    assert "apt-get install libegl1" in failed.stderr
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from web.camera import View
+from web.ground_shadow import SHARPEST, WIDTH, ground_shadow
+from web.lighting import THEMES, fill_light, key_light, shade_colours
+from web.occlusion import FAR, face_light
+
+VIEW = View(target=np.zeros(3), azimuth_rad=0.7, elevation_rad=0.4, distance=9.0)
+UPWARDS = np.array([0.0, 0.0, 1.0])
+
+
+def light_on_top(*others: tuple[float, float, float]) -> tuple[float, float]:
+    """What is left on the upper face of a cube at the origin, with a light straight above."""
+    positions = np.array([(0.0, 0.0, 0.0), *others])
+    middles = positions[:, None] + 0.465 * UPWARDS
+    normals = np.tile(UPWARDS, (len(positions), 1, 1))
+    sky, lit = face_light(middles, normals, positions, radius=0.56, towards_light=UPWARDS)
+    return float(sky[0, 0]), float(lit[0, 0])
+
+
+def test_a_face_alone_has_all_light() -> None:
+    assert light_on_top() == (1.0, 1.0)
+    assert light_on_top((0, 0, -1), (1, 0, -1)) == (1.0, 1.0)
+
+
+def test_a_face_under_another_module_has_none() -> None:
+    assert light_on_top((0, 0, 1)) == pytest.approx((0.0, 0.0), abs=0.05)
+
+
+def test_light_comes_back_evenly_with_distance() -> None:
+    heights = np.linspace(1.0, FAR + 1.0, 200)
+    sky, lit = np.array([light_on_top((0.0, 0.0, h)) for h in heights]).T
+    for left in (sky, lit):
+        assert (np.diff(left) >= -1e-6).all()
+        assert np.abs(np.diff(left)).max() < 0.1
+        assert left[-1] == 1.0
+
+
+def test_light_comes_back_evenly_to_the_side() -> None:
+    lit = np.array([light_on_top((x, 0.0, 2.0))[1] for x in np.linspace(0.0, 3.0, 200)])
+    assert lit[0] < 0.3
+    assert lit[-1] == 1.0
+    assert np.abs(np.diff(lit)).max() < 0.05
+
+
+def test_shadow_lies_below_and_its_rim_is_lit() -> None:
+    shadow = ground_shadow(np.array([[3.0, -2.0, 0.5]]), ground=0.0, lean=np.zeros(2))
+    assert shadow.middle == pytest.approx([3.0, -2.0])
+    middle = len(shadow.shade) // 2
+    assert shadow.shade[middle, middle] == shadow.shade.max() > 0.4
+    rim = np.concatenate([shadow.shade[[0, -1]].ravel(), shadow.shade[:, [0, -1]].ravel()])
+    assert rim.max() < 0.005
+
+
+def test_higher_modules_throw_wider_and_fainter_shadows_of_the_same_weight() -> None:
+    def weight_and_peak(height: float) -> tuple[float, float]:
+        shadow = ground_shadow(np.array([[0.0, 0.0, height]]), ground=0.0, lean=np.zeros(2))
+        density = -np.log1p(-shadow.shade)
+        return float(density.mean() * shadow.side**2), float(shadow.shade.max())
+
+    (low, sharp), (high, faint) = weight_and_peak(0.5), weight_and_peak(20.0)
+    assert low == pytest.approx(WIDTH**2, rel=0.02)
+    assert high == pytest.approx(WIDTH**2, rel=0.02)
+    assert faint < sharp / 4
+    assert SHARPEST < WIDTH  # a shadow on the ground still has the shape of its module
+
+
+def test_shadow_leans_with_height() -> None:
+    lean = np.array([0.5, -0.25])
+    shadow = ground_shadow(np.array([[0.0, 0.0, 4.0]]), ground=0.0, lean=lean)
+    assert shadow.middle == pytest.approx(4.0 * lean)
+
+
+@pytest.mark.parametrize("theme", THEMES.values(), ids=THEMES.keys())
+def test_ground_goes_from_its_colour_to_its_shade(theme: object) -> None:
+    shadow = ground_shadow(np.zeros((1, 3)), ground=-0.5, lean=np.zeros(2))
+    colours = shade_colours(shadow, theme)  # type: ignore[arg-type]
+    assert tuple(colours[0, 0]) == theme.ground  # type: ignore[attr-defined]
+    assert (colours[256, 256] < colours[0, 0]).all()
+
+
+def test_lights_go_with_the_camera() -> None:
+    for light in (key_light(VIEW), fill_light(VIEW)):
+        assert np.linalg.norm(light) == pytest.approx(1.0)
+        assert light @ (VIEW.position - VIEW.target) > 0
+    right = np.cross(UPWARDS, VIEW.position)
+    assert key_light(VIEW) @ right < 0 < fill_light(VIEW) @ right

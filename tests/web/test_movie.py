@@ -1,0 +1,181 @@
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from imageio_ffmpeg import get_ffmpeg_exe
+
+from planner.chain import Chain
+from planner.errors import InputError
+from web.encoding import Encoder, EncodingError
+from web.film import Film
+from web.filming import film_movie, frame_numbers
+from web.lighting import THEMES
+from web.movie import Movie
+from web.stage import NoGLError, Stage
+
+SMALL = {"width": 320, "height": 180, "seconds": 0.8, "fps": 10}
+
+
+def made(timeline: Path, out: Path, backend: str, **wishes: Any) -> tuple[str, np.ndarray]:
+    """What a reader finds in a movie: about it, and (K, H, W, 3) pictures."""
+    movie = Movie.of({**SMALL, **wishes})
+    done: list[int] = []
+    whole = film_movie(
+        timeline, movie, out, backend=backend, progress=done.append, cancelled=lambda: False
+    )
+    assert whole and done == list(range(1, movie.count + 1))
+    assert [path.name for path in out.parent.iterdir()] == [out.name]
+    return read(out)
+
+
+def read(path: Path) -> tuple[str, np.ndarray]:
+    """What ffmpeg says of a movie's picture stream, and (K, H, W, 3) sRGB bytes."""
+    command = [get_ffmpeg_exe(), "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24"]
+    found = subprocess.run(
+        [*command, "-fps_mode", "passthrough", "-"], capture_output=True, check=True
+    )
+    about = next(line for line in found.stderr.decode().splitlines() if "Video:" in line)
+    size = re.search(r", (\d+)x(\d+)", about)
+    assert size, about
+    shape = (-1, int(size[2]), int(size[1]), 3)
+    return about, np.frombuffer(found.stdout, np.uint8).reshape(shape)
+
+
+@pytest.mark.parametrize("name", ["fold.mp4", "fold.gif"])
+def test_a_movie_is_what_was_wished_for(
+    timeline_path: Path, tmp_path: Path, backend: str, name: str
+) -> None:
+    kind = name[-3:]
+    about, pictures = made(timeline_path, tmp_path / name, backend, format=kind)
+    assert pictures.shape == (8, 180, 320, 3)
+    assert " 10 fps" in about
+    if kind == "mp4":
+        assert "h264" in about and "yuv420p(tv, bt709" in about
+        data = (tmp_path / name).read_bytes()
+        assert data.index(b"moov") < data.index(b"mdat")  # it plays while it is being loaded
+    ground = np.array(THEMES["light"].ground)
+    corners = pictures[:, [2, 2, -3, -3], [2, -3, 2, -3]].astype(int)
+    assert np.abs(corners - ground).max() <= 12  # nothing is cut off, the ground is as it should be
+    modules = (np.abs(pictures.astype(int) - ground).max(axis=-1) > 60).mean(axis=(1, 2))
+    assert (modules > 0.005).all()
+    assert modules[-1] > modules[0]  # the camera comes nearer as the chain gets shorter
+    assert np.abs(np.diff(pictures[:, ::4, ::4].astype(int), axis=0)).max(axis=(1, 2, 3))[3] > 40
+
+
+def test_the_joint_with_the_error_gets_red(
+    timeline_path: Path, tmp_path: Path, backend: str
+) -> None:
+    _, pictures = made(timeline_path, tmp_path / "fold.mp4", backend)
+    red = [
+        ((p[..., 0].astype(int) - p[..., 1] > 70) & (p[..., 0] > 120)).sum()
+        for p in (pictures[0], pictures[-1])
+    ]
+    assert red[0] == 0
+    assert red[1] > 10
+
+
+def test_dark_stands_on_dark_ground(timeline_path: Path, tmp_path: Path, backend: str) -> None:
+    _, (picture, *_) = made(
+        timeline_path, tmp_path / "fold.mp4", backend, theme="dark", seconds=0.1
+    )
+    assert picture[2, 2].max() < 60 < picture.max()
+
+
+def test_cancelled_it_ends_and_leaves_no_more_than_its_own_file(
+    timeline_path: Path, tmp_path: Path, backend: str
+) -> None:
+    done: list[int] = []
+    whole = film_movie(
+        timeline_path,
+        Movie.of(SMALL),
+        tmp_path / "fold.mp4",
+        backend=backend,
+        progress=done.append,
+        cancelled=lambda: len(done) >= 2,
+    )
+    assert not whole and len(done) == 2
+    assert {path.name for path in tmp_path.iterdir()} <= {"fold.mp4"}
+
+
+def test_frames_rest_at_both_ends_and_go_from_straight_to_folded(timeline_path: Path) -> None:
+    film = Film(timeline_path)
+    numbers = frame_numbers(film, Movie.of({"seconds": 10}))
+    assert (numbers[0], numbers[-1]) == (100, 199)  # the playback, as it has 100 of 200 frames
+    assert (numbers == 100).sum() > 8 and (numbers == 199).sum() > 30
+    steps = np.diff(numbers[20:-45])
+    assert steps == pytest.approx(steps[0])
+    backwards = frame_numbers(film, Movie.of({"first_frame": 50, "last_frame": 0}))
+    assert (backwards[0], backwards[-1]) == (50, 0)
+    assert list(frame_numbers(film, Movie.of({"seconds": 0.1, "fps": 1}))) == [100]
+
+
+@pytest.mark.parametrize(
+    ("wishes", "where"),
+    [
+        ({"width": 641}, "width"),
+        ({"height": 62}, "height"),
+        ({"width": 1922}, "width"),
+        ({"width": 1920, "height": 1920}, "height"),
+        ({"fps": 61}, "fps"),
+        ({"fps": 0}, "fps"),
+        ({"seconds": 61}, "seconds"),
+        ({"seconds": float("nan")}, "seconds"),
+        ({"elevation_deg": 90}, "elevation_deg"),
+        ({"azimuth_deg": float("inf")}, "azimuth_deg"),
+        ({"turn_deg": -1e9}, "turn_deg"),
+        ({"theme": "pink"}, "theme"),
+        ({"format": "avi"}, "format"),
+        ({"format": "gif", "width": 1280}, "width"),
+        ({"format": "gif", "fps": 30}, "fps"),
+        ({"format": "gif", "seconds": 30}, "seconds"),
+    ],
+)
+def test_refusals_say_what_is_expected(wishes: dict[str, Any], where: str) -> None:
+    with pytest.raises(InputError, match="expected") as refusal:
+        Movie.of(wishes)
+    assert (refusal.value.code, refusal.value.where) == ("bad-movie", where)
+
+
+@pytest.mark.parametrize("frame", [-1, 200])
+def test_frames_that_are_not_there_are_refused(timeline_path: Path, frame: int) -> None:
+    with pytest.raises(InputError, match="200 frames") as refusal:
+        frame_numbers(Film(timeline_path), Movie.of({"last_frame": frame}))
+    assert refusal.value.where == "last_frame"
+
+
+def test_formats_have_sizes_of_their_own_and_a_movie_may_stand_upright() -> None:
+    assert (Movie.of({}).width, Movie.of({}).fps) == (1280, 30)
+    gif = Movie.of({"format": "gif"})
+    assert (gif.width, gif.fps) == (640, 15)
+    assert Movie.of({"width": 1080, "height": 1920}).count == 300
+
+
+def test_the_same_wishes_have_the_same_key() -> None:
+    movie = Movie.of({"seconds": 10.0})
+    assert movie.key == Movie.of({"width": None, "fps": 30}).key
+    assert movie.key != replace(movie, theme="dark").key
+    assert Movie.of(json.loads(json.dumps({"turn_deg": 30.0}))).key == movie.key
+
+
+def test_no_opengl_is_said(chain: Chain) -> None:
+    with pytest.raises(NoGLError, match="glide"):
+        Stage(chain.module, len(chain), width=64, height=64, theme="light", backend="glide")
+
+
+def test_an_encoder_that_fails_says_why(tmp_path: Path) -> None:
+    movie = Movie.of(SMALL)
+    with (
+        pytest.raises(EncodingError, match="exit code"),
+        Encoder(movie, tmp_path / "missing.mp4") as encoder,
+    ):
+        encoder._process.kill()
+        encoder._process.wait()
+        for _ in range(50):
+            encoder.add(np.zeros((180, 320, 3), np.uint8))

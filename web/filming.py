@@ -1,0 +1,115 @@
+"""Filming: makes a movie of a timeline, picture by picture, without simulating anything."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from web.camera import MOST_POINTS
+from web.camera_path import CameraPath, camera_path
+from web.colours import error_colours
+from web.encoding import Encoder
+from web.film import Film
+from web.movie import Movie
+from web.stage import Shot, Stage
+
+Array = NDArray[np.float64]
+
+REST: Final = ((0.4, 0.05), (1.2, 0.15))
+"""Still at the beginning and at the end: at most so many seconds, and such a share."""
+
+
+def film_movie(
+    timeline: Path,
+    movie: Movie,
+    out: Path,
+    *,
+    backend: str,
+    progress: Callable[[int], None],
+    cancelled: Callable[[], bool],
+) -> bool:
+    """Makes a movie.
+
+    Args:
+        timeline: The timeline's directory.
+        movie: What it is to be.
+        out: The file to write.
+        backend: ``egl`` or ``osmesa``.
+        progress: Told the number of pictures that are done.
+        cancelled: Asked often whether it is not wanted any more.
+
+    Returns:
+        Whether it is whole; False when it was cancelled.
+
+    Raises:
+        InputError: When the timeline does not have the frames.
+        TimelineError: When there is no timeline, or it is damaged.
+        NoGLError: When this backend cannot draw here.
+        EncodingError: When the encoder fails.
+    """
+    film = Film(timeline)
+    frames = frame_numbers(film, movie)
+    modules = len(film.chain)
+    with Stage(
+        film.chain.module,
+        modules,
+        width=movie.width,
+        height=movie.height,
+        theme=movie.theme,
+        backend=backend,
+    ) as stage:
+        path = _path(film, movie, frames)
+        with Encoder(movie, out) as encoder:
+            for k, frame in enumerate(frames):
+                if cancelled():
+                    return False
+                snapshot = film.snapshot(float(frame))
+                shot = Shot(
+                    positions=snapshot.positions.astype(np.float64),
+                    wxyzs=snapshot.wxyzs.astype(np.float64),
+                    colours=error_colours(snapshot.module_error_rad, film.error_scale_rad),
+                    view=path.views[k],
+                    ground=float(path.grounds[k]),
+                )
+                encoder.add(stage.draw(shot))
+                progress(k + 1)
+    return True
+
+
+def frame_numbers(film: Film, movie: Movie) -> Array:
+    """(K,) the frame of the timeline that each picture shows, not whole between two.
+
+    The movie rests a moment at both ends, so that the eye has time for them.
+    """
+    phases = film.outline(1)["phases"]
+    playback = next((p["from"] for p in phases if p["name"] == "playback"), 0)
+    first, last = movie.frames(len(film), playback)
+    still = [min(seconds, share * movie.seconds) * movie.fps for seconds, share in REST]
+    moving = max(movie.count - 1 - sum(still), 1e-9)
+    share = np.clip((np.arange(movie.count) - still[0]) / moving, 0.0, 1.0)
+    return np.asarray(first + (last - first) * share, np.float64)
+
+
+def _path(film: Film, movie: Movie, frames: Array) -> CameraPath:
+    every = max(1, len(film.chain) // MOST_POINTS)
+    azimuth = movie.azimuth_deg
+    lows = np.empty(len(frames))
+    some: list[Array] = []
+    for k, frame in enumerate(frames):
+        positions = film.snapshot(float(frame)).positions
+        lows[k] = positions[:, 2].min()
+        some.append(positions[::every].astype(np.float64))
+    return camera_path(
+        some,
+        lows=lows,
+        radius=film.chain.module.radius,
+        aspect=movie.width / movie.height,
+        fps=movie.fps,
+        azimuth_rad=None if azimuth is None else float(np.deg2rad(azimuth)),
+        elevation_rad=float(np.deg2rad(movie.elevation_deg)),
+        turn_rad=float(np.deg2rad(movie.turn_deg)),
+    )

@@ -1,0 +1,77 @@
+"""Ground shadow: the soft shadow of a chain on the ground, computed and not rendered.
+
+A shadow map of OpenGL gives hard, jagged shadows. This one is that of a wide light: sharp where a
+module stands on the ground, the wider and the fainter the higher it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+
+CELLS: Final = 512
+"""Cells of the picture of a shadow along each side."""
+SHARPEST: Final = 0.3
+"""Blur of the shadow of a module on the ground, as a standard deviation in pitches."""
+WIDENING: Final = 0.07
+"""How much wider it gets with each pitch of height: the size of the light."""
+WIDTH: Final = 0.93
+EDGE: Final = 3.0
+"""Standard deviations of the widest blur that are kept free around the shadow."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GroundShadow:
+    """A shadow on a square of the ground.
+
+    Attributes:
+        middle: (2,) the middle of the square, in pitches.
+        side: Its length in pitches.
+        shade: (C, C) from 0, lit, to 1, dark; rows along y, columns along x. Its rim is lit.
+    """
+
+    middle: Array
+    side: float
+    shade: Array
+
+
+def ground_shadow(
+    positions: Array, *, ground: float, lean: Array, cells: int = CELLS
+) -> GroundShadow:
+    """The shadow of modules on the ground.
+
+    Each module is a square, blurred by a Gaussian as wide as its height asks for; light gets past
+    all of them with the chance exp(-Σ).
+
+    Args:
+        positions: (n, 3) centres of the modules in pitches.
+        ground: Height of the ground.
+        lean: (2,) how far a shadow moves aside with each pitch of height.
+        cells: Cells along each side.
+    """
+    height = np.maximum(positions[:, 2] - ground, 0.0)
+    blur = SHARPEST + WIDENING * height
+    at = positions[:, :2] + height[:, None] * lean
+    free = EDGE * float(blur.max()) + WIDTH
+    low, high = at.min(axis=0) - free, at.max(axis=0) + free
+    middle, side = (low + high) / 2, float((high - low).max())
+    lines = (np.arange(cells) + 0.5) / cells * side - side / 2
+    along_x, along_y = (
+        _covered(lines[None, :] + middle[k] - at[:, k, None], blur) for k in range(2)
+    )
+    shade = 1.0 - np.exp(-(along_y.T @ along_x))
+    return GroundShadow(middle=middle, side=side, shade=shade)
+
+
+def _covered(off: Array, blur: Array) -> Floats:
+    """(n, C) how much of a blurred bar of a module's width lies at these distances from it."""
+    scale = 1.0 / blur[:, None]
+    covered = ndtr((off + WIDTH / 2) * scale) - ndtr((off - WIDTH / 2) * scale)
+    return covered.astype(np.float32)

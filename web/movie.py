@@ -1,0 +1,144 @@
+"""Movie: what somebody wants a movie of a fold to be, and the bounds of that."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import asdict, dataclass
+from typing import Any, Final, Literal, Self
+
+from planner.errors import InputError
+
+Format = Literal["mp4", "gif"]
+Theme = Literal["light", "dark"]
+FORMATS: Final = ("mp4", "gif")
+THEMES: Final = ("light", "dark")
+PLAIN: Final[dict[str, dict[str, float]]] = {
+    "mp4": {"width": 1280, "height": 720, "fps": 30, "seconds": 10.0},
+    "gif": {"width": 640, "height": 360, "fps": 15, "seconds": 6.0},
+}
+"""What is made when nothing else is said."""
+SMALLEST: Final = 64
+LARGEST: Final[dict[str, tuple[int, int]]] = {"mp4": (1920, 1080), "gif": (960, 720)}
+"""Longer and shorter side: a movie may stand upright as well."""
+MOST_FPS: Final[dict[str, int]] = {"mp4": 60, "gif": 25}
+SHORTEST_S: Final = 0.1
+LONGEST_S: Final[dict[str, float]] = {"mp4": 60.0, "gif": 20.0}
+ELEVATIONS: Final = (-10.0, 85.0)
+MOST_TURN: Final = 720.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Movie:
+    """Wishes for a movie.
+
+    Attributes:
+        format: ``mp4``, or ``gif``.
+        width: Of a picture in pixels, even.
+        height: Of a picture in pixels, even.
+        fps: Pictures a second.
+        seconds: How long it lasts.
+        azimuth_deg: Direction that the end is seen from; chosen from the shape when None.
+        elevation_deg: How far above the ground the camera looks from.
+        turn_deg: How far the camera goes around the chain during the movie.
+        theme: ``light``, or ``dark``.
+        first_frame: Frame of the timeline to begin with; of the playback's first when None.
+        last_frame: Frame to end with; the timeline's last when None. Before the first one, it runs
+            backwards.
+    """
+
+    format: Format = "mp4"
+    width: int = 1280
+    height: int = 720
+    fps: int = 30
+    seconds: float = 10.0
+    azimuth_deg: float | None = None
+    elevation_deg: float = 24.0
+    turn_deg: float = 30.0
+    theme: Theme = "light"
+    first_frame: int | None = None
+    last_frame: int | None = None
+
+    @classmethod
+    def of(cls, wishes: dict[str, Any]) -> Self:
+        """A movie with what was wished for, the rest as is plain for its format.
+
+        Raises:
+            InputError: When it is beyond the bounds.
+        """
+        given = {name: value for name, value in wishes.items() if value is not None}
+        plain = PLAIN.get(str(given.get("format", "mp4")), PLAIN["mp4"])
+        movie = cls(**{**plain, **given})  # pyright: ignore[reportArgumentType]
+        movie.check()
+        return movie
+
+    @property
+    def count(self) -> int:
+        """Number of its pictures."""
+        return max(1, round(self.seconds * self.fps))
+
+    @property
+    def key(self) -> str:
+        """The same for the same wishes."""
+        text = json.dumps(asdict(self), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+    def check(self) -> None:
+        """Checks the bounds.
+
+        Raises:
+            InputError: Saying what was got and what is expected.
+        """
+        _one_of("format", self.format, FORMATS)
+        _one_of("theme", self.theme, THEMES)
+        longer, shorter = LARGEST[self.format]
+        for name, value in (("width", self.width), ("height", self.height)):
+            _within(name, value, SMALLEST, longer, " pixels")
+            if value % 2:
+                raise InputError(
+                    "bad-movie", f"got {value} pixels, expected an even number.", where=name
+                )
+        if min(self.width, self.height) > shorter:
+            raise InputError(
+                "bad-movie",
+                f"got {self.width}×{self.height} pixels, expected at most {longer}×{shorter} "
+                f"(or {shorter}×{longer}) for {self.format.upper()}.",
+                where="height",
+            )
+        _within("fps", self.fps, 1, MOST_FPS[self.format], " pictures a second")
+        _within("seconds", self.seconds, SHORTEST_S, LONGEST_S[self.format], " s")
+        if self.azimuth_deg is not None:
+            _within("azimuth_deg", self.azimuth_deg, -360, 360, "°")
+        _within("elevation_deg", self.elevation_deg, *ELEVATIONS, "°")
+        _within("turn_deg", self.turn_deg, -MOST_TURN, MOST_TURN, "°")
+
+    def frames(self, total: int, playback: int) -> tuple[int, int]:
+        """The first and the last frame of a timeline that it shows.
+
+        Args:
+            total: Frames that there are.
+            playback: The first one of the playback.
+
+        Raises:
+            InputError: When the timeline does not have them.
+        """
+        first = playback if self.first_frame is None else self.first_frame
+        last = total - 1 if self.last_frame is None else self.last_frame
+        for name, frame in (("first_frame", first), ("last_frame", last)):
+            _within(name, frame, 0, total - 1, f" of {total} frames, counted from 0")
+        return first, last
+
+
+def _one_of(name: str, value: object, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise InputError(
+            "bad-movie", f"got {str(value)[:40]!r}, expected {' or '.join(choices)}.", where=name
+        )
+
+
+def _within(name: str, value: float, low: float, high: float, unit: str) -> None:
+    if not (math.isfinite(value) and low <= value <= high):
+        raise InputError(
+            "bad-movie", f"got {value:g}, expected {low:g} to {high:g}{unit}.", where=name
+        )

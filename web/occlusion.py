@@ -1,0 +1,85 @@
+"""Occlusion: how much light other modules keep from each face.
+
+One number for each face, computed: no shadow map with its jagged edges, no second pass of drawing,
+and nothing that flickers from frame to frame.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+
+FAR: Final = 5.0
+"""Modules farther away than this, in pitches, keep no light away."""
+PENUMBRA: Final = 0.35
+"""How much wider the edge of a shadow gets with each pitch on the way from what throws it."""
+
+
+def face_light(
+    middles: Array, normals: Array, positions: Array, *, radius: float, towards_light: Array
+) -> tuple[Floats, Floats]:
+    """What is left of the light on each face.
+
+    Modules count as balls. A ball at distance d in the direction u keeps r²/d² (n·u) of an even sky
+    from a face with the normal n, as a ball far away does; of a light it covers as much of the wide
+    ray towards it as lies within its radius.
+
+    Args:
+        middles: (n, F, 3) middles of the faces of the modules.
+        normals: (n, F, 3) their unit normals.
+        positions: (n, 3) centres of the modules.
+        radius: Of the balls.
+        towards_light: (3,) unit vector.
+
+    Returns:
+        (n, F) the share of the sky, and (n, F) the share of the light, that are left: 0 to 1.
+    """
+    return _face_light(
+        middles.astype(np.float32),
+        normals.astype(np.float32),
+        positions.astype(np.float32),
+        np.float32(radius),
+        towards_light.astype(np.float32),
+    )
+
+
+@njit(cache=True, fastmath=True)
+def _face_light(middles, normals, positions, radius, light):  # pyright: ignore
+    n, faces = middles.shape[0], middles.shape[1]
+    sky = np.ones((n, faces), np.float32)
+    lit = np.ones((n, faces), np.float32)
+    far = np.float32(FAR)
+    for i in range(n):
+        for j in range(n):
+            if i == j:
+                continue
+            ax = positions[j, 0] - positions[i, 0]
+            ay = positions[j, 1] - positions[i, 1]
+            az = positions[j, 2] - positions[i, 2]
+            apart = ax * ax + ay * ay + az * az
+            if apart > far * far:
+                continue
+            fade = np.float32(1.0) - apart / (far * far)
+            for f in range(faces):
+                dx = positions[j, 0] - middles[i, f, 0]
+                dy = positions[j, 1] - middles[i, f, 1]
+                dz = positions[j, 2] - middles[i, f, 2]
+                square = dx * dx + dy * dy + dz * dz
+                ahead = dx * normals[i, f, 0] + dy * normals[i, f, 1] + dz * normals[i, f, 2]
+                if ahead > 0.0:
+                    kept = fade * ahead * radius * radius / (square * np.sqrt(square) + 1e-9)
+                    sky[i, f] *= 1.0 - min(kept, np.float32(1.0))
+                along = dx * light[0] + dy * light[1] + dz * light[2]
+                if along > 0.0:
+                    off = np.sqrt(max(square - along * along, np.float32(0.0)))
+                    soft = np.float32(0.25) + np.float32(PENUMBRA) * along
+                    inside = (radius - off) / soft + np.float32(0.5)
+                    share = min(max(inside, np.float32(0.0)), np.float32(1.0))
+                    lit[i, f] *= 1.0 - fade * share * share * (3.0 - 2.0 * share)
+    return sky, lit
