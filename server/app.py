@@ -20,15 +20,16 @@ from server.jobs import Jobs
 from server.limits import ChildLimits
 from server.metrics import CountAnswers, Metrics
 from server.previews import NoSuchPreviewError, Previews
-from server.routes import artifacts, folds, health, pages, previews, shapes, viewers
+from server.routes import artifacts, folds, health, pages, previews, robot, shapes, viewers
 from server.security import AllowedHosts, BodyLimit, SameOrigin, SecurityHeaders, hosts_of
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store
 from server.streams import Streams
+from server.trajectories import Trajectories
 from server.watch import Watch
 from web.viewers import Viewers
 
-ROUTERS: Final = (folds, artifacts, shapes, health, pages, previews, viewers)
+ROUTERS: Final = (folds, artifacts, shapes, health, pages, previews, viewers, robot)
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -74,6 +75,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_exception_handler(NoSuchPreviewError, on_no_such_preview)
     for module in ROUTERS:
         app.include_router(module.router)
+    app.include_router(robot.schemas)
 
     app.add_middleware(BodyLimit, most_bytes=settings.max_upload_bytes)
     app.add_middleware(SameOrigin, origins=settings.origins)
@@ -101,6 +103,8 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
             max_of_fold=settings.max_viewers_of_fold,
         ),
         streams=Streams(settings.max_streams, settings.max_streams_of_visitor),
+        robots=Streams(settings.max_robots, settings.max_robots_of_visitor, "robots"),
+        trajectories=Trajectories(),
         reader=Reader(ChildLimits.of(settings), wall_s=settings.read_seconds),
         preparer=Reader(ChildLimits.of(settings), wall_s=settings.preview_seconds, kind="preparer"),
         previews=Previews(settings),

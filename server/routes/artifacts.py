@@ -47,7 +47,7 @@ def get_frames(
     try:
         timeline = Timeline.open(context.store.directory(fold_id) / "timeline.zarr")
     except (TimelineError, OSError, KeyError) as error:  # or it is just being made anew
-        raise _not_there(row, "timeline") from error
+        raise not_there(row, "timeline") from error
     total, chain = len(timeline), timeline.chain
     end = total if stop is None else min(stop, total)
     if start > end:
@@ -106,7 +106,7 @@ def _file(name: str) -> None:
         row = context.store.fold(fold_id)
         path = context.store.directory(fold_id) / name
         if not row.over or not path.is_file():
-            raise _not_there(row, name)
+            raise not_there(row, name)
         stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in row.name).strip("-")
         return FileResponse(
             path,
@@ -119,7 +119,8 @@ for _name in MEDIA_TYPES:
     _file(_name)
 
 
-def _not_there(row: FoldRow, what: str) -> Problem:
+def not_there(row: FoldRow, what: str) -> Problem:
+    """The problem that a fold has not made something, or not yet."""
     if row.over:
         reason = f" ({row.error['detail']})" if row.error else ""
         return Problem(404, "no-such-artifact", f"This fold ended without its {what}{reason}.")

@@ -1,0 +1,125 @@
+"""Time-optimal retiming of a path with bounds on every hinge, compiled.
+
+Reachability analysis over x = ṡ² at the knots of a grid (Pham, Pham: A new approach to time-optimal
+path parameterization based on reachability analysis, 2018), with s̈ = (x₊ − x) / 2Δ constant from
+one knot to the next. The path is quadratic in s there, so every acceleration q' s̈ + q'' ṡ² is
+linear in s: bounds that hold at both knots hold between them.
+"""
+# pyright: reportUntypedFunctionDecorator=false
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+MOST_CUTS = 100
+ROUNDING = 1e-12
+TINY = 1e-14
+
+
+@njit(cache=True)
+def slope_at(steps: Array, s: float, out: Array) -> None:
+    """Writes the path's q' at s: even between the middles of two frames, where it is their step.
+
+    Args:
+        steps: (F − 1, J) differences of the frames.
+        s: Place along the path, 0 to F − 1; frame k is at k.
+        out: (J,) written.
+    """
+    last = steps.shape[0] - 1
+    place = min(max(s - 0.5, 0.0), float(last))
+    left = min(int(place), max(last - 1, 0))
+    right = min(left + 1, last)
+    part = place - left
+    for j in range(out.size):
+        out[j] = (1.0 - part) * steps[left, j] + part * steps[right, j]
+
+
+@njit(cache=True)
+def fastest_profile(steps: Array, cells: int, speed: float, acceleration: float) -> Array:
+    """(N + 1,) largest ṡ² at the knots that the bounds allow, at rest at both ends.
+
+    Args:
+        steps: (F − 1, J) differences of the frames; none of them all zeros.
+        cells: Cells from one frame to the next; an even number.
+        speed: Bound of every |q̇|.
+        acceleration: Bound of every |q̈|.
+    """
+    count = steps.shape[0] * cells
+    length = 1.0 / cells
+    start = np.empty(steps.shape[1])
+    end = np.empty(steps.shape[1])
+    # |q'| is largest at a knot, so this holds between knots too.
+    ceiling = np.full(count + 1, np.inf)
+    for k in range(count):
+        slope_at(steps, k * length, start)
+        slope_at(steps, (k + 1) * length, end)
+        steepest = 0.0
+        for j in range(start.size):
+            steepest = max(steepest, abs(start[j]), abs(end[j]))
+        most = (speed / steepest) ** 2
+        ceiling[k] = min(ceiling[k], most)
+        ceiling[k + 1] = min(ceiling[k + 1], most)
+    ceiling[0] = ceiling[count] = 0.0
+    for k in range(count - 1, -1, -1):
+        slope_at(steps, k * length, start)
+        slope_at(steps, (k + 1) * length, end)
+        ceiling[k] = _controllable(start, end, length, acceleration, ceiling[k], ceiling[k + 1])
+    x = np.zeros(count + 1)
+    for k in range(count):
+        slope_at(steps, k * length, start)
+        slope_at(steps, (k + 1) * length, end)
+        high = _reach(start, end, length, acceleration, x[k])[2]
+        x[k + 1] = max(0.0, min(high, ceiling[k + 1]))
+    return x
+
+
+@njit(cache=True)
+def _reach(
+    start: Array, end: Array, length: float, acceleration: float, x: float
+) -> tuple[float, float, float, float, float]:
+    """What x at a knot allows at the next: least and slope, most and slope; and the most x alone.
+
+    Each hinge has a row |a x + b y| ≤ acceleration at either knot, y being the next x.
+    """
+    low, low_slope, high, high_slope, alone = -np.inf, 0.0, np.inf, 0.0, np.inf
+    half = 0.5 / length
+    for j in range(start.size):
+        bend = (end[j] - start[j]) / length
+        for knot in range(2):
+            a = bend - half * start[j] if knot == 0 else -half * end[j]
+            b = half * start[j] if knot == 0 else bend + half * end[j]
+            if abs(b) < TINY:
+                alone = min(alone, acceleration / max(abs(a), TINY))
+                continue
+            slope = -a / b
+            most = acceleration / abs(b)
+            if slope * x + most < high:
+                high, high_slope = slope * x + most, slope
+            if slope * x - most > low:
+                low, low_slope = slope * x - most, slope
+    return low, low_slope, high, high_slope, alone
+
+
+@njit(cache=True)
+def _controllable(
+    start: Array, end: Array, length: float, acceleration: float, x: float, following: float
+) -> float:
+    """The largest of 0 … x from which 0 … ``following`` can be reached at the next knot.
+
+    How much there is to choose from is a concave function of x, and not negative at 0: cutting
+    along its tangents leads down to its root.
+    """
+    x = min(x, _reach(start, end, length, acceleration, 0.0)[4])
+    for _ in range(MOST_CUTS):
+        low, low_slope, high, high_slope, _ = _reach(start, end, length, acceleration, x)
+        if low < 0.0:
+            low, low_slope = 0.0, 0.0
+        if high > following:
+            high, high_slope = following, 0.0
+        if high - low >= -ROUNDING * (1.0 + x) or high_slope >= low_slope:
+            break
+        x = max(0.0, x - (high - low) / (high_slope - low_slope))
+    return x
