@@ -11,6 +11,8 @@ from typing import Annotated, Any, Final, Literal
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
+from server.pace import Reason
+
 FORMAT: Final = "foldback-play/1"
 Error = Annotated[float, Meta(ge=0.0)]
 
@@ -40,8 +42,8 @@ class Ask(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 class Report(Struct, tag_field="do", tag="report", frozen=True, forbid_unknown_fields=True):
     """How well the robot follows: its largest joint error, or where its joints are.
 
-    ``number`` is that of the target which it speaks of, the last one if not said; older ones than
-    some dozens count as the oldest that is remembered.
+    ``number`` is that of the target which it speaks of. Whoever tells it is never sent more than a
+    few targets ahead; without it, angles are compared with the last target.
     """
 
     error_rad: Error | UnsetType = UNSET
@@ -94,7 +96,7 @@ class Target(Struct, tag_field="is", tag="target", frozen=True, kw_only=True):
 class Waiting(Struct, tag_field="is", tag="waiting", frozen=True, kw_only=True):
     """The clock stands, or slows down to stand."""
 
-    because: Literal["start", "pause", "silence", "error"]
+    because: Reason
     time_s: float
     error_rad: float | None
 

@@ -9,13 +9,20 @@ from __future__ import annotations
 
 from typing import Final, Literal
 
-Reason = Literal["start", "pause", "silence", "error"]
+Reason = Literal["start", "pause", "silence", "behind", "error"]
 LONGEST_STEP_S: Final = 0.1
 """After a delay the clock goes on from where it was, instead of jumping."""
 
 
 class Pace:
     """The clock of one motion. Times of the outer clock come in as ``now``.
+
+    Attributes:
+        time_s: Where the motion is.
+        rate: How fast the clock runs.
+        paused: Whether somebody asked for a pause.
+        behind: Whether too many targets are on their way to the robot.
+        error_rad: The robot's joint error, as it was last reported.
 
     Args:
         duration_s: Where the motion ends.
@@ -39,6 +46,7 @@ class Pace:
         self.time_s = 0.0
         self.rate = 0.0
         self.paused = False
+        self.behind = False
         self.error_rad: float | None = None
         self.heard = now
         self._speed = speed
@@ -60,6 +68,8 @@ class Pace:
             return "start"
         if now - self.heard > self._silence_s:
             return "silence"
+        if self.behind:
+            return "behind"
         if self.error_rad > self._threshold:
             return "error"
         return None

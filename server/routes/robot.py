@@ -58,8 +58,12 @@ GONE_S: Final = 60.0
 """A robot that says nothing for so long, or takes nothing, is gone."""
 ALIVE_S: Final = 1.0
 """How often a silent robot is told its target again."""
+LEAVE_S: Final = 5.0
+"""How long a robot may take to hang up after the end."""
+AHEAD_S: Final = 0.25
+"""How far targets run ahead of the reports on them."""
 REMEMBERED: Final = 64
-"""Targets that a report may speak of."""
+"""Targets that a report may speak of; more than are ever ahead."""
 
 Speed = Annotated[float, Query(ge=1e-3, le=1e3, description="Largest speed of a joint, in rad/s.")]
 Acceleration = Annotated[
@@ -254,6 +258,8 @@ class _Hand:
         self._clock = asyncio.get_running_loop().time
         self._sent: deque[tuple[int, NDArray[Any]]] = deque(maxlen=REMEMBERED)
         self._number = 0
+        self._answered: int | None = None
+        self._ahead = max(2, round(AHEAD_S * ask.rate_hz))
         self._heard = self._clock()
         self._pace = Pace(
             self._trajectory.duration_s,
@@ -286,9 +292,15 @@ class _Hand:
             for work in works:
                 work.cancel()
             await asyncio.gather(*works, return_exceptions=True)
-        for work in done:
-            with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+        try:
+            for work in done:
                 work.result()
+            # What is on its way may still come, and the end is read before this side hangs up.
+            async with asyncio.timeout(LEAVE_S):
+                while True:
+                    await self._receive()
+        except (WebSocketDisconnect, RuntimeError, TimeoutError):
+            return
 
     async def _speak(self) -> None:
         """Sends a target at every tick; one that is late is left out, not sent afterwards."""
@@ -297,6 +309,8 @@ class _Hand:
         due = self._clock()
         while True:
             now = self._clock()
+            if self._answered is not None:
+                pace.behind = self._number - self._answered >= self._ahead
             pace.advance(now)
             if now - self._heard > GONE_S:
                 raise Problem(408, "gone", f"Nothing was heard for {GONE_S:g} s.")
@@ -310,7 +324,7 @@ class _Hand:
                         Waiting(because=reason, time_s=pace.time_s, error_rad=pace.error_rad)
                     )
             # Whoever does not answer is not sent more than it takes to remind it.
-            if reason not in ("start", "silence") or now - told >= ALIVE_S:
+            if reason not in ("start", "silence", "behind") or now - told >= ALIVE_S:
                 told = now
                 await self._send_target()
             if pace.over(now):
@@ -361,6 +375,8 @@ class _Hand:
                     return
                 if isinstance(message, Report):
                     self._pace.report(self._error_of(message), self._heard)
+                    if not isinstance(message.number, msgspec.UnsetType):
+                        self._answered = min(message.number, self._number)
                 elif isinstance(message, Pause | Resume):
                     self._pace.paused = isinstance(message, Pause)
             except (msgspec.DecodeError, InputError) as error:
@@ -388,10 +404,8 @@ class _Hand:
             raise InputError(
                 "bad-report", f"got {len(measured)} angles, expected {joints}, one for each joint"
             )
-        wanted = self._sent[-1][1]
-        if not isinstance(report.number, msgspec.UnsetType):
-            number = report.number
-            wanted = next((angles for n, angles in self._sent if n >= number), wanted)
+        number = self._number if isinstance(report.number, msgspec.UnsetType) else report.number
+        wanted = next((angles for n, angles in self._sent if n >= number), self._sent[-1][1])
         return float(np.abs(np.asarray(measured) - wanted).max())
 
     async def _end(self, because: Literal["folded", "stop"]) -> None:
