@@ -1,9 +1,9 @@
 """Retiming: the time stamps at which a robot with given joints passes along a plan.
 
-The path is the plan's, with its corners cut: frames are the control points of a uniform quadratic
-B-spline, which is one of the simplest curves without jumps in speed. It touches the plan's own
-motion in the middle between two frames and is farthest from it at a frame, by an eighth of the
-second difference of the frames (``Trajectory.deviation_rad``).
+The path is the plan's own, straight from frame to frame, with its corners cut, for at a corner no
+finite acceleration would do: on either side of a frame, up to the middle of the shorter of its two
+steps, a parabola takes the place of the two straight lines. It is farthest from them at the frame;
+``Trajectory.deviation_rad`` says how far.
 """
 
 from __future__ import annotations
@@ -21,15 +21,16 @@ from planner.plan import Plan
 from planner.sweep import sweep
 
 Array = NDArray[np.float64]
-CELLS: Final = (16, 8, 4)
-"""Cells of the grid from one frame to the next, the most that ``LARGEST_GRID`` allows.
-
-With 4 the motion takes some per cent longer than need be, with 16 half a per cent.
-"""
-LARGEST_GRID: Final = 20_000_000
-"""Cells times hinges."""
+Indices = NDArray[np.int64]
+CELLS: Final = 2
+"""Cells of the grid on either side of a frame, and on the straight line between two; with more of
+them a motion gets faster by a fraction of a per cent."""
+FEWEST_CELLS: Final = 200
+"""About as many cells has a path of few frames."""
 STILL_RAD: Final = 1e-6
 """Frames between which no hinge turns more than this count as one."""
+TINY: Final = 1e-12
+"""Pieces of the way that are no longer than this part of the whole are left out."""
 BOUNDS: Final = (1e-6, 1e6)
 """What speeds and accelerations may be, in rad/s and rad/s²."""
 
@@ -45,10 +46,10 @@ class Trajectory:
         joint_speeds_rad_s: (F, J) how fast they turn then.
         max_speed_rad_s, max_acceleration_rad_s2: The bounds that were given.
         deviation_rad: The farthest that any hinge is from the plan's own motion.
-        path: Where it leads, through the frames that differ.
-        knot_times_s: (N + 1,) times between which s̈ is constant, ``cells`` to a step of the path.
-        knot_rates: (N + 1,) ṡ at those times, in steps of the path per second.
-        frame_numbers: (K,) numbers of the frames that differ.
+        path: Where it leads.
+        knot_times_s: (N + 1,) when it passes the path's knots; s̈ is constant between two.
+        knot_rates: (N + 1,) ṡ at the knots.
+        frame_numbers: (K,) the frames of the plan that the path is made of.
     """
 
     joint_names: tuple[str, ...]
@@ -58,7 +59,7 @@ class Trajectory:
     max_speed_rad_s: float
     max_acceleration_rad_s2: float
     deviation_rad: float
-    path: SmoothPath
+    path: CutPath
     knot_times_s: Array
     knot_rates: Array
     frame_numbers: Array
@@ -68,11 +69,6 @@ class Trajectory:
         """Time from straight to folded."""
         return float(self.knot_times_s[-1])
 
-    @property
-    def cells(self) -> int:
-        """Cells of the grid from one frame to the next."""
-        return (len(self.knot_times_s) - 1) // len(self.path.steps)
-
     def at(self, time_s: Array) -> tuple[Array, Array, Array]:
         """Angles, speeds and accelerations at (T,) times, each (T, J).
 
@@ -80,74 +76,116 @@ class Trajectory:
         jump, that of the following cell is given.
         """
         times = np.asarray(time_s, dtype=np.float64)
-        cell, elapsed, within = self._cells_of(times)
-        s, rate, change = self._along(cell, elapsed)
-        path = self.path
-        slope, bend = path.slope(s), path.bend(cell // (self.cells // 2))
-        rate, change = np.where(within, rate, 0.0)[:, None], np.where(within, change, 0.0)[:, None]
-        return path.angles(s), slope * rate, slope * change + bend * rate**2
+        cell, s, rate, change = self._along(times)
+        moving = (times >= 0.0) & (times <= self.duration_s)
+        rate, change = np.where(moving, rate, 0.0)[:, None], np.where(moving, change, 0.0)[:, None]
+        angles, slope, bend = self.path.at(cell, s)
+        return angles, slope * rate, slope * change + bend * rate**2
 
     def frame_at(self, time_s: Array) -> Array:
         """(T,) place in the plan at (T,) times, as a frame number; 0.5 is between two."""
-        cell, elapsed, _ = self._cells_of(np.asarray(time_s, dtype=np.float64))
-        s, _, _ = self._along(cell, elapsed)
-        return np.interp(s, np.arange(len(self.path.frames)), self.frame_numbers)
+        _, s, _, _ = self._along(np.asarray(time_s, dtype=np.float64))
+        return np.interp(s, self.path.places, self.frame_numbers)
 
-    def _cells_of(self, times: Array) -> tuple[NDArray[np.int64], Array, NDArray[np.bool_]]:
-        knots = self.knot_times_s
+    def _along(self, times: Array) -> tuple[Indices, Array, Array, Array]:
+        """Cell, s, ṡ and s̈, the last of which is constant within a cell."""
+        knots, rates, ends = self.knot_times_s, self.knot_rates, self.path.knots
         clipped = np.clip(times, 0.0, knots[-1])
         cell = np.clip(np.searchsorted(knots, clipped, side="right") - 1, 0, len(knots) - 2)
-        return cell, clipped - knots[cell], (times >= 0.0) & (times <= knots[-1])
-
-    def _along(self, cell: NDArray[np.int64], elapsed: Array) -> tuple[Array, Array, Array]:
-        """s, ṡ and s̈, the last of which is constant within a cell."""
-        rates = self.knot_rates
-        change = 0.5 * self.cells * (rates[cell + 1] ** 2 - rates[cell] ** 2)
-        s = cell / self.cells + elapsed * (rates[cell] + 0.5 * change * elapsed)
-        s = np.clip(s, cell / self.cells, (cell + 1) / self.cells)
-        return s, np.maximum(rates[cell] + change * elapsed, 0.0), change
+        elapsed = clipped - knots[cell]
+        change = 0.5 * (rates[cell + 1] ** 2 - rates[cell] ** 2) / (ends[cell + 1] - ends[cell])
+        s = ends[cell] + elapsed * (rates[cell] + 0.5 * change * elapsed)
+        s = np.clip(s, ends[cell], ends[cell + 1])
+        return cell, s, np.maximum(rates[cell] + change * elapsed, 0.0), change
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SmoothPath:
-    """The quadratic B-spline of (F, J) frames; s runs from 0 to F − 1."""
+class CutPath:
+    """A way along straight lines with its corners cut.
+
+    s is the way from frame to frame, a step counting as its largest hinge motion. With σ = s − s_k,
+    k being the frame of a cell, r the reach of its cut, and a, b the slopes before and after::
+
+        q(s) = q_k + a σ + (b − a) (σ + r)² / 4r
+
+    Attributes:
+        frames: (K, J) the corners.
+        places: (K,) s of the corners.
+        slopes: (K − 1, J) dq/ds between them.
+        knots: (N + 1,) s of the ends of all cells.
+        frame, left, right: (N,) frame of each cell, and which slopes are before and after it; twice
+            the same on a straight line.
+        reach: (N,) r of each cell.
+        cells: Cells to a piece.
+    """
 
     frames: Array
-    steps: Array
+    places: Array
+    slopes: Array
+    knots: Array
+    frame: Indices
+    left: Indices
+    right: Indices
+    reach: Array
+    cells: int
 
-    def angles(self, s: Array) -> Array:
-        """(T, J) at (T,) places: the chord to the nearest middle, and the cut of the corner."""
-        left = np.clip(s.astype(np.int64), 0, len(self.steps) - 1)
-        part = (s - left)[:, None]
-        line = (1.0 - part) * self.frames[left] + part * self.frames[left + 1]
-        near = np.rint(s).astype(np.int64)
-        corner = (near > 0) & (near < len(self.frames) - 1)
-        inside = np.clip(near, 1, max(1, len(self.frames) - 2))
-        bend = self.bend_at_frame(inside)
-        cut = 0.5 * (0.5 - np.abs(s - near)) ** 2
-        return line + np.where(corner, cut, 0.0)[:, None] * bend
+    @classmethod
+    def through(cls, frames: Array) -> CutPath:
+        """The path through (K, J) frames, no two neighbours of which are the same."""
+        steps = np.diff(frames, axis=0)
+        lengths = np.abs(steps).max(axis=1)
+        places = np.concatenate([[0.0], np.cumsum(lengths)])
+        count = max(CELLS, -(-FEWEST_CELLS // len(steps)))
+        reach = np.zeros(len(frames))
+        reach[1:-1] = 0.5 * np.minimum(lengths[1:], lengths[:-1])
+        ends: list[Array] = [np.zeros(1)]
+        cells: list[tuple[int, int, int, float]] = []
 
-    def bend_at_frame(self, frame: NDArray[np.int64]) -> Array:
-        """(T, J) second difference at inner frames; zero for a path of one step."""
-        if len(self.steps) < 2:
-            return np.zeros((len(frame), self.frames.shape[1]))
-        return self.steps[frame] - self.steps[frame - 1]
+        def piece(to: float, *cell: float) -> None:
+            if to - ends[-1][-1] > TINY * places[-1]:
+                ends.append(np.linspace(ends[-1][-1], to, count + 1)[1:])
+                cells.extend([cell] * count)  # pyright: ignore[reportArgumentType]
 
-    def slope(self, s: Array) -> Array:
-        """(T, J) dq/ds."""
-        place = np.clip(s - 0.5, 0.0, len(self.steps) - 1)
-        left = place.astype(np.int64)
-        right = np.minimum(left + 1, len(self.steps) - 1)
-        part = (place - left)[:, None]
-        return (1.0 - part) * self.steps[left] + part * self.steps[right]
-
-    def bend(self, half: NDArray[np.int64]) -> Array:
-        """(T, J) d²q/ds² in (T,) halves of the intervals between frames."""
-        frame = (half + 1) // 2
-        inner = (frame > 0) & (frame < len(self.steps))
-        return np.where(
-            inner[:, None], self.bend_at_frame(np.clip(frame, 1, max(1, len(self.steps) - 1))), 0.0
+        for k in range(len(steps)):
+            piece(places[k] + reach[k], k, k - 1, k, reach[k])
+            piece(places[k + 1] - reach[k + 1], k, k, k, 1.0)
+            piece(places[k + 1], k + 1, k, k + 1, reach[k + 1])
+        indices = np.array([cell[:3] for cell in cells], dtype=np.int64)
+        return cls(
+            frames=frames,
+            places=places,
+            slopes=steps / lengths[:, None],
+            knots=np.concatenate(ends),
+            frame=indices[:, 0],
+            left=indices[:, 1],
+            right=indices[:, 2],
+            reach=np.array([cell[3] for cell in cells]),
+            cells=count,
         )
+
+    def at(self, cell: Indices, s: Array) -> tuple[Array, Array, Array]:
+        """q, q' and q'' at (T,) places in (T,) cells, each (T, J)."""
+        along = (s - self.places[self.frame[cell]])[:, None]
+        reach = self.reach[cell][:, None]
+        before = self.slopes[self.left[cell]]
+        turn = self.slopes[self.right[cell]] - before
+        angles = (
+            self.frames[self.frame[cell]]
+            + before * along
+            + turn * (along + reach) ** 2 / (4.0 * reach)
+        )
+        return angles, before + turn * (along + reach) / (2.0 * reach), turn / (2.0 * reach)
+
+    def at_knots(self) -> Array:
+        """(N + 1, J) q at all knots."""
+        cells = np.arange(len(self.knots) - 1)
+        last = self.at(cells[-1:], self.knots[-1:])[0]
+        return np.concatenate([self.at(cells, self.knots[:-1])[0], last])
+
+    def deviation(self) -> float:
+        """The farthest that any hinge is from the straight lines, at a corner: r (b − a) / 4."""
+        cuts = np.abs(self.slopes[self.right] - self.slopes[self.left]).max(axis=1)
+        return float((self.reach * cuts).max() / 4.0)
 
 
 def retime(plan: Plan, max_speed_rad_s: float, max_acceleration_rad_s2: float) -> Trajectory:
@@ -188,24 +226,35 @@ def retimed(
     kept = _moving(frames)
     if len(kept) < 2:
         raise InputError("no-motion", "the plan has no two frames between which a hinge turns.")
-    points = np.ascontiguousarray(frames[kept])
-    path = SmoothPath(frames=points, steps=np.diff(points, axis=0))
-    cells = next((c for c in CELLS if c * path.steps.size <= LARGEST_GRID), CELLS[-1])
-    x = fastest_profile(path.steps, cells, float(max_speed_rad_s), float(max_acceleration_rad_s2))
+    path = CutPath.through(np.ascontiguousarray(frames[kept]))
+    lengths = np.diff(path.knots)
+    middle = path.places[path.frame]
+    ends = np.stack([path.knots[:-1] - middle, path.knots[1:] - middle], axis=1)
+    x = fastest_profile(
+        path.slopes,
+        path.left,
+        path.right,
+        0.5 + 0.5 * ends / path.reach[:, None],
+        lengths,
+        float(max_speed_rad_s),
+        float(max_acceleration_rad_s2),
+    )
     rates = np.sqrt(x)
-    times = np.concatenate([[0.0], np.cumsum(2.0 / cells / (rates[1:] + rates[:-1]))])
+    times = np.concatenate([[0.0], np.cumsum(2.0 * lengths / (rates[1:] + rates[:-1]))])
     # Frames that were left out are passed at the same moment as those before them.
     owner = np.searchsorted(kept, np.arange(len(frames)), side="right") - 1
-    passed = path.angles(np.arange(len(points), dtype=np.float64))
-    speeds = path.slope(np.arange(len(points), dtype=np.float64)) * rates[::cells, None]
+    passed = np.interp(path.places, path.knots, times)[owner]
+    cell = np.clip(np.searchsorted(path.knots, path.places) - 1, 0, len(lengths) - 1)
+    angles, slopes, _ = path.at(cell, path.places)
+    speeds = slopes * np.interp(path.places, path.knots, rates)[:, None]
     return Trajectory(
         joint_names=joint_names,
-        time_s=times[::cells][owner],
-        joint_angles_rad=passed[owner],
+        time_s=passed,
+        joint_angles_rad=angles[owner],
         joint_speeds_rad_s=speeds[owner],
         max_speed_rad_s=float(max_speed_rad_s),
         max_acceleration_rad_s2=float(max_acceleration_rad_s2),
-        deviation_rad=float(np.abs(passed - points).max()) + (len(kept) < len(frames)) * STILL_RAD,
+        deviation_rad=path.deviation() + (len(kept) < len(frames)) * STILL_RAD,
         path=path,
         knot_times_s=times,
         knot_rates=rates,
@@ -216,19 +265,19 @@ def retimed(
 def clearance(trajectory: Trajectory, chain: Chain, *, size: float) -> float:
     """The least clearance of modules along a trajectory, in pitches; see ``planner.sweep``.
 
-    It is looked at in steps of half a frame, between which the path is within a 32nd of the second
-    difference of the frames from a straight line.
+    It is looked at at each frame and where its corners begin and end. Straight lines between those
+    places are within a quarter of ``deviation_rad`` of the path.
 
     Args:
         trajectory: Of this chain.
         chain: The chain.
         size: Module size as a fraction of the pitch.
     """
-    last = len(trajectory.path.steps)
-    return sweep(chain, trajectory.path.angles(np.arange(0, last + 0.25, 0.5)), size=size).clearance
+    path = trajectory.path
+    return sweep(chain, path.at_knots()[:: path.cells], size=size).clearance
 
 
-def _moving(frames: Array) -> NDArray[np.int64]:
+def _moving(frames: Array) -> Indices:
     """(K,) numbers of the first frame, the last, and those between that differ."""
     kept: list[int] = []
     for k in range(len(frames)):

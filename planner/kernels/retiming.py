@@ -14,48 +14,49 @@ from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 MOST_CUTS = 100
 ROUNDING = 1e-12
 TINY = 1e-14
 
 
 @njit(cache=True)
-def slope_at(steps: Array, s: float, out: Array) -> None:
-    """Writes the path's q' at s: even between the middles of two frames, where it is their step.
-
-    Args:
-        steps: (F − 1, J) differences of the frames.
-        s: Place along the path, 0 to F − 1; frame k is at k.
-        out: (J,) written.
-    """
-    last = steps.shape[0] - 1
-    place = min(max(s - 0.5, 0.0), float(last))
-    left = min(int(place), max(last - 1, 0))
-    right = min(left + 1, last)
-    part = place - left
-    for j in range(out.size):
-        out[j] = (1.0 - part) * steps[left, j] + part * steps[right, j]
+def _slopes(slopes: Array, left: int, right: int, part: Array, start: Array, end: Array) -> None:
+    """Writes q' at both knots of a cell."""
+    for j in range(start.size):
+        turn = slopes[right, j] - slopes[left, j]
+        start[j] = slopes[left, j] + part[0] * turn
+        end[j] = slopes[left, j] + part[1] * turn
 
 
 @njit(cache=True)
-def fastest_profile(steps: Array, cells: int, speed: float, acceleration: float) -> Array:
+def fastest_profile(
+    slopes: Array,
+    left: Indices,
+    right: Indices,
+    parts: Array,
+    lengths: Array,
+    speed: float,
+    acceleration: float,
+) -> Array:
     """(N + 1,) largest ṡ² at the knots that the bounds allow, at rest at both ends.
 
     Args:
-        steps: (F − 1, J) differences of the frames; none of them all zeros.
-        cells: Cells from one frame to the next; an even number.
+        slopes: (K, J) slopes q' between which those of each cell lie.
+        left, right: (N,) which two.
+        parts: (N, 2) how far it is from the left to the right one at both knots of a cell; q' is
+            zero at one of them at most.
+        lengths: (N,) of the cells, in s.
         speed: Bound of every |q̇|.
         acceleration: Bound of every |q̈|.
     """
-    count = steps.shape[0] * cells
-    length = 1.0 / cells
-    start = np.empty(steps.shape[1])
-    end = np.empty(steps.shape[1])
+    count = lengths.size
+    start = np.empty(slopes.shape[1])
+    end = np.empty(slopes.shape[1])
     # |q'| is largest at a knot, so this holds between knots too.
     ceiling = np.full(count + 1, np.inf)
     for k in range(count):
-        slope_at(steps, k * length, start)
-        slope_at(steps, (k + 1) * length, end)
+        _slopes(slopes, left[k], right[k], parts[k], start, end)
         steepest = 0.0
         for j in range(start.size):
             steepest = max(steepest, abs(start[j]), abs(end[j]))
@@ -64,14 +65,12 @@ def fastest_profile(steps: Array, cells: int, speed: float, acceleration: float)
         ceiling[k + 1] = min(ceiling[k + 1], most)
     ceiling[0] = ceiling[count] = 0.0
     for k in range(count - 1, -1, -1):
-        slope_at(steps, k * length, start)
-        slope_at(steps, (k + 1) * length, end)
-        ceiling[k] = _controllable(start, end, length, acceleration, ceiling[k], ceiling[k + 1])
+        _slopes(slopes, left[k], right[k], parts[k], start, end)
+        ceiling[k] = _controllable(start, end, lengths[k], acceleration, ceiling[k], ceiling[k + 1])
     x = np.zeros(count + 1)
     for k in range(count):
-        slope_at(steps, k * length, start)
-        slope_at(steps, (k + 1) * length, end)
-        high = _reach(start, end, length, acceleration, x[k])[2]
+        _slopes(slopes, left[k], right[k], parts[k], start, end)
+        high = _reach(start, end, lengths[k], acceleration, x[k])[2]
         x[k + 1] = max(0.0, min(high, ceiling[k + 1]))
     return x
 
