@@ -29,8 +29,8 @@ FEWEST_CELLS: Final = 200
 """About as many cells has a path of few frames."""
 STILL_RAD: Final = 1e-6
 """Frames between which no hinge turns more than this count as one."""
-TINY: Final = 1e-12
-"""Pieces of the way that are no longer than this part of the whole are left out."""
+TINY: Final = 1e-6
+"""Straight pieces that are no longer than this part of their step are left out."""
 BOUNDS: Final = (1e-6, 1e6)
 """What speeds and accelerations may be, in rad/s and rad/s²."""
 
@@ -141,15 +141,15 @@ class CutPath:
         ends: list[Array] = [np.zeros(1)]
         cells: list[tuple[int, int, int, float]] = []
 
-        def piece(to: float, *cell: float) -> None:
-            if to - ends[-1][-1] > TINY * places[-1]:
+        def piece(step: float, to: float, *cell: float) -> None:
+            if to - ends[-1][-1] > TINY * step:
                 ends.append(np.linspace(ends[-1][-1], to, count + 1)[1:])
                 cells.extend([cell] * count)  # pyright: ignore[reportArgumentType]
 
         for k in range(len(steps)):
-            piece(places[k] + reach[k], k, k - 1, k, reach[k])
-            piece(places[k + 1] - reach[k + 1], k, k, k, 1.0)
-            piece(places[k + 1], k + 1, k, k + 1, reach[k + 1])
+            piece(lengths[k], places[k] + reach[k], k, k - 1, k, reach[k])
+            piece(lengths[k], places[k + 1] - reach[k + 1], k, k, k, 1.0)
+            piece(lengths[k], places[k + 1], k + 1, k, k + 1, reach[k + 1])
         indices = np.array([cell[:3] for cell in cells], dtype=np.int64)
         return cls(
             frames=frames,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 MOST_CUTS = 100
-ROUNDING = 1e-12
+ROUNDING = 1e-14
 TINY = 1e-14
 
 
@@ -118,7 +118,7 @@ def _controllable(
             low, low_slope = 0.0, 0.0
         if high > following:
             high, high_slope = following, 0.0
-        if high - low >= -ROUNDING * (1.0 + x) or high_slope >= low_slope:
+        if high - low >= -ROUNDING * (x + following) or high_slope >= low_slope:
             break
         x = max(0.0, x - (high - low) / (high_slope - low_slope))
     return x
