@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 MOST_CUTS = 100
-ROUNDING = 1e-14
-TINY = 1e-14
+ROUNDING = 1e-12
+STEEP = 1e-7
+"""A row whose b is smaller than this part of its a bounds x alone; as a line it is too steep."""
 
 
 @njit(cache=True)
@@ -90,8 +91,9 @@ def _reach(
         for knot in range(2):
             a = bend - half * start[j] if knot == 0 else -half * end[j]
             b = half * start[j] if knot == 0 else bend + half * end[j]
-            if abs(b) < TINY:
-                alone = min(alone, acceleration / max(abs(a), TINY))
+            if abs(b) <= STEEP * abs(a):
+                if a != 0.0:
+                    alone = min(alone, acceleration / abs(a))
                 continue
             slope = -a / b
             most = acceleration / abs(b)
