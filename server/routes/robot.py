@@ -439,5 +439,14 @@ async def _refuse(websocket: WebSocket, code: int, word: str, detail: str) -> No
 
 
 async def _close(websocket: WebSocket, code: int, reason: str = "") -> None:
+    """Closes a socket that may be closed already; what still comes in must not hold that up."""
+
+    async def drain() -> None:
+        while (await websocket.receive())["type"] != "websocket.disconnect":
+            pass
+
+    draining = asyncio.ensure_future(drain())
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         await websocket.close(code, reason)
+    draining.cancel()
+    await asyncio.gather(draining, return_exceptions=True)
