@@ -50,6 +50,7 @@ class Tree:
         joints = [self.model.joint(name) for name in chain.joint_names]
         self._qpos = np.array([j.qposadr[0] for j in joints], dtype=np.int64)
         self._dofs = np.array([j.dofadr[0] for j in joints], dtype=np.int64)
+        self._joints = np.array([j.id for j in joints], dtype=np.int64)
         self._bodies = np.array([self.model.body(f"module_{i}").id for i in range(len(chain))])
         self._work = np.empty(self.model.nv)
         if servo is not None:
@@ -156,6 +157,32 @@ class Tree:
         mujoco.mj_mulM(model, data, self._work, data.qvel)
         data.qvel[:ROOT_DOFS] = -np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
         mujoco.mj_comVel(model, data)
+
+    def held_torques(self, angles: Array, rates: Array, accelerations: Array) -> Array:
+        """(J,) hinge torques of a motion while the root is held still, without gravity."""
+        data, model = self.data, self.model
+        data.qpos[:7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+        data.qpos[self._qpos] = angles
+        for values, given in ((data.qvel, rates), (data.qacc, accelerations)):
+            values[:] = 0.0
+            values[self._dofs] = given
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_rne(model, data, 1, self._work)
+        return self._work[self._dofs]
+
+    def gravity_torques(self) -> Array:
+        """(J,) hinge torques under gravity 1 in each hinge's worst direction, the root held.
+
+        A hinge with axis a carries the modules beyond it, of mass m and with their centre at r from
+        it: m |a × r|. For the configuration that was evaluated last.
+        """
+        data, model = self.data, self.model
+        bodies = model.jnt_bodyid[self._joints]
+        arms = data.subtree_com[bodies] - data.xanchor[self._joints]
+        lengths = np.linalg.norm(np.cross(data.xaxis[self._joints], arms), axis=1)
+        return model.body_subtreemass[bodies] * lengths
 
     def _root_inertia(self) -> Array:
         """(6, 6) the root's block of the mass matrix: the whole chain as one rigid body."""

@@ -12,6 +12,7 @@ from planner.knots import knot_of
 from planner.modules import CUBE
 from planner.pathfinding.exact import exact_path
 from planner.paths import Path
+from planner.retiming import retime
 from planner.shapes import Shape
 from planner.solids import Solid
 from planner.voxeliser import voxelise
@@ -20,14 +21,14 @@ SMALL_SHAPE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (1, 1, 1),
 
 
 def warm_up() -> None:
-    """Finds a path and folds a tiny shape: seconds the first time, a moment ever after."""
+    """Finds a path, folds and retimes a tiny shape: seconds the first time, then a moment."""
     box = Shape.from_cells(np.argwhere(np.ones((3, 3, 3), dtype=bool)))
     found = exact_path(box)
     if found.cells is not None:
         knot_of(found.cells)
     voxelise(_tetrahedron(), cells=8)
     path = Path.from_cells(SMALL_SHAPE, name="warm-up")
-    fold(path)
+    retime(fold(path), 1.0, 1.0)
     still = np.tile(Chain.from_path(path).folded_rad, (2, 1))
     clearances_of(Chain.from_path(path), still, size=0.95)
     floating_torques(CUBE, still, 0.0 * still, 0.0 * still)

@@ -31,6 +31,7 @@ from server.routes import (
     pages,
     pictures,
     previews,
+    robot,
     shapes,
     sharing,
 )
@@ -38,6 +39,7 @@ from server.security import AllowedHosts, BodyLimit, SameOrigin, SecurityHeaders
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store
 from server.streams import Streams
+from server.trajectories import Trajectories
 from server.watch import Watch
 from web.films import Films
 from web.viewers import Viewers
@@ -53,6 +55,7 @@ ROUTERS: Final = (
     sharing,
     pictures,
     previews,
+    robot,
 )
 
 
@@ -103,6 +106,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_exception_handler(NoSuchPreviewError, on_no_such_preview)
     for module in ROUTERS:
         app.include_router(module.router)
+    app.include_router(robot.schemas)
 
     app.add_middleware(BodyLimit, most_bytes=settings.max_upload_bytes)
     app.add_middleware(SameOrigin, origins=settings.origins)
@@ -131,6 +135,8 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         ),
         films=Films(),
         streams=Streams(settings.max_streams, settings.max_streams_of_visitor),
+        robots=Streams(settings.max_robots, settings.max_robots_of_visitor, "robots"),
+        trajectories=Trajectories(),
         reader=Reader(ChildLimits.of(settings), wall_s=settings.read_seconds),
         preparer=Reader(ChildLimits.of(settings), wall_s=settings.preview_seconds, kind="preparer"),
         previews=Previews(settings),

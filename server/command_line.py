@@ -10,7 +10,17 @@ from typing import Annotated, Final
 
 import typer
 
-COMMANDS: Final = ("serve", "worker", "fold", "shape", "verify", "play", "export", "movie")
+COMMANDS: Final = (
+    "serve",
+    "worker",
+    "fold",
+    "shape",
+    "verify",
+    "play",
+    "export",
+    "movie",
+    "retime",
+)
 
 
 def application(commands: Iterable[str] = COMMANDS) -> typer.Typer:

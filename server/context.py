@@ -22,6 +22,7 @@ from server.previews import Previews
 from server.settings import Settings
 from server.store import Store
 from server.streams import Streams
+from server.trajectories import Trajectories
 from server.watch import Watch
 
 if TYPE_CHECKING:
@@ -46,6 +47,8 @@ class Context:
     gallery: Gallery
     watch: Watch
     streams: Streams
+    robots: Streams
+    trajectories: Trajectories
     metrics: Metrics
     secret: bytes
 

@@ -95,6 +95,10 @@ class Settings(BaseSettings):
         default=512, ge=1, description="Event streams (`/events`) that may be open at once."
     )
     max_streams_of_visitor: int = Field(default=128, ge=1, description="Of them, to one address.")
+    max_robots: int = Field(
+        default=32, ge=1, description="Robots (`/play`) that may be driven at once."
+    )
+    max_robots_of_visitor: int = Field(default=8, ge=1, description="Of them, by one address.")
     viewer_idle_s: float = Field(
         default=600.0, gt=0, description="A view unused for so long is closed."
     )

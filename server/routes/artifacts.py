@@ -52,7 +52,7 @@ def get_frames(
     try:
         timeline = Timeline.open(context.store.directory(fold_id) / "timeline.zarr")
     except (TimelineError, OSError, KeyError) as error:  # or it is just being made anew
-        raise _not_there(row, "timeline") from error
+        raise not_there(row, "timeline") from error
     total, chain = len(timeline), timeline.chain
     end = total if stop is None else min(stop, total)
     if start > end:
@@ -152,7 +152,7 @@ def _file(name: str) -> None:
         row = context.store.fold(fold_id)
         path = context.store.directory(fold_id) / name
         if not row.over or not path.is_file():
-            raise _not_there(row, name)
+            raise not_there(row, name)
         return FileResponse(path, media_type=MEDIA_TYPES[name], filename=_download(row, name))
 
 
@@ -164,7 +164,7 @@ def _finished(context: Context, fold_id: str) -> FoldRow:
     """The row of a fold that has a plan."""
     row = context.store.fold(fold_id)
     if not row.over or not (context.store.directory(fold_id) / "plan.npz").is_file():
-        raise _not_there(row, "plan")
+        raise not_there(row, "plan")
     return row
 
 
@@ -174,7 +174,8 @@ def _download(row: FoldRow, name: str) -> str:
     return f"{stem[:60] or 'fold'}-{name}"
 
 
-def _not_there(row: FoldRow, what: str) -> Problem:
+def not_there(row: FoldRow, what: str) -> Problem:
+    """The problem that a fold has not made something, or not yet."""
     if row.over:
         reason = f" ({row.error['detail']})" if row.error else ""
         return Problem(404, "no-such-artifact", f"This fold ended without its {what}{reason}.")

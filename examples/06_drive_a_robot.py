@@ -1,0 +1,64 @@
+"""Drives a simulated robot along a fold of a running service, which waits when it falls behind."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from urllib.parse import urlencode
+from urllib.request import urlopen
+
+import mujoco
+import numpy as np
+from websockets.sync.client import connect
+
+DAMPING_S = 0.2
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--url", default="http://127.0.0.1:8000")
+    options.add_argument("--fold", help="its id; the newest verified fold that is listed if not")
+    options.add_argument("--speed", type=float, default=1.0, help="1 keeps within the limits")
+    options.add_argument("--stiffness", type=float, default=5.0, help="of servos; weak: 0.02")
+    given = options.parse_args()
+    with urlopen(f"{given.url}/api/folds") as answer:
+        verified = [f["id"] for f in json.load(answer)["folds"] if f["status"] == "verified"]
+    fold = given.fold or verified[0]
+    with urlopen(f"{given.url}/api/folds/{fold}/model.xml") as answer:
+        spec = mujoco.MjSpec.from_string(answer.read().decode())
+    stiffness = given.stiffness * len(spec.bodies) ** 3  # so much more does a longer chain ask for
+    for joint in spec.joints:
+        if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
+            servo = spec.add_actuator(name=joint.name, target=joint.name)
+            servo.trntype = mujoco.mjtTrn.mjTRN_JOINT
+            servo.set_to_position(kp=stiffness, kv=DAMPING_S * stiffness)
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.timestep = 0.005
+    model = spec.compile()
+    robot = mujoco.MjData(model)
+    asked = urlencode({"speed": given.speed, "speeds": True})
+    address = f"{given.url.replace('http', 'ws', 1)}/api/folds/{fold}/play?{asked}"
+    with connect(address, max_size=None) as service:
+        begin = json.loads(service.recv())
+        if begin["is"] == "problem":
+            raise SystemExit(begin["detail"])
+        joints = [model.joint(name).qposadr[0] for name in begin["joint_names"]]
+        servos = [model.actuator(name).id for name in begin["joint_names"]]
+        steps = max(1, round(given.speed / begin["rate_hz"] / model.opt.timestep))
+        print(f"{len(joints)} joints, {begin['duration_s']:.1f} s at speed 1", flush=True)
+        for said in map(json.loads, service):
+            if said["is"] == "target":
+                lead = np.multiply(said["joint_speeds_rad_s"], DAMPING_S / given.speed)
+                robot.ctrl[servos] = said["joint_angles_rad"] + lead
+                mujoco.mj_step(model, robot, nstep=steps)
+                error = np.abs(robot.qpos[joints] - said["joint_angles_rad"]).max()
+                report = {"do": "report", "error_rad": error, "number": said["number"]}
+                service.send(json.dumps(report))
+            else:
+                print(said, flush=True)
+            if said["is"] == "end":
+                break
+
+
+if __name__ == "__main__":
+    main()

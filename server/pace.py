@@ -1,0 +1,89 @@
+"""Pace: the clock of a robot's motion. It stands while the robot does not follow.
+
+The rule is the paper's: servo to a target until the largest angle error is less than a threshold,
+then go on. Here the targets lie densely on a trajectory, and the clock that runs along it slows
+down and speeds up within the acceleration that the joints may have.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+Reason = Literal["start", "pause", "silence", "behind", "error"]
+LONGEST_STEP_S: Final = 0.1
+"""After a delay the clock goes on from where it was, instead of jumping."""
+
+
+class Pace:
+    """The clock of one motion. Times of the outer clock come in as ``now``.
+
+    Attributes:
+        time_s: Where the motion is.
+        rate: How fast the clock runs.
+        paused: Whether somebody asked for a pause.
+        behind: Whether too many targets are on their way to the robot.
+        error_rad: The robot's joint error, as it was last reported.
+
+    Args:
+        duration_s: Where the motion ends.
+        speed: How fast the clock runs when nothing is in its way.
+        ramp_s: How long it takes from standing to that speed.
+        threshold_rad: Error above which it stands.
+        silence_s: How long after a report it stands when there is no other.
+    """
+
+    def __init__(
+        self,
+        duration_s: float,
+        *,
+        speed: float,
+        ramp_s: float,
+        threshold_rad: float,
+        silence_s: float,
+        now: float,
+    ) -> None:
+        self.duration_s = duration_s
+        self.time_s = 0.0
+        self.rate = 0.0
+        self.paused = False
+        self.behind = False
+        self.error_rad: float | None = None
+        self.heard = now
+        self._speed = speed
+        self._ramp_s = ramp_s
+        self._threshold = threshold_rad
+        self._silence_s = silence_s
+        self._last = now
+
+    def report(self, error_rad: float, now: float) -> None:
+        """Notes the robot's largest joint error."""
+        self.error_rad = error_rad
+        self.heard = now
+
+    def waiting(self, now: float) -> Reason | None:
+        """Why the clock stands or slows down; None when it runs."""
+        if self.paused:
+            return "pause"
+        if self.error_rad is None:
+            return "start"
+        if now - self.heard > self._silence_s:
+            return "silence"
+        if self.behind:
+            return "behind"
+        if self.error_rad > self._threshold:
+            return "error"
+        return None
+
+    def advance(self, now: float) -> None:
+        """Lets time pass up to ``now``."""
+        step = min(max(0.0, now - self._last), LONGEST_STEP_S)
+        self._last = now
+        wanted = self._speed if self.waiting(now) is None else 0.0
+        most = self._speed * step / self._ramp_s
+        before = self.rate
+        self.rate += min(max(wanted - before, -most), most)
+        self.time_s = min(self.duration_s, self.time_s + 0.5 * (before + self.rate) * step)
+
+    def over(self, now: float) -> bool:
+        """Whether the robot has followed to the end."""
+        return self.time_s >= self.duration_s and self.waiting(now) is None

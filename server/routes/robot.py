@@ -1,0 +1,452 @@
+"""Routes for robots: trajectories, the torques they need, and a motion in real time."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections import deque
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
+
+import msgspec
+from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
+from fastapi.responses import JSONResponse, Response, StreamingResponse
+
+from planner.errors import InputError
+from server.addresses import address_of
+from server.context import Context
+from server.messages import (
+    DECODER,
+    ENCODER,
+    FORMAT,
+    Ask,
+    Begin,
+    End,
+    Going,
+    Outgoing,
+    Pause,
+    Report,
+    Resume,
+    Stop,
+    Target,
+    Waiting,
+    Wrong,
+    schema,
+)
+from server.pace import Pace
+from server.problems import Problem
+from server.routes.artifacts import not_there
+from server.routes.finding import FOLD_ID
+from server.routes.folds import Here, problems
+from server.store import NoSuchFoldError
+from server.trajectories import Retimed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
+schemas = APIRouter(prefix="/api", tags=["robots"])
+LARGEST_ANSWER: Final = 20_000_000
+"""Numbers in a trajectory."""
+MOST_MODULES: Final = 1000
+"""Of a chain whose torques are computed here."""
+MEDIA_TYPES: Final = {"csv": "text/csv; charset=utf-8", "json": "application/json"}
+REFUSED, TRY_LATER, DONE = 1008, 1013, 1000
+MOST_MESSAGES_A_SECOND: Final = 400
+BYTES_A_JOINT: Final = 32
+GONE_S: Final = 60.0
+"""A robot that says nothing for so long, or takes nothing, is gone."""
+ALIVE_S: Final = 1.0
+"""How often a silent robot is told its target again."""
+LEAVE_S: Final = 5.0
+"""How long a robot may take to hang up after the end."""
+AHEAD_S: Final = 0.25
+"""How far targets run ahead of the reports on them."""
+REMEMBERED: Final = 64
+"""Targets that a report may speak of; more than are ever ahead."""
+
+Speed = Annotated[float, Query(ge=1e-3, le=1e3, description="Largest speed of a joint, in rad/s.")]
+Acceleration = Annotated[
+    float, Query(ge=1e-3, le=1e4, description="Largest acceleration of a joint, in rad/s².")
+]
+Form = Literal["csv", "json"]
+
+
+@router.get(
+    "/trajectory",
+    summary="The plan with time stamps for a robot",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "foldback-trajectory/1, or a table",
+            "content": {"application/json": {}, "text/csv": {}},
+        },
+        **problems(404, 409, 413, 422, 503),
+    },
+)
+def get_trajectory(
+    fold_id: str,
+    context: Here,
+    max_speed: Speed = 1.0,
+    max_acceleration: Acceleration = 2.0,
+    form: Annotated[Form, Query(alias="format")] = "json",
+    rate: Annotated[
+        float | None,
+        Query(gt=0, le=1e4, description="Moments in a second; else those of the plan's frames."),
+    ] = None,
+) -> StreamingResponse:
+    """The fastest motion along the plan within the bounds, at rest at both ends."""
+    from planner.exports.trajectory import export
+
+    found = _retimed(context, fold_id, max_speed, max_acceleration)
+    trajectory, plan = found.trajectory, found.plan
+    moments = len(trajectory.time_s) if rate is None else rate * trajectory.duration_s + 2
+    numbers = 2.0 * moments * len(trajectory.joint_names)
+    if numbers > LARGEST_ANSWER:
+        raise Problem(
+            413,
+            "too-large",
+            f"got {numbers:.3g} numbers, expected at most {LARGEST_ANSWER:.3g}; lower the rate, or "
+            "use `foldback retime`.",
+            where="query.rate",
+        )
+    try:
+        parts = export(trajectory, form, name=plan.chain.name, verified=plan.verified, rate_hz=rate)
+    except InputError as error:
+        raise Problem.of_input(error) from error
+    return StreamingResponse(
+        parts,
+        media_type=MEDIA_TYPES[form],
+        headers={"Content-Disposition": f'attachment; filename="trajectory.{form}"'},
+    )
+
+
+@router.get(
+    "/motors",
+    summary="The torques that the plan needs",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "A row for each joint, and whether given motors would do",
+            "content": {"application/json": {}, "text/csv": {}},
+        },
+        **problems(404, 409, 413, 422, 503),
+    },
+)
+def get_motors(
+    fold_id: str,
+    context: Here,
+    module_mass: Annotated[float, Query(gt=0, le=1e6, description="Of a module, in kg.")],
+    max_speed: Speed = 1.0,
+    max_acceleration: Acceleration = 2.0,
+    pitch: Annotated[
+        float | None, Query(gt=0, le=1e3, description="Distance of modules in m, else the plan's.")
+    ] = None,
+    gravity: Annotated[
+        float, Query(ge=0, le=1e3, description="In m/s², the worst way for each joint.")
+    ] = 9.81,
+    floating: Annotated[
+        bool, Query(description="Float without gravity, instead of being held at the root.")
+    ] = False,
+    motor_torque: Annotated[
+        float | None, Query(gt=0, le=1e9, description="What a motor can give, in N·m.")
+    ] = None,
+    form: Annotated[Form, Query(alias="format")] = "json",
+) -> Response:
+    """By inverse dynamics over the motion that `trajectory` gives for the same bounds."""
+    from planner.motors import Build, motor_table
+
+    found = _retimed(context, fold_id, max_speed, max_acceleration)
+    chain = found.plan.chain
+    if len(chain) > MOST_MODULES:
+        raise Problem(
+            413,
+            "too-large",
+            f"got {len(chain)} modules, expected at most {MOST_MODULES}; use `foldback retime`.",
+        )
+    build = Build(
+        module_mass_kg=module_mass,
+        pitch_m=chain.pitch_m if pitch is None else pitch,
+        gravity_m_s2=gravity,
+        held=not floating,
+    )
+    try:
+        with context.trajectories.turn():
+            table = motor_table(chain, found.trajectory, build, motor_torque_nm=motor_torque)
+    except InputError as error:
+        raise Problem.of_input(error) from error
+    if form == "csv":
+        return Response(
+            table.as_csv(),
+            media_type=MEDIA_TYPES[form],
+            headers={"Content-Disposition": 'attachment; filename="motors.csv"'},
+        )
+    return JSONResponse(table.as_dict())
+
+
+@router.get("/play", include_in_schema=False)
+def get_play(fold_id: str) -> Response:
+    """Says that this is a websocket."""
+    del fold_id
+    raise Problem(
+        426,
+        "websocket",
+        "Motions are played over a websocket; docs/robot.md and /api/play-schema describe it.",
+        headers={"Upgrade": "websocket"},
+    )
+
+
+@schemas.get("/play-schema", summary="JSON Schema of what a robot and the service say")
+def get_play_schema() -> dict[str, Any]:
+    """Of the websocket at `/api/folds/{fold_id}/play`."""
+    return schema()
+
+
+@router.websocket("/play")
+async def play(websocket: WebSocket, fold_id: str) -> None:
+    """Tells a robot where its joints should be, in real time, as far as it follows."""
+    context = cast("Context", websocket.app.state.context)
+    await websocket.accept()
+    try:
+        ask = msgspec.convert(dict(websocket.query_params), Ask, strict=False)
+        with context.robots.opened(address_of(websocket)):
+            found = await asyncio.to_thread(_playable, context, fold_id, ask)
+            await _Hand(websocket, found, ask, fold_id).play()
+            await _close(websocket, DONE)
+    except msgspec.ValidationError as error:
+        await _refuse(websocket, REFUSED, "bad-request", f"{error}.")
+    except Problem as problem:
+        code = TRY_LATER if problem.status in (429, 503) else REFUSED
+        await _refuse(websocket, code, problem.code, problem.detail)
+
+
+def _retimed(context: Context, fold_id: str, max_speed: float, max_acceleration: float) -> Retimed:
+    """The plan of a finished fold, retimed."""
+    row = context.store.fold(fold_id)
+    path: Path = context.store.directory(fold_id) / "plan.npz"
+    if not row.over or not path.is_file():
+        raise not_there(row, "plan")
+    try:
+        return context.trajectories.of(path, max_speed, max_acceleration)
+    except InputError as error:
+        raise Problem.of_input(error) from error
+
+
+def _playable(context: Context, fold_id: str, ask: Ask) -> Retimed:
+    """The same for a robot, which gets verified plans alone."""
+    try:
+        if not FOLD_ID.fullmatch(fold_id):
+            raise NoSuchFoldError(fold_id)
+        found = _retimed(context, fold_id, ask.max_speed, ask.max_acceleration)
+    except NoSuchFoldError:
+        raise Problem(404, "no-such-fold", "There is no fold at this address.") from None
+    if not found.plan.verified:
+        raise Problem(
+            409, "not-verified", "This plan is not verified, so no robot is driven along it."
+        )
+    return found
+
+
+class _Hand:
+    """One robot being driven."""
+
+    def __init__(self, websocket: WebSocket, found: Retimed, ask: Ask, fold_id: str) -> None:
+        self._websocket = websocket
+        self._trajectory = found.trajectory
+        self._ask = ask
+        self._fold_id = fold_id
+        self._clock = asyncio.get_running_loop().time
+        self._sent: deque[tuple[int, NDArray[Any]]] = deque(maxlen=REMEMBERED)
+        self._number = 0
+        self._answered: int | None = None
+        self._ahead = max(2, round(AHEAD_S * ask.rate_hz))
+        self._heard = self._clock()
+        self._pace = Pace(
+            self._trajectory.duration_s,
+            speed=ask.speed,
+            # A clock that stops at top speed must not ask for more than the largest acceleration.
+            ramp_s=ask.max_speed / ask.max_acceleration / ask.speed,
+            threshold_rad=ask.threshold_rad,
+            silence_s=ask.silence_s,
+            now=self._heard,
+        )
+
+    async def play(self) -> None:
+        """Until the end, a stop, or the robot's leaving."""
+        ask, trajectory = self._ask, self._trajectory
+        await self._send(
+            Begin(
+                schema=FORMAT,
+                fold=self._fold_id,
+                joint_names=trajectory.joint_names,
+                frames=len(trajectory.time_s),
+                duration_s=trajectory.duration_s,
+                deviation_rad=trajectory.deviation_rad,
+                **{name: getattr(ask, name) for name in _TOLD},
+            )
+        )
+        works = [asyncio.ensure_future(work) for work in (self._listen(), self._speak())]
+        try:
+            done, _ = await asyncio.wait(works, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for work in works:
+                work.cancel()
+            await asyncio.gather(*works, return_exceptions=True)
+        try:
+            for work in done:
+                work.result()
+            # What is on its way may still come, and the end is read before this side hangs up.
+            async with asyncio.timeout(LEAVE_S):
+                while True:
+                    await self._receive()
+        except (WebSocketDisconnect, RuntimeError, TimeoutError):
+            return
+
+    async def _speak(self) -> None:
+        """Sends a target at every tick; one that is late is left out, not sent afterwards."""
+        pace, said, told = self._pace, "", -ALIVE_S
+        period = 1.0 / self._ask.rate_hz
+        due = self._clock()
+        while True:
+            now = self._clock()
+            if self._answered is not None:
+                pace.behind = self._number - self._answered >= self._ahead
+            pace.advance(now)
+            if now - self._heard > GONE_S:
+                raise Problem(408, "gone", f"Nothing was heard for {GONE_S:g} s.")
+            reason = pace.waiting(now)
+            if (reason or "") != said or not self._number:
+                said = reason or ""
+                if reason is None:
+                    await self._send(Going(time_s=pace.time_s))
+                else:
+                    await self._send(
+                        Waiting(because=reason, time_s=pace.time_s, error_rad=pace.error_rad)
+                    )
+            # Whoever does not answer is not sent more than it takes to remind it.
+            if reason not in ("start", "silence", "behind") or now - told >= ALIVE_S:
+                told = now
+                await self._send_target()
+            if pace.over(now):
+                await self._end("folded")
+                return
+            due = max(due + period, self._clock())
+            await asyncio.sleep(due - self._clock())
+
+    async def _send_target(self) -> None:
+        import numpy as np
+
+        moment = np.array([self._pace.time_s])
+        angles, speeds, _ = self._trajectory.at(moment)
+        rates: Any = msgspec.UNSET
+        if self._ask.speeds:
+            rates = (speeds[0] * self._pace.rate).round(6).tolist()
+        self._number += 1
+        self._sent.append((self._number, angles[0]))
+        await self._send(
+            Target(
+                number=self._number,
+                time_s=round(self._pace.time_s, 6),
+                frame=round(float(self._trajectory.frame_at(moment)[0]), 3),
+                joint_angles_rad=angles[0].round(6).tolist(),
+                joint_speeds_rad_s=rates,
+            )
+        )
+
+    async def _listen(self) -> None:
+        """Does what the robot says."""
+        joints = len(self._trajectory.joint_names)
+        window, count = 0, 0
+        while True:
+            data = await self._receive()
+            second = int(self._clock())
+            window, count = second, (count + 1 if second == window else 1)
+            if count > MOST_MESSAGES_A_SECOND:
+                raise Problem(
+                    429, "too-fast", f"More than {MOST_MESSAGES_A_SECOND} messages in a second."
+                )
+            if len(data) > 4096 + BYTES_A_JOINT * joints:
+                raise Problem(413, "too-large", f"A message of {len(data)} bytes is too large.")
+            try:
+                message = DECODER.decode(data)
+                self._heard = self._clock()
+                if isinstance(message, Stop):
+                    await self._end("stop")
+                    return
+                if isinstance(message, Report):
+                    self._pace.report(self._error_of(message), self._heard)
+                    if not isinstance(message.number, msgspec.UnsetType):
+                        self._answered = min(message.number, self._number)
+                elif isinstance(message, Pause | Resume):
+                    self._pace.paused = isinstance(message, Pause)
+            except (msgspec.DecodeError, InputError) as error:
+                await self._send(Wrong(code="bad-message", detail=f"{error}."))
+
+    async def _receive(self) -> str | bytes:
+        message = await self._websocket.receive()
+        if message["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect
+        return message.get("text") or message.get("bytes") or b""
+
+    def _error_of(self, report: Report) -> float:
+        """The largest joint error that a report tells of."""
+        import numpy as np
+
+        measured = report.joint_angles_rad
+        if isinstance(measured, msgspec.UnsetType) is isinstance(
+            report.error_rad, msgspec.UnsetType
+        ):
+            raise InputError("bad-report", "a report needs either error_rad or joint_angles_rad")
+        if isinstance(measured, msgspec.UnsetType):
+            return float(cast("float", report.error_rad))
+        joints = len(self._trajectory.joint_names)
+        if len(measured) != joints:
+            raise InputError(
+                "bad-report", f"got {len(measured)} angles, expected {joints}, one for each joint"
+            )
+        number = self._number if isinstance(report.number, msgspec.UnsetType) else report.number
+        wanted = next((angles for n, angles in self._sent if n >= number), self._sent[-1][1])
+        return float(np.abs(np.asarray(measured) - wanted).max())
+
+    async def _end(self, because: Literal["folded", "stop"]) -> None:
+        error = self._pace.error_rad
+        await self._send(End(because=because, time_s=self._pace.time_s, error_rad=error))
+
+    async def _send(self, message: Outgoing) -> None:
+        try:
+            await asyncio.wait_for(
+                self._websocket.send_text(ENCODER.encode(message).decode()), GONE_S
+            )
+        except TimeoutError:
+            raise Problem(408, "gone", f"Nothing was taken for {GONE_S:g} s.") from None
+
+
+_TOLD: Final = (
+    "speed",
+    "max_speed",
+    "max_acceleration",
+    "threshold_rad",
+    "rate_hz",
+    "silence_s",
+)
+
+
+async def _refuse(websocket: WebSocket, code: int, word: str, detail: str) -> None:
+    """Says what is wrong, and closes."""
+    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+        await websocket.send_text(ENCODER.encode(Wrong(code=word, detail=detail)).decode())
+    await _close(websocket, code, word)
+
+
+async def _close(websocket: WebSocket, code: int, reason: str = "") -> None:
+    """Closes a socket that may be closed already; what still comes in must not hold that up."""
+
+    async def drain() -> None:
+        while (await websocket.receive())["type"] != "websocket.disconnect":
+            pass
+
+    draining = asyncio.ensure_future(drain())
+    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+        await websocket.close(code, reason)
+    draining.cancel()
+    await asyncio.gather(draining, return_exceptions=True)

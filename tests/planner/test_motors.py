@@ -1,0 +1,150 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.chain import Chain
+from planner.errors import InputError
+from planner.exports.mjcf import mjcf
+from planner.model import Material
+from planner.motors import Build, motor_table
+from planner.retiming import Trajectory, retime, retimed
+from planner.tree import Tree
+from planner.untyped import mujoco
+from tests.planner.chains import line
+
+MASS, PITCH, GRAVITY = 0.2, 0.05, 9.81
+HELD = Build(module_mass_kg=MASS, pitch_m=PITCH, gravity_m_s2=GRAVITY)
+
+
+@pytest.fixture
+def pendulum() -> tuple[Chain, Trajectory]:
+    """Three cubes: the root, one that is fixed to it, and one that swings by its z hinge."""
+    chain = line(3)
+    frames = np.zeros((40, 2))
+    frames[:, 0] = np.linspace(0.0, 1.2, 40)
+    return chain, retimed(frames, chain.joint_names, 1.0, 2.0)
+
+
+@pytest.mark.parametrize("gravity", [0.0, GRAVITY])
+def test_a_pendulum_needs_what_its_formula_says(
+    pendulum: tuple[Chain, Trajectory], gravity: float
+) -> None:
+    chain, trajectory = pendulum
+    build = Build(module_mass_kg=MASS, pitch_m=PITCH, gravity_m_s2=gravity)
+    table = motor_table(chain, trajectory, build)
+    inertia = MASS * PITCH**2 * (1.0 + 1.0 / 6.0)  # a cube of that edge, one edge off its hinge
+    weight = MASS * gravity * PITCH
+    assert table.peak_torque_nm[0] == pytest.approx(2.0 * inertia + weight, rel=1e-6)
+    # Speeding up for 0.5 s, slowing down for as long, evenly in between.
+    square = (2.0 * inertia + weight) ** 2 + (trajectory.duration_s - 1.0) * weight**2
+    rms = np.sqrt(square / trajectory.duration_s)
+    assert table.rms_torque_nm[0] == pytest.approx(rms, rel=0.01)
+
+
+def test_plain_mujoco_finds_the_same_torques(folded: Callable[..., Any]) -> None:
+    plan = folded("wrench-24").plan
+    trajectory = retime(plan, 1.0, 2.0)
+    unit, weight = MASS * PITCH**2, MASS * PITCH
+    model = mujoco.MjModel.from_xml_string(mjcf(plan.chain, module_size=0.95))
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
+    data = mujoco.MjData(model)
+    joints = [model.joint(name) for name in plan.chain.joint_names]
+    positions = [joint.qposadr[0] for joint in joints]
+    dofs = [joint.dofadr[0] for joint in joints]
+    t = np.linspace(0.0, trajectory.duration_s, 400)
+    needs = np.zeros((len(t), len(joints)))
+    for k, states in enumerate(zip(*trajectory.at(t), strict=True)):
+        data.qpos[positions], data.qvel[dofs], data.qacc[dofs] = states
+        torques = []
+        for direction in (np.zeros(3), *np.eye(3)):
+            model.opt.gravity = direction
+            data.qacc[:6] = data.qvel[:6] = 0.0
+            mujoco.mj_inverse(model, data)
+            torques.append(data.qfrc_inverse[dofs].copy())
+        # A torque is linear in gravity: along the worst direction it is the length of its row.
+        pull = np.linalg.norm(np.array(torques[1:]) - torques[0], axis=0)
+        needs[k] = unit * np.abs(torques[0]) + weight * GRAVITY * pull
+    table = motor_table(plan.chain, trajectory, HELD)
+    assert (table.peak_torque_nm >= needs.max(axis=0) * (1.0 - 1e-3)).all()
+    most = needs.max(axis=0).argmax()
+    assert table.neediest == most
+    assert table.peak_torque_nm[most] == pytest.approx(needs[:, most].max(), rel=0.03)
+    assert table.rms_torque_nm == pytest.approx(np.sqrt((needs**2).mean(axis=0)), rel=0.03)
+
+
+def test_a_floating_chain_moves_as_wanted_under_its_torques(folded: Callable[..., Any]) -> None:
+    """By forward dynamics."""
+    plan = folded("wrench-24").plan
+    trajectory = retime(plan, 1.0, 2.0)
+    floating = Build(module_mass_kg=1.0, pitch_m=1.0, gravity_m_s2=0.0, held=False)
+    table = motor_table(plan.chain, trajectory, floating)
+    tree = Tree(plan.chain, Material(), step_s=0.01)
+    k = table.neediest
+    angles, rates, wanted = (v[0] for v in trajectory.at(table.peak_time_s[[k]]))
+    tree.evaluate(angles, rates)
+    torques = tree.torques_for(wanted)
+    assert np.abs(torques).max() == pytest.approx(table.peak_torque_nm[k])
+    tree.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    tree.apply_torques(torques)
+    mujoco.mj_forward(tree.model, tree.data)
+    assert tree.data.qacc[6:] == pytest.approx(
+        np.concatenate([wanted])[_order(tree, plan.chain)], abs=1e-6
+    )
+
+
+def _order(tree: Tree, chain: Chain) -> list[int]:
+    """Numbers of the hinges in the order of the model."""
+    dofs = [int(tree.model.joint(name).dofadr[0]) for name in chain.joint_names]
+    return np.argsort(dofs).tolist()
+
+
+def test_the_verdict_names_the_joint_that_is_too_weak(
+    pendulum: tuple[Chain, Trajectory],
+) -> None:
+    chain, trajectory = pendulum
+    need = float(motor_table(chain, trajectory, HELD).peak_torque_nm[0])
+    told = motor_table(chain, trajectory, HELD)
+    assert told.would_do is None
+    weak = motor_table(chain, trajectory, HELD, motor_torque_nm=0.9 * need)
+    assert weak.would_do is False
+    assert weak.verdict.startswith(f"would not do: joint_1_z needs {need:.3g} N·m at frame ")
+    strong = motor_table(chain, trajectory, HELD, motor_torque_nm=1.1 * need)
+    assert strong.would_do is True
+    row = strong.as_dict()["joints"][0]
+    assert row["margin"] == pytest.approx(1.1, rel=1e-4)
+    lines = strong.as_csv().splitlines()
+    assert len(lines) == 3
+    assert lines[1].split(",")[0] == "joint_1_z"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"module_mass_kg": 0.0},
+        {"module_mass_kg": np.nan},
+        {"pitch_m": -1.0},
+        {"gravity_m_s2": -9.81},
+        {"held": False},
+    ],
+)
+def test_what_cannot_be_built_is_refused(
+    pendulum: tuple[Chain, Trajectory], wrong: dict[str, Any]
+) -> None:
+    build = Build(**{"module_mass_kg": MASS, "pitch_m": PITCH, **wrong})
+    with pytest.raises(InputError) as refused:
+        motor_table(*pendulum, build)
+    assert refused.value.code == "bad-build"
+
+
+@pytest.mark.parametrize("torque", [0.0, -1.0, np.nan, np.inf])
+def test_a_motor_without_torque_is_refused(
+    pendulum: tuple[Chain, Trajectory], torque: float
+) -> None:
+    with pytest.raises(InputError) as refused:
+        motor_table(*pendulum, HELD, motor_torque_nm=torque)
+    assert refused.value.code == "bad-build"

@@ -1,0 +1,179 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.retiming import Trajectory, clearance, retime, retimed
+
+Array = NDArray[np.float64]
+SPEED, ACCELERATION = 1.0, 2.0
+
+
+def names(frames: Array) -> tuple[str, ...]:
+    return tuple(f"joint_{k}" for k in range(frames.shape[1]))
+
+
+def along(frames: Array, speed: float = SPEED, acceleration: float = ACCELERATION) -> Trajectory:
+    return retimed(frames, names(frames), speed, acceleration)
+
+
+def ramp(length: float, frames: int) -> Array:
+    return np.linspace(0.0, length, frames)[:, None]
+
+
+def check_bounds(trajectory: Trajectory, samples: int) -> None:
+    """By finite differences of the angles alone."""
+    t = np.linspace(0.0, trajectory.duration_s, samples)
+    angles = trajectory.at(t)[0]
+    step = t[1] - t[0]
+    speeds = np.diff(angles, axis=0) / step
+    assert np.abs(speeds).max() <= 1.01 * trajectory.max_speed_rad_s
+    assert np.abs(np.diff(speeds, axis=0) / step).max() <= (
+        1.01 * trajectory.max_acceleration_rad_s2
+    )
+    # From rest to rest: the first and last steps are no longer than the acceleration makes them.
+    assert np.abs(speeds[[0, -1]]).max() <= 1.01 * trajectory.max_acceleration_rad_s2 * step
+
+
+def test_a_fold_keeps_its_bounds_from_rest_to_rest(folded: Callable[..., Any]) -> None:
+    plan = folded("wrench-24").plan
+    trajectory = retime(plan, SPEED, ACCELERATION)
+    check_bounds(trajectory, 8_001)
+    assert trajectory.time_s.shape == plan.time_s.shape
+    assert trajectory.time_s[0] == 0.0
+    assert trajectory.time_s[-1] == trajectory.duration_s
+    assert (np.diff(trajectory.time_s) >= 0.0).all()
+    ends = trajectory.at(np.array([0.0, trajectory.duration_s]))
+    assert np.allclose(ends[0], plan.joint_angles_rad[[0, -1]], atol=1e-9)
+    assert np.allclose(ends[1], 0.0, atol=1e-6)
+
+
+def test_what_it_says_is_what_differences_give(folded: Callable[..., Any]) -> None:
+    trajectory = retime(folded("wrench-24").plan, SPEED, ACCELERATION)
+    t = np.linspace(0.0, trajectory.duration_s, 8_001)
+    angles, speeds, accelerations = trajectory.at(t)
+    step = t[1] - t[0]
+    assert np.allclose(np.diff(angles, axis=0) / step, 0.5 * (speeds[1:] + speeds[:-1]), atol=2e-3)
+    jumps = np.abs(np.diff(speeds, axis=0) / step - accelerations[:-1]).max(axis=1)
+    assert np.quantile(jumps, 0.9) < 0.05  # but for the steps in which accelerations jump
+    assert np.allclose(trajectory.at(trajectory.time_s)[0], trajectory.joint_angles_rad, atol=1e-9)
+
+
+def test_it_stays_near_the_plan_and_as_clear(folded: Callable[..., Any]) -> None:
+    fold = folded("wrench-24")
+    frames = fold.plan.joint_angles_rad
+    trajectory = retime(fold.plan, SPEED, ACCELERATION)
+    t = np.linspace(0.0, trajectory.duration_s, 2001)
+    place = trajectory.frame_at(t)
+    left = np.clip(place.astype(int), 0, len(frames) - 2)
+    part = (place - left)[:, None]
+    straight = (1.0 - part) * frames[left] + part * frames[left + 1]
+    off = np.abs(trajectory.at(t)[0] - straight).max()
+    assert 0.0 < off <= trajectory.deviation_rad + 1e-9 < 0.005
+    # A cut with legs of half a step, if all steps were the same, is an eighth of the bend deep.
+    assert trajectory.deviation_rad <= np.abs(np.diff(frames, 2, axis=0)).max() / 8.0 + 2e-6
+    certificate = fold.plan.certificate
+    found = clearance(trajectory, fold.chain, size=certificate.module_size)
+    assert found == pytest.approx(certificate.min_clearance, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("length", "seconds"),
+    [
+        (1.5, 1.5 / SPEED + SPEED / ACCELERATION),  # a trapezoid of speed
+        (0.2, 2.0 * np.sqrt(0.2 / ACCELERATION)),  # a triangle
+    ],
+)
+@pytest.mark.parametrize("frames", [2, 3, 50])
+def test_a_single_joint_takes_the_time_that_it_must(
+    length: float, seconds: float, frames: int
+) -> None:
+    trajectory = along(ramp(length, frames))
+    assert trajectory.duration_s == pytest.approx(seconds, rel=0.01)
+    assert trajectory.duration_s >= seconds - 1e-9
+    check_bounds(trajectory, 5001)
+
+
+def test_uneven_frames_make_no_difference_on_a_straight_way() -> None:
+    uneven = 1.5 * np.sort(np.random.default_rng(0).uniform(size=60))[:, None]
+    uneven[0], uneven[-1] = 0.0, 1.5
+    assert along(uneven).duration_s == pytest.approx(2.0, rel=0.001)
+
+
+def test_some_bound_is_reached_nearly_always(folded: Callable[..., Any]) -> None:
+    trajectory = retime(folded("wrench-24").plan, SPEED, ACCELERATION)
+    t = np.linspace(0.0, trajectory.duration_s, 5001)
+    _, speeds, accelerations = trajectory.at(t)
+    used = np.maximum(
+        np.abs(speeds).max(axis=1) / SPEED, np.abs(accelerations).max(axis=1) / ACCELERATION
+    )
+    assert np.quantile(used, 0.1) > 0.9
+
+
+def test_back_takes_as_long_as_there(folded: Callable[..., Any]) -> None:
+    frames = folded("wrench-24").plan.joint_angles_rad
+    there, back = along(frames), along(frames[::-1])
+    assert back.duration_s == pytest.approx(there.duration_s, rel=0.01)
+
+
+def test_twice_the_speed_and_four_times_the_acceleration_take_half_the_time() -> None:
+    frames = np.cumsum(np.random.default_rng(1).uniform(-0.02, 0.03, (40, 6)), axis=0)
+    slow, fast = along(frames), along(frames, 2.0 * SPEED, 4.0 * ACCELERATION)
+    assert fast.duration_s == pytest.approx(0.5 * slow.duration_s, rel=1e-6)
+
+
+def test_a_turn_on_the_spot_is_passed_within_bounds() -> None:
+    there = ramp(0.5, 20)
+    check_bounds(along(np.concatenate([there, there[-2::-1]])), 8_001)
+
+
+def test_frames_in_which_nothing_moves_take_no_time() -> None:
+    frames = ramp(0.5, 20)
+    halting = np.repeat(frames, [3 if k in (0, 7, 19) else 1 for k in range(20)], axis=0)
+    trajectory = along(halting)
+    assert trajectory.duration_s == pytest.approx(along(frames).duration_s)
+    assert trajectory.time_s.shape == (26,)
+    assert trajectory.joint_angles_rad[-1] == frames[-1]
+    assert trajectory.frame_at(np.array([0.0, trajectory.duration_s])).tolist() == [0.0, 25.0]
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    frames=st.integers(2, 14),
+    joints=st.integers(1, 4),
+    roughness=st.floats(0.0, 1.0),
+)
+def test_bounds_hold_on_any_path(seed: int, frames: int, joints: int, roughness: float) -> None:
+    rng = np.random.default_rng(seed)
+    steps = rng.normal(size=(1, joints)) + roughness * rng.normal(size=(frames - 1, joints))
+    path = np.concatenate([np.zeros((1, joints)), np.cumsum(0.02 * steps, axis=0)])
+    trajectory = along(path)
+    knots = trajectory.knot_times_s
+    assert (np.diff(knots) > 0.0).all()
+    inside = 1e-6 * np.diff(knots)
+    t = np.concatenate([knots[:-1] + inside, knots[1:] - inside, 0.5 * (knots[1:] + knots[:-1])])
+    _, speeds, accelerations = trajectory.at(t)
+    assert np.abs(speeds).max() <= SPEED * (1.0 + 1e-6)
+    assert np.abs(accelerations).max() <= ACCELERATION * (1.0 + 1e-4)
+
+
+@pytest.mark.parametrize("bound", [0.0, -1.0, np.nan, np.inf])
+def test_bounds_that_are_none_are_refused(bound: float) -> None:
+    for bounds in ((bound, 1.0), (1.0, bound)):
+        with pytest.raises(InputError) as refused:
+            along(ramp(1.0, 5), *bounds)
+        assert refused.value.code == "bad-bound"
+
+
+@pytest.mark.parametrize("frames", [0, 1, 4])
+def test_a_plan_without_motion_is_refused(frames: int) -> None:
+    with pytest.raises(InputError) as refused:
+        along(np.zeros((frames, 2)))
+    assert refused.value.code == "no-motion"

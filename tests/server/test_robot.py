@@ -1,0 +1,344 @@
+"""What a robot gets of a fold: trajectories, torques, and a motion in real time."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+import numpy as np
+import pytest
+from websockets import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from planner.plan import Plan
+from tests.server.service import SNAKE, Service
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "06_drive_a_robot.py"
+Finished = dict[str, Any]
+
+
+class Robot:
+    """A robot at the other end of a socket."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self.socket = socket
+        self.last: dict[str, Any] = {}
+
+    def hear(self) -> dict[str, Any]:
+        said = json.loads(self.socket.recv(timeout=30))
+        if said["is"] == "target":
+            self.last = said
+        return said
+
+    def say(self, do: str, **more: object) -> None:
+        self.socket.send(json.dumps({"do": do, **more}))
+
+    def until(self, wanted: str, error: float = 0.0) -> dict[str, Any]:
+        """Answers every target with an error, until it hears something else that is wanted."""
+        while (said := self.hear())["is"] != wanted:
+            if said["is"] == "target":
+                self.say("report", error_rad=error, number=said["number"])
+        return said
+
+
+def address(service: Service, fold_id: str, **asked: object) -> str:
+    base = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
+    return f"{base}/api/folds/{fold_id}/play?{urlencode(asked)}"
+
+
+def played(service: Service, finished: Finished, **asked: object) -> ClientConnection:
+    return connect(address(service, finished["id"], **asked), max_size=None)
+
+
+def refusal(socket: ClientConnection) -> tuple[str, int]:
+    """The word and the code with which a socket is closed."""
+    robot = Robot(socket)
+    said = robot.hear()
+    assert said["is"] == "problem", said
+    with pytest.raises(ConnectionClosed) as shut:
+        robot.hear()
+    assert shut.value.rcvd is not None
+    return said["code"], shut.value.rcvd.code
+
+
+def test_a_robot_that_follows_is_led_to_the_folded_shape(
+    service: Service, finished: Finished
+) -> None:
+    plan = service.http.get(f"/api/folds/{finished['id']}/plan.json").json()
+    with played(service, finished, speed=20, speeds=True) as socket:
+        robot = Robot(socket)
+        begin = robot.hear()
+        assert begin["is"] == "begin"
+        assert begin["schema"] == "foldback-play/1"
+        assert begin["joint_names"] == plan["joint_names"]
+        assert begin["frames"] == len(plan["time_s"])
+        assert robot.hear()["because"] == "start"
+        first = robot.hear()
+        assert first["joint_angles_rad"] == pytest.approx(plan["joint_angles_rad"][0], abs=1e-5)
+        robot.say("report", error_rad=0.0)
+        times = [first["time_s"]]
+        while (said := robot.hear())["is"] != "end":
+            if said["is"] == "target":
+                times.append(said["time_s"])
+                assert len(said["joint_speeds_rad_s"]) == len(begin["joint_names"])
+                robot.say("report", error_rad=0.01, number=said["number"])
+        assert said["because"] == "folded"
+        assert times == sorted(times)
+        assert times[-1] == pytest.approx(begin["duration_s"], abs=1e-5)
+        assert robot.last["joint_angles_rad"] == pytest.approx(
+            plan["joint_angles_rad"][-1], abs=1e-5
+        )
+
+
+def test_it_waits_while_the_error_is_above_the_threshold(
+    service: Service, finished: Finished
+) -> None:
+    with played(service, finished, speed=2, threshold_rad=0.1, max_acceleration=100) as socket:
+        robot = Robot(socket)
+        robot.until("going", error=0.05)
+        waiting = robot.until("waiting", error=0.2)
+        assert waiting["because"] == "error"
+        assert waiting["error_rad"] == 0.2
+        for _ in range(30):  # the clock runs down, and stands
+            if robot.hear()["is"] == "target":
+                robot.say("report", error_rad=0.2, number=robot.last["number"])
+        stood = robot.last["time_s"]
+        robot.say("report", error_rad=0.2, number=robot.last["number"])
+        assert robot.hear()["time_s"] == stood
+        going = robot.until("going", error=0.05)
+        assert going["time_s"] >= stood
+        assert robot.until("end", error=0.05)["because"] == "folded"
+
+
+def test_the_service_finds_the_error_from_measured_angles(
+    service: Service, finished: Finished
+) -> None:
+    with played(service, finished, speed=0.1) as socket:
+        robot = Robot(socket)
+        while not robot.last:
+            robot.hear()
+        off = np.array(robot.last["joint_angles_rad"])
+        robot.say("report", joint_angles_rad=off.tolist(), number=robot.last["number"])
+        while robot.hear()["is"] != "going":
+            pass
+        off[3] += 0.4
+        robot.say("report", joint_angles_rad=off.tolist(), number=robot.last["number"])
+        while (said := robot.hear())["is"] != "waiting":
+            pass
+        assert said["because"] == "error"
+        assert said["error_rad"] == pytest.approx(0.4, abs=0.02)
+
+
+def test_it_pauses_resumes_and_stops_when_asked(service: Service, finished: Finished) -> None:
+    with played(service, finished, speed=0.5) as socket:
+        robot = Robot(socket)
+        robot.until("going")
+        robot.say("pause")
+        assert robot.until("waiting")["because"] == "pause"
+        robot.say("resume")
+        robot.until("going")
+        robot.say("stop")
+        assert robot.until("end")["because"] == "stop"
+
+
+def test_a_robot_that_falls_silent_stops_the_clock(service: Service, finished: Finished) -> None:
+    with played(service, finished, speed=0.1, silence_s=0.2, rate_hz=20) as socket:
+        robot = Robot(socket)
+        robot.until("going")
+        while (said := robot.hear())["is"] != "waiting":
+            pass
+        assert said["because"] == "silence"
+        assert robot.until("going")["time_s"] < 1.0  # it is told its target again, and answers
+
+
+def test_targets_do_not_run_ahead_of_a_slow_robot(service: Service, finished: Finished) -> None:
+    with played(service, finished, speed=0.1, silence_s=30) as socket:
+        robot = Robot(socket)
+        robot.until("going")
+        answered = robot.last["number"]
+        while (said := robot.hear())["is"] != "waiting":
+            pass
+        assert said["because"] == "behind"
+        assert robot.last["number"] - answered < 20
+        robot.say("report", error_rad=0.0, number=robot.last["number"])
+        robot.until("going")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "no JSON",
+        "[]",
+        '{"do": "fly"}',
+        '{"do": "report"}',
+        '{"do": "report", "error_rad": -1}',
+        '{"do": "report", "error_rad": NaN}',
+        '{"do": "report", "joint_angles_rad": [0, 1]}',
+        '{"do": "report", "error_rad": 0, "joint_angles_rad": []}',
+    ],
+)
+def test_what_makes_no_sense_is_told_and_moves_nothing(
+    service: Service, finished: Finished, text: str
+) -> None:
+    with played(service, finished) as socket:
+        robot = Robot(socket)
+        socket.send(text)
+        while (said := robot.hear())["is"] != "problem":
+            assert said["is"] != "going"
+        assert said["code"] == "bad-message"
+
+
+@pytest.mark.parametrize(
+    "asked", [{"speed": 0}, {"speed": "fast"}, {"threshold_rad": 9}, {"rate_hz": 1e9}, {"sped": 1}]
+)
+def test_a_wrong_question_is_refused(
+    service: Service, finished: Finished, asked: dict[str, object]
+) -> None:
+    with played(service, finished, **asked) as socket:
+        assert refusal(socket) == ("bad-request", 1008)
+
+
+def test_only_finished_and_verified_folds_are_played(service: Service, desk: Service) -> None:
+    with connect(address(desk, "no-such-fold")) as socket:
+        assert refusal(socket) == ("no-such-fold", 1008)
+    with connect(address(desk, desk.fold(SNAKE)["id"])) as socket:
+        assert refusal(socket) == ("not-ready", 1008)
+    doubtful = service.fold(SNAKE, seed="4")["id"]
+    assert service.wait_over(doubtful)["status"] == "verified"
+    path = service.data_dir / "folds" / doubtful / "plan.npz"
+    plan = Plan.load(path)
+    replace(plan, certificate=replace(plan.certificate, verdict="failed: so it says")).save_npz(
+        path
+    )
+    with connect(address(service, doubtful)) as socket:
+        assert refusal(socket) == ("not-verified", 1008)
+
+
+def test_messages_are_bounded(service: Service, finished: Finished) -> None:
+    with played(service, finished) as socket:
+        robot = Robot(socket)
+        robot.say("report", error_rad=0.0, nonsense="x" * 100_000)
+        while (said := robot.hear())["is"] != "problem":
+            pass
+        assert said["code"] == "too-large"
+    with played(service, finished, speed=0.01) as socket:
+        robot = Robot(socket)
+        with contextlib.suppress(ConnectionClosed):  # it may be hung up on at once
+            for _ in range(1200):  # within the same second, or the next
+                robot.say("resume")
+        while (said := robot.hear())["is"] != "problem":
+            pass
+        assert said["code"] == "too-fast"
+
+
+def test_one_visitor_cannot_drive_all_robots(
+    service: Service, finished: Finished, service_with: Callable[..., Service]
+) -> None:
+    settings = {"max_robots_of_visitor": 1, "max_robots": 8, "data_dir": service.data_dir}
+    other = service_with(workers=0, **settings).start()
+    with played(other, finished) as first:
+        assert Robot(first).hear()["is"] == "begin"
+        with played(other, finished) as second:
+            assert refusal(second) == ("too-many-robots", 1013)
+
+
+def test_the_messages_are_described(service: Service, finished: Finished) -> None:
+    schema = service.http.get("/api/play-schema").json()
+    assert schema["title"] == "foldback-play/1"
+    assert {"Ask", "Begin", "Target", "Waiting", "Going", "Report", "End"} <= set(schema["$defs"])
+    answer = service.http.get(f"/api/folds/{finished['id']}/play")
+    assert answer.status_code == 426
+    assert answer.json()["code"] == "websocket"
+
+
+def test_trajectories_are_given_in_both_forms(service: Service, finished: Finished) -> None:
+    here = f"/api/folds/{finished['id']}/trajectory"
+    limits = {"max_speed": 0.5, "max_acceleration": 1.0}
+    document = service.http.get(here, params=limits).json()
+    assert document["verified"] is True
+    assert np.abs(document["joint_speeds_rad_s"]).max() <= 0.5 + 1e-6
+    table = service.http.get(here, params={**limits, "format": "csv", "rate": 20})
+    assert table.headers["content-type"].startswith("text/csv")
+    rows = [line.split(",") for line in table.text.splitlines()]
+    assert len(rows[0]) == 1 + 2 * len(document["joint_names"])
+    assert float(rows[-1][0]) == pytest.approx(document["duration_s"], abs=1e-6)
+    for wrong in ({"max_speed": 0}, {"format": "xml"}, {"rate": -1}):
+        assert service.http.get(here, params=wrong).status_code == 422
+    slow = {"max_speed": 1e-3, "rate": 1e4}
+    assert service.http.get(here, params=slow).json()["code"] == "too-large"
+    assert service.http.get("/api/folds/none/trajectory").status_code == 404
+
+
+def test_motors_are_judged(service: Service, finished: Finished) -> None:
+    here = f"/api/folds/{finished['id']}/motors"
+    asked = {"module_mass": 0.1, "pitch": 0.05, "motor_torque": 0.01}
+    weak = service.http.get(here, params=asked).json()
+    assert weak["would_do"] is False
+    assert weak["verdict"].startswith("would not do: joint_")
+    strong = service.http.get(here, params={**asked, "motor_torque": 100}).json()
+    assert strong["would_do"] is True
+    assert strong["joints"][0]["peak_torque_nm"] == weak["joints"][0]["peak_torque_nm"]
+    table = service.http.get(here, params={**asked, "format": "csv"}).text.splitlines()
+    assert len(table) == 1 + len(weak["joints"])
+    falling = service.http.get(here, params={**asked, "floating": True})
+    assert (falling.status_code, falling.json()["code"]) == (422, "bad-build")
+    assert service.http.get(here).status_code == 422
+
+
+def test_the_command_line_does_the_same(
+    service: Service, finished: Finished, tmp_path: Path
+) -> None:
+    directory = service.data_dir / "folds" / finished["id"]
+    out, table = tmp_path / "robot.json", tmp_path / "motors.csv"
+
+    def retime(*more: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-P", "-m", "server.command_line", "retime", str(directory)]
+        limits = ["--max-speed", "0.5", "--max-acceleration", "1", "--json"]
+        return subprocess.run(
+            [*command, *limits, *more], capture_output=True, text=True, timeout=120, check=False
+        )
+
+    torques = ["--module-mass", "0.1", "--pitch", "0.05", "--table", str(table)]
+    done = retime("--out", str(out), *torques, "--motor-torque", "0.01")
+    assert done.returncode == 3, done.stderr
+    report = json.loads(done.stdout.splitlines()[-1])
+    here = f"/api/folds/{finished['id']}"
+    limits = {"max_speed": 0.5, "max_acceleration": 1.0}
+    assert (
+        json.loads(out.read_text()) == service.http.get(f"{here}/trajectory", params=limits).json()
+    )
+    asked = {**limits, "module_mass": 0.1, "pitch": 0.05, "motor_torque": 0.01}
+    assert report["motors"] == service.http.get(f"{here}/motors", params=asked).json()
+    certificate = finished["state"]["summary"]["certificate"]
+    assert report["min_clearance"] == pytest.approx(certificate["min_clearance"], abs=0.01)
+    assert len(table.read_text().splitlines()) == 1 + len(report["motors"]["joints"])
+    refused = retime("--out", str(tmp_path / "robot.txt"))
+    assert refused.returncode == 2
+    assert json.loads(refused.stdout)["error"]["code"] == "unknown-form"
+
+
+@pytest.mark.parametrize(("stiffness", "waits"), [("5", False), ("0.05", True)])
+def test_the_example_drives_a_simulated_robot(
+    service: Service, finished: Finished, tmp_path: Path, stiffness: str, waits: bool
+) -> None:
+    base = str(service.http.base_url).rstrip("/")
+    options = ["--url", base, "--fold", finished["id"], "--speed", "2", "--stiffness", stiffness]
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(EXAMPLE), *options],
+        cwd=tmp_path,
+        env={"PATH": ""},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "'because': 'folded'" in done.stdout.splitlines()[-1]
+    assert ("'because': 'error'" in done.stdout) is waits
