@@ -20,7 +20,7 @@ from server.jobs import Jobs
 from server.limits import ChildLimits
 from server.metrics import CountAnswers, Metrics
 from server.previews import NoSuchPreviewError, Previews
-from server.routes import artifacts, folds, health, pages, previews, shapes, viewers
+from server.routes import artifacts, folds, gallery, health, pages, previews, shapes, viewers
 from server.security import AllowedHosts, BodyLimit, SameOrigin, SecurityHeaders, hosts_of
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store
@@ -28,7 +28,7 @@ from server.streams import Streams
 from server.watch import Watch
 from web.viewers import Viewers
 
-ROUTERS: Final = (folds, artifacts, shapes, health, pages, previews, viewers)
+ROUTERS: Final = (folds, artifacts, shapes, health, pages, gallery, previews, viewers)
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
