@@ -111,7 +111,10 @@ class Standing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sieve:
-    """Which cards are wanted. What is empty or None lets all of them through."""
+    """Which cards are wanted. What is empty or None lets all of them through.
+
+    Every one of the ``words`` must begin a word of the card.
+    """
 
     module: str = ""
     kind: str = ""
@@ -147,7 +150,7 @@ class Sieve:
             and self.status in ("", standing.status)
             and (self.least is None or card.modules >= self.least)
             and (self.most is None or card.modules <= self.most)
-            and all(word in card.words for word in self.words.lower().split())
+            and all(f" {word}" in f" {card.words}" for word in self.words.lower().split())
         )
 
 

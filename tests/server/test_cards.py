@@ -41,6 +41,8 @@ VERIFIED = Standing(status="verified", fold="a")
         ({"q": "signs"}, "heart"),
         ({"q": "216 modules"}, "heart"),
         ({"q": "heart ring"}, ""),
+        ({"q": "eart"}, ""),
+        ({"q": "t"}, "ring"),
     ],
 )
 def test_an_address_says_which_are_wanted(query: dict[str, str], found: str) -> None:

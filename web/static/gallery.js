@@ -26,7 +26,7 @@ function lets({ type, kind, status, q, least, most }, { dataset }) {
     && (!status || dataset.status === status)
     && (least === null || modules >= least)
     && (most === null || modules <= most)
-    && q.toLowerCase().split(" ").every((word) => dataset.words.includes(word));
+    && q.toLowerCase().split(" ").every((word) => ` ${dataset.words}`.includes(` ${word}`));
 }
 
 function sift() {
