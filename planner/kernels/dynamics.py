@@ -136,6 +136,9 @@ def _rigid(
         _turned_inertia(rotations[i], inertia, angular[i], work)
         for r in range(3):
             moment[r] += work[r]
+    if not np.isfinite(moment).all():
+        linear[:] = np.nan
+        return
     turn: Array = np.linalg.solve(whole, -moment)  # pyright: ignore[reportAssignmentType]
     for i in range(n):
         cross(turn, arms[i], work)
@@ -167,7 +170,7 @@ def many_floating_torques(
     Args:
         angles, rates, accelerations: (F, J) of the hinges.
         rigid_links, anchor, axes, turn, offset, inertia: Of the module; its mass is 1.
-        out: (F, J) written, in units of module mass · pitch² / s².
+        out: (F, J) written, in units of module mass · pitch² / s²; NaN where the motion is none.
     """
     frames, joints = angles.shape
     hinges = axes.shape[0]

@@ -7,7 +7,6 @@ import hashlib
 import json
 import mimetypes
 import secrets
-from collections import Counter
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -21,6 +20,7 @@ from planner.chain import Chain
 from planner.errors import PlannerError
 from planner.readers import read
 from planner.timeline import chain_from_attributes
+from server.cards import cards, selected
 from server.routes.facts import fold_facts, shown_name
 from server.routes.finding import Found, find_fold
 from web.isometric import isometric_svg
@@ -49,25 +49,6 @@ POLICY: Final = "; ".join(
         "frame-ancestors 'self'",
     )
 )
-KINDS: Final = {
-    "tool": "Tools",
-    "animal": "Animals",
-    "thing": "Things",
-    "building": "Buildings",
-    "letter": "Letters",
-    "hollow": "Hollow",
-    "furniture": "Furniture",
-    "vehicle": "Vehicles",
-    "kitchen": "Kitchen",
-    "solid": "Solids",
-    "ring": "Rings",
-    "number": "Numbers",
-    "sign": "Signs",
-    "plant": "Plants",
-    "paper": "From the paper",
-    "tetrahedra": "Tetrahedra",
-}
-PLURALS: Final = {"cube": "modules", "tetrahedron": "tetrahedra"}
 PAWN: Final = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1))
 
 
@@ -79,8 +60,8 @@ async def landing(request: Request) -> Response:
     still = await asyncio.to_thread(_still, context.gallery, FEATURED, 480)
     return page(
         "landing.html",
-        shapes=_cards(context.gallery),
-        kinds=_kinds(context.gallery),
+        shapes=selected(context.gallery),
+        count=len(cards(context.gallery)),
         featured=featured,
         still=still or isometric_svg(PAWN),
     )
@@ -205,28 +186,6 @@ def _static() -> dict[str, tuple[bytes, str, str]]:
         etag = f'"{hashlib.sha256(data).hexdigest()[:20]}"'
         found[path.name] = (data, kind or "application/octet-stream", etag)
     return found
-
-
-@cache
-def _cards(gallery: Gallery) -> list[dict[str, Any]]:
-    """The gallery as cards; their drawings are files of their own, loaded when seen."""
-    return [
-        {
-            "name": shape.name,
-            "title": shown_name(shape.title),
-            "modules": shape.modules,
-            "count": f"{shape.modules} {PLURALS.get(shape.module, shape.module)}",
-            "tags": shape.tags or (("solid",) if shape.name.startswith("box-") else ("paper",)),
-        }
-        for shape in gallery.shapes()
-    ]
-
-
-@cache
-def _kinds(gallery: Gallery) -> list[tuple[str, str]]:
-    """The kinds of shape there are and what they are called, the most common first."""
-    counts = Counter(str(tag) for card in _cards(gallery) for tag in card["tags"])
-    return [(tag, KINDS.get(tag) or tag.capitalize()) for tag, _ in counts.most_common()]
 
 
 @cache

@@ -285,21 +285,6 @@ def test_drag_a_letter_and_fold_it(visit: Visit) -> None:
     expect(page.locator("#name")).to_have_text("Letter L")
 
 
-def test_the_gallery_is_filtered(visit: Visit) -> None:
-    page = visit("/", width=1440, height=900)
-    cards = page.locator("#cards li:visible")
-    some = cards.count()
-    page.locator("#all-cards").click()
-    assert cards.count() > some
-    page.locator("[data-kind=letter]").click()
-    letters = cards.count()
-    assert 0 < letters < some
-    page.locator("#sizes").select_option("0-99")
-    assert 0 < cards.count() < letters
-    drawn = page.locator("#cards li:visible img").first
-    assert drawn.evaluate("image => image.decode().then(() => image.naturalWidth)") > 0
-
-
 def test_previews_that_are_gone_are_told_in_words(visit: Visit) -> None:
     page = visit("/previews/nosuchpreview")
     expect(page.locator("h1")).to_have_text("This preview is not there any more")

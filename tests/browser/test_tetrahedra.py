@@ -66,8 +66,7 @@ def test_a_mesh_becomes_tetrahedra(visit: Visit) -> None:
 
 
 def test_the_gallery_shows_them(visit: Visit) -> None:
-    page = visit("/", width=1440, height=900)
-    page.locator('.pick[data-kind="tetrahedra"]').click()
+    page = visit("/gallery?type=tetrahedron", width=1440, height=900)
     cards = page.locator("#cards li:not([hidden])")
     expect(cards).to_have_count(10)
     expect(cards.first).to_contain_text("tetrahedra")

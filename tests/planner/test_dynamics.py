@@ -54,3 +54,13 @@ def test_too_few_frames_tell_nothing() -> None:
     )
     assert np.isnan(rates).all()
     assert np.isnan(accelerations).all()
+
+
+def test_a_motion_without_numbers_has_no_torques() -> None:
+    chain = coil(9)
+    angles = np.tile(chain.folded_rad, (3, 1))
+    rates = np.zeros_like(angles)
+    rates[1, 2] = np.nan
+    found = floating_torques(chain.module, angles, rates, np.zeros_like(angles))
+    assert np.isnan(found[1]).any()
+    np.testing.assert_allclose(found[[0, 2]], 0.0, atol=1e-12)

@@ -67,7 +67,7 @@ def test_all_stages_make_a_verified_plan(tmp_path: FilePath) -> None:
     assert export["reason"] == ""
     expected = {name for names in OUTPUTS.values() for name in names}
     present = {path.name for path in directory.iterdir()}
-    assert present == expected | {"request.json", "input", "timeline.zarr"}
+    assert present == expected | {"request.json", "input", "timeline.zarr", "figures.zarr"}
     assert Plan.load(directory / "plan.json").verified
 
 
@@ -124,6 +124,7 @@ def test_a_stage_killed_half_way_leaves_nothing_half_written(
     whole = folded("wrench-24")
     directory = tmp_path / "killed"
     shutil.copytree(whole.directory, directory)
+    shutil.rmtree(directory / "figures.zarr")
     for later in STAGES[STAGES.index(stage) :]:
         for name in OUTPUTS[later]:
             (directory / name).unlink()

@@ -1,5 +1,5 @@
 // Where one goes from a fold: beside another one, or on into another shape.
-import { askForFold } from "./asking.js";
+import { foldAsked } from "./asking.js";
 import { element } from "./words.js";
 
 const get = (id) => document.getElementById(id);
@@ -25,7 +25,7 @@ export class Companions {
   fillCompare() {
     const ways = get("compare-ways");
     ways.replaceChildren(...this.others.map(({ text, hint, form }) => this.way(text, hint, async () => {
-      const other = await askForFold(form);
+      const other = await foldAsked(form);
       location.href = `/compare?a=${this.id}&b=${other.id}`;
     })));
     get("compare-form").onsubmit = (event) => {
@@ -47,14 +47,14 @@ export class Companions {
       list.replaceChildren(element("p", { class: "hint" }, "No shape of the gallery has the same number of modules. Drop one of your own below."));
     }
     list.append(...told.shapes.map(({ name, title, modules }) => this.way(title, `${modules} modules`, async () => {
-      const refold = await askForFold({ refold: this.id, shape: name });
+      const refold = await foldAsked({ refold: this.id, shape: name });
       location.href = `/folds/${refold.id}`;
     }, `/shapes/${name}.svg`)));
     get("refold-file").onchange = async (event) => {
       const [file] = event.target.files;
       if (!file) return;
       try {
-        location.href = `/folds/${(await askForFold({ refold: this.id, file })).id}`;
+        location.href = `/folds/${(await foldAsked({ refold: this.id, file })).id}`;
       } catch (error) {
         get("refold-message").textContent = error.message;
       }

@@ -1,4 +1,5 @@
 // The editor: a grid for one layer, the painting behind it, and the way to a preview or a fold.
+import { UNREACHABLE, askForFold } from "./asking.js";
 import { draw } from "./isometric.js";
 import { LETTERS, letterCells } from "./letters.js";
 import { Painting, SIZE, cellOf, keyOf } from "./painting.js";
@@ -153,27 +154,31 @@ function file() {
   return new File([JSON.stringify(voxels)], "painted.json", { type: "application/json" });
 }
 
-async function send(to, done) {
+// `ask` sends the form and says why that could not be, or nothing.
+async function send(ask) {
   const buttons = [get("preview"), get("fold")];
   for (const button of buttons) button.disabled = true;
   get("message").textContent = "";
   const form = new FormData();
   form.set("file", file());
-  try {
-    const answer = await fetch(to, { method: "POST", body: form });
-    const told = await answer.json().catch(() => ({}));
-    if (answer.ok) { done(told); return; }
-    get("message").textContent = refusal(told, answer.status);
-  } catch {
-    get("message").textContent = "The server cannot be reached. Check the connection and try again.";
-  }
-  for (const button of buttons) button.disabled = false;
+  const refused = await ask(form);
+  get("message").textContent = refused;
+  for (const button of buttons) button.disabled = !refused;
 }
-get("preview").onclick = () => send("/api/shapes/preview", (told) => { location.href = told.links.page; });
-get("fold").onclick = () => send("/api/folds", (told) => {
-  if (told.owner_token) localStorage.setItem(`foldback:owner:${told.id}`, told.owner_token);
-  location.href = `/folds/${told.id}`;
-});
+
+async function look(form) {
+  try {
+    const answer = await fetch("/api/shapes/preview", { method: "POST", body: form });
+    const told = await answer.json().catch(() => ({}));
+    if (!answer.ok) return refusal(told, answer.status);
+    location.href = told.links.page;
+    return "";
+  } catch {
+    return UNREACHABLE;
+  }
+}
+get("preview").onclick = () => send(look);
+get("fold").onclick = () => send(askForFold);
 
 focus(...focused);
 show();

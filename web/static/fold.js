@@ -52,12 +52,10 @@ function show(facts) {
 async function tryAgain({ form }) {
   const buttons = [get("again"), get("cover-button")];
   for (const button of buttons) button.disabled = true;
-  try {
-    location.href = `/folds/${(await askForFold(form)).id}`;
-  } catch (error) {
-    toast(error.message);
-    for (const button of buttons) button.disabled = false;
-  }
+  const refused = await askForFold(form);
+  if (!refused) return;
+  toast(refused);
+  for (const button of buttons) button.disabled = false;
 }
 
 show(facts);

@@ -1,4 +1,5 @@
 // The landing page: takes files and shapes, and keeps the featured fold in motion.
+import { UNREACHABLE, askForFold } from "./asking.js";
 import { playHero } from "./hero.js";
 import { refusal } from "./words.js";
 
@@ -10,7 +11,6 @@ const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 const player = playHero(hero, get("sketch"), { calm });
 
 const NO_PATH = new Set(["repeated-cell"]);
-const FIRST_CARDS = 28;
 
 function say(text, tone = "") {
   message.textContent = text;
@@ -20,24 +20,11 @@ function say(text, tone = "") {
 
 async function start(fields, label) {
   say(`Sending ${label}…`);
-  const resting = player?.send({ do: "pause" });
-  const form = new FormData();
-  for (const [key, value] of Object.entries(fields)) form.set(key, value);
-  form.set("preset", get("preset").value);
-  form.set("seed", get("seed").value || "0");
-  try {
-    const answer = await fetch("/api/folds", { method: "POST", body: form });
-    const body = await answer.json().catch(() => ({}));
-    if (!answer.ok) {
-      say(refusal(body, answer.status), "bad");
-      if (resting && !calm) player.send({ do: "play" });
-      return;
-    }
-    if (body.owner_token) localStorage.setItem(`foldback:owner:${body.id}`, body.owner_token);
-    location.href = `/folds/${body.id}`;
-  } catch {
-    say("The server cannot be reached. Check the connection and try again.", "bad");
-  }
+  const resting = player.send({ do: "pause" });
+  const refused = await askForFold({ ...fields, preset: get("preset").value, seed: get("seed").value || "0" });
+  if (!refused) return;
+  say(refused, "bad");
+  if (resting && !calm) player.send({ do: "play" });
 }
 
 // A path or a chain is folded at once, unless it is knotted; all else is looked at first.
@@ -60,7 +47,7 @@ async function send(file, asVoxels = false) {
     if (straight) await start({ preview: body.id }, file.name);
     else location.href = `${body.links.page}${asVoxels ? "?as_voxels=true" : ""}`;
   } catch {
-    say("The server cannot be reached. Check the connection and try again.", "bad");
+    say(UNREACHABLE, "bad");
   }
 }
 
@@ -98,34 +85,6 @@ addEventListener("drop", (event) => {
   if (files.length > 1) say("One file at a time, please.", "bad");
   else if (files[0]) send(files[0]);
 });
-// The gallery: kinds, sizes, and the rest of it on demand.
-let kind = "";
-let everything = false;
-function filter() {
-  const [least, most] = get("sizes").value.split("-").map(Number);
-  const cards = [...get("cards").querySelectorAll("[data-tags]")];
-  const fit = cards.filter(({ dataset }) => (!kind || dataset.tags.split(" ").includes(kind))
-    && dataset.modules >= least && dataset.modules <= most);
-  const shown = new Set(everything ? fit : fit.slice(0, FIRST_CARDS));
-  for (const card of cards) card.hidden = !shown.has(card);
-  get("no-cards").hidden = fit.length > 0;
-  get("all-cards").hidden = shown.size === fit.length;
-  get("all-cards").textContent = `Show all ${fit.length}`;
-}
-for (const pick of document.querySelectorAll(".pick")) {
-  pick.onclick = () => {
-    kind = pick.dataset.kind;
-    everything = false;
-    for (const other of document.querySelectorAll(".pick")) other.setAttribute("aria-pressed", String(other === pick));
-    filter();
-  };
-}
-if (get("sizes")) {
-  get("sizes").onchange = () => { everything = false; filter(); };
-  get("all-cards").onclick = () => { everything = true; filter(); };
-  filter();
-}
-
 for (const card of document.querySelectorAll("[data-shape]")) {
   card.onclick = async () => {
     card.setAttribute("aria-busy", "true");

@@ -1,4 +1,5 @@
 // The preview page: wishes in the panel, their report in figures, and the scene that shows it.
+import { UNREACHABLE, askForFold } from "./asking.js";
 import { Control } from "./control.js";
 import { View, hasWebGL } from "./view.js";
 import { element, refusal, sentence, whole } from "./words.js";
@@ -102,7 +103,7 @@ async function look() {
       } else cover("This shape cannot be shown", said);
     }
   } catch {
-    problem("The server cannot be reached. Check the connection and try again.");
+    problem(UNREACHABLE);
     if (!report) cover("The server cannot be reached", "Check the connection, then load the page again.");
   }
   running = false;
@@ -312,18 +313,9 @@ get("fold").onclick = async () => {
   const body = form();
   body.set("preset", get("preset").value);
   if (report.as_voxels) body.set("as_voxels", "true");
-  try {
-    const answer = await fetch("/api/folds", { method: "POST", body });
-    const told = await answer.json().catch(() => ({}));
-    if (answer.ok) {
-      if (told.owner_token) localStorage.setItem(`foldback:owner:${told.id}`, told.owner_token);
-      location.href = `/folds/${told.id}`;
-      return;
-    }
-    problem(refusal(told, answer.status));
-  } catch {
-    problem("The server cannot be reached. Check the connection and try again.");
-  }
+  const refused = await askForFold(body);
+  if (!refused) return;
+  problem(refused);
   button.disabled = false;
   button.textContent = `Fold ${whole(report.modules)} modules`;
 };

@@ -1,0 +1,122 @@
+"""What axe-core finds on the pages: nothing serious, in light and dark, on a phone and a laptop."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Page, expect
+
+from tests.server.service import Service, owner
+from tests.server.test_preview import stl
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+Visit = Callable[..., Page]
+
+SIZES = {"phone": (390, 844), "laptop": (1440, 900)}
+SCHEMES: dict[Any, dict[str, list[str]]] = {"light": {}, "dark": {"runOnly": ["color-contrast"]}}
+"""The rules to run in each: only colours differ in the dark."""
+GRAVE = {"serious", "critical"}
+
+
+def findings(page: Page) -> dict[str, list[str]]:
+    """The grave findings in each look of a page: what rule, and which elements break it."""
+    axe = Axe()
+    found: dict[str, list[str]] = {}
+    for size, (width, height) in SIZES.items():
+        page.set_viewport_size({"width": width, "height": height})
+        for scheme, rules in SCHEMES.items():
+            page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+            # The 3D view is a page of its own, which is not ours.
+            options: dict[str, Any] = {"resultTypes": ["violations"], "iframes": False, **rules}
+            violations = axe.run(page, options=options).response["violations"]
+            told = [
+                f"{violation['id']}: {', '.join(node['target'][0] for node in violation['nodes'])}"
+                for violation in violations
+                if violation["impact"] in GRAVE
+            ]
+            if told:
+                found[f"{size}, {scheme}"] = told
+    return found
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/",
+        "/gallery",
+        "/gallery?q=nothing-is-called-this",
+        "/shapes/new",
+        "/folds/nosuchfold",
+        "/previews/nosuchpreview",
+    ],
+)
+def test_pages_that_need_no_fold(visit: Visit, path: str) -> None:
+    assert findings(visit(path)) == {}
+
+
+def test_axe_sees_what_is_wrong(visit: Visit) -> None:
+    page = visit("/folds/nosuchfold")
+    page.locator(".message > p").first.evaluate("p => { p.style.color = '#777'; }")
+    page.locator(".mark").evaluate("mark => { mark.ariaLabel = ''; mark.textContent = ''; }")
+    found = findings(page)
+    assert set(found) == {f"{size}, {scheme}" for size in SIZES for scheme in SCHEMES}
+    assert [text.partition(":")[0] for text in found["phone, light"]] == [
+        "color-contrast",
+        "link-name",
+    ]
+
+
+def test_landing_with_all_its_parts_open(visit: Visit) -> None:
+    page = visit("/")
+    page.locator("#type").click()
+    page.locator(".options summary").click()
+    page.locator("#angles").fill("no signs")
+    page.locator("#typed").click()
+    expect(page.locator("#drop-message")).to_have_attribute("data-tone", "bad")
+    assert findings(page) == {}
+
+
+def test_preview(visit: Visit) -> None:
+    page = visit("/")
+    page.locator("#file").set_input_files(
+        {"name": "brick.stl", "mimeType": "application/octet-stream", "buffer": stl()}
+    )
+    page.wait_for_url(re.compile("/previews/[a-z0-9]+$"))
+    page.locator("body:not(.busy-now)").wait_for()
+    page.locator("#cover.drawn, #cover.gone").wait_for(state="attached")
+    page.locator(".more summary").click()
+    assert findings(page) == {}
+
+
+def test_folds_that_are_verified_and_failed(visit: Visit, service: Service) -> None:
+    folds = {
+        "good": service.fold(shape="wrench-24"),
+        "bad": service.fold(shape="tetra-dodecahedron", preset="direct"),
+    }
+    for tone, fold in folds.items():
+        service.wait_over(fold["id"])
+        page = visit(f"/folds/{fold['id']}")
+        expect(page.locator("#verdict")).to_have_attribute("data-tone", tone)
+        page.locator("#cover.gone").wait_for(state="attached")
+        page.locator("#details").click()
+        page.locator("#tab-properties").click()
+        assert findings(page) == {}
+    assert findings(visit("/gallery?status=verified")) == {}
+
+
+def test_a_fold_that_is_running(visit: Visit, service: Service) -> None:
+    fold = service.fold(shape="mallet-192", seed="11", preset="paper")
+    page = visit("/shapes/new")
+    page.evaluate(
+        "([key, token]) => localStorage.setItem(key, token)",
+        [f"foldback:owner:{fold['id']}", fold["owner_token"]],
+    )
+    page.goto(f"/folds/{fold['id']}")
+    page.locator("#cancel").wait_for()
+    found = findings(page)
+    service.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
+    assert found == {}
