@@ -21,7 +21,7 @@ from planner.errors import PlannerError
 from planner.readers import read
 from planner.timeline import chain_from_attributes
 from server.cards import cards, selected
-from server.routes.facts import fold_facts, shown_name
+from server.routes.facts import fold_facts
 from server.routes.finding import Found, find_fold
 from web.isometric import isometric_svg
 from web.isometric_modules import chain_svg
