@@ -20,10 +20,11 @@ from planner.model import Material
 from planner.parameters import PlaybackParameters
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.record import Record, frames_arrays, frames_from_arrays, save_npz
-from planner.reference import clear_reference
-from planner.timelaw import smooth_law, torque_bounded_law
-from planner.timeline import Frames
+from planner.reference import Reference, clear_reference
+from planner.timelaw import TimeLaw, smooth_law, torque_bounded_law
+from planner.timeline import Frames, Phase
 from planner.tree import Tree
+from planner.unfolding import Unfolding
 
 Array = NDArray[np.float64]
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
@@ -48,7 +49,8 @@ class Playback:
     Attributes:
         status: ``folded`` when the chain got there, else what came of it.
         reason: In plain words; empty when folded.
-        frames: Simulated configurations from straight on, with their joint errors.
+        frames: Simulated configurations with their joint errors: from straight on or, of a
+            refold, from where it begins on, over straight.
         reference_rad: (F, J) what the hinges should have been at those frames.
         steps: Simulation steps.
         seconds: Wall time.
@@ -131,8 +133,11 @@ def play_back(
     cancelled: Cancelled = never,
     start_s: float = 0.0,
     finer: int = 1,
+    unfolding: Unfolding | None = None,
 ) -> Playback:
     """Folds the straight chain in simulation: no gravity, the chain floats.
+
+    A refold is one simulation: the chain begins folded otherwise, unfolds, and goes on from there.
 
     Args:
         chain: The chain.
@@ -144,14 +149,15 @@ def play_back(
         cancelled: Asked now and then whether to stop.
         start_s: Time of the first frame.
         finer: How many times as many frames to keep.
+        unfolding: How the chain becomes straight first; None when it is.
 
     Raises:
         InputError: An unknown controller, or a controller that needs a record without one.
     """
     begun = time.perf_counter()
     if record is not None and len(chain) > parameters.dynamic_up_to:
-        return _followed(chain, record, parameters, module_size, sink, start_s, finer)
-    run = _Run(chain, record, parameters, module_size, start_s, finer)
+        return _followed(chain, record, parameters, module_size, sink, start_s, finer, unfolding)
+    run = _Run(chain, record, parameters, module_size, start_s, finer, unfolding)
     status, reason = run.simulate(sink, progress, cancelled)
     error = run.final_error()
     if status == "folded" and error > FOLDED_WITHIN:
@@ -183,6 +189,7 @@ def _followed(
     sink: Callable[[Frames], None] | None,
     start_s: float,
     finer: int,
+    unfolding: Unfolding | None,
 ) -> Playback:
     """A kinematic playback: the reference itself, its centre of mass at rest."""
     begun = time.perf_counter()
@@ -196,25 +203,38 @@ def _followed(
     frame_rad = FRAME_RAD / finer
     count = max(2, int(np.ceil(reference.length_rad / frame_rad)))
     law = smooth_law(steps=count, step_s=parameters.step_s * parameters.steps_per_rad * frame_rad)
-    last = record.frames[-1:]
-    centre = chain.poses(
-        last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0]
-    ).positions.mean(axis=0)
+    if unfolding is None:
+        last = record.frames[-1:]
+        first = last.joint_angles_rad[0]
+        position, wxyz = last.root_position[0], last.root_wxyz[0]
+    else:
+        first = unfolding.chain.folded_rad
+        position, wxyz = _root_folded(unfolding.chain)
+    centre = chain.poses(first, position, wxyz).positions.mean(axis=0)
     kept: list[Frames] = []
-    for start in range(0, count + 1, KINEMATIC_CHUNK):
-        part = slice(start, min(start + KINEMATIC_CHUNK, count + 1))
-        angles = reference.spline(law.u[part])
-        free = chain.poses(angles, np.zeros(3), last.root_wxyz[0]).positions.mean(axis=1)
+
+    def keep(phase: Phase, times: Array, angles: Array) -> None:
+        free = chain.poses(angles, np.zeros(3), wxyz).positions.mean(axis=1)
         frames = Frames.of_phase(
-            "playback",
-            time_s=start_s + law.step_s * np.arange(count + 1.0)[part],
+            phase,
+            time_s=times,
             joint_angles_rad=angles,
             root_position=centre - free,
-            root_wxyz=np.broadcast_to(last.root_wxyz[0], (len(angles), 4)).copy(),
+            root_wxyz=np.broadcast_to(wxyz, (len(angles), 4)).copy(),
         )
         kept.append(frames)
         if sink is not None:
             sink(frames)
+
+    if unfolding is not None:
+        # Its last frame is straight, and so is the first one of what follows.
+        times = start_s + unfolding.time_s[-1] - unfolding.time_s[::-1]
+        keep("unfolding", times[:-1], unfolding.folding_rad[::-1][:-1])
+        start_s = float(times[-1])
+    for start in range(0, count + 1, KINEMATIC_CHUNK):
+        part = slice(start, min(start + KINEMATIC_CHUNK, count + 1))
+        times = start_s + law.step_s * np.arange(count + 1.0)[part]
+        keep("playback", times, reference.spline(law.u[part]))
     frames = Frames.joined(kept)
     return Playback(
         status="folded",
@@ -240,6 +260,7 @@ class _Run:
         module_size: float,
         start_s: float,
         finer: int,
+        unfolding: Unfolding | None,
     ) -> None:
         self.chain = chain
         self.finer = finer
@@ -259,7 +280,10 @@ class _Run:
             servo = (parameters.stiffness, damping, parameters.torque_limit)
         material = Material(geom_size=module_size, friction=parameters.friction)
         self.tree = Tree(chain, material, step_s=parameters.step_s, servo=servo)
-        self.guide = self._guide(record)
+        self.guides: list[tuple[Phase, Guide]] = [("playback", self._guide(record))]
+        if unfolding is not None:
+            reference, law = self._timed(unfolding.chain, unfolding.folding_rad)
+            self.guides.insert(0, ("unfolding", TimedGuide(reference, law.backwards())))
         self.controller: Controller = (
             ComputedTorque(bandwidth=parameters.bandwidth)
             if servo is None
@@ -270,9 +294,10 @@ class _Run:
             )
         )
         zero = np.zeros_like(chain.folded_rad)
-        if record is None:
-            folded = chain.folded_poses
-            self.tree.place(zero, folded.positions[chain.root], folded.wxyzs[chain.root])
+        if unfolding is not None:
+            self.tree.place(unfolding.chain.folded_rad, *_root_folded(unfolding.chain))
+        elif record is None:
+            self.tree.place(zero, *_root_folded(chain))
         else:
             last = record.frames[-1:]
             self.tree.place(zero, last.root_position[0], last.root_wxyz[0])
@@ -294,8 +319,13 @@ class _Run:
                 f"got the controller {p.controller!r}, expected computed-torque, servo, paper or "
                 "direct.",
             )
+        return TimedGuide(*self._timed(self.chain, snapshots))
+
+    def _timed(self, chain: Chain, snapshots: Array) -> tuple[Reference, TimeLaw]:
+        """A smooth curve through configurations from straight on, and how fast to run along it."""
+        p = self.parameters
         reference = clear_reference(
-            self.chain,
+            chain,
             snapshots,
             spacing_rad=p.spacing_rad,
             distance_weight=p.distance_weight,
@@ -306,7 +336,7 @@ class _Run:
         law = torque_bounded_law(
             reference, self.tree, steps=steps, step_s=p.step_s, samples=samples
         )
-        return TimedGuide(reference, law)
+        return reference, law
 
     def simulate(
         self, sink: Callable[[Frames], None] | None, progress: Report, cancelled: Cancelled
@@ -317,14 +347,21 @@ class _Run:
         last_centres = np.full((len(self.chain), 3), np.inf)
         last_step = 0
         target = None
+        part, begun = 0, 0
         try:
-            while self.steps < self.parameters.max_steps:
+            while self.steps - begun < self.parameters.max_steps:
                 tree.begin_step()
                 angles = tree.angles
-                following = self.guide.target(angles, tree.rates)
+                phase, guide = self.guides[part]
+                following = guide.target(angles, tree.rates)
                 if following is None:
                     assert target is not None
-                    self._keep(angles, target, sink)
+                    if part + 1 < len(self.guides):
+                        # The first frame of the next part is here, where this one has ended.
+                        part, begun = part + 1, self.steps
+                        last_angles = np.full_like(last_angles, np.inf)
+                        continue
+                    self._keep(phase, angles, target, sink)
                     return "folded", ""
                 target = following
                 error = float(np.abs(target.goal - angles).max())
@@ -336,7 +373,7 @@ class _Run:
                     >= (FRAME_DISTANCE / self.finer) ** 2
                     or self.steps - last_step >= FRAME_STEPS
                 ):
-                    self._keep(angles, target, sink)
+                    self._keep(phase, angles, target, sink)
                     last_angles, last_aim, last_step = angles, target.angles, self.steps
                     last_centres = tree.centres
                 self.controller.drive(tree, target)
@@ -354,10 +391,10 @@ class _Run:
                         progress(
                             Progress(
                                 stage="play_back",
-                                fraction=min(target.fraction, 0.99),
+                                fraction=min((part + target.fraction) / len(self.guides), 0.99),
                                 steps=self.steps,
                                 steps_per_second=rate,
-                                message="folding",
+                                message="folding" if phase == "playback" else phase,
                             )
                         )
                         reported, reported_steps = now, self.steps
@@ -370,9 +407,15 @@ class _Run:
             "0.1 rad."
         )
 
-    def _keep(self, angles: Array, target: Target, sink: Callable[[Frames], None] | None) -> None:
+    def _keep(
+        self,
+        phase: Phase,
+        angles: Array,
+        target: Target,
+        sink: Callable[[Frames], None] | None,
+    ) -> None:
         frame = Frames.of_phase(
-            "playback",
+            phase,
             time_s=np.array([self.start_s + self.steps * self.parameters.step_s]),
             joint_angles_rad=angles[None],
             root_position=self.tree.root_position[None],
@@ -397,3 +440,9 @@ class _Run:
     def bent_wrong(self) -> int:
         """Hinges more than 0.1 rad from where they should end."""
         return int((np.abs(self.tree.angles - self.chain.folded_rad) > 0.1).sum())
+
+
+def _root_folded(chain: Chain) -> tuple[Array, Array]:
+    """(3,) and (4,) the root's pose when folded."""
+    folded = chain.folded_poses
+    return folded.positions[chain.root], folded.wxyzs[chain.root]

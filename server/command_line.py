@@ -10,7 +10,7 @@ from typing import Annotated, Final
 
 import typer
 
-COMMANDS: Final = ("serve", "worker", "fold", "shape", "verify", "play")
+COMMANDS: Final = ("serve", "worker", "fold", "refold", "shape", "verify", "play")
 
 
 def application(commands: Iterable[str] = COMMANDS) -> typer.Typer:

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, Field
 
+from server.gallery import GalleryShape
 from server.store import FoldRow, Store
 from server.timelines import frames_promised
 
@@ -33,6 +34,7 @@ class Links(BaseModel):
     events: str
     frames: str
     cancel: str
+    refolds: str
     plan_json: str
     plan_npz: str
     model: str
@@ -47,6 +49,7 @@ class Links(BaseModel):
             events=f"{here}/events",
             frames=f"{here}/frames",
             cancel=f"{here}/cancel",
+            refolds=f"{here}/refolds",
             plan_json=f"{here}/plan.json",
             plan_npz=f"{here}/plan.npz",
             model=f"{here}/model.xml",
@@ -95,6 +98,9 @@ class Fold(BaseModel):
     modules: int
     module: str
     shape: str | None = Field(description="The gallery shape it was started from.")
+    refold: str | None = Field(
+        description="The shape that a refold begins as; null when the chain begins straight."
+    )
     preset: str
     seed: int
     module_size: float | None
@@ -115,6 +121,7 @@ class Fold(BaseModel):
             modules=row.modules,
             module=row.module,
             shape=row.shape,
+            refold=row.refold,
             preset=row.preset,
             seed=row.seed,
             module_size=row.module_size,
@@ -139,6 +146,17 @@ class Shape(BaseModel):
     module: str = Field(description="`cube` or `tetrahedron`.")
     modules: int
     tags: list[str] = Field(description="What kind of shape it is.")
+
+    @classmethod
+    def of(cls, shape: GalleryShape) -> Shape:
+        """What the API shows of one."""
+        return cls(
+            name=shape.name,
+            title=shape.title,
+            module=shape.module,
+            modules=shape.modules,
+            tags=list(shape.tags),
+        )
 
 
 class Shapes(BaseModel):

@@ -14,6 +14,7 @@ from typing import Final
 
 from planner.errors import InputError
 from planner.request import Request
+from planner.unfolding import START_CHAIN, START_PLAN
 from server.children import ChildError
 from server.context import Context
 from server.database import FoldRow
@@ -23,6 +24,25 @@ from server.reading import LARGEST_DRAWING
 from server.store import new_id, new_token
 
 RETRY_AFTER_S: Final = 30
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beginning:
+    """What a refold begins with: a fold, by files that are copied.
+
+    Attributes:
+        name: What people call its shape.
+        module, modules: What its chain is made of.
+        chain, plan: Its files.
+        digest: Of the plan's content.
+    """
+
+    name: str
+    module: str
+    modules: int
+    chain: Path
+    plan: Path
+    digest: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +60,7 @@ class Submission:
     wishes: ShapeWishes = field(default_factory=ShapeWishes)
     cells: list[list[int]] | None = None
     """For a drawing until there is a chain; those that a preview has found."""
+    beginning: Beginning | None = None
 
     @property
     def public(self) -> bool:
@@ -47,6 +68,7 @@ class Submission:
         plain = Request()
         return (
             self.shape is not None
+            and self.beginning is None
             and (self.preset, self.seed, self.module_size)
             == (plain.preset, plain.seed, plain.module_size)
             and not self.wishes.changed()
@@ -63,6 +85,7 @@ class Submission:
             "module_size": self.module_size,
             "content": hashlib.sha256(self.data).hexdigest(),
             **self.wishes.changed(),
+            **({} if self.beginning is None else {"refold": self.beginning.digest}),
         }
         return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()
 
@@ -91,7 +114,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
     directory = context.store.directory(fold_id)
     try:
         _write(aside, submission)
-        found = _read(context, aside)
+        found = _read(context, aside, submission.beginning)
         _note(aside, submission)
         os.rename(aside, directory)
         _sync(directory.parent)
@@ -116,6 +139,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
             progress={},
             summary={},
             error=None,
+            refold=submission.beginning and submission.beginning.name,
         )
         if not context.store.add(row, token):
             shutil.rmtree(directory, ignore_errors=True)
@@ -130,6 +154,51 @@ def submit(context: Context, submission: Submission) -> Receipt:
         shutil.rmtree(aside, ignore_errors=True)
     context.jobs.enqueue(fold_id, gallery=row.public)
     return Receipt(row=row, token=token, existing=False)
+
+
+def beginning_of(context: Context, fold_id: str) -> Beginning:
+    """A finished fold, as what a refold begins with.
+
+    Raises:
+        NoSuchFoldError: When there is no such fold.
+        Problem: When it is not over (409), or ended without a plan (422).
+    """
+    row, directory = context.store.fold(fold_id), context.store.directory(fold_id)
+    if not row.over:
+        raise Problem(
+            409,
+            "refold-not-ready",
+            f"{row.name} is still {row.status}, expected a finished fold; refold it when it is "
+            "over.",
+            headers={"Retry-After": "5"},
+        )
+    return _beginning(directory, "plan.npz", "chain.json", row.name)
+
+
+def beginning_noted(directory: Path, name: str | None) -> Beginning | None:
+    """What a fold that is a refold began with; None when it began straight."""
+    return None if name is None else _beginning(directory, START_PLAN, START_CHAIN, name)
+
+
+def _beginning(directory: Path, plan: str, chain: str, name: str) -> Beginning:
+    try:
+        attributes = json.loads((directory / chain).read_bytes())
+        with open(directory / plan, "rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+    except (OSError, ValueError) as error:
+        raise Problem(
+            422,
+            "refold-no-plan",
+            f"{name} ended without a plan, expected a fold that has one; fold it again.",
+        ) from error
+    return Beginning(
+        name=name,
+        module=str(attributes["module"]),
+        modules=int(attributes["modules"]),
+        chain=directory / chain,
+        plan=directory / plan,
+        digest=digest,
+    )
 
 
 def input_noted(directory: Path) -> tuple[bytes, str | None]:
@@ -217,7 +286,13 @@ def _write(directory: Path, submission: Submission) -> None:
         "seed": submission.seed,
         "module_size": submission.module_size,
         **submission.wishes.changed(),
+        **({} if submission.beginning is None else {"refold": True}),
     }
+    if submission.beginning is not None:
+        shutil.copyfile(submission.beginning.chain, directory / START_CHAIN)
+        shutil.copyfile(submission.beginning.plan, directory / START_PLAN)
+        for name in (START_CHAIN, START_PLAN):
+            _sync(directory / name)
     for name, data in (
         ("input", submission.data),
         ("request.json", json.dumps(request).encode()),
@@ -243,10 +318,12 @@ def _sync(directory: Path) -> None:
         os.close(handle)
 
 
-def _read(context: Context, directory: Path) -> _Found:
+def _read(context: Context, directory: Path, beginning: Beginning | None) -> _Found:
     try:
         found = context.reader.check(directory)
     except InputError as error:
+        if beginning is not None:
+            error = context.gallery.advised(error, beginning.module, beginning.modules)
         raise Problem.of_input(error) from None
     except ChildError as error:
         raise Problem(503, error.code, error.detail) from None
