@@ -16,12 +16,13 @@ from planner.chain import Chain
 from planner.controllers import ComputedTorque, Controller, Servo
 from planner.errors import InputError, SimulationError
 from planner.guides import DirectGuide, Guide, SnapshotGuide, Target, TimedGuide
+from planner.kinematic import kinematic_frames, root_folded
 from planner.model import Material
 from planner.parameters import PlaybackParameters
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.record import Record, frames_arrays, frames_from_arrays, save_npz
 from planner.reference import Reference, clear_reference
-from planner.timelaw import TimeLaw, smooth_law, torque_bounded_law
+from planner.timelaw import TimeLaw, torque_bounded_law
 from planner.timeline import Frames, Phase
 from planner.tree import Tree
 from planner.unfolding import Unfolding
@@ -39,7 +40,6 @@ FOLDED_WITHIN: Final = 0.1
 LAW_SAMPLES_A_RAD: Final = 45
 REPORT_EVERY_S: Final = 0.1
 CHECK_EVERY: Final = 25
-KINEMATIC_CHUNK: Final = 256
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -191,50 +191,21 @@ def _followed(
     finer: int,
     unfolding: Unfolding | None,
 ) -> Playback:
-    """A kinematic playback: the reference itself, its centre of mass at rest."""
+    """A kinematic playback."""
     begun = time.perf_counter()
-    reference = clear_reference(
-        chain,
-        record.frames.joint_angles_rad[::-1],
-        spacing_rad=parameters.spacing_rad,
-        distance_weight=parameters.distance_weight,
-        size=module_size,
-    )
-    frame_rad = FRAME_RAD / finer
-    count = max(2, int(np.ceil(reference.length_rad / frame_rad)))
-    law = smooth_law(steps=count, step_s=parameters.step_s * parameters.steps_per_rad * frame_rad)
-    if unfolding is None:
-        last = record.frames[-1:]
-        first = last.joint_angles_rad[0]
-        position, wxyz = last.root_position[0], last.root_wxyz[0]
-    else:
-        first = unfolding.chain.folded_rad
-        position, wxyz = _root_folded(unfolding.chain)
-    centre = chain.poses(first, position, wxyz).positions.mean(axis=0)
     kept: list[Frames] = []
-
-    def keep(phase: Phase, times: Array, angles: Array) -> None:
-        free = chain.poses(angles, np.zeros(3), wxyz).positions.mean(axis=1)
-        frames = Frames.of_phase(
-            phase,
-            time_s=times,
-            joint_angles_rad=angles,
-            root_position=centre - free,
-            root_wxyz=np.broadcast_to(wxyz, (len(angles), 4)).copy(),
-        )
+    for frames in kinematic_frames(
+        chain,
+        record,
+        parameters,
+        module_size=module_size,
+        start_s=start_s,
+        frame_rad=FRAME_RAD / finer,
+        unfolding=unfolding,
+    ):
         kept.append(frames)
         if sink is not None:
             sink(frames)
-
-    if unfolding is not None:
-        # Its last frame is straight, and so is the first one of what follows.
-        times = start_s + unfolding.time_s[-1] - unfolding.time_s[::-1]
-        keep("unfolding", times[:-1], unfolding.folding_rad[::-1][:-1])
-        start_s = float(times[-1])
-    for start in range(0, count + 1, KINEMATIC_CHUNK):
-        part = slice(start, min(start + KINEMATIC_CHUNK, count + 1))
-        times = start_s + law.step_s * np.arange(count + 1.0)[part]
-        keep("playback", times, reference.spline(law.u[part]))
     frames = Frames.joined(kept)
     return Playback(
         status="folded",
@@ -295,9 +266,9 @@ class _Run:
         )
         zero = np.zeros_like(chain.folded_rad)
         if unfolding is not None:
-            self.tree.place(unfolding.chain.folded_rad, *_root_folded(unfolding.chain))
+            self.tree.place(unfolding.chain.folded_rad, *root_folded(unfolding.chain))
         elif record is None:
-            self.tree.place(zero, *_root_folded(chain))
+            self.tree.place(zero, *root_folded(chain))
         else:
             last = record.frames[-1:]
             self.tree.place(zero, last.root_position[0], last.root_wxyz[0])
@@ -440,9 +411,3 @@ class _Run:
     def bent_wrong(self) -> int:
         """Hinges more than 0.1 rad from where they should end."""
         return int((np.abs(self.tree.angles - self.chain.folded_rad) > 0.1).sum())
-
-
-def _root_folded(chain: Chain) -> tuple[Array, Array]:
-    """(3,) and (4,) the root's pose when folded."""
-    folded = chain.folded_poses
-    return folded.positions[chain.root], folded.wxyzs[chain.root]

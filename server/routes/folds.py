@@ -16,18 +16,12 @@ from planner.starts import TEXT as START
 from planner.starts import cell_of
 from planner.wishes import MODULE_COUNTS
 from server.addresses import address_of
+from server.beginnings import beginning_noted, beginning_of
 from server.context import Context, context_of
 from server.previews import ShapeWishes
 from server.problems import Problem
 from server.schemas import Accepted, Fold, Folds, Links, ProblemBody, Shape, Shapes
-from server.submissions import (
-    Submission,
-    beginning_noted,
-    beginning_of,
-    input_noted,
-    noted,
-    submit,
-)
+from server.submissions import Submission, input_noted, noted, submit
 
 router = APIRouter(prefix="/api/folds", tags=["folds"])
 bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
