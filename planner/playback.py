@@ -251,6 +251,7 @@ class _Run:
             servo = (parameters.stiffness, damping, parameters.torque_limit)
         material = Material(geom_size=module_size, friction=parameters.friction)
         self.tree = Tree(chain, material, step_s=parameters.step_s, servo=servo)
+        self.refolds = unfolding is not None
         self.guides: list[tuple[Phase, Guide]] = [("playback", self._guide(record))]
         if unfolding is not None:
             reference, law = self._timed(unfolding.chain, unfolding.folding_rad)
@@ -349,6 +350,8 @@ class _Run:
                     last_centres = tree.centres
                 self.controller.drive(tree, target)
                 tree.end_step()
+                if self.refolds:
+                    tree.stop_drifting()
                 torque = float(np.abs(tree.motor_torques).max())
                 self.peak_torque = max(self.peak_torque, torque)
                 self.square_torque += torque * torque

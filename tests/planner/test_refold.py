@@ -123,6 +123,13 @@ def test_the_first_half_is_the_other_plan_backwards(plan: Plan, wrench: Folded) 
     )
 
 
+def test_it_floats_without_momentum(plan: Plan) -> None:
+    """A chain that turned a little about its length would spin ever faster as it gets straight."""
+    modules = plan.chain.poses(plan.joint_angles_rad, plan.root_position, plan.root_wxyz)
+    centres = modules.positions.mean(axis=1)
+    np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=0.02)
+
+
 def test_errors_torque_and_time_are_of_both_halves(plan: Plan, wrench: Folded) -> None:
     assert np.isfinite(plan.max_error_rad).all()
     assert plan.max_error_rad[: straight(plan)].max() > 0.0
