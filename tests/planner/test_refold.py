@@ -127,7 +127,11 @@ def test_it_floats_without_momentum(plan: Plan) -> None:
     """A chain that turned a little about its length would spin ever faster as it gets straight."""
     modules = plan.chain.poses(plan.joint_angles_rad, plan.root_position, plan.root_wxyz)
     centres = modules.positions.mean(axis=1)
-    np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=0.02)
+    np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=0.05)
+    # Where it waits straight, it does not move at all.
+    k = straight(plan)
+    for values in (plan.root_position, plan.root_wxyz):
+        np.testing.assert_allclose(values[k], values[k - 1], atol=1e-6)
 
 
 def test_errors_torque_and_time_are_of_both_halves(plan: Plan, wrench: Folded) -> None:
