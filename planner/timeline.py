@@ -25,8 +25,8 @@ from planner.modules import module_named
 
 Array = NDArray[np.float64]
 FORMAT: Final = "foldback-timeline/1"
-PHASES: Final = ("explosion", "playback")
-Phase = Literal["explosion", "playback"]
+PHASES: Final = ("explosion", "playback", "unfolding")
+Phase = Literal["explosion", "playback", "unfolding"]
 Status = Literal["growing", "complete", "failed"]
 FRAMES_A_CHUNK: Final = 128
 FLUSH_EVERY_S: Final = 0.15

@@ -84,6 +84,8 @@ def row_of(directory: Path) -> FolderRow:
         "certificate": certificate,
         **{k: plan[k] for k in ("explosion", "playback", "seed") if k in plan},
     }
+    if plan.get("start"):
+        summary["refold"] = {"start": plan["start"]["name"]}
     return FolderRow(
         id=ONLY,
         name=chain.name,

@@ -243,7 +243,8 @@ def _quantity(values: dict[str, Any], key: str, unit: str, digits: int = DIGITS)
 
 def _told(reason: str, summary: dict[str, Any]) -> str:
     """A reason in the page's words: frames are counted from 1, along the whole timeline."""
-    explosion = (summary.get("explosion") or {}).get("frames")
+    # A refold's timeline is that of its plan alone.
+    explosion = 0 if summary.get("refold") else (summary.get("explosion") or {}).get("frames")
 
     def on_the_timeline(found: re.Match[str]) -> str:
         if not isinstance(explosion, int):
