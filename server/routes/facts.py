@@ -61,6 +61,8 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
         "refoldable": api and row.status == "verified",
         "compare": _compare(row) if api and not running else [],
         "embed": f"/embed/{row.id}" if embed else None,
+        "movies": api and not running and frames_promised(directory) > 0,
+        "robot": api and row.status == "verified",
         "files": [
             {"href": f"/folds/{row.id}/{name}", "label": label, "hint": hint}
             for name, label, hint in FILES
