@@ -19,8 +19,8 @@ from planner.certificate import Certificate, certify
 from planner.chain import Chain
 from planner.explosion import explode
 from planner.exports import mjcf
-from planner.figures import write_figures
 from planner.files import write_whole
+from planner.measuring import write_figures
 from planner.parameters import (
     ExplosionParameters,
     PaperExplosionParameters,
