@@ -49,7 +49,7 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
     ]
     return {
         "id": row.id,
-        "name": shown_name(row.name) or "New fold",
+        "name": _title(row),
         "status": row.status,
         "running": running and api,
         "preset": PRESETS.get(row.preset, row.preset),
@@ -88,6 +88,13 @@ def shown_name(name: str) -> str:
     if (box := re.fullmatch(r"([a-z]+)-(\d+)x(\d+)x(\d+)", name)) is not None:
         return f"{box[1].capitalize()} {box[2]}×{box[3]}×{box[4]}"
     return name
+
+
+def _title(row: Any) -> str:
+    """What the fold is called; a refold, by both shapes."""
+    name = shown_name(row.name) or "New fold"
+    start = getattr(row, "refold", None)
+    return f"{shown_name(start)} → {name}" if start else name
 
 
 def _verdict(row: Any, summary: dict[str, Any], certificate: dict[str, Any]) -> dict[str, str]:

@@ -126,7 +126,8 @@ def test_cancelling_is_said_until_it_is_done(visit: Visit, service: Service) -> 
         const verdict = document.getElementById("verdict");
         new MutationObserver(() => said.push(verdict.textContent))
           .observe(verdict, { childList: true, characterData: true, subtree: true });
-        document.getElementById("cancel").addEventListener("click", () => { window.said = []; });"""
+        document.getElementById("cancel").addEventListener(
+          "click", () => { window.said = []; }, { capture: true });"""
     )
     page.locator("#cancel").click()
     expect(page.locator("#verdict")).to_have_text("cancelled")
