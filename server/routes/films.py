@@ -20,7 +20,7 @@ from planner.stages import work_out_figures
 from server.routes.facts import RUNNING
 from server.routes.finding import find_fold
 from server.store import NoSuchFoldError
-from web.client import bridged_client
+from web.client import client
 from web.film import Film
 from web.measured import FIGURES, curves_of, stretch_of
 from web.reel import reel_of
@@ -37,7 +37,7 @@ _MEASURING: Final = threading.Lock()
 @router.get("/view")
 async def view(request: Request) -> Response:
     """Viser's client, to be framed by a page of ours."""
-    page = await asyncio.to_thread(bridged_client)
+    page = await asyncio.to_thread(client)
     headers = {
         "Content-Security-Policy": page.policy,
         "Cache-Control": "no-cache",

@@ -45,7 +45,7 @@ def test_pages_of_others_change_nothing(desk: Service) -> None:
 
 def test_websockets_of_others_are_refused(desk: Service) -> None:
     fold_id = desk.fold(SNAKE, seed="78")["id"]
-    address = f"ws://{desk.http.base_url.netloc.decode()}/folds/{fold_id}/control/{'v' * 24}"
+    address = f"ws://{desk.http.base_url.netloc.decode()}/api/folds/{fold_id}/play"
 
     async def opens(origin: str) -> bool:
         try:
@@ -81,7 +81,7 @@ def test_websockets_under_other_names_are_refused(desk: Service) -> None:
     port = desk.http.base_url.port
 
     async def opens(host: str) -> bool:
-        address = f"ws://{host}:{port}/folds/{fold_id}/control/{'w' * 24}"
+        address = f"ws://{host}:{port}/api/folds/{fold_id}/play"
         try:
             async with websockets.connect(address, host="127.0.0.1", port=port) as socket:
                 await asyncio.wait_for(socket.recv(), 30)
