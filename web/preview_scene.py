@@ -90,7 +90,10 @@ class _PreviewScene:
         wxyzs = report.get("wxyzs")
         self._wxyzs = np.tile(UPRIGHT, (count, 1)) if wxyzs is None else np.asarray(wxyzs)
         mesh = report.get("mesh")
-        low, high = _bounds(self.positions, mesh)
+        repair = {} if report["has_path"] else _repair(report)
+        self._added = np.asarray(repair.get("add", ()), dtype=np.float64).reshape(-1, 3)
+        self._dropped: list[list[int]] = repair.get("drop", [])
+        low, high = _bounds(np.concatenate([self.positions, self._added]), mesh)
         self._middle = (low + high) / 2
         self.unit = SIZE / float((high - low).max())
         inner = self._placed(np.array([low + 0.5, high - 0.5]))
@@ -143,16 +146,13 @@ class _PreviewScene:
         """Cells that make trouble, and those that the repair would add, stand out."""
         state = report.get("feasibility") or {}
         index = {tuple(map(int, cell)): k for k, cell in enumerate(self.positions)}
-        repairs = state.get("repairs", ())[:1]
         bad = [cell for problem in state.get("problems", ()) for cell in problem["cells"]]
-        for cell in [*bad, *(cell for repair in repairs for cell in repair["drop"])]:
+        for cell in [*bad, *self._dropped]:
             if (k := index.get(tuple(cell))) is not None:
                 self.colours[k] = ERROR
-        for repair in repairs:
-            added = np.asarray(repair["add"], dtype=np.float64).reshape(-1, 3)
-            if len(added):
-                blue = np.tile(np.array(SELECTED, np.uint8), (len(added), 1))
-                self._cubes("/added", added, blue, opacity=ADDED_OPACITY)
+        if len(self._added):
+            blue = np.tile(np.array(SELECTED, np.uint8), (len(self._added), 1))
+            self._cubes("/added", self._added, blue, opacity=ADDED_OPACITY)
 
     def _path(self, cells: Array, colours: Bytes) -> None:
         self._scene.add_frame("/path", show_axes=False)
@@ -217,6 +217,12 @@ class _PreviewScene:
 
     def _placed(self, points: Array) -> Array:
         return (points - self._middle) * self.unit
+
+
+def _repair(report: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The repair that comes first, if there is one."""
+    state = report.get("feasibility") or {}
+    return next(iter(state.get("repairs", ())), {})
 
 
 def _bounds(cells: Array, mesh: Mapping[str, Any] | None) -> tuple[Array, Array]:

@@ -29,6 +29,10 @@ def report(**more: Any) -> dict[str, Any]:
     }
 
 
+def hull_of(header: dict[str, Any]) -> np.ndarray:
+    return np.array(header["hull"]["vertices"])
+
+
 def opened(told: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     """Header, columns and the properties of the nodes by name."""
     header, arrays = decode(preview_scene_of(told))
@@ -59,10 +63,13 @@ def test_cells_without_a_path_show_what_is_wrong_and_what_would_be_added() -> No
         "repairs": [{"add": [[4, 0, 0]], "drop": []}],
     }
     told = report(has_path=False, positions=None, line=None, feasibility=state)
-    _, arrays, nodes = opened(told)
+    header, arrays, nodes = opened(told)
     assert "/path" not in nodes
     assert nodes["/cells"]["opacity"] is None
     assert "/added" in nodes
+    # They are in the picture, too: the row and the cell beyond it fill the size.
+    corners = np.array(header["corners"])
+    assert np.ptp(corners[:, 0]) + np.ptp(hull_of(header)[:, 0]) == pytest.approx(SIZE)
     assert arrays["colours"].tolist() == [list(c) for c in (NEUTRAL, NEUTRAL, ERROR, NEUTRAL)]
 
 
@@ -78,7 +85,7 @@ def test_the_size_does_not_depend_on_the_number_of_modules(count: int) -> None:
     cells = [[x, 0, 0] for x in range(count)]
     header, arrays, nodes = opened(report(cells=cells, positions=cells, line=cells))
     at = arrays[nodes["/cells"]["batched_positions"]["column"]].reshape(-1, 3)
-    hull = np.array(header["hull"]["vertices"])
+    hull = hull_of(header)
     assert np.ptp(at[:, 0]) + np.ptp(hull[:, 0]) == pytest.approx(SIZE, rel=1e-5)
     assert np.ptp(np.array(header["corners"])[:, 0]) == pytest.approx(np.ptp(at[:, 0]), rel=1e-5)
     camera = header["camera"]

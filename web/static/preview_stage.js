@@ -53,6 +53,7 @@ export class PreviewStage extends Scene {
 
   build() {
     super.build();
+    this.apply(Object.keys(this.layers).flatMap((name) => this.layered(name)));
     this.paint();
     this.look();
     this.heard.shown();
@@ -60,10 +61,15 @@ export class PreviewStage extends Scene {
 
   layer(name, on) {
     this.layers[name] = on;
-    this.paint();
+    if (!this.open) return;
+    this.apply(this.layered(name));
+    if (name === "path") this.paint();
   }
 
+  layered(name) { return this.nodes.has(`/${name}`) ? [visibility(`/${name}`, this.layers[name])] : []; }
+
   select(module) {
+    if (module === this.selected) return;
     this.selected = module;
     this.paint();
   }
@@ -81,30 +87,27 @@ export class PreviewStage extends Scene {
     return { positions: arrays[props.batched_positions.column], wxyzs: arrays[props.batched_wxyzs.column] };
   }
 
-  paint() {
-    if (!this.open || !this.scenery) return;
-    const { layers, nodes, selected } = this;
-    const messages = Object.keys(layers).filter((name) => nodes.has(`/${name}`)).map((name) => visibility(`/${name}`, layers[name]));
-    if (nodes.has("/cells")) messages.push(...this.paintCells(), visibility("/selected", selected !== null));
-    this.apply(messages);
-  }
-
   // Around the path the modules are a ghost; the selected one is whole in any case.
-  paintCells() {
+  paint() {
+    if (!this.open || !this.nodes.has("/cells")) return;
     const { selected: blue, ghost, ghost_opacity: opacity } = this.scenery.header.colours;
     const { selected } = this;
     const through = this.nodes.has("/path") && this.layers.path;
     const colours = this.scenery.arrays.colours.slice();
     if (through) for (let i = 0; i < colours.length; i++) colours[i] = ghost[i % 3];
     if (selected !== null) colours.set(blue, 3 * selected);
-    const messages = [update("/cells", { opacity: through ? opacity : null, batched_colors: colours.map((byte) => linear[byte]) })];
-    if (selected === null) return messages;
-    const { positions, wxyzs } = this.modules();
-    messages.push(update("/selected", {
-      batched_positions: positions.slice(3 * selected, 3 * selected + 3),
-      batched_wxyzs: wxyzs.slice(4 * selected, 4 * selected + 4),
-    }));
-    return messages;
+    const messages = [
+      update("/cells", { opacity: through ? opacity : null, batched_colors: colours.map((byte) => linear[byte]) }),
+      visibility("/selected", selected !== null),
+    ];
+    if (selected !== null) {
+      const { positions, wxyzs } = this.modules();
+      messages.push(update("/selected", {
+        batched_positions: positions.slice(3 * selected, 3 * selected + 3),
+        batched_wxyzs: wxyzs.slice(4 * selected, 4 * selected + 4),
+      }));
+    }
+    this.apply(messages);
   }
 
   // Keeps the shape in view of a window that changes, until somebody turned it.
