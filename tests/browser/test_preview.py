@@ -129,6 +129,26 @@ def test_without_webgl_the_drawing_stays_and_the_shape_can_be_folded(
     keep(page, "preview-drawing-390x844")
 
 
+def test_a_3d_view_that_does_not_come_leaves_the_drawing(visit: Visit, service: Service) -> None:
+    found = service.http.post(
+        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
+    ).json()
+    page = visit("/shapes/new", width=1000, height=700)
+    page.route("**/scene/*", lambda route: route.fulfill(status=404))
+    page.goto(found["links"]["page"])
+    expect(page.locator("#cover-text")).to_contain_text("could not be loaded")
+    expect(page.locator("#drawing")).to_be_visible()
+    expect(page.locator("#fold")).to_be_enabled()
+    expect(page.locator(".stage")).to_have_attribute("aria-busy", "false")
+    page.unroute("**/scene/*")
+    # What is busy is asked again.
+    busy = {"status": 503, "headers": {"Retry-After": "1"}}
+    page.route("**/scene/*", lambda route: route.fulfill(**busy), times=1)
+    page.locator("#modules-number").fill("64")
+    page.locator("#modules-number").press("Enter")
+    settled(page)
+
+
 def test_the_slider_asks_again_and_the_view_follows(visit: Visit, service: Service) -> None:
     found = service.http.post(
         "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}

@@ -136,10 +136,10 @@ def test_the_camera(page: Page, aspect: float, stretch: tuple[float, ...]) -> No
 
 
 def test_the_camera_between_views(page: Page) -> None:
-    glides, rests, there, between, needed, angles = run(
+    glides, rests, there, first, second, mixed, angles = run(
         page,
         """
-        const { Follower, anglesOf, blended, distanceNeeded, framing, positionOf } =
+        const { Follower, anglesOf, blended, framing, positionOf } =
           await import("/static/camera.js");
         const seeing = { radius: 0.9, aspect: 1.6, field: 0.56, home: -1 };
         const from = framing(given[0], { ...seeing, elevation: 0.4 });
@@ -151,8 +151,8 @@ def test_the_camera_between_views(page: Page) -> None:
         while (follower.move(1 / 30) && steps < 300) steps++;
         const mixed = blended([from, to], [1, 1], from);
         return [
-          steps, follower.move(1), follower.view === to, mixed.distance,
-          distanceNeeded(given[0], mixed, seeing), anglesOf(positionOf(from), from.target),
+          steps, follower.move(1), follower.view === to, from, to, mixed,
+          anglesOf(positionOf(from), from.target),
         ];
         """,
         (np.random.default_rng(0).normal(size=90) * 5).tolist(),
@@ -160,8 +160,10 @@ def test_the_camera_between_views(page: Page) -> None:
     assert 5 < glides < 300
     assert not rests
     assert there
-    assert between >= needed  # what is nearest stays in the picture
-    assert angles[1] == pytest.approx(0.4)
+    aside = np.linalg.norm(np.subtract(mixed["target"], first["target"]))
+    assert mixed["target"] == pytest.approx(np.add(first["target"], second["target"]) / 2)
+    assert mixed["distance"] >= first["distance"] + aside  # what is nearest stays in the picture
+    assert angles == pytest.approx([first["azimuth"], 0.4])
 
 
 def test_packed_columns(page: Page) -> None:
