@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from planner.playback import Playback, play_back
     from planner.readers import read
     from planner.record import Record
+    from planner.refold import refold
     from planner.timeline import Frames, Timeline, TimelineWriter
     from planner.verification import Verification, verify
 
@@ -59,6 +60,7 @@ __all__ = [
     "play_back",
     "preset",
     "read",
+    "refold",
     "verify",
 ]
 
@@ -76,6 +78,7 @@ _HOMES = {
     "planner.playback": ("Playback", "play_back"),
     "planner.readers": ("read",),
     "planner.record": ("Record",),
+    "planner.refold": ("refold",),
     "planner.timeline": ("Frames", "Timeline", "TimelineWriter"),
     "planner.verification": ("Verification", "verify"),
 }

@@ -22,13 +22,15 @@ from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.record import Record
 from planner.statics import static_torque
 from planner.sweep import Sweep, sweep
-from planner.timeline import Frames
+from planner.timeline import PHASES, Frames
+from planner.unfolding import ENDS_WITHIN_RAD
 
 Array = NDArray[np.float64]
 GRAVITY_M_S2: Final = 9.81
 FOLDED_WITHIN: Final = 0.01
 """RMS position error in pitches that a verified playback may end with."""
-ENDS_WITHIN_RAD: Final = 1e-6
+CELLS_WITHIN: Final = 1e-6
+"""Distance in pitches from its cells at which a refold may begin."""
 MOVING_FRACTION: Final = 0.1
 """A hinge counts as moving when it is at least this fast, as a fraction of the fastest one."""
 
@@ -123,6 +125,7 @@ def certify(
     playback: Playback | None,
     parameters: Parameters,
     *,
+    start: Chain | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Certificate:
@@ -133,6 +136,7 @@ def certify(
         record: The explosion, or None for direct servoing.
         playback: The playback, or None when there is nothing to play.
         parameters: For the module size and the physical units.
+        start: The chain as it is folded at the beginning of a refold; None when it is straight.
         progress: Told which motion is being swept.
         cancelled: Asked now and then whether to stop; the verdict then is a failure.
 
@@ -156,7 +160,7 @@ def certify(
         progress(Progress(stage="certify", fraction=fraction, message=f"checking the {name}"))
         return sweep(chain, angles, size=size, cancelled=stopped)
 
-    unusable = _unusable(chain, record, playback)
+    unusable = _unusable(chain, record, playback, start)
     if unusable:
         record = playback = None
 
@@ -169,7 +173,7 @@ def certify(
         figures = _plan_figures(chain, playback, parameters)
     unit = torque_unit_nm(chain, parameters)
     weight = unit / chain.pitch_m * GRAVITY_M_S2
-    verdict = _verdict(chain, record, playback, of_plan, of_playback, figures, size)
+    verdict = _verdict(chain, start, record, playback, of_plan, of_playback, figures, size)
     if unusable:
         verdict = f"failed: {unusable}"
     elif stopped():
@@ -205,12 +209,16 @@ _PLAN_FIGURES: Final = (
 )
 
 
-def _unusable(chain: Chain, record: Record | None, playback: Playback | None) -> str:
+def _unusable(
+    chain: Chain, record: Record | None, playback: Playback | None, start: Chain | None
+) -> str:
     """Why there is nothing to look at, or an empty string.
 
     A number that is none compares with nothing, so it would pass every test that follows.
     """
     joints = len(chain.folded_rad)
+    if start is not None and (start.module.name, len(start)) != (chain.module.name, len(chain)):
+        return f"{start.name} and {chain.name} are not of the same modules"
     motions: dict[str, Frames] = {}
     if record is not None:
         motions["record"] = record.frames
@@ -277,6 +285,7 @@ def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> d
 
 def _verdict(
     chain: Chain,
+    start: Chain | None,
     record: Record | None,
     playback: Playback | None,
     of_plan: Sweep | None,
@@ -298,8 +307,8 @@ def _verdict(
     plan = playback.reference_rad
     if playback.status != "folded":
         return f"failed: the playback {playback.status}: {playback.reason}"
-    if np.abs(plan[0]).max() > ENDS_WITHIN_RAD:
-        return "failed: the plan does not begin straight"
+    if begins_otherwise := _begins_otherwise(chain, start, playback):
+        return f"failed: {begins_otherwise}"
     if np.abs(plan[-1] - chain.folded_rad).max() > ENDS_WITHIN_RAD:
         return "failed: the plan does not end folded"
     if np.abs(plan).max() > chain.module.angle_limit_rad + ENDS_WITHIN_RAD:
@@ -312,6 +321,38 @@ def _verdict(
     if of_plan.bound <= 0.0 or of_playback.bound <= 0.0:
         return "verified with gaps: some moments between two frames could not be bounded"
     return "verified"
+
+
+def _begins_otherwise(chain: Chain, start: Chain | None, playback: Playback) -> str:
+    """What is wrong with the beginning, and with a refold until it is straight; or nothing."""
+    frames, plan = playback.frames, playback.reference_rad
+    straight = int((frames.phase == PHASES.index("unfolding")).sum())
+    expected = np.full(len(frames), PHASES.index("playback"), dtype=np.uint8)
+    if start is not None:
+        expected[:straight] = PHASES.index("unfolding")
+    if not np.array_equal(frames.phase, expected) or straight == len(frames):
+        return "the phases of the simulated playback are out of order"
+    if np.abs(plan[straight]).max() > ENDS_WITHIN_RAD:
+        passes = "begin" if start is None else "become"
+        return f"the plan does not {passes} straight"
+    if start is None:
+        return ""
+    if not straight or np.abs(plan[0] - start.folded_rad).max() > ENDS_WITHIN_RAD:
+        return f"the plan does not begin folded as {start.name}"
+    simulated = frames.joint_angles_rad
+    first = chain.poses(simulated[0], frames.root_position[0], frames.root_wxyz[0])
+    if (
+        np.abs(simulated[0] - start.folded_rad).max() > ENDS_WITHIN_RAD
+        or np.abs(first.positions - start.folded_poses.positions).max() > CELLS_WITHIN
+    ):
+        return f"the playback does not begin folded as {start.name}"
+    still, identity = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    passed = chain.poses(simulated[straight], still, identity).positions
+    line = chain.poses(np.zeros_like(plan[0]), still, identity).positions
+    off = float(np.sqrt((aligned_distances(passed, line) ** 2).mean()))
+    if off > FOLDED_WITHIN:
+        return f"the playback passes {off:.2g} pitch (RMS) from straight"
+    return ""
 
 
 def _percent(found: Sweep) -> float:

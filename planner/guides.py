@@ -45,7 +45,7 @@ class Guide(Protocol):
 
 
 class TimedGuide:
-    """Runs along a reference by a time law, then holds its end for a moment."""
+    """Runs along a reference by a time law, either way, then holds its end for a moment."""
 
     def __init__(self, reference: Reference, law: TimeLaw) -> None:
         self._targets = _timed_targets(reference, law)
@@ -72,7 +72,7 @@ def _timed_targets(reference: Reference, law: TimeLaw) -> Iterator[Target]:
                 goal=angles[k],
                 fraction=(start + k) / len(law),
             )
-    end = reference.spline(1.0)
+    end = reference.spline(np.rint(law.u[-1]))
     for _ in range(SETTLE_STEPS):
         yield _still(end, 1.0)
 

@@ -39,7 +39,10 @@ class Plan:
         parameters: All parameters, as plain values.
         seed: What randomness started from.
         versions: Of the programs that made it.
-        time_s: (F,) simulated time from straight to folded.
+        start: The chain as it is folded at the beginning of a refold; None when it is straight.
+        time_s: (F,) simulated time from straight to folded; of a refold from the start on.
+        phase: (F,) uint8 index into ``planner.timeline.PHASES``: ``playback``, and ``unfolding``
+            until a refold is straight.
         joint_angles_rad: (F, J) what the hinges should be.
         root_position: (F, 3) centre of the root module in the simulated playback, in pitches.
         root_wxyz: (F, 4) its orientation.
@@ -57,6 +60,7 @@ class Plan:
     seed: int
     versions: dict[str, str]
     time_s: Array
+    phase: NDArray[np.uint8]
     joint_angles_rad: Array
     root_position: Array
     root_wxyz: Array
@@ -65,6 +69,7 @@ class Plan:
     playback: dict[str, Any] | None
     certificate: Certificate
     attempts: tuple[dict[str, Any], ...] = ()
+    start: Chain | None = None
 
     @classmethod
     def assembled(
@@ -76,6 +81,7 @@ class Plan:
         playback: Playback | None,
         certificate: Certificate,
         attempts: tuple[dict[str, Any], ...] = (),
+        start: Chain | None = None,
     ) -> Plan:
         """A plan from the results of the stages."""
         joints = len(chain.folded_rad)
@@ -87,6 +93,7 @@ class Plan:
             seed=seed,
             versions=versions(),
             time_s=np.zeros(0) if frames is None else frames.time_s - frames.time_s[0],
+            phase=np.zeros(0, dtype=np.uint8) if frames is None else frames.phase,
             joint_angles_rad=np.zeros((0, joints)) if playback is None else playback.reference_rad,
             root_position=np.zeros((0, 3)) if frames is None else frames.root_position,
             root_wxyz=np.zeros((0, 4)) if frames is None else frames.root_wxyz,
@@ -95,6 +102,7 @@ class Plan:
             playback=None if playback is None else playback.summary(),
             certificate=certificate,
             attempts=attempts,
+            start=start,
         )
 
     @property
@@ -115,9 +123,22 @@ class Plan:
             "hinges": len(self.chain.folded_rad),
             "preset": self.preset,
             "seed": self.seed,
+            "refold": self._refold(),
             "explosion": self.explosion or nothing,
             "playback": self.playback,
             "certificate": self.certificate.as_dict(),
+        }
+
+    def _refold(self) -> dict[str, Any] | None:
+        """Of a refold: what it begins folded as, and when it is straight."""
+        if self.start is None:
+            return None
+        straight = int((self.phase == PHASES.index("unfolding")).sum())
+        return {
+            "start": self.start.name,
+            "straight_frame": straight,
+            "straight_s": float(self.time_s[straight]) if straight < len(self.time_s) else None,
+            "frames": len(self.time_s),
         }
 
     def as_dict(self) -> dict[str, Any]:
@@ -125,6 +146,7 @@ class Plan:
         return {
             "format": FORMAT,
             "chain": chain_attributes(self.chain),
+            "start": None if self.start is None else chain_attributes(self.start),
             "preset": self.preset,
             "parameters": self.parameters,
             "seed": self.seed,
@@ -136,7 +158,7 @@ class Plan:
             "root_module": self.chain.root,
             "joint_names": list(self.chain.joint_names),
             "time_s": _listed(self.time_s),
-            "phase": ["playback"] * len(self.time_s),
+            "phase": [PHASES[index] for index in self.phase.tolist()],
             "joint_angles_rad": _listed(self.joint_angles_rad),
             "root_position": _listed(self.root_position),
             "root_wxyz": _listed(self.root_wxyz),
@@ -160,7 +182,7 @@ class Plan:
         rest = {k: v for k, v in self.as_dict().items() if k not in _ARRAYS and k != "phase"}
         return {
             "plan": np.array(json.dumps(rest)),
-            "phase": np.array([PHASES[1]] * len(self.time_s), dtype="<U16"),
+            "phase": np.array([PHASES[index] for index in self.phase.tolist()], dtype="<U16"),
             "joint_names": np.array(self.chain.joint_names),
             **{name: getattr(self, name) for name in _ARRAYS},
         }
@@ -177,7 +199,7 @@ class Plan:
                 # NumPy leaves a file open that it opened itself and cannot read.
                 with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                     values = json.loads(str(file["plan"]))
-                    values.update({name: file[name] for name in _ARRAYS})
+                    values.update({name: file[name] for name in (*_ARRAYS, "phase")})
             else:
                 values = json.loads(path.read_bytes())
             if values["format"] != FORMAT:
@@ -197,6 +219,9 @@ class Plan:
                 name: np.asarray(values[name], dtype=np.float64).reshape(shape)
                 for name, shape in shapes.items()
             }
+            arrays["phase"] = np.array(
+                [PHASES.index(str(name)) for name in values["phase"]], dtype=np.uint8
+            )
             counts = {name: len(array) for name, array in arrays.items()}
             if len(set(counts.values())) > 1:
                 raise ValueError(f"its arrays differ in their numbers of frames: {counts}")
@@ -204,6 +229,7 @@ class Plan:
                 chain=chain,
                 certificate=Certificate.from_dict(values["certificate"]),
                 attempts=tuple(values.get("attempts", ())),
+                start=chain_from_attributes(start) if (start := values.get("start")) else None,
                 **{k: values[k] for k in _VALUES},
                 **arrays,
             )

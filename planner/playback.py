@@ -16,14 +16,16 @@ from planner.chain import Chain
 from planner.controllers import ComputedTorque, Controller, Servo
 from planner.errors import InputError, SimulationError
 from planner.guides import DirectGuide, Guide, SnapshotGuide, Target, TimedGuide
+from planner.kinematic import kinematic_frames, root_folded
 from planner.model import Material
 from planner.parameters import PlaybackParameters
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.record import Record, frames_arrays, frames_from_arrays, save_npz
-from planner.reference import clear_reference
-from planner.timelaw import smooth_law, torque_bounded_law
-from planner.timeline import Frames
+from planner.reference import Reference, clear_reference
+from planner.timelaw import TimeLaw, torque_bounded_law
+from planner.timeline import Frames, Phase
 from planner.tree import Tree
+from planner.unfolding import Unfolding
 
 Array = NDArray[np.float64]
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
@@ -38,7 +40,6 @@ FOLDED_WITHIN: Final = 0.1
 LAW_SAMPLES_A_RAD: Final = 45
 REPORT_EVERY_S: Final = 0.1
 CHECK_EVERY: Final = 25
-KINEMATIC_CHUNK: Final = 256
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,7 +49,8 @@ class Playback:
     Attributes:
         status: ``folded`` when the chain got there, else what came of it.
         reason: In plain words; empty when folded.
-        frames: Simulated configurations from straight on, with their joint errors.
+        frames: Simulated configurations with their joint errors: from straight on or, of a
+            refold, from where it begins on, over straight.
         reference_rad: (F, J) what the hinges should have been at those frames.
         steps: Simulation steps.
         seconds: Wall time.
@@ -131,8 +133,11 @@ def play_back(
     cancelled: Cancelled = never,
     start_s: float = 0.0,
     finer: int = 1,
+    unfolding: Unfolding | None = None,
 ) -> Playback:
     """Folds the straight chain in simulation: no gravity, the chain floats.
+
+    A refold is one simulation: the chain begins folded otherwise, unfolds, and goes on from there.
 
     Args:
         chain: The chain.
@@ -144,14 +149,15 @@ def play_back(
         cancelled: Asked now and then whether to stop.
         start_s: Time of the first frame.
         finer: How many times as many frames to keep.
+        unfolding: How the chain becomes straight first; None when it is.
 
     Raises:
         InputError: An unknown controller, or a controller that needs a record without one.
     """
     begun = time.perf_counter()
     if record is not None and len(chain) > parameters.dynamic_up_to:
-        return _followed(chain, record, parameters, module_size, sink, start_s, finer)
-    run = _Run(chain, record, parameters, module_size, start_s, finer)
+        return _followed(chain, record, parameters, module_size, sink, start_s, finer, unfolding)
+    run = _Run(chain, record, parameters, module_size, start_s, finer, unfolding)
     status, reason = run.simulate(sink, progress, cancelled)
     error = run.final_error()
     if status == "folded" and error > FOLDED_WITHIN:
@@ -183,35 +189,20 @@ def _followed(
     sink: Callable[[Frames], None] | None,
     start_s: float,
     finer: int,
+    unfolding: Unfolding | None,
 ) -> Playback:
-    """A kinematic playback: the reference itself, its centre of mass at rest."""
+    """A kinematic playback."""
     begun = time.perf_counter()
-    reference = clear_reference(
-        chain,
-        record.frames.joint_angles_rad[::-1],
-        spacing_rad=parameters.spacing_rad,
-        distance_weight=parameters.distance_weight,
-        size=module_size,
-    )
-    frame_rad = FRAME_RAD / finer
-    count = max(2, int(np.ceil(reference.length_rad / frame_rad)))
-    law = smooth_law(steps=count, step_s=parameters.step_s * parameters.steps_per_rad * frame_rad)
-    last = record.frames[-1:]
-    centre = chain.poses(
-        last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0]
-    ).positions.mean(axis=0)
     kept: list[Frames] = []
-    for start in range(0, count + 1, KINEMATIC_CHUNK):
-        part = slice(start, min(start + KINEMATIC_CHUNK, count + 1))
-        angles = reference.spline(law.u[part])
-        free = chain.poses(angles, np.zeros(3), last.root_wxyz[0]).positions.mean(axis=1)
-        frames = Frames.of_phase(
-            "playback",
-            time_s=start_s + law.step_s * np.arange(count + 1.0)[part],
-            joint_angles_rad=angles,
-            root_position=centre - free,
-            root_wxyz=np.broadcast_to(last.root_wxyz[0], (len(angles), 4)).copy(),
-        )
+    for frames in kinematic_frames(
+        chain,
+        record,
+        parameters,
+        module_size=module_size,
+        start_s=start_s,
+        frame_rad=FRAME_RAD / finer,
+        unfolding=unfolding,
+    ):
         kept.append(frames)
         if sink is not None:
             sink(frames)
@@ -240,6 +231,7 @@ class _Run:
         module_size: float,
         start_s: float,
         finer: int,
+        unfolding: Unfolding | None,
     ) -> None:
         self.chain = chain
         self.finer = finer
@@ -259,7 +251,11 @@ class _Run:
             servo = (parameters.stiffness, damping, parameters.torque_limit)
         material = Material(geom_size=module_size, friction=parameters.friction)
         self.tree = Tree(chain, material, step_s=parameters.step_s, servo=servo)
-        self.guide = self._guide(record)
+        self.refolds = unfolding is not None
+        self.guides: list[tuple[Phase, Guide]] = [("playback", self._guide(record))]
+        if unfolding is not None:
+            reference, law = self._timed(unfolding.chain, unfolding.folding_rad)
+            self.guides.insert(0, ("unfolding", TimedGuide(reference, law.backwards())))
         self.controller: Controller = (
             ComputedTorque(bandwidth=parameters.bandwidth)
             if servo is None
@@ -270,9 +266,10 @@ class _Run:
             )
         )
         zero = np.zeros_like(chain.folded_rad)
-        if record is None:
-            folded = chain.folded_poses
-            self.tree.place(zero, folded.positions[chain.root], folded.wxyzs[chain.root])
+        if unfolding is not None:
+            self.tree.place(unfolding.chain.folded_rad, *root_folded(unfolding.chain))
+        elif record is None:
+            self.tree.place(zero, *root_folded(chain))
         else:
             last = record.frames[-1:]
             self.tree.place(zero, last.root_position[0], last.root_wxyz[0])
@@ -294,8 +291,13 @@ class _Run:
                 f"got the controller {p.controller!r}, expected computed-torque, servo, paper or "
                 "direct.",
             )
+        return TimedGuide(*self._timed(self.chain, snapshots))
+
+    def _timed(self, chain: Chain, snapshots: Array) -> tuple[Reference, TimeLaw]:
+        """A smooth curve through configurations from straight on, and how fast to run along it."""
+        p = self.parameters
         reference = clear_reference(
-            self.chain,
+            chain,
             snapshots,
             spacing_rad=p.spacing_rad,
             distance_weight=p.distance_weight,
@@ -306,7 +308,7 @@ class _Run:
         law = torque_bounded_law(
             reference, self.tree, steps=steps, step_s=p.step_s, samples=samples
         )
-        return TimedGuide(reference, law)
+        return reference, law
 
     def simulate(
         self, sink: Callable[[Frames], None] | None, progress: Report, cancelled: Cancelled
@@ -317,14 +319,21 @@ class _Run:
         last_centres = np.full((len(self.chain), 3), np.inf)
         last_step = 0
         target = None
+        part, begun = 0, 0
         try:
-            while self.steps < self.parameters.max_steps:
+            while self.steps - begun < self.parameters.max_steps:
                 tree.begin_step()
                 angles = tree.angles
-                following = self.guide.target(angles, tree.rates)
+                phase, guide = self.guides[part]
+                following = guide.target(angles, tree.rates)
                 if following is None:
                     assert target is not None
-                    self._keep(angles, target, sink)
+                    if part + 1 < len(self.guides):
+                        # The first frame of the next part is here, where this one has ended.
+                        part, begun = part + 1, self.steps
+                        last_angles = np.full_like(last_angles, np.inf)
+                        continue
+                    self._keep(phase, angles, target, sink)
                     return "folded", ""
                 target = following
                 error = float(np.abs(target.goal - angles).max())
@@ -336,11 +345,13 @@ class _Run:
                     >= (FRAME_DISTANCE / self.finer) ** 2
                     or self.steps - last_step >= FRAME_STEPS
                 ):
-                    self._keep(angles, target, sink)
+                    self._keep(phase, angles, target, sink)
                     last_angles, last_aim, last_step = angles, target.angles, self.steps
                     last_centres = tree.centres
                 self.controller.drive(tree, target)
                 tree.end_step()
+                if self.refolds:
+                    tree.stop_drifting()
                 torque = float(np.abs(tree.motor_torques).max())
                 self.peak_torque = max(self.peak_torque, torque)
                 self.square_torque += torque * torque
@@ -354,10 +365,10 @@ class _Run:
                         progress(
                             Progress(
                                 stage="play_back",
-                                fraction=min(target.fraction, 0.99),
+                                fraction=min((part + target.fraction) / len(self.guides), 0.99),
                                 steps=self.steps,
                                 steps_per_second=rate,
-                                message="folding",
+                                message="folding" if phase == "playback" else phase,
                             )
                         )
                         reported, reported_steps = now, self.steps
@@ -370,9 +381,15 @@ class _Run:
             "0.1 rad."
         )
 
-    def _keep(self, angles: Array, target: Target, sink: Callable[[Frames], None] | None) -> None:
+    def _keep(
+        self,
+        phase: Phase,
+        angles: Array,
+        target: Target,
+        sink: Callable[[Frames], None] | None,
+    ) -> None:
         frame = Frames.of_phase(
-            "playback",
+            phase,
             time_s=np.array([self.start_s + self.steps * self.parameters.step_s]),
             joint_angles_rad=angles[None],
             root_position=self.tree.root_position[None],

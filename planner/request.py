@@ -30,6 +30,7 @@ class Request:
         preset: Name of a parameter set.
         seed: What randomness starts from.
         module_size: Size at which the plan is verified; None for the preset's.
+        refold: Whether the chain begins folded as the plan beside it says, not straight.
         module, modules, method, repair, ends, as_voxels, start: See ``planner.wishes.Wishes``.
     """
 
@@ -44,6 +45,7 @@ class Request:
     ends: str = "any"
     as_voxels: bool = False
     start: Cell | None = None
+    refold: bool = False
 
     @classmethod
     def of(cls, **given: Any) -> Request:

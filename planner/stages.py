@@ -19,8 +19,8 @@ from planner.certificate import Certificate, certify
 from planner.chain import Chain
 from planner.explosion import explode
 from planner.exports import mjcf
-from planner.figures import write_figures
 from planner.files import write_whole
+from planner.measuring import write_figures
 from planner.parameters import (
     ExplosionParameters,
     PaperExplosionParameters,
@@ -32,7 +32,8 @@ from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.published import explode_as_published
 from planner.record import Record
 from planner.request import SHORT_SEED, Request
-from planner.timeline import TimelineWriter, chain_attributes, chain_from_attributes
+from planner.timeline import PHASES, TimelineWriter, chain_attributes, chain_from_attributes
+from planner.unfolding import START_CHAIN, START_PLAN, Unfolding, check_fits
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 
@@ -121,6 +122,19 @@ def _playback(directory: FilePath) -> Playback | None:
     return Playback.load(path) if path.exists() else None
 
 
+def _start(directory: FilePath, request: Request) -> Chain | None:
+    """The chain as it is folded at the beginning of a refold."""
+    if not request.refold:
+        return None
+    return chain_from_attributes(json.loads((directory / START_CHAIN).read_bytes()))
+
+
+def _unfolding(directory: FilePath, request: Request) -> Unfolding | None:
+    if not request.refold:
+        return None
+    return Unfolding.of_plan(Plan.load(directory / START_PLAN))
+
+
 def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
     del progress, cancelled
     request = _request(directory)
@@ -131,14 +145,20 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
         request.wishes(),
         seed=request.seed % SHORT_SEED,
     )
-    chain = prepared.chain
+    chain, chains = prepared.chain, prepared.chains
+    start = _start(directory, request)
+    if start is not None:
+        check_fits(start, chain.module.name, len(chain))
+        # It is the same chain, whatever size the other shape was drawn in.
+        chains = tuple(replace(c, pitch_m=start.pitch_m) for c in chains if len(c) == len(start))
+        chain = chains[0]
     (directory / attempts.FILE).unlink(missing_ok=True)
-    _write_json(directory / "candidates.json", [chain_attributes(c) for c in prepared.chains])
+    _write_json(directory / "candidates.json", [chain_attributes(c) for c in chains])
     _write_json(directory / "chain.json", chain_attributes(chain))
     return {
         "kind": prepared.kind,
         "method": prepared.method,
-        "candidates": len(prepared.chains),
+        "candidates": len(chains),
         "notes": list(prepared.notes),
         "knot": None if prepared.knot is None else prepared.knot.verdict,
         "name": chain.name,
@@ -218,12 +238,16 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
             "rms_position_error": None,
             "max_angle_error_rad": None,
         }
+    unfolding = _unfolding(directory, request)
     start_s, frames = 0.0, 0
-    if record is not None:
+    if record is not None and unfolding is None:
         start_s, frames = float(record.frames.time_s[-1]), len(record.frames)
     tried = attempts.before_playback(directory, len(_candidates(directory)))
     attempts.save(directory, tried)
-    with TimelineWriter.reopen(directory / "timeline.zarr", frames=frames) as writer:
+    timeline = directory / "timeline.zarr"
+    if unfolding is not None:  # a refold's timeline goes from one shape to the other
+        TimelineWriter.create(timeline, chain)
+    with TimelineWriter.reopen(timeline, frames=frames) as writer:
         playback = play_back(
             chain,
             record,
@@ -234,18 +258,21 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
             cancelled=cancelled,
             start_s=start_s,
             finer=int(tried[-1].get("finer", 1)) if tried else 1,
+            unfolding=unfolding,
         )
     playback.save(directory / "playback.npz")
     return playback.summary()
 
 
 def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
-    parameters = _request(directory).parameters()
+    request, playback = _request(directory), _playback(directory)
+    parameters = request.parameters()
     certificate = certify(
         _chain(directory),
         _record(directory),
-        _playback(directory),
+        playback,
         parameters,
+        start=_start(directory, request),
         progress=progress,
         cancelled=cancelled,
     )
@@ -257,9 +284,25 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
         # What was published is shown as it is, with what is wrong with it.
         if isinstance(parameters.explosion, ExplosionParameters) and not cancelled():
             again = attempts.following(tried, len(_candidates(directory)))
+        if again == "explode" and _overlaps_unfolding(certificate, playback):
+            again = None  # which is the same whatever the other shape's path
     values = certificate.as_dict()
     _write_json(directory / "certificate.json", values)
     return {**values, "again": again}
+
+
+def _overlaps_unfolding(certificate: Certificate, playback: Playback | None) -> bool:
+    """Whether a refold's closest place comes before it is straight."""
+    if playback is None:
+        return False
+    straight = int((playback.frames.phase == PHASES.index("unfolding")).sum())
+    return any(
+        clearance is not None and clearance < 0.0 and place is not None and place.frame < straight
+        for clearance, place in (
+            (certificate.min_clearance, certificate.min_clearance_at),
+            (certificate.min_clearance_playback, certificate.min_clearance_playback_at),
+        )
+    )
 
 
 def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
@@ -275,6 +318,7 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
         _playback(directory),
         certificate,
         tuple(attempts.load(directory)),
+        _start(directory, request),
     )
     write_whole(directory / "model.xml", mjcf.write(plan))
     plan.save_npz(directory / "plan.npz")

@@ -38,6 +38,15 @@ class TimeLaw:
         """Number of steps S."""
         return len(self.u) - 1
 
+    def backwards(self) -> TimeLaw:
+        """The law from 1 to 0 that asks for the same torques: ü stays as it is, u̇ changes sign."""
+        return TimeLaw(
+            u=self.u[::-1],
+            rate=-self.rate[::-1],
+            acceleration=self.acceleration[::-1],
+            step_s=self.step_s,
+        )
+
 
 def torque_bounded_law(
     reference: Reference, tree: Tree, *, steps: int, step_s: float, samples: int

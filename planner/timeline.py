@@ -25,8 +25,8 @@ from planner.modules import module_named
 
 Array = NDArray[np.float64]
 FORMAT: Final = "foldback-timeline/1"
-PHASES: Final = ("explosion", "playback")
-Phase = Literal["explosion", "playback"]
+PHASES: Final = ("explosion", "playback", "unfolding")
+Phase = Literal["explosion", "playback", "unfolding"]
 Status = Literal["growing", "complete", "failed"]
 FRAMES_A_CHUNK: Final = 128
 FLUSH_EVERY_S: Final = 0.15
@@ -278,7 +278,7 @@ class Timeline:
             )
         found: dict[str, Any] = {}
         for name in _columns(0):
-            part = cast("NDArray[Any]", self._arrays[name][start:end])[::stride]
+            part = _strided(self._arrays[name], start, end, stride)
             found[name] = part.astype(np.float64) if part.dtype == np.float32 else part
         return Frames(**found)
 
@@ -302,6 +302,16 @@ class Timeline:
                 )
         self._frames = frames
         self._status = cast("Status", attributes["status"])
+
+
+def _strided(array: zarr.Array[Any], start: int, end: int, stride: int) -> NDArray[Any]:
+    """``array[start:end:stride]``, of which never more than some chunks are in memory at once."""
+    step = FRAMES_A_CHUNK if stride > 1 else max(1, end - start)
+    parts = [
+        cast("NDArray[Any]", array[at : min(at + step, end)])[(start - at) % stride :: stride]
+        for at in range(start, max(end, start + 1), step)
+    ]
+    return np.concatenate(parts)
 
 
 def _attributes(path: str) -> dict[str, Any]:

@@ -116,6 +116,16 @@ class Tree:
             if warnings[int(kind)].number:
                 raise SimulationError("the state is no longer finite.")
 
+    def stop_drifting(self) -> None:
+        """Takes away the momentum that integration has added since the chain was at rest.
+
+        A free chain that began at rest has none: its root's velocity is −M_rr⁻¹ M_rj q̇. What is
+        left of a turn about its length would make a chain spin ever faster as it becomes straight.
+        """
+        data = self.data
+        mujoco.mj_mulM(self.model, data, self._work, data.qvel)
+        data.qvel[:ROOT_DOFS] -= np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
+
     def apply_torques(self, torques: Array) -> None:
         """Sets (J,) torques on the hinges for the coming step."""
         self.data.qfrc_applied[self._dofs] = torques

@@ -16,7 +16,7 @@ from planner.playback import Playback
 from planner.progress import Report, silent
 from planner.record import Record
 from planner.replay import Replay, replay
-from planner.timeline import PHASES, Frames, Phase, Timeline
+from planner.timeline import PHASES, Frames, Phase, Timeline, chain_attributes
 
 SAME_WITHIN: Final = 1e-9
 POSES_WITHIN: Final = 1e-6
@@ -77,7 +77,9 @@ def verify(
         ) from error
     size = plan.certificate.module_size if module_size is None else module_size
     parameters = replace(preset(plan.preset), module_size=size)
-    certificate = certify(plan.chain, record, playback, parameters, progress=progress)
+    certificate = certify(
+        plan.chain, record, playback, parameters, start=plan.start, progress=progress
+    )
     if not certificate.verified:
         problems.append(certificate.verdict)
     found = None
@@ -97,29 +99,36 @@ def verify(
 
 
 def _differences(plan: Plan, other: Plan) -> list[str]:
-    for name in ("joint_angles_rad", "root_position", "root_wxyz", "time_s"):
+    for name in ("phase", "joint_angles_rad", "root_position", "root_wxyz", "time_s"):
         mine, theirs = getattr(plan, name), getattr(other, name)
         if mine.shape != theirs.shape or (
             mine.size and not np.abs(mine - theirs).max() <= SAME_WITHIN
         ):
             return [f"failed: plan.json and plan.npz differ in {name}"]
+    mine, theirs = (p.start and chain_attributes(p.start) for p in (plan, other))
+    if mine != theirs:
+        return ["failed: plan.json and plan.npz differ in start"]
     return []
 
 
 def _results(plan: Plan, timeline: Timeline) -> tuple[Record | None, Playback | None]:
     frames = timeline.frames()
     record = playback = None
-    if plan.explosion is not None:
+    # A refold's timeline shows what was made of the explosion, from one shape to the other.
+    exploded = _of_phase(frames, "explosion")
+    if plan.explosion is not None and (plan.start is None or len(exploded)):
         figures = {k: v for k, v in plan.explosion.items() if k != "frames"}
-        record = Record(frames=_of_phase(frames, "explosion"), **figures)
+        record = Record(frames=exploded, **figures)
     if plan.playback is not None:
-        played = _of_phase(frames, "playback")
+        played = frames[np.flatnonzero(frames.phase != PHASES.index("explosion"))]
         if len(played) != len(plan.time_s):
             raise InputError(
                 "wrong-timeline",
                 f"got {len(played)} frames of playback in the timeline, expected "
                 f"{len(plan.time_s)} as in the plan.",
             )
+        if not np.array_equal(played.phase, plan.phase):
+            raise InputError("wrong-timeline", "the timeline's phases are not those of the plan.")
         playback = Playback(frames=played, reference_rad=plan.joint_angles_rad, **plan.playback)
     return record, playback
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from planner.chain import Chain
 from planner.dynamics import floating_torques
-from planner.figures import clearances_of
 from planner.folding import fold
 from planner.knots import knot_of
+from planner.measuring import clearances_of
 from planner.modules import CUBE
 from planner.pathfinding.exact import exact_path
 from planner.paths import Path

@@ -14,6 +14,7 @@ COMMANDS: Final = (
     "serve",
     "worker",
     "fold",
+    "refold",
     "shape",
     "verify",
     "play",

@@ -20,7 +20,8 @@ class Base(DeclarativeBase):
 class FoldRow(Base):
     """One fold of a visitor.
 
-    ``status`` is one of ``STATUSES``; ``stage`` one of ``planner.stages.STAGES`` or None.
+    ``status`` is one of ``STATUSES``; ``stage`` one of ``planner.stages.STAGES`` or None;
+    ``refold`` is the name of the shape that a refold begins as, None where the chain is straight.
     """
 
     __tablename__ = "folds"
@@ -45,6 +46,7 @@ class FoldRow(Base):
     progress: Mapped[dict[str, Any]] = mapped_column(default=dict)
     summary: Mapped[dict[str, Any]] = mapped_column(default=dict)
     error: Mapped[dict[str, Any] | None]
+    refold: Mapped[str | None] = mapped_column(sa.String(200), default=None)
 
     @property
     def created(self) -> datetime:

@@ -11,9 +11,11 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Final
 
+from planner.errors import InputError
 from planner.modules import CUBE, module_named
 
 MOST_NEAREST: Final = 4
+MOST_FITTING: Final = 6
 ALIKE: Final = 0.5
 UNTAGGED: Final = ("paper",)
 """What the first shapes are: those of the paper."""
@@ -72,6 +74,20 @@ class Gallery:
         names = [shape.name for shape in self.shapes()]
         near = ", ".join(get_close_matches(name.lower(), names, n=MOST_NEAREST, cutoff=ALIKE))
         return f"{len(names)} examples" + (f", such as {near}" if near else "")
+
+    def fitting(self, module: str, modules: int) -> tuple[GalleryShape, ...]:
+        """Those that a chain of so many modules of a kind folds into."""
+        return tuple(s for s in self.shapes() if (s.module, s.modules) == (module, modules))
+
+    def advised(self, error: InputError, module: str, modules: int) -> InputError:
+        """The refusal to refold such a chain into a shape that differs, with some that don't."""
+        if error.code != "refold-differs":
+            return error
+        names = [shape.name for shape in self.fitting(module, modules)]
+        more = f" and {len(names) - MOST_FITTING} more" if len(names) > MOST_FITTING else ""
+        fit = f"examples that fit: {', '.join(names[:MOST_FITTING])}{more}"
+        detail = f"{error.detail.removesuffix('.')}; {fit if names else 'no example fits'}."
+        return InputError(error.code, detail, where=error.where)
 
 
 def shapes_directory() -> Traversable:

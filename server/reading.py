@@ -18,6 +18,7 @@ from planner.modules import CUBE
 from planner.paths import Path as CellPath
 from planner.readers import read
 from planner.shapes import Shape
+from planner.unfolding import START_PLAN, Unfolding, check_fits
 
 if TYPE_CHECKING:
     from planner.wishes import Wishes
@@ -50,12 +51,15 @@ def check(directory: Path) -> dict[str, Any]:
     data = (directory / "input").read_bytes()
     more = {"as_voxels": True} if request.get("as_voxels") else {}
     found = read(data, filename=request["filename"], **more)
+    begins = _begins(directory) if request.get("refold") else None
     other = request.get("module", CUBE.name) != CUBE.name
     if isinstance(found, CellPath) and not other:
         found = Chain.from_path(found)
     if isinstance(found, Chain):
         if found.module.fills_cell:
             _note(directory, np.rint(found.folded_poses.positions))
+        if begins is not None:
+            check_fits(begins, found.module.name, len(found))
         return {"name": found.name, "module": found.module.name, "modules": len(found)}
     from planner.filling import FILLINGS
     from planner.wishes import DEFAULT_MODULES
@@ -68,7 +72,20 @@ def check(directory: Path) -> dict[str, Any]:
         _note(directory, shape.cells)
         filling.check(shape, wishes)
         modules = filling.modules_of(shape, wishes)
+        if begins is not None and not wishes.repair and wishes.method != "blocks":
+            check_fits(begins, wishes.module, modules)
     return {"name": found.name, "module": wishes.module, "modules": modules}
+
+
+def _begins(directory: Path) -> Chain:
+    """The chain of a refold as it is folded at the beginning.
+
+    Raises:
+        InputError: When its plan does not lead there.
+    """
+    from planner.plan import Plan
+
+    return Unfolding.of_plan(Plan.load(directory / START_PLAN)).chain
 
 
 def preview(directory: Path) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import shutil
 import threading
@@ -9,7 +10,9 @@ import time
 from typing import Any, Final, TypedDict
 
 from planner.errors import InputError
+from planner.unfolding import START_CHAIN
 from server.children import Child, ChildError, Children
+from server.gallery import Gallery
 from server.limits import ChildLimits
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store
@@ -73,6 +76,7 @@ class Runner:
         try:
             outcome = self._run(fold_id, stage)
         except InputError as error:
+            error = self._advised(fold_id, error)
             outcome = _outcome(
                 "failed",
                 error={"code": error.code, "detail": error.detail, "where": error.where},
@@ -157,6 +161,13 @@ class Runner:
         # A plan that the certificate has refused is tried again in another way, a few times.
         following = result.get("again") or STAGES[STAGES.index(stage) + 1]
         return _outcome("running", ended=False, following=following)
+
+    def _advised(self, fold_id: str, error: InputError) -> InputError:
+        """The refusal, with shapes that a refold could lead to instead."""
+        if error.code != "refold-differs":
+            return error
+        start = json.loads((self._store.directory(fold_id) / START_CHAIN).read_bytes())
+        return Gallery().advised(error, str(start["module"]), int(start["modules"]))
 
     def _stopped(self, fold_id: str) -> Outcome:
         try:

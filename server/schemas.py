@@ -8,6 +8,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, Field
 
 from planner.exports import Export
+from server.gallery import GalleryShape
 from server.store import FoldRow, Store
 from server.timelines import frames_promised
 
@@ -34,6 +35,7 @@ class Links(BaseModel):
     events: str
     frames: str
     cancel: str
+    refolds: str
     plan_json: str
     plan_npz: str
     model: str
@@ -49,6 +51,7 @@ class Links(BaseModel):
             events=f"{here}/events",
             frames=f"{here}/frames",
             cancel=f"{here}/cancel",
+            refolds=f"{here}/refolds",
             plan_json=f"{here}/plan.json",
             plan_npz=f"{here}/plan.npz",
             model=f"{here}/model.xml",
@@ -132,6 +135,9 @@ class Fold(BaseModel):
     modules: int
     module: str
     shape: str | None = Field(description="The gallery shape it was started from.")
+    refold: str | None = Field(
+        description="The shape that a refold begins as; null when the chain begins straight."
+    )
     preset: str
     seed: int
     module_size: float | None
@@ -152,6 +158,7 @@ class Fold(BaseModel):
             modules=row.modules,
             module=row.module,
             shape=row.shape,
+            refold=row.refold,
             preset=row.preset,
             seed=row.seed,
             module_size=row.module_size,
@@ -176,6 +183,17 @@ class Shape(BaseModel):
     module: str = Field(description="`cube` or `tetrahedron`.")
     modules: int
     tags: list[str] = Field(description="What kind of shape it is.")
+
+    @classmethod
+    def of(cls, shape: GalleryShape) -> Shape:
+        """What the API shows of one."""
+        return cls(
+            name=shape.name,
+            title=shape.title,
+            module=shape.module,
+            modules=shape.modules,
+            tags=list(shape.tags),
+        )
 
 
 class Shapes(BaseModel):

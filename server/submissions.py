@@ -14,6 +14,8 @@ from typing import Final
 
 from planner.errors import InputError
 from planner.request import Request
+from planner.unfolding import START_CHAIN, START_PLAN
+from server.beginnings import Beginning
 from server.children import ChildError
 from server.context import Context
 from server.database import FoldRow
@@ -40,6 +42,7 @@ class Submission:
     wishes: ShapeWishes = field(default_factory=ShapeWishes)
     cells: list[list[int]] | None = None
     """For a drawing until there is a chain; those that a preview has found."""
+    beginning: Beginning | None = None
 
     @property
     def public(self) -> bool:
@@ -47,6 +50,7 @@ class Submission:
         plain = Request()
         return (
             self.shape is not None
+            and self.beginning is None
             and (self.preset, self.seed, self.module_size)
             == (plain.preset, plain.seed, plain.module_size)
             and not self.wishes.changed()
@@ -63,6 +67,7 @@ class Submission:
             "module_size": self.module_size,
             "content": hashlib.sha256(self.data).hexdigest(),
             **self.wishes.changed(),
+            **({} if self.beginning is None else {"refold": self.beginning.digest}),
         }
         return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()
 
@@ -91,7 +96,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
     directory = context.store.directory(fold_id)
     try:
         _write(aside, submission)
-        found = _read(context, aside)
+        found = _read(context, aside, submission.beginning)
         _note(aside, submission)
         os.rename(aside, directory)
         _sync(directory.parent)
@@ -116,6 +121,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
             progress={},
             summary={},
             error=None,
+            refold=submission.beginning and submission.beginning.name,
         )
         if not context.store.add(row, token):
             shutil.rmtree(directory, ignore_errors=True)
@@ -217,7 +223,12 @@ def _write(directory: Path, submission: Submission) -> None:
         "seed": submission.seed,
         "module_size": submission.module_size,
         **submission.wishes.changed(),
+        **({} if submission.beginning is None else {"refold": True}),
     }
+    if submission.beginning is not None:
+        submission.beginning.copy(directory)
+        for name in (START_CHAIN, START_PLAN):
+            _sync(directory / name)
     for name, data in (
         ("input", submission.data),
         ("request.json", json.dumps(request).encode()),
@@ -243,10 +254,12 @@ def _sync(directory: Path) -> None:
         os.close(handle)
 
 
-def _read(context: Context, directory: Path) -> _Found:
+def _read(context: Context, directory: Path, beginning: Beginning | None) -> _Found:
     try:
         found = context.reader.check(directory)
     except InputError as error:
+        if beginning is not None:
+            error = context.gallery.advised(error, beginning.module, beginning.modules)
         raise Problem.of_input(error) from None
     except ChildError as error:
         raise Problem(503, error.code, error.detail) from None

@@ -84,6 +84,17 @@ def fold(
         run_stage(STAGES[0], out)
     except InputError as error:
         refuse(error, as_json)
+    summary = compute(out)
+    if as_json:
+        print(json.dumps(summary), flush=True)
+    else:
+        show(summary, out)
+    if summary["status"] != "verified":
+        raise typer.Exit(3)
+
+
+def compute(out: Path) -> dict[str, Any]:
+    """Runs the stages after reading, with a bar for each; the plan's figures."""
     summary: dict[str, Any] = {}
     with Progress(
         TextColumn("{task.description:<10}"),
@@ -103,12 +114,7 @@ def fold(
 
             summary = run_stage(stage, out, progress=report)
             stage = next_stage(stage, summary)
-    if as_json:
-        print(json.dumps(summary), flush=True)
-    else:
-        show(summary, out)
-    if summary["status"] != "verified":
-        raise typer.Exit(3)
+    return summary
 
 
 def show(summary: dict[str, Any], out: Path) -> None:
@@ -122,6 +128,7 @@ def show(summary: dict[str, Any], out: Path) -> None:
             table.add_row(name, f"{text} {unit}".rstrip())
 
     row("Verdict", certificate["verdict"])
+    row("Begins as", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])
     row("Explosion", summary["explosion"]["steps"], "steps")
     row("Playback", playback and playback["steps"], "steps")

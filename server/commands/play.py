@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import threading
 import webbrowser
@@ -15,6 +16,7 @@ from fastapi import FastAPI
 from fastapi.responses import RedirectResponse
 
 from planner.errors import TimelineError
+from planner.stages import work_out_figures
 from planner.timeline import Timeline
 from server.routes import films, pages, sharing
 from server.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
@@ -84,6 +86,8 @@ def row_of(directory: Path) -> FolderRow:
         "certificate": certificate,
         **{k: plan[k] for k in ("explosion", "playback", "seed") if k in plan},
     }
+    if plan.get("start"):
+        summary["refold"] = {"start": plan["start"]["name"]}
     return FolderRow(
         id=ONLY,
         name=chain.name,
@@ -125,6 +129,11 @@ def play(
     except TimelineError as error:
         typer.echo(f"{error}", err=True)
         raise typer.Exit(2) from error
+
+    if not (directory / "figures.zarr").exists():
+        # Folds that were cancelled have none, and those of earlier versions.
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError, TimelineError):
+            work_out_figures(directory)
 
     class Server(uvicorn.Server):
         """Says where it is once it listens."""

@@ -61,6 +61,8 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
         "refoldable": api and row.status == "verified",
         "compare": _compare(row) if api and not running else [],
         "embed": f"/embed/{row.id}" if embed else None,
+        "movies": api and not running and frames_promised(directory) > 0,
+        "robot": api and row.status == "verified",
         "files": [
             {"href": f"/folds/{row.id}/{name}", "label": label, "hint": hint}
             for name, label, hint in FILES
@@ -243,7 +245,8 @@ def _quantity(values: dict[str, Any], key: str, unit: str, digits: int = DIGITS)
 
 def _told(reason: str, summary: dict[str, Any]) -> str:
     """A reason in the page's words: frames are counted from 1, along the whole timeline."""
-    explosion = (summary.get("explosion") or {}).get("frames")
+    # A refold's timeline is that of its plan alone.
+    explosion = 0 if summary.get("refold") else (summary.get("explosion") or {}).get("frames")
 
     def on_the_timeline(found: re.Match[str]) -> str:
         if not isinstance(explosion, int):

@@ -8,7 +8,6 @@ reels (``web.reel``): a visitor far away scrubs as quickly as one next door.
 from __future__ import annotations
 
 import asyncio
-import threading
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -16,13 +15,12 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 
 from planner.errors import TimelineError
-from planner.stages import work_out_figures
 from server.routes.facts import RUNNING
 from server.routes.finding import find_fold
 from server.store import NoSuchFoldError
 from web.client import client
 from web.film import Film
-from web.measured import FIGURES, curves_of, stretch_of
+from web.measured import curves_of, stretch_of
 from web.reel import reel_of
 from web.scenery import scenery_of
 
@@ -31,7 +29,6 @@ router = APIRouter(include_in_schema=False)
 LOOK_EVERY_S: Final = 0.1
 LONGEST_WAIT_S: Final = 2.0
 BINARY: Final = "application/octet-stream"
-_MEASURING: Final = threading.Lock()
 
 
 @router.get("/view")
@@ -102,11 +99,6 @@ async def figures(
 
 
 def _figures(directory: Path, part: int | None) -> bytes:
-    if not (directory / FIGURES).exists():
-        # Folds that failed, and older ones, have none until somebody looks; one at a time.
-        with _MEASURING:
-            if not (directory / FIGURES).exists():
-                work_out_figures(directory)
     return curves_of(directory) if part is None else stretch_of(directory, part)
 
 

@@ -16,10 +16,11 @@ from planner.starts import TEXT as START
 from planner.starts import cell_of
 from planner.wishes import MODULE_COUNTS
 from server.addresses import address_of
+from server.beginnings import beginning_noted, beginning_of
 from server.context import Context, context_of
 from server.previews import ShapeWishes
 from server.problems import Problem
-from server.schemas import Accepted, Fold, Folds, Links, ProblemBody
+from server.schemas import Accepted, Fold, Folds, Links, ProblemBody, Shape, Shapes
 from server.submissions import Submission, input_noted, noted, submit
 
 router = APIRouter(prefix="/api/folds", tags=["folds"])
@@ -87,7 +88,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     "",
     status_code=202,
     summary="Fold an upload or a shape of the gallery",
-    responses=problems(404, 413, 422, 429, 503, 507),
+    responses=problems(404, 409, 413, 422, 429, 503, 507),
 )
 def post_fold(
     request: Request,
@@ -102,6 +103,13 @@ def post_fold(
     fold: Annotated[
         str | None,
         Form(description="Or the id of a fold: its input once more, and its wishes for the shape."),
+    ] = None,
+    refold: Annotated[
+        str | None,
+        Form(
+            description="The id of a finished fold: its chain goes from there over straight to the "
+            "shape, which must have as many modules of the same kind."
+        ),
     ] = None,
     preset: Annotated[
         Literal["default", "paper", "direct"],
@@ -119,6 +127,14 @@ def post_fold(
     if fold is not None:
         shape = context.store.fold(fold).shape
         wishes, cells = noted(context.store.directory(fold))
+    beginning = None
+    if refold is not None:
+        beginning = beginning_of(context, refold)
+        if file is not None or preview is not None:  # others know what they are made of
+            modules = wishes.modules or beginning.modules
+            wishes = replace(wishes, module=beginning.module, modules=modules)
+    elif fold is not None:
+        beginning = beginning_noted(context.store.directory(fold), context.store.fold(fold).refold)
     receipt = submit(
         context,
         Submission(
@@ -132,6 +148,7 @@ def post_fold(
             token=_token(credentials),
             wishes=wishes,
             cells=cells,
+            beginning=beginning,
         ),
     )
     return Accepted(
@@ -174,6 +191,18 @@ async def get_events(request: Request, fold_id: str, context: Here) -> Streaming
     """Server-sent events until the fold is over."""
     await context.watch.state(fold_id)
     return context.streams.answer(context.watch.events(fold_id), address_of(request))
+
+
+@router.get(
+    "/{fold_id}/refolds",
+    summary="Shapes of the gallery that a fold can be refolded into",
+    responses=problems(404),
+)
+def get_refolds(fold_id: str, context: Here) -> Shapes:
+    """Those with as many modules of the same kind, without its own."""
+    row = context.store.fold(fold_id)
+    fitting = context.gallery.fitting(row.module, row.modules)
+    return Shapes(shapes=[Shape.of(shape) for shape in fitting if shape.name != row.shape])
 
 
 @router.post(

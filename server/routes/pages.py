@@ -22,6 +22,7 @@ from planner.timeline import chain_from_attributes
 from server.cards import cards, selected
 from server.routes.facts import fold_facts
 from server.routes.finding import Found, find_fold
+from server.routes.pictures import picture_answer
 from web.isometric import isometric_svg
 from web.isometric_modules import chain_svg
 from web.scenery import scenery_of
@@ -62,6 +63,7 @@ async def landing(request: Request) -> Response:
         shapes=selected(context.gallery),
         count=len(cards(context.gallery)),
         featured=featured,
+        origin=_origin(request),
         still=still or isometric_svg(PAWN),
     )
 
@@ -69,11 +71,29 @@ async def landing(request: Request) -> Response:
 @router.get("/featured/scenery")
 async def featured_scenery(request: Request) -> Response:
     """What is known of the chain on the first page."""
-    shape = request.app.state.context.gallery.shape(FEATURED)
-    if shape is None:
-        return Response("not found", status_code=404, media_type="text/plain")
-    chain = await asyncio.to_thread(lambda: _chain(read(shape.data, filename=shape.filename)))
-    return _kept(request, await asyncio.to_thread(scenery_of, chain))
+    gallery = request.app.state.context.gallery
+    return _kept(request, await asyncio.to_thread(lambda: scenery_of(_featured_chain(gallery))))
+
+
+@router.get("/featured/picture.png")
+async def featured_picture(request: Request) -> Response:
+    """What networks show beside a link to the first page."""
+    return picture_answer(await asyncio.to_thread(_social, request.app.state.context.gallery))
+
+
+@cache
+def _social(gallery: Gallery) -> bytes:
+    # Drawing brings kernels along that the start of the server need not wait for.
+    from web.social_picture import social_picture
+
+    return social_picture(_featured_chain(gallery))
+
+
+@cache
+def _featured_chain(gallery: Gallery) -> Chain:
+    shape = gallery.shape(FEATURED)
+    assert shape is not None, f"{FEATURED} is in the gallery"
+    return _chain(read(shape.data, filename=shape.filename))
 
 
 @router.get("/featured/reel")
@@ -119,7 +139,12 @@ async def fold_page(request: Request, fold_id: str) -> Response:
     facts = await asyncio.to_thread(_facts, request, found)
     drawing = await asyncio.to_thread(_drawing, found)
     return page(
-        "fold.html", facts=facts, facts_json=script_json(facts), drawing=drawing, details=True
+        "fold.html",
+        facts=facts,
+        facts_json=script_json(facts),
+        drawing=drawing,
+        details=True,
+        origin=_origin(request),
     )
 
 
@@ -231,6 +256,11 @@ def _drawing_of(path: Path, is_chain: bool) -> str:
 
 def _chain(read_in: Any) -> Chain:
     return read_in if isinstance(read_in, Chain) else Chain.from_path(read_in)
+
+
+def _origin(request: Request) -> str:
+    """Scheme and host that the page was asked for at."""
+    return str(request.base_url).rstrip("/")
 
 
 def _facts(request: Request, found: Found) -> dict[str, Any]:

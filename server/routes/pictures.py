@@ -30,6 +30,11 @@ async def picture_of_fold(request: Request, fold_id: str) -> Response:
     data = None if found is None else await asyncio.to_thread(_picture, found.directory)
     if data is None:
         return Response("not found", status_code=404, media_type="text/plain")
+    return picture_answer(data)
+
+
+def picture_answer(data: bytes) -> Response:
+    """A picture that other sites may show."""
     headers = {
         "Cache-Control": "public, max-age=86400",
         "Content-Security-Policy": "default-src 'none'",

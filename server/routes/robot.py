@@ -414,9 +414,9 @@ class _Hand:
 
     async def _send(self, message: Outgoing) -> None:
         try:
-            await asyncio.wait_for(
-                self._websocket.send_text(ENCODER.encode(message).decode()), GONE_S
-            )
+            # Not wait_for, which may lose a cancellation before Python 3.12.
+            async with asyncio.timeout(GONE_S):
+                await self._websocket.send_text(ENCODER.encode(message).decode())
         except TimeoutError:
             raise Problem(408, "gone", f"Nothing was taken for {GONE_S:g} s.") from None
 

@@ -25,18 +25,7 @@ LOOK_EVERY_S: Final = 0.1
 @router.get("", summary="The gallery")
 def get_shapes(context: Here) -> Shapes:
     """Example shapes that `POST /api/folds` takes by name."""
-    return Shapes(
-        shapes=[
-            Shape(
-                name=shape.name,
-                title=shape.title,
-                module=shape.module,
-                modules=shape.modules,
-                tags=list(shape.tags),
-            )
-            for shape in context.gallery.shapes()
-        ]
-    )
+    return Shapes(shapes=[Shape.of(shape) for shape in context.gallery.shapes()])
 
 
 @router.post(

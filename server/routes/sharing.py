@@ -95,12 +95,11 @@ def _standalone(directory: Path, film: Film, facts: dict[str, Any]) -> bytes:
         curves = curves_of(directory)
     except (TimelineError, OSError):
         curves = None
-    return standalone_html(
-        film,
-        lambda **values: rendered("standalone.html", details=True, **values),
-        facts,
-        curves=curves,
-    )
+    return standalone_html(film, _page, facts, curves=curves)
+
+
+def _page(**values: Any) -> str:
+    return rendered("standalone.html", details=True, **values)
 
 
 async def _finished(request: Request, fold_id: str) -> tuple[Found, Film]:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -50,3 +53,21 @@ def fold(shape: str, *options: str, out: Path | None = None) -> Run:
         wall_s=wall_s,
         peak_mb=usage.ru_maxrss / 1024,
     )
+
+
+@contextmanager
+def playing(directory: Path) -> Iterator[str]:
+    """``foldback play`` on a directory; the address of its page."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "server.command_line", "play", str(directory), "--no-browser"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    try:
+        address = re.search(r"http://\S+", process.stdout.readline())
+        assert address, "it did not start"
+        yield address.group()
+    finally:
+        process.terminate()
+        process.communicate(timeout=30)

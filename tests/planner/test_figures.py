@@ -13,9 +13,10 @@ from planner.certificate import Certificate, torque_unit_nm
 from planner.chain import Chain
 from planner.dynamics import floating_torques, motion_of
 from planner.errors import TimelineError
-from planner.figures import REACH, Curves, Figures, clearances_of, figures_of, write_figures
+from planner.figures import REACH, Curves, Figures
 from planner.kernels.clearance import pair_separation
 from planner.kinematics import forward_kinematics
+from planner.measuring import clearances_of, figures_of, write_figures
 from planner.modules import TETRAHEDRON
 from planner.parameters import Parameters
 from planner.stages import work_out_figures

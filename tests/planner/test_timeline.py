@@ -286,3 +286,13 @@ def test_frames_of_another_chain_are_refused(place: FilePath, hook_chain: Chain)
     writer = TimelineWriter.create(place, hook_chain)
     with pytest.raises(TimelineError, match="joint"):
         writer.append(some_frames(2, joints=8))
+
+
+@pytest.mark.parametrize("stride", [1, 3, 127, 128, 129, 1000])
+def test_strides_skip_what_numpy_skips(place: FilePath, hook_chain: Chain, stride: int) -> None:
+    frames = some_frames(400)
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(frames)
+    timeline = Timeline.open(place)
+    for start, stop in ((0, 400), (5, 390), (130, 131), (7, 7)):
+        assert_same(timeline.frames(start, stop, stride), frames[slice(start, stop, stride)])

@@ -150,3 +150,14 @@ def test_a_servo_holds_its_target() -> None:
         tree.set_servo_targets(target)
         tree.end_step()
     np.testing.assert_allclose(tree.angles, target, atol=1e-3)
+
+
+def test_drifting_is_stopped_without_touching_the_hinges() -> None:
+    tree = moving(line(9), 3)
+    tree.begin_step()
+    assert np.abs(momentum(tree)).max() > 0.1
+    rates = tree.rates
+    tree.stop_drifting()
+    np.testing.assert_array_equal(tree.rates, rates)
+    mujoco.mj_forward(tree.model, tree.data)
+    np.testing.assert_allclose(momentum(tree), 0.0, atol=1e-9)

@@ -129,6 +129,7 @@ def test_frames_that_are_not_the_timelines_are_refused(directory: FilePath) -> N
             name: getattr(plan, name)[:-5]
             for name in (
                 "time_s",
+                "phase",
                 "joint_angles_rad",
                 "root_position",
                 "root_wxyz",

@@ -152,13 +152,13 @@ def test_only_the_plain_fold_of_a_gallery_shape_is_public(desk: Service) -> None
     assert odd[0]["id"] in {f["id"] for f in mine}
 
 
-def test_only_a_public_fold_is_shown_on_the_first_page(service: Service) -> None:
+def test_only_a_public_fold_is_shown_in_the_gallery(service: Service) -> None:
     odd = service.fold(shape="wrench-24", seed="5")
     assert service.wait_over(odd["id"])["status"] == "verified"
-    assert odd["id"] not in service.http.get("/").text
+    assert odd["id"] not in service.http.get("/gallery").text
     plain = service.fold(shape="wrench-24")
     assert service.wait_over(plain["id"])["status"] == "verified"
-    assert f'data-fold="{plain["id"]}"' in service.http.get("/").text
+    assert f"/folds/{plain['id']}" in service.http.get("/gallery").text
 
 
 def test_a_gallery_shape_keeps_its_title(service: Service) -> None:

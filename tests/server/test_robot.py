@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -241,8 +242,9 @@ def test_messages_are_bounded(service: Service, finished: Finished) -> None:
 def test_one_visitor_cannot_drive_all_robots(
     service: Service, finished: Finished, service_with: Callable[..., Service]
 ) -> None:
-    settings = {"max_robots_of_visitor": 1, "max_robots": 8, "data_dir": service.data_dir}
-    other = service_with(workers=0, **settings).start()
+    other = service_with(workers=0, max_robots_of_visitor=1)
+    shutil.copytree(service.data_dir, other.data_dir)
+    other.start()
     with played(other, finished) as first:
         assert Robot(first).hear()["is"] == "begin"
         with played(other, finished) as second:

@@ -77,19 +77,5 @@ export class Drawer {
       copyText(text, () => this.toast("Properties copied"), () => this.toast("Copying is not allowed here"));
     };
     get("panel-properties").replaceChildren(...groups, element("div", { class: "drawer-foot" }, copy));
-    const panel = get("panel-downloads");
-    if (!panel) return;
-    if (!facts.downloads.length) {
-      panel.replaceChildren(element("p", { class: "hint" }, facts.downloads_hint));
-      return;
-    }
-    panel.replaceChildren(element("ul", { class: "downloads" }, ...facts.downloads.map(({ label, hint, href }) => {
-      const icon = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-      icon.setAttribute("class", "icon");
-      const use = document.createElementNS("http://www.w3.org/2000/svg", "use");
-      use.setAttribute("href", "#i-download");
-      icon.append(use);
-      return element("li", {}, element("a", { href, download: true }, icon, element("span", {}, label, element("small", {}, hint))));
-    })));
   }
 }

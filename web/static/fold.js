@@ -6,6 +6,7 @@ import { Figures } from "./figures.js";
 import { Source } from "./film.js";
 import { Progress } from "./progress.js";
 import { Share } from "./share.js";
+import { TakeAway } from "./take_away.js";
 import { toast } from "./toast.js";
 import { view } from "./viewing.js";
 
@@ -16,6 +17,7 @@ const drawer = new Drawer(toast);
 const { place, bar } = view({
   source: new Source(`/folds/${facts.id}`), figures, drawer, load: (frame) => { frame.src = "/view"; },
 });
+const takeAway = new TakeAway(get("panel-downloads"));
 const companions = new Companions(toast);
 
 function cover(text, more = "", button = null) {
@@ -33,6 +35,7 @@ function show(facts) {
   get("verdict").dataset.tone = facts.verdict.tone;
   drawer.facts(facts);
   companions.facts(facts);
+  takeAway.facts(facts);
   if (!facts.running) figures.begin();
   const { again, problem } = facts;
   get("again").hidden = !again;

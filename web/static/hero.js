@@ -16,5 +16,6 @@ export function playHero(hero, canvas, { calm }) {
     player.send({ do: "set", loop: true, speed: SPEED, turn: !calm });
     if (!calm) player.send({ do: "play" });
   });
+  window.foldback = { film: player.film, player }; // for the console
   return player;
 }

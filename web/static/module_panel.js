@@ -1,6 +1,8 @@
 // The selected module: where it belongs, its joint now, what is near it.
-import { degrees, element, newtonMetres, radians } from "./words.js";
+import { degrees, element } from "./words.js";
 
+// Two figures; what is as good as nothing is 0.
+const plain = (value) => (Math.abs(value) < 1e-6 ? "0" : String(Number(value.toPrecision(2))).replace("-", "−"));
 const pitches = (value) => `${Number(value.toFixed(3))} pitch`.replace("-", "−");
 
 export class ModulePanel {
@@ -39,18 +41,19 @@ export class ModulePanel {
     const clear = element("button", { class: "button quiet", type: "button" }, "Clear");
     clear.onclick = go(null);
     const column = (of) => element("td", { "data-of": of });
+    const table = (...parts) => element("table", { class: "joints" }, ...parts);
     const joint = module.joints.length
-      ? element("table", { class: "joints" },
+      ? element("div", {}, table(
         element("thead", {}, element("tr", {},
-          ...["Hinge", "Now", "Folded", "Error"].map((text) => element("th", { scope: "col" }, text)))),
+          ...["Hinge", "Now", "Folded", "Error, rad"].map((text) => element("th", { scope: "col" }, text)))),
         element("tbody", {}, ...module.joints.map(({ name }) =>
           element("tr", { "data-joint": name }, element("th", { scope: "row" }, name.split("_").slice(2).join(" ") || name),
-            column("now"), column("target"), column("error")))),
+            column("now"), column("target"), column("error"))))), table(
         element("thead", {}, element("tr", {},
-          ...["", "Speed", "Torque", ""].map((text) => element("td", {}, text)))),
+          ...["Hinge", "Speed, rad/s", "Torque, N·m"].map((text) => element("th", { scope: "col" }, text)))),
         element("tbody", {}, ...module.joints.map(({ name }) =>
           element("tr", { "data-motion": name }, element("th", { scope: "row" }, name.split("_").slice(2).join(" ") || name),
-            column("speed"), column("torque"), element("td", {})))))
+            column("speed"), column("torque"))))))
       : element("p", { class: "hint no-joint" }, "This module carries no joint.");
     const ends = { 0: " · first", [module.modules - 1]: " · last" };
     this.near = element("dd", { "data-of": "nearest" }, "–");
@@ -73,8 +76,8 @@ export class ModulePanel {
     for (const { name, column, angle_rad: angle, target_rad: target, error_rad: error } of module.joints) {
       this.put(`[data-joint="${name}"]`, "now", degrees(angle));
       this.put(`[data-joint="${name}"]`, "target", degrees(target, 0));
-      this.put(`[data-joint="${name}"]`, "error", error === null ? "–" : radians(error));
-      this.put(`[data-motion="${name}"]`, "speed", Number.isNaN(speeds[column]) ? "–" : `${speeds[column].toFixed(2)} rad/s`.replace("-", "−"));
+      this.put(`[data-joint="${name}"]`, "error", error === null ? "–" : plain(error));
+      this.put(`[data-motion="${name}"]`, "speed", Number.isNaN(speeds[column]) ? "–" : plain(speeds[column]));
     }
     this.joints = module.joints;
   }
@@ -86,7 +89,7 @@ export class ModulePanel {
     if (!row) return;
     for (const { name, column } of this.joints) {
       const torque = row.torque[column];
-      this.put(`[data-motion="${name}"]`, "torque", Number.isFinite(torque) ? newtonMetres(torque).replace("-", "−") : "–");
+      this.put(`[data-motion="${name}"]`, "torque", Number.isFinite(torque) ? plain(torque) : "–");
     }
     const nearest = row.nearest[this.index];
     const clearance = row.clearance[this.index];

@@ -24,7 +24,7 @@ export class Pair extends EventTarget {
   // The phases of both, as long as the longer of them.
   begin() {
     const outlines = this.players.map(({ film }) => film.outline);
-    if (outlines.some((outline) => !outline)) return;
+    if (this.players.some(({ shown, film }) => !shown || !film.outline)) return;
     const first = this.phases.length === 0;
     const { names } = outlines[0];
     const long = (name) => Math.max(...outlines.map(({ phases }) => phases.filter((p) => p.name === name).reduce((sum, p) => sum + p.to - p.from, 0)));

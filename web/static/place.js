@@ -57,6 +57,7 @@ export class Place {
 
   // A link to what is seen now, whether it rests or not.
   here() {
+    if (!this.player.shown) return location.pathname + location.hash;
     return linkTo({ frame: Math.round(this.player.playhead.frame), module: this.player.selected });
   }
 }

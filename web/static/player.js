@@ -99,8 +99,8 @@ export class Player extends EventTarget {
     if (film.growing) { this.is.live = true; playhead.frame = film.last; }
     playhead.frame = Math.min(playhead.frame, film.last);
     this.tell("begun");
-    this.tellOutline();
     this.show(true);
+    this.tellOutline();
   }
 
   grew() {

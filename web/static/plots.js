@@ -37,7 +37,7 @@ export class Plots {
     this.made = [];
     const hint = document.createElement("p");
     hint.className = "hint";
-    hint.textContent = "The plots are here as soon as the fold is over and measured.";
+    hint.textContent = "Plots come with a finished fold.";
     panel.replaceChildren(hint);
     figures.on("begun", () => this.build());
     player.on("state", (state) => this.show(state));

@@ -69,5 +69,6 @@ export function view({ source, figures, load, drawer = null, play = !calm }) {
     begun = true;
     if (!place.go() && !film.growing && play) player.send({ do: "play" });
   });
+  window.foldback = { film, player }; // for the console
   return { film, player, stage, sketch, bar, place, plots };
 }

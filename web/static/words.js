@@ -1,5 +1,5 @@
 // Numbers and stages in words.
-export const PHASES = { explosion: "Explosion", playback: "Playback" };
+export const PHASES = { explosion: "Explosion", unfolding: "Unfolding", playback: "Playback" };
 
 export const STAGES = {
   read: "Reading the input",

@@ -1,0 +1,80 @@
+"""Refold: from one folded shape over straight to another, in one call."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path as FilePath
+from tempfile import TemporaryDirectory
+
+from planner.chain import Chain
+from planner.files import write_whole
+from planner.formats import write_chain, write_path
+from planner.paths import Path
+from planner.plan import Plan
+from planner.progress import Report, silent
+from planner.request import Request
+from planner.stages import run_stages, write_request
+from planner.timeline import chain_attributes
+from planner.unfolding import START_CHAIN, START_PLAN
+
+
+def refold(
+    start: Plan,
+    shape: Path | Chain,
+    *,
+    preset: str = "default",
+    seed: int = 0,
+    module_size: float | None = None,
+    directory: str | FilePath | None = None,
+    progress: Report = silent,
+) -> Plan:
+    """Unfolds the chain of a plan and folds it into another shape: the paper's reconfiguration.
+
+    Args:
+        start: How the chain was folded into the shape that it begins as; of a refold, into the one
+            that it ended as.
+        shape: A path through as many cells as the chain has modules, or a chain like it.
+        preset: ``default``, ``paper`` or ``direct``.
+        seed: What randomness starts from.
+        module_size: Size at which the plan is verified; None for the preset's.
+        directory: Where the plan, the timeline and the model are kept; nowhere when None.
+        progress: Told how far it is.
+
+    Returns:
+        One plan from the one shape over straight to the other, verified or not.
+
+    Raises:
+        InputError: ``refold-differs`` when the modules or their number do, ``refold-not-folded``
+            when ``start`` does not lead from straight to folded, or as ``planner.fold``.
+    """
+    if directory is None:
+        with TemporaryDirectory(prefix="foldback-") as aside:
+            return refold(
+                start,
+                shape,
+                preset=preset,
+                seed=seed,
+                module_size=module_size,
+                directory=aside,
+                progress=progress,
+            )
+    folder = FilePath(directory)
+    folder.mkdir(parents=True, exist_ok=True)
+    data = write_path(shape) if isinstance(shape, Path) else write_chain(shape)
+    request = Request(filename=shape.name, preset=preset, seed=seed, module_size=module_size)
+    write_start(folder, start)
+    write_request(folder, replace(request, refold=True), data)
+    run_stages(folder, progress=progress)
+    return Plan.load(folder / "plan.npz")
+
+
+def write_start(directory: FilePath, start: Plan) -> None:
+    """Puts the plan that a refold begins with into its directory."""
+    write_start_chain(directory, start.chain)
+    start.save_npz(directory / START_PLAN)
+
+
+def write_start_chain(directory: FilePath, chain: Chain) -> None:
+    """Puts only its chain there, which is all that reading the other shape needs."""
+    write_whole(directory / START_CHAIN, json.dumps(chain_attributes(chain)).encode())

@@ -1,0 +1,106 @@
+"""``foldback refold``: from one folded shape over straight to another, without a service."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from planner.chain import Chain
+from planner.errors import InputError
+from planner.formats import write_chain
+from planner.plan import Plan
+from planner.refold import write_start, write_start_chain
+from planner.request import Request
+from planner.stages import STAGES, run_stage, write_request
+from planner.timeline import chain_from_attributes
+from planner.unfolding import Unfolding
+from server.command_inputs import make_directory, read_input, refuse
+from server.commands.fold import compute, show
+from server.gallery import Gallery
+
+FIRST = "start"
+"""Where the first shape is folded, if it has not been: a folder in the one for the plan."""
+
+
+def refold(
+    start: Annotated[
+        str,
+        typer.Argument(metavar="A", help="What `fold` has written, or a shape to fold first."),
+    ],
+    shape: Annotated[
+        str,
+        typer.Argument(metavar="B", help="As many modules of the same kind, folded or not."),
+    ],
+    out: Annotated[Path, typer.Option(help="Directory for the plan; made if it is not there.")],
+    preset: Annotated[str, typer.Option(help="default, paper or direct.")] = "default",
+    seed: Annotated[
+        str, typer.Option(metavar="INTEGER", help="What randomness starts from.")
+    ] = "0",
+    module_size: Annotated[
+        str | None,
+        typer.Option(metavar="FLOAT", help="Size at which to verify, as a fraction of the pitch."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object as the last line.")
+    ] = False,
+) -> None:
+    """Unfold a folded chain and fold it into another shape; exits as `fold` does."""
+    begins: Chain | None = None
+    try:
+        request = Request.of(preset=preset, seed=seed, module_size=module_size)
+        request.check()
+        folded = _plan(start)
+        if folded is None:
+            data, filename = read_input(start)
+            make_directory(out / FIRST)
+            write_request(out / FIRST, replace(request, filename=filename), data)
+            run_stage(STAGES[0], out / FIRST)
+            begins = chain_from_attributes(json.loads((out / FIRST / "chain.json").read_bytes()))
+        else:
+            begins = Unfolding.of_plan(folded).chain
+        make_directory(out)
+        write_start_chain(out, begins)
+        write_request(out, *_second(shape, request, begins))
+        run_stage(STAGES[0], out)
+    except InputError as error:
+        if begins is not None:
+            error = Gallery().advised(error, begins.module.name, len(begins))
+        refuse(error, as_json)
+    if folded is None:
+        summary = compute(out / FIRST)
+        folded = Plan.load(out / FIRST / "plan.npz")
+        try:
+            Unfolding.of_plan(folded)
+        except InputError:
+            _end(summary, out / FIRST, as_json)
+    write_start(out, folded)
+    _end(compute(out), out, as_json)
+
+
+def _end(summary: dict[str, object], out: Path, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(summary), flush=True)
+    else:
+        show(summary, out)
+    raise typer.Exit(0 if summary["status"] == "verified" else 3)
+
+
+def _plan(name: str) -> Plan | None:
+    """The plan in a directory; None when this is none."""
+    return Plan.load(Path(name) / "plan.npz") if Path(name).is_dir() else None
+
+
+def _second(name: str, request: Request, begins: Chain) -> tuple[Request, bytes]:
+    """What is asked of the second shape, and its bytes."""
+    request = replace(request, refold=True)
+    plan = _plan(name)
+    if plan is not None:
+        return replace(request, filename=f"{plan.chain.name}.json"), write_chain(plan.chain)
+    data, filename = read_input(name)
+    if Path(name).exists():  # an example says what it is made of
+        request = replace(request, module=begins.module.name, modules=len(begins))
+    return replace(request, filename=filename), data

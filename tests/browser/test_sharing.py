@@ -1,0 +1,235 @@
+"""Sending a fold on: links, frames, one file, two folds, another shape, take away."""
+
+from __future__ import annotations
+
+import functools
+import http.server
+import re
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from planner.plan import Plan
+from tests.browser.conftest import keep, picture
+from tests.browser.test_fold_page import seek
+from tests.server.service import Service
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+Visit = Callable[..., Page]
+
+
+class Site(http.server.ThreadingHTTPServer):
+    """Somebody else's site: one page, whatever is in ``html``."""
+
+    def __init__(self) -> None:
+        self.html = ""
+        super().__init__(("127.0.0.1", 0), functools.partial(_Answer, self))
+        self.origin = f"http://127.0.0.1:{self.server_port}"
+        threading.Thread(target=self.serve_forever, daemon=True).start()
+
+
+class _Answer(http.server.BaseHTTPRequestHandler):
+    def __init__(self, site: Site, *given: object) -> None:
+        self.site = site
+        super().__init__(*given)  # type: ignore[arg-type]
+
+    def do_GET(self) -> None:
+        body = self.site.html.encode()
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html")
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *given: object) -> None:
+        del given
+
+
+@pytest.fixture(scope="module")
+def site() -> Iterator[Site]:
+    site = Site()
+    yield site
+    site.shutdown()
+    site.server_close()
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory, site: Site) -> Iterator[Service]:
+    data = tmp_path_factory.mktemp("service") / "data"
+    service = Service(data, embed_origins=site.origin).start()
+    yield service
+    assert service.stop() == 0
+
+
+@pytest.fixture(scope="module")
+def fold(service: Service) -> str:
+    found = service.fold(shape="wrench-24")
+    service.wait_over(found["id"])
+    return found["id"]
+
+
+def test_a_link_shows_somebody_else_the_same(visit: Visit, fold: str) -> None:
+    page = visit(f"/folds/{fold}")
+    expect(page.locator("#scrub")).to_be_enabled()
+    seek(page, 30)
+    page.evaluate("() => window.foldback.player.send({ do: 'select', module: 7 })")
+    page.locator("#share").click()
+    link = page.locator("#share-link").input_value()
+    keep(page, "share")
+    assert link.endswith(f"/folds/{fold}#frame=31&module=7")
+    page.locator("#share-here").uncheck()
+    assert page.locator("#share-link").input_value().endswith(f"/folds/{fold}")
+
+    other = visit(link)
+    expect(other.locator("#r-frame")).to_have_text(re.compile("Frame 31 of"))
+    expect(other.locator("#panel-module h2")).to_contain_text("Module 7")
+    expect(other.locator("#cancel")).to_be_hidden()
+
+
+def test_a_fold_in_somebody_else_s_page(visit: Visit, site: Site, fold: str) -> None:
+    page = visit(f"/folds/{fold}#frame=12")
+    page.locator("#share").click()
+    site.html = f"<!doctype html><title>A blog</title>{page.locator('#share-embed').input_value()}"
+    blog = visit(site.origin)
+    inside = blog.frame_locator("iframe")
+    expect(inside.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
+    inside.locator("#sketch.gone").wait_for(state="attached")
+    inside.locator("#forward").click()
+    expect(inside.locator("#r-frame")).to_have_text(re.compile("Frame 13 of"))
+    keep(blog, "embedded")
+    expect(inside.locator("a.whole")).to_have_attribute("href", f"/folds/{fold}")
+    # The page of the fold itself stays out of other sites.
+    site.html = site.html.replace("/embed/", "/folds/")
+    with blog.expect_console_message(lambda said: "frame-ancestors" in said.text):
+        blog.reload()
+    expect(blog.frame_locator("iframe").locator("#bar")).to_have_count(0)
+
+
+def test_one_file_plays_without_a_server(
+    visit: Visit, browser: Browser, fold: str, tmp_path: Path
+) -> None:
+    page = visit(f"/folds/{fold}")
+    page.locator("#share").click()
+    with page.expect_download() as download:
+        page.get_by_role("link", name="One page in one file").click()
+    path = tmp_path / download.value.suggested_filename
+    download.value.save_as(path)
+    assert path.suffix == ".html"
+
+    context = browser.new_context(
+        offline=True, viewport={"width": 960, "height": 640}, reduced_motion="reduce"
+    )
+    thrown: list[str] = []
+    asked: list[str] = []
+    alone = context.new_page()
+    alone.on("pageerror", lambda error: thrown.append(str(error)))
+    alone.on("request", lambda request: asked.append(request.url))
+    alone.goto(path.as_uri())
+    alone.locator("#sketch.gone").wait_for(state="attached")
+    expect(alone.locator("#r-frame")).to_have_text(re.compile("Frame 1 of"))
+    folded = picture(alone)
+    alone.locator("#jump").select_option("straight")
+    assert np.abs(picture(alone) - folded).max() > 50
+    alone.locator("#details").click()
+    alone.locator("#tab-plots").click()
+    expect(alone.locator(".plot")).to_have_count(4)
+    keep(alone, "standalone")
+    assert [url for url in asked if url.startswith("http")] == []
+    assert [error for error in thrown if "unsafe-eval" not in error] == []
+    context.close()
+
+
+def test_two_folds_on_one_playhead(visit: Visit, service: Service, fold: str) -> None:
+    page = visit(f"/folds/{fold}", width=1280)
+    page.locator("#compare").click()
+    page.get_by_role("button", name="Direct servoing").click()
+    page.wait_for_url("**/compare?a=*&b=*")
+    direct = page.url.rsplit("b=", 1)[1]
+    service.wait_over(direct)
+    page.reload()
+    sides = [page.locator(f"#side-{k}") for k in range(2)]
+    for side in sides:
+        side.locator(".sketch.gone").wait_for(state="attached")
+    expect(sides[1].locator(".side-preset")).to_contain_text("Direct servoing")
+    frames = "() => [0, 1].map((k) => document.getElementById(`side-${k}`).textContent)"
+    page.keyboard.press("End")
+    expect(page.locator("#r-folded")).to_have_text("100 %")
+    for side in sides:
+        expect(side.locator(".side-now")).to_contain_text("Error")
+    keep(page, "compare")
+    page.keyboard.press("Home")
+    expect(page.locator("#r-phase")).to_have_text("Explosion")
+    before = page.evaluate(frames)
+    page.keyboard.press("End")
+    assert page.evaluate(frames) != before
+
+
+def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, fold: str) -> None:
+    page = visit(f"/folds/{fold}")
+    page.locator("#refold").click()
+    page.locator("#refold-shapes").get_by_role("button", name="Mallet").click()
+    page.wait_for_url(lambda url: "/folds/" in url and fold not in url)
+    expect(page.locator("#verdict")).to_have_text(re.compile("^verified"))
+    names = page.locator("#phases span")
+    expect(names).to_have_text(["Unfolding", "Playback"])
+    refold = page.url.rsplit("/", 1)[1].partition("#")[0]
+    plan = Plan.load(service.data_dir / "folds" / refold / "plan.npz")
+    first = Plan.load(service.data_dir / "folds" / fold / "plan.npz")
+    assert np.allclose(plan.joint_angles_rad[0], first.chain.folded_rad, atol=1e-9)
+    assert np.allclose(plan.joint_angles_rad[-1], plan.chain.folded_rad, atol=1e-9)
+    page.locator("#sketch.gone").wait_for(state="attached")
+    page.keyboard.press("Home")
+    keep(page, "refold-begins")
+    page.keyboard.press("End")
+    keep(page, "refold-ends")
+
+
+def test_everything_on_offer_can_be_taken_away(visit: Visit, service: Service, fold: str) -> None:
+    page = visit(f"/folds/{fold}")
+    page.locator("#details").click()
+    page.locator("#tab-downloads").click()
+    links = page.locator("#panel-downloads .downloads a")
+    expect(links.first).to_be_visible()
+    names = links.evaluate_all("(all) => all.map((one) => [one.textContent, one.href])")
+    assert len(names) >= 10
+    for name, href in names:
+        answer = service.http.get(href)
+        assert answer.status_code == 200, name
+        assert "attachment" in answer.headers["Content-Disposition"], name
+        assert len(answer.content) > 60, name
+
+
+def test_motors_are_judged_and_a_movie_is_made(visit: Visit, fold: str, tmp_path: Path) -> None:
+    page = visit(f"/folds/{fold}")
+    page.locator("#details").click()
+    page.locator("#tab-downloads").click()
+    robot = page.locator("form.wishes").nth(1)
+    robot.locator("[name=motor_torque]").fill("0.001")
+    robot.get_by_role("button").click()
+    said = page.locator(".movie-state").nth(1)
+    expect(said).to_contain_text("would not do")
+    robot.locator("[name=motor_torque]").fill("100000")
+    robot.get_by_role("button").click()
+    expect(said).to_contain_text("would do")
+    movie = page.locator("form.wishes").nth(0)
+    movie.locator("[name=format]").select_option("gif")
+    movie.locator("[name=seconds]").select_option("6")
+    movie.get_by_role("button").click()
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Download the GIF").click()
+    path = tmp_path / "fold.gif"
+    download.value.save_as(path)
+    assert path.read_bytes()[:4] == b"GIF8"
+
+
+def test_networks_are_shown_a_picture(visit: Visit, service: Service, fold: str) -> None:
+    for path in (f"/folds/{fold}", "/"):
+        page = visit(path)
+        address = page.locator("meta[property='og:image']").get_attribute("content")
+        assert address
+        answer = service.http.get(address)
+        assert answer.headers["Content-Type"] == "image/png"
+        assert answer.content[16:24] == (1200).to_bytes(4, "big") + (630).to_bytes(4, "big")

@@ -1,0 +1,149 @@
+"""Looking closer at a fold: colours, plots, jumps, the path in it, and scrubbing from far away."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from planner.figures import Figures
+from planner.timeline import Timeline
+from tests.browser.conftest import keep, picture
+from tests.browser.test_fold_page import seek, shown_frame
+from tests.server.service import Service
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+Visit = Callable[..., Page]
+
+
+@pytest.fixture(scope="module")
+def fold(service: Service) -> Iterator[str]:
+    found = service.fold(shape="wrench-24")
+    service.wait_over(found["id"])
+    yield found["id"]
+
+
+@pytest.fixture(scope="module")
+def figures(service: Service, fold: str) -> Figures:
+    return Figures.load(service.data_dir / "folds" / fold / "figures.zarr")
+
+
+def opened(visit: Visit, fold: str, **options: object) -> Page:
+    page = visit(f"/folds/{fold}", **options)
+    page.locator("#sketch.gone").wait_for(state="attached")
+    page.wait_for_function("() => window.foldback.film.complete")
+    return page
+
+
+def test_colours_tell_any_figure(visit: Visit, fold: str, figures: Figures) -> None:
+    page = opened(visit, fold)
+    seek(page, int(np.nanargmax(figures.peak_torque_nm)))
+    menu = page.locator("#colour-by")
+    expect(menu.locator("option[disabled]")).to_have_count(0)
+    told: dict[str, str] = {}
+    pictures: dict[str, np.ndarray] = {}
+    for key in menu.locator("option").evaluate_all("(all) => all.map((one) => one.value)"):
+        menu.select_option(key)
+        pictures[key] = picture(page)
+        told[key] = page.locator("#legend-high").inner_text()
+        keep(page, f"colour-{key}")
+    assert told["clearance"] == "0.5 pitch"
+    assert told["chain"] == "Module 23"
+    assert told["torque"].endswith("N·m")
+    assert told["speed"].endswith("rad/s")
+    red = {k: float((v[..., 0] - v[..., 1:].max(axis=-1)).max()) for k, v in pictures.items()}
+    assert red["error-even"] < 60  # nothing that only some people tell apart
+    for key in ("torque", "speed", "clearance", "chain", "position"):
+        assert np.abs(pictures[key] - pictures["error"]).max() > 40, key
+    page.reload()
+    expect(menu).to_have_value("chain")  # it is kept
+
+
+def test_plots_show_the_figures_and_lead_into_the_fold(
+    visit: Visit, fold: str, figures: Figures
+) -> None:
+    page = opened(visit, fold)
+    page.locator("#details").click()
+    page.locator("#tab-plots").click()
+    plots = page.locator(".plot")
+    expect(plots).to_have_count(4)
+    seek(page, 40)
+    least = plots.filter(has_text="Least clearance").locator("b")
+    expect(least).to_have_text(f"{float(f'{figures.min_clearance[40]:.2g}'):g} pitch")
+    box = plots.nth(0).locator("svg").bounding_box()
+    assert box
+    page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 20)
+    assert shown_frame(page) == pytest.approx(0.75 * (len(figures) - 1), abs=3)
+    keep(page, "plots")
+
+
+@pytest.mark.parametrize(
+    ("where", "worst"),
+    [
+        ("max_error_rad", np.nanargmax),
+        ("min_clearance", np.nanargmin),
+        ("peak_torque_nm", np.nanargmax),
+    ],
+)
+def test_jumps_lead_to_the_worst_moments(
+    visit: Visit, fold: str, figures: Figures, where: str, worst: Callable[..., int]
+) -> None:
+    page = opened(visit, fold)
+    page.locator("#jump option[value=straight]").wait_for(state="attached")
+    page.wait_for_function("() => !document.querySelector('#colour-by option[disabled]')")
+    page.locator("#jump").select_option(where)
+    values = getattr(figures, where)
+    expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {worst(values) + 1} of"))
+
+
+def test_from_straight_to_folded(visit: Visit, service: Service, fold: str) -> None:
+    page = opened(visit, fold, width=1440)
+    frames = Timeline.open(service.data_dir / "folds" / fold / "timeline.zarr").frames()
+    first = int(np.flatnonzero(frames.phase == 1)[0])
+    page.locator("#jump").select_option("straight")
+    expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {first + 1} of"))
+    expect(page.locator("#r-folded")).to_have_text("0 %")
+    slider = page.locator("#folded")
+    slider.evaluate("(s) => { s.value = 50; s.dispatchEvent(new Event('input')); }")
+    middle = first + 0.5 * (len(frames) - 1 - first)
+    assert shown_frame(page) == pytest.approx(middle, abs=1)
+    expect(page.locator("#r-folded")).to_have_text("50 %")
+
+
+def test_a_module_tells_what_is_near_it(visit: Visit, fold: str, figures: Figures) -> None:
+    page = opened(visit, fold)
+    frame = len(figures) - 1
+    seek(page, frame)
+    page.evaluate("() => window.foldback.player.send({ do: 'select', module: 5 })")
+    nearest = page.locator("#panel-module [data-of=nearest]")
+    expect(nearest).to_contain_text(f"Module {figures.nearest[frame, 5]}, ")
+    expect(nearest).to_contain_text(f"{figures.clearance[frame, 5]:.3f}".rstrip("0"))
+    nearest.locator("button").click()
+    expect(page.locator("#panel-module h2")).to_contain_text(f"Module {figures.nearest[frame, 5]}")
+
+
+def test_the_path_can_be_seen_through_the_modules(visit: Visit, fold: str) -> None:
+    page = opened(visit, fold)
+    seek(page, 0)
+    before = picture(page)
+    page.locator("#through").click()
+    expect(page.locator("#through")).to_have_attribute("aria-pressed", "true")
+    after = picture(page)
+    keep(page, "path")
+    yellow = after[..., :2].min(axis=-1) - after[..., 2]
+    assert yellow.max() > 60 > (before[..., :2].min(axis=-1) - before[..., 2]).max()
+    page.locator("#through").click()
+    assert np.abs(picture(page) - before).mean() < 1.0
+
+
+def test_who_is_far_away_scrubs_without_asking(visit: Visit, fold: str) -> None:
+    page = opened(visit, fold)
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    for frame in (3, 90, 41, 150, 7):
+        seek(page, frame)
+    page.keyboard.press("End")
+    assert asked == []

@@ -1,0 +1,374 @@
+"""From one folded shape over straight to another: one simulation, one timeline, one certificate."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.certificate import Certificate, certify
+from planner.chain import Chain
+from planner.errors import InputError
+from planner.folding import fold
+from planner.parameters import Parameters, PlaybackParameters
+from planner.plan import Plan
+from planner.playback import Playback, play_back
+from planner.progress import Progress
+from planner.readers import read
+from planner.record import Record
+from planner.refold import refold, write_start
+from planner.stages import STAGES, Request, run_stage, write_request
+from planner.timeline import PHASES, Frames, Timeline
+from planner.unfolding import Unfolding, check_fits
+from planner.verification import verify
+from tests.planner.chains import line
+from tests.planner.conftest import SHAPES, Folded
+
+UNFOLDING = PHASES.index("unfolding")
+
+
+def shape(name: str) -> Any:
+    return read((SHAPES / f"{name}.json").read_bytes())
+
+
+@pytest.fixture(scope="module")
+def wrench(folded: Callable[..., Folded]) -> Folded:
+    return folded("wrench-24")
+
+
+@pytest.fixture(scope="module")
+def made(wrench: Folded, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """The directory of a wrench that becomes a mallet. Look, don't touch."""
+    directory = tmp_path_factory.mktemp("refold")
+    refold(wrench.plan, shape("mallet-24"), directory=directory)
+    return directory
+
+
+@pytest.fixture(scope="module")
+def plan(made: FilePath) -> Plan:
+    return Plan.load(made / "plan.npz")
+
+
+@pytest.fixture
+def copy(made: FilePath, tmp_path: FilePath) -> FilePath:
+    """A refold to tamper with."""
+    shutil.copytree(made, tmp_path / "refold")
+    return tmp_path / "refold"
+
+
+def straight(plan: Plan) -> int:
+    return int((plan.phase == UNFOLDING).sum())
+
+
+def judged(directory: FilePath, **changes: Any) -> Certificate:
+    """The certificate of a refold whose playback says something else."""
+    plan, playback = Plan.load(directory / "plan.npz"), Playback.load(directory / "playback.npz")
+    return certify(plan.chain, None, replace(playback, **changes), Parameters(), start=plan.start)
+
+
+def test_a_refold_is_verified_with_both_shapes_named(plan: Plan) -> None:
+    assert plan.certificate.verdict == "verified"
+    assert plan.start is not None
+    assert (plan.start.name, plan.chain.name) == ("wrench-24", "mallet-24")
+    assert plan.summary()["refold"] == {
+        "start": "wrench-24",
+        "straight_frame": straight(plan),
+        "straight_s": plan.time_s[straight(plan)],
+        "frames": len(plan.time_s),
+    }
+    json.dumps(plan.summary(), allow_nan=False)
+
+
+def test_it_begins_in_the_cells_of_one_shape_and_ends_as_the_other(
+    plan: Plan, wrench: Folded
+) -> None:
+    angles = plan.joint_angles_rad
+    np.testing.assert_allclose(angles[0], wrench.chain.folded_rad, atol=1e-9, rtol=0)
+    np.testing.assert_allclose(angles[-1], plan.chain.folded_rad, atol=1e-9, rtol=0)
+    first = plan.chain.poses(angles[0], plan.root_position[0], plan.root_wxyz[0])
+    np.testing.assert_allclose(
+        first.positions, wrench.chain.folded_poses.positions, atol=1e-9, rtol=0
+    )
+    np.testing.assert_allclose(first.positions, np.round(first.positions), atol=1e-9, rtol=0)
+
+
+def test_it_is_straight_in_between_and_nothing_jumps(plan: Plan, made: FilePath) -> None:
+    k = straight(plan)
+    np.testing.assert_allclose(plan.joint_angles_rad[k - 1 : k + 1], 0.0, atol=1e-9, rtol=0)
+    assert (np.diff(plan.time_s) > 0.0).all()
+    assert (np.diff(plan.phase.astype(int)) != 0).sum() == 1
+    frames = Playback.load(made / "playback.npz").frames
+    assert np.abs(frames.joint_angles_rad[k]).max() < 1e-4
+    # The simulation itself goes through: within its speed elsewhere, no place or turn is skipped.
+    spans = np.diff(frames.time_s)
+    for values in (frames.root_position, frames.root_wxyz, frames.joint_angles_rad):
+        speeds = np.linalg.norm(np.diff(values, axis=0), axis=1) / spans
+        assert speeds[k - 1] <= np.median(speeds)
+
+
+def test_the_first_half_is_the_other_plan_backwards(plan: Plan, wrench: Folded) -> None:
+    there = wrench.plan.joint_angles_rad
+    back = plan.joint_angles_rad[: straight(plan)]
+    # Each configuration on the way back is near to one of the way there.
+    near = [np.abs(there - angles).max(axis=1).min() for angles in back]
+    assert max(near) < 0.03
+    assert plan.certificate.min_clearance == pytest.approx(
+        min(wrench.plan.certificate.min_clearance or 0.0, 0.05)
+    )
+
+
+def test_it_floats_without_momentum(plan: Plan) -> None:
+    """A chain that turned a little about its length would spin ever faster as it gets straight."""
+    modules = plan.chain.poses(plan.joint_angles_rad, plan.root_position, plan.root_wxyz)
+    centres = modules.positions.mean(axis=1)
+    np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=0.05)
+    # Where it waits straight, it does not move at all.
+    k = straight(plan)
+    for values in (plan.root_position, plan.root_wxyz):
+        np.testing.assert_allclose(values[k], values[k - 1], atol=1e-6)
+
+
+def test_errors_torque_and_time_are_of_both_halves(plan: Plan, wrench: Folded) -> None:
+    assert np.isfinite(plan.max_error_rad).all()
+    assert plan.max_error_rad[: straight(plan)].max() > 0.0
+    assert plan.playback is not None
+    assert plan.playback["kind"] == "dynamic"
+    alone, both = wrench.plan.certificate, plan.certificate
+    assert both.peak_torque_nm is not None
+    assert alone.peak_torque_nm is not None
+    assert both.peak_torque_nm > 0.9 * alone.peak_torque_nm
+    assert (both.fold_time_s or 0.0) > 1.5 * (alone.fold_time_s or np.inf) * 0.9
+
+
+def test_the_timeline_goes_from_shape_to_shape(plan: Plan, made: FilePath) -> None:
+    timeline = Timeline.open(made / "timeline.zarr")
+    assert timeline.status == "complete"
+    np.testing.assert_array_equal(timeline.frames().phase, plan.phase)
+    np.testing.assert_array_equal(timeline.frames().root_position, plan.root_position)
+
+
+def test_it_is_verified_from_its_files_alone(copy: FilePath) -> None:
+    for name in ("start.json", "start.npz", "record.npz", "playback.npz", "certificate.json"):
+        (copy / name).unlink()
+    found = verify(copy)
+    assert found.problems == ()
+    assert found.replay is not None
+    assert found.replay.overlap == 0.0
+    assert found.replay.pose_difference < 1e-9
+
+
+def test_both_forms_of_the_plan_say_the_same(made: FilePath, plan: Plan) -> None:
+    again = Plan.load(made / "plan.json")
+    np.testing.assert_array_equal(again.phase, plan.phase)
+    assert again.start is not None
+    assert plan.start is not None
+    np.testing.assert_array_equal(again.start.folded_rad, plan.start.folded_rad)
+    assert json.loads((made / "plan.json").read_text())["phase"][0] == "unfolding"
+
+
+def tampered(directory: FilePath, **changes: Any) -> tuple[str, ...]:
+    plan = replace(Plan.load(directory / "plan.npz"), **changes)
+    plan.save_npz(directory / "plan.npz")
+    plan.save_json(directory / "plan.json")
+    return verify(directory).problems
+
+
+def test_another_beginning_is_noticed(copy: FilePath, plan: Plan) -> None:
+    assert "does not begin folded as mallet-24" in tampered(copy, start=plan.chain)[0]
+    assert tampered(copy, start=None)
+    assert "not of the same modules" in tampered(copy, start=line(24 + 1))[0]
+
+
+def test_a_plan_that_leaves_straight_out_is_refused(copy: FilePath, plan: Plan) -> None:
+    angles = plan.joint_angles_rad.copy()
+    angles[straight(plan)] = 0.01
+    assert "does not become straight" in tampered(copy, joint_angles_rad=angles)[0]
+
+
+def test_phases_that_are_not_the_timelines_are_refused(copy: FilePath, plan: Plan) -> None:
+    phase = plan.phase.copy()
+    phase[straight(plan)] = UNFOLDING
+    with pytest.raises(InputError, match="phases"):
+        tampered(copy, phase=phase)
+
+
+def test_forms_that_begin_differently_are_noticed(copy: FilePath, plan: Plan) -> None:
+    replace(plan, start=plan.chain).save_json(copy / "plan.json")
+    assert "differ in start" in verify(copy).problems[0]
+
+
+@pytest.mark.parametrize("half", ["unfolding", "folding"])
+def test_an_overlap_in_either_half_is_found(half: str, copy: FilePath, plan: Plan) -> None:
+    angles = plan.joint_angles_rad.copy()
+    k = straight(plan)
+    angles[k // 2 if half == "unfolding" else k + k // 2] = np.tile([np.pi / 2, 0.0], 22)
+    problems = tampered(copy, joint_angles_rad=angles)
+    assert any("in the plan, modules" in problem for problem in problems)
+    assert any("MuJoCo finds an overlap" in problem for problem in problems)
+
+
+def test_a_simulation_that_began_elsewhere_is_refused(made: FilePath) -> None:
+    assert judged(made).verdict == "verified"
+    frames = Playback.load(made / "playback.npz").frames
+    moved = frames.root_position.copy()
+    moved[0, 1] += 0.01
+    for changed in (
+        replace(frames, root_position=moved),
+        replace(
+            frames,
+            joint_angles_rad=np.vstack([frames.joint_angles_rad[1:2], frames.joint_angles_rad[1:]]),
+        ),
+    ):
+        assert "does not begin folded as wrench-24" in judged(made, frames=changed).verdict
+
+
+def test_a_refold_is_no_plain_fold(made: FilePath, plan: Plan) -> None:
+    found = certify(plan.chain, None, Playback.load(made / "playback.npz"), Parameters())
+    assert "out of order" in found.verdict
+
+
+def test_a_simulation_that_missed_straight_is_refused(made: FilePath, plan: Plan) -> None:
+    frames = Playback.load(made / "playback.npz").frames
+    angles = frames.joint_angles_rad.copy()
+    angles[straight(plan)] = 0.05
+    changed = replace(frames, joint_angles_rad=angles)
+    assert "from straight" in judged(made, frames=changed).verdict
+
+
+def test_it_goes_on_from_a_refold(plan: Plan, wrench: Folded) -> None:
+    way = Unfolding.of_plan(plan)
+    assert way.chain.name == "mallet-24"
+    assert way.time_s[0] == 0.0
+    assert len(way.folding_rad) == len(plan.time_s) - straight(plan)
+    np.testing.assert_allclose(way.folding_rad[0], 0.0, atol=1e-9)
+    back = refold(plan, shape("wrench-24"))
+    assert back.verified
+    np.testing.assert_allclose(back.joint_angles_rad[-1], wrench.chain.folded_rad, atol=1e-9)
+
+
+def test_tetrahedra_refold_too(tmp_path: FilePath) -> None:
+    zigzag = ["0", "-", "-", "+", "0", "+", "+", "-", "0", "-", "+"]
+    signs = {"-": -np.pi / 2, "0": 0.0, "+": np.pi / 2}
+    module = shape("tetra-ring").module
+    bent = Chain.from_angles(module, np.array([signs[s] for s in zigzag]), name="zigzag")
+    ring = fold(shape("tetra-ring"))
+    assert ring.verified
+    found = refold(ring, bent, directory=tmp_path)
+    assert found.certificate.verdict == "verified"
+    np.testing.assert_allclose(found.joint_angles_rad[-1], bent.folded_rad, atol=1e-9)
+    assert verify(tmp_path).verified
+
+
+def test_a_shape_of_another_chain_is_refused_before_anything_is_computed(
+    wrench: Folded, tmp_path: FilePath
+) -> None:
+    with pytest.raises(InputError, match="got a shape of 64 cubes, expected one of 24") as refused:
+        refold(wrench.plan, shape("mallet-64"), directory=tmp_path)
+    assert refused.value.code == "refold-differs"
+    assert not (tmp_path / "timeline.zarr").exists()
+    with pytest.raises(InputError, match="24 tetrahedra"):
+        check_fits(wrench.chain, "tetrahedron", 24)
+
+
+def test_it_stays_the_chain_that_it_is(wrench: Folded, tmp_path: FilePath) -> None:
+    larger = replace(wrench.plan, chain=replace(wrench.chain, pitch_m=0.05))
+    write_start(tmp_path, larger)
+    write_request(tmp_path, Request(refold=True), (SHAPES / "mallet-24.json").read_bytes())
+    assert run_stage("read", tmp_path)["pitch_m"] == 0.05
+
+
+def test_a_plan_that_does_not_lead_to_its_shape_is_no_beginning(wrench: Folded) -> None:
+    plan = wrench.plan
+    cut = {
+        name: getattr(plan, name)[:-3]
+        for name in ("time_s", "phase", "joint_angles_rad", "root_position", "root_wxyz")
+    }
+    with pytest.raises(InputError, match="does not lead from straight to folded") as refused:
+        Unfolding.of_plan(replace(plan, **cut))
+    assert refused.value.code == "refold-not-folded"
+
+
+@pytest.mark.parametrize("again_from", ["play_back", "certify"])
+def test_a_stage_that_is_run_again_comes_to_the_same(
+    again_from: str, copy: FilePath, plan: Plan
+) -> None:
+    for stage in STAGES[STAGES.index(again_from) :]:
+        run_stage(stage, copy)
+    again = Plan.load(copy / "plan.npz")
+    np.testing.assert_array_equal(again.joint_angles_rad, plan.joint_angles_rad)
+    np.testing.assert_array_equal(again.root_position, plan.root_position)
+    np.testing.assert_array_equal(Timeline.open(copy / "timeline.zarr").frames().phase, plan.phase)
+
+
+def refuse(monkeypatch: pytest.MonkeyPatch, frame: float) -> None:
+    """Certificates that find an overlap there."""
+
+    def refusing(*args: Any, **more: Any) -> Certificate:
+        found = certify(*args, **more)
+        assert found.min_clearance_at is not None
+        return replace(
+            found,
+            verdict="failed: in the plan, modules 0 and 9 overlap",
+            min_clearance=-0.1,
+            min_clearance_at=replace(found.min_clearance_at, frame=frame),
+        )
+
+    monkeypatch.setattr("planner.stages.certify", refusing)
+
+
+def test_other_paths_are_tried_for_the_second_half_only(
+    copy: FilePath, plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuse(monkeypatch, straight(plan) + 3.0)
+    assert run_stage("certify", copy)["again"] == "explode"
+    run_stage("read", copy)
+    run_stage("explode", copy)
+    run_stage("play_back", copy)
+    refuse(monkeypatch, 3.0)
+    assert run_stage("certify", copy)["again"] is None
+
+
+def test_a_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, plan: Plan) -> None:
+    way = Unfolding.of_plan(wrench.plan)
+    told: list[Frames] = []
+    found = play_back(
+        plan.chain,
+        Record.load(made / "record.npz"),
+        PlaybackParameters(dynamic_up_to=len(plan.chain) - 1),
+        unfolding=way,
+        sink=told.append,
+    )
+    assert found.kind == "kinematic"
+    frames = Frames.joined(told)
+    count = int((frames.phase == UNFOLDING).sum())
+    np.testing.assert_array_equal(frames.joint_angles_rad[: count + 1], way.folding_rad[::-1])
+    assert (np.diff(frames.time_s) > 0.0).all()
+    certificate = certify(plan.chain, None, found, Parameters(), start=wrench.chain)
+    assert certificate.verdict == "verified"
+    centres = plan.chain.poses(
+        frames.joint_angles_rad, frames.root_position, frames.root_wxyz
+    ).positions.mean(axis=1)
+    np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=1e-9)
+
+
+def test_progress_goes_on_through_both_halves(
+    wrench: Folded, made: FilePath, plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("planner.playback.REPORT_EVERY_S", 0.0)
+    told: list[Progress] = []
+    play_back(
+        plan.chain,
+        Record.load(made / "record.npz"),
+        PlaybackParameters(),
+        unfolding=Unfolding.of_plan(wrench.plan),
+        progress=told.append,
+    )
+    fractions = [p.fraction for p in told]
+    assert fractions == sorted(fractions)
+    assert [*dict.fromkeys(p.message for p in told)] == ["unfolding", "folding"]
