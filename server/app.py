@@ -21,6 +21,7 @@ from server.jobs import Jobs
 from server.limits import ChildLimits
 from server.metrics import CountAnswers, Metrics
 from server.movies import Movies, NoSuchMovieError
+from server.preview_scenes import PreviewScenes
 from server.previews import NoSuchPreviewError, Previews
 from server.routes import (
     artifacts,
@@ -43,7 +44,6 @@ from server.streams import Streams
 from server.trajectories import Trajectories
 from server.watch import Watch
 from web.films import Films
-from web.viewers import Viewers
 
 ROUTERS: Final = (
     folds,
@@ -76,7 +76,6 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         try:
             yield
         finally:
-            context.viewers.close()
             context.reader.close()
             context.preparer.close()
             context.jobs.close()
@@ -125,23 +124,19 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         shutil.rmtree(left, ignore_errors=True)
     jobs = Jobs(settings)
     jobs.reconcile(store)
+    previews = Previews(settings)
     return Context(
         settings=settings,
         store=store,
         jobs=jobs,
-        viewers=Viewers(
-            settings.max_viewers,
-            settings.viewer_idle_s,
-            max_of_address=settings.max_viewers_of_visitor,
-            max_of_fold=settings.max_viewers_of_fold,
-        ),
         films=Films(),
         streams=Streams(settings.max_streams, settings.max_streams_of_visitor),
         robots=Streams(settings.max_robots, settings.max_robots_of_visitor, "robots"),
         trajectories=Trajectories(),
         reader=Reader(ChildLimits.of(settings), wall_s=settings.read_seconds),
         preparer=Reader(ChildLimits.of(settings), wall_s=settings.preview_seconds, kind="preparer"),
-        previews=Previews(settings),
+        previews=previews,
+        preview_scenes=PreviewScenes(previews),
         exports=Exports(store, min_free_disk_bytes=settings.min_free_disk_bytes),
         movies=Movies(settings, store, jobs),
         gallery=Gallery(),

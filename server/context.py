@@ -18,6 +18,7 @@ from server.gallery import Gallery
 from server.jobs import Jobs
 from server.metrics import Metrics
 from server.movies import Movies
+from server.preview_scenes import PreviewScenes
 from server.previews import Previews
 from server.settings import Settings
 from server.store import Store
@@ -27,7 +28,6 @@ from server.watch import Watch
 
 if TYPE_CHECKING:
     from web.films import Films
-    from web.viewers import Viewers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,10 +38,10 @@ class Context:
     store: Store
     jobs: Jobs
     films: Films
-    viewers: Viewers
     reader: Reader
     preparer: Reader
     previews: Previews
+    preview_scenes: PreviewScenes
     exports: Exports
     movies: Movies
     gallery: Gallery

@@ -24,7 +24,7 @@ class Metrics:
         with self._lock:
             self._answers[f"{status // 100}xx"] += 1
 
-    def text(self, folds: Mapping[str, int], *, viewers: int) -> str:
+    def text(self, folds: Mapping[str, int]) -> str:
         """All figures, in the format that Prometheus reads."""
         with self._lock:
             answers = dict(self._answers)
@@ -35,9 +35,6 @@ class Metrics:
             "# HELP foldback_http_answers_total HTTP answers by class of status.",
             "# TYPE foldback_http_answers_total counter",
             *(f'foldback_http_answers_total{{status="{s}"}} {n}' for s, n in answers.items()),
-            "# HELP foldback_viewers Views that are open.",
-            "# TYPE foldback_viewers gauge",
-            f"foldback_viewers {viewers}",
             "# HELP process_resident_memory_bytes Memory of the web process.",
             "# TYPE process_resident_memory_bytes gauge",
             f"process_resident_memory_bytes {psutil.Process().memory_info().rss}",

@@ -86,11 +86,6 @@ class Settings(BaseSettings):
     )
     movie_seconds: float = Field(default=600.0, gt=0, description="Time to make one movie.")
 
-    max_viewers: int = Field(default=256, ge=1, description="Views that may be open at once.")
-    max_viewers_of_visitor: int = Field(
-        default=128, ge=1, description="Of them, by one address; a school may share one."
-    )
-    max_viewers_of_fold: int = Field(default=192, ge=1, description="Of them, of one fold.")
     max_streams: int = Field(
         default=512, ge=1, description="Event streams (`/events`) that may be open at once."
     )
@@ -99,9 +94,6 @@ class Settings(BaseSettings):
         default=32, ge=1, description="Robots (`/play`) that may be driven at once."
     )
     max_robots_of_visitor: int = Field(default=8, ge=1, description="Of them, by one address.")
-    viewer_idle_s: float = Field(
-        default=600.0, gt=0, description="A view unused for so long is closed."
-    )
     embed_origins: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
         description="Sites that may show folds in a frame, as `https://…`, separated by commas; "

@@ -1,4 +1,4 @@
-"""Camera: keeps the whole chain in view, smoothly, until a visitor takes hold of it."""
+"""Camera: the view that shows the whole chain. Pages compute it by the same equations."""
 
 from __future__ import annotations
 
@@ -14,8 +14,6 @@ FIELD_OF_VIEW_RAD: Final = np.deg2rad(32.0)
 AZIMUTH_RAD: Final = np.deg2rad(-62.0)
 ELEVATION_RAD: Final = np.deg2rad(24.0)
 TURN_RAD_S: Final = np.deg2rad(5.0)
-SETTLE_S: Final = 0.14
-SETTLED: Final = 2e-4
 MOST_POINTS: Final = 600
 WIDE: Final = 1.6
 
@@ -97,61 +95,6 @@ def distance_needed(points: Array, view: View, *, radius: float, aspect: float) 
     sideways = (np.abs(off @ right) + radius) / (tall * aspect) + depth
     upwards = (np.abs(off @ np.cross(out, right)) + radius) / tall + depth
     return float(max(sideways.max(), upwards.max()))
-
-
-def blended(views: list[View], weights: Array, *, nearest: View) -> View:
-    """A view between several, from as far as the one that must not be cut off needs."""
-    share = weights / weights.sum()
-    turns = [(v.azimuth_rad - nearest.azimuth_rad + np.pi) % (2 * np.pi) - np.pi for v in views]
-    target = np.sum([w * v.target for w, v in zip(share, views, strict=True)], axis=0)
-    mean = float(np.exp(share @ np.log([v.distance for v in views])))
-    aside = float(np.linalg.norm(target - nearest.target))
-    return View(
-        target=target,
-        azimuth_rad=nearest.azimuth_rad + float(share @ np.array(turns)),
-        elevation_rad=nearest.elevation_rad,
-        distance=max(mean, nearest.distance + aside),
-    )
-
-
-class Follower:
-    """A camera that glides to the view it should have."""
-
-    def __init__(self) -> None:
-        self.view: View | None = None
-        self._goal: View | None = None
-
-    def aim(self, goal: View, *, at_once: bool = False) -> None:
-        """Sets where to go; ``at_once`` jumps there."""
-        self._goal = goal
-        if at_once or self.view is None:
-            self.view = goal
-
-    def move(self, seconds: float) -> bool:
-        """Glides on for some time; True while the camera moves."""
-        if self.view is None or self._goal is None or self.view is self._goal:
-            return False
-        goal, view = self._goal, self.view
-        share = 1.0 - float(np.exp(-seconds / SETTLE_S))
-        turn = (goal.azimuth_rad - view.azimuth_rad + np.pi) % (2 * np.pi) - np.pi
-        rise = goal.elevation_rad - view.elevation_rad
-        off = float(np.linalg.norm(goal.target - view.target)) / goal.distance
-        if max(off, abs(turn), abs(rise), abs(goal.distance / view.distance - 1)) < SETTLED:
-            self.view = goal
-            return True
-        self.view = View(
-            target=view.target + (goal.target - view.target) * share,
-            azimuth_rad=view.azimuth_rad + turn * share,
-            elevation_rad=view.elevation_rad + rise * share,
-            distance=view.distance * (goal.distance / view.distance) ** share,
-        )
-        return True
-
-
-def angles_of(position: Array, target: Array) -> tuple[float, float]:
-    """Azimuth and elevation from which ``position`` looks at ``target``."""
-    out = (position - target) / max(float(np.linalg.norm(position - target)), 1e-9)
-    return float(np.arctan2(out[1], out[0])), float(np.arcsin(np.clip(out[2], -1.0, 1.0)))
 
 
 def _outward(azimuth: float, elevation: float) -> Array:

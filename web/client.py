@@ -10,9 +10,6 @@ from typing import Final
 
 import viser
 
-MESSAGES_IN: Final = frozenset({"ViewerCameraMessage", "ScenePointerMessage"})
-"""What a visitor's browser may say to a viser server; all else is dropped on the way."""
-
 # The panel, the notices and the logo are viser's; the page has its own. The ground is painted by
 # the document, so the canvas above it stays see-through.
 STYLE: Final = """
@@ -41,23 +38,19 @@ class Client:
 
 @cache
 def client() -> Client:
-    """The dressed client of the installed viser, read once."""
-    return _client("")
+    """The installed viser's client, told what to show by the page that frames it.
 
-
-@cache
-def bridged_client() -> Client:
-    """The same, told what to show by the page that frames it: see ``static/bridge.js``."""
-    script = (Path(__file__).parent / "static" / "bridge.js").read_text(encoding="utf-8")
-    return _client(f"<script>{script}</script>")
-
-
-def _client(script: str) -> Client:
+    See ``static/bridge.js``; read once.
+    """
+    bridge = (Path(__file__).parent / "static" / "bridge.js").read_text(encoding="utf-8")
     source = Path(viser.__file__).parent / "client" / "build" / "index.html"
     html = source.read_text(encoding="utf-8")
     start = html.index("<head>") + len("<head>")
     head = html.rindex("</head>")
-    html = f"{html[:start]}{script}{html[start:head]}<style>{STYLE}</style>{html[head:]}"
+    html = (
+        f"{html[:start]}<script>{bridge}</script>{html[start:head]}"
+        f"<style>{STYLE}</style>{html[head:]}"
+    )
     policy = "; ".join(
         (
             "default-src 'none'",

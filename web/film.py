@@ -92,7 +92,6 @@ class Film:
     def _begin(self) -> None:
         self._stamp = self._stamp_now()
         self._timeline = Timeline.open(self.path)
-        self._folded = self._timeline.chain.folded_poses.positions
         self._chunks: OrderedDict[int, _Chunk] = OrderedDict()
         self._bytes = 0
         self._refreshed = time.monotonic()
@@ -115,11 +114,6 @@ class Film:
     def chain(self) -> Chain:
         """The chain that is shown."""
         return self._timeline.chain
-
-    @property
-    def folded_positions(self) -> Array:
-        """(n, 3) where the modules are when folded, in pitches."""
-        return self._folded
 
     @property
     def growing(self) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -13,17 +12,9 @@ from viser._messages import Message, SetCameraLookAtMessage, SetCameraPositionMe
 
 from planner.chain import Chain
 from web.camera import FIELD_OF_VIEW_RAD, View
-from web.colours import (
-    FIRST,
-    LAST,
-    SELECTED,
-    error_colours,
-    instance_colours,
-    ramp_colours,
-)
+from web.colours import FIRST, LAST, error_colours, instance_colours, ramp_colours
 from web.film import Snapshot
 from web.meshes import SHOWN_SIZE, module_mesh, stud_mesh
-from web.picking import picked_module
 
 Array = NDArray[np.float64]
 
@@ -34,7 +25,6 @@ GROUND_GAP: Final = 0.35
 PATH_THICKNESS: Final = 0.18
 SINK_S: Final = 0.05
 RISE_S: Final = 0.5
-Picked = Callable[[int | None], None]
 
 
 def path_colours(modules: int) -> NDArray[np.uint8]:
@@ -56,10 +46,8 @@ class Scene:
         self._server = server
         self._chain = chain
         self.pitch = min(LARGEST_PITCH, WIDEST / len(chain))
-        self.selected: int | None = None
         self._ground: float | None = None
         self._last: Snapshot | None = None
-        self._scale_rad = 1.0
         n = len(chain)
         scene = server.scene
         scene.set_up_direction("+z")
@@ -117,49 +105,19 @@ class Scene:
             fade_distance=40.0,
         )
 
-    def on_pick(self, told: Picked) -> None:
-        """Calls ``told`` with the index of a module that is clicked, None for a click beside."""
-
-        @self._server.scene.on_click()
-        def _(event: viser.SceneClickEvent) -> None:
-            shown = self._last
-            if shown is not None:
-                told(
-                    picked_module(
-                        self._chain.module,
-                        shown.positions.astype(np.float64),
-                        shown.wxyzs.astype(np.float64),
-                        np.array(event.ray_origin) / self.pitch,
-                        np.array(event.ray_direction),
-                    )
-                )
-
     def show(self, snapshot: Snapshot, *, scale_rad: float) -> None:
         """Draws a snapshot; errors at or above ``scale_rad`` are fully red."""
-        self._last, self._scale_rad = snapshot, scale_rad
+        self._last = snapshot
+        colours = error_colours(snapshot.module_error_rad, scale_rad)
         with self._server.atomic():
             self._modules.batched_positions = snapshot.positions * np.float32(self.pitch)
             self._modules.batched_wxyzs = snapshot.wxyzs
-            self._modules.batched_colors = instance_colours(self.colours(snapshot))
+            self._modules.batched_colors = instance_colours(colours)
             self._place_ends(snapshot)
-
-    def select(self, module: int | None) -> None:
-        """Highlights one module, or none."""
-        self.selected = module
-        if self._last is not None:
-            with self._server.atomic():
-                self._modules.batched_colors = instance_colours(self.colours(self._last))
 
     def points(self, snapshot: Snapshot) -> Array:
         """(n, 3) centres of the modules in the scene's units."""
         return snapshot.positions.astype(np.float64) * self.pitch
-
-    @property
-    def ground(self) -> float:
-        """Height of the ground in the scene's units."""
-        if self._ground is not None:
-            return self._ground
-        return 0.0 if self._last is None else self._ground_below(self._last)
 
     @property
     def radius(self) -> float:
@@ -177,13 +135,6 @@ class Scene:
             broadcast(self._server, SetCameraPositionMessage((x, y, z)))
             x, y, z = (float(v) for v in view.target)
             broadcast(self._server, SetCameraLookAtMessage((x, y, z)))
-
-    def colours(self, snapshot: Snapshot) -> NDArray[np.uint8]:
-        """(n, 3) sRGB bytes of the modules."""
-        colours = error_colours(snapshot.module_error_rad, self._scale_rad)
-        if self.selected is not None:
-            colours[self.selected] = SELECTED
-        return colours
 
     def _place_ends(self, snapshot: Snapshot) -> None:
         """Studs on the free faces: behind the first module, before the last one."""

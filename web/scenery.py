@@ -133,17 +133,44 @@ def quiet() -> Generator[None]:
 
 
 @contextlib.contextmanager
-def viser_scene(chain: Chain) -> Generator[tuple[viser.ViserServer, Scene]]:
-    """A scene in a viser server that nobody can connect to but from this machine, for a moment."""
+def viser_server() -> Generator[viser.ViserServer]:
+    """A viser server that nobody can connect to but from this machine, for a moment."""
     with _ONE:
         with quiet():
             server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         try:
             server.gui.configure_theme(show_logo=False, show_share_button=False)
-            yield server, Scene(server, chain)
+            yield server
         finally:
             with quiet():
                 server.stop()
+
+
+@contextlib.contextmanager
+def viser_scene(chain: Chain) -> Generator[tuple[viser.ViserServer, Scene]]:
+    """The scene of a chain in such a server."""
+    with viser_server() as server:
+        yield server, Scene(server, chain)
+
+
+def taken_down(server: viser.ViserServer) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:
+    """What a server shows: its messages with ``{"column": name}`` for arrays, and the arrays."""
+    messages, buffers = opened_scene(server.get_scene_serializer().serialize())
+    arrays: dict[str, NDArray[Any]] = {}
+
+    def named(value: Any) -> Any:
+        if isinstance(value, dict):
+            found = cast("dict[str, Any]", value)
+            if _BINARY in found:
+                name = f"buffer_{len(arrays)}"
+                arrays[name] = np.frombuffer(buffers[found[_BINARY]], found["dtype"])
+                return {"column": name}
+            return {k: named(v) for k, v in found.items()}
+        if isinstance(value, list | tuple):
+            return [named(v) for v in cast("list[Any]", value)]
+        return value
+
+    return [*(named(message) for _, message in messages), _POINTER], arrays
 
 
 class _Alike:
@@ -171,20 +198,4 @@ def _staged_alike(
     alike: _Alike,
 ) -> tuple[float, list[dict[str, Any]], dict[str, NDArray[Any]]]:
     with viser_scene(alike.chain) as (server, scene):
-        messages, buffers = opened_scene(server.get_scene_serializer().serialize())
-        pitch = scene.pitch
-    arrays: dict[str, NDArray[Any]] = {}
-
-    def named(value: Any) -> Any:
-        if isinstance(value, dict):
-            found = cast("dict[str, Any]", value)
-            if _BINARY in found:
-                name = f"buffer_{len(arrays)}"
-                arrays[name] = np.frombuffer(buffers[found[_BINARY]], found["dtype"])
-                return {"column": name}
-            return {k: named(v) for k, v in found.items()}
-        if isinstance(value, list | tuple):
-            return [named(v) for v in cast("list[Any]", value)]
-        return value
-
-    return pitch, [*(named(message) for _, message in messages), _POINTER], arrays
+        return scene.pitch, *taken_down(server)

@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from web.client import bridged_client
+from web.client import client
 from web.film import Film
 from web.reel import thinned
 from web.scenery import scenery_of
@@ -46,7 +46,7 @@ def standalone_html(
     row = 8 * len(film.chain.joint_names) + 40
     stride = max(1, -(-len(film) * row // MOST_BYTES))
     parts = {
-        "client": bridged_client().html.decode(),
+        "client": client().html.decode(),
         "worker": (STATIC / WORKER).read_text(encoding="utf-8"),
         "scenery": _text(scenery_of(film.chain)),
         "reel": _text(thinned(film, stride)),

@@ -18,7 +18,7 @@ from planner.errors import TimelineError
 from server.routes.facts import RUNNING
 from server.routes.finding import find_fold
 from server.store import NoSuchFoldError
-from web.client import bridged_client
+from web.client import client
 from web.film import Film
 from web.measured import curves_of, stretch_of
 from web.reel import reel_of
@@ -34,7 +34,7 @@ BINARY: Final = "application/octet-stream"
 @router.get("/view")
 async def view(request: Request) -> Response:
     """Viser's client, to be framed by a page of ours."""
-    page = await asyncio.to_thread(bridged_client)
+    page = await asyncio.to_thread(client)
     headers = {
         "Content-Security-Policy": page.policy,
         "Cache-Control": "no-cache",

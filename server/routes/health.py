@@ -42,5 +42,5 @@ def get_ready(context: Here) -> JSONResponse:
 @router.get("/metrics", summary="Figures for Prometheus", response_class=PlainTextResponse)
 def get_metrics(context: Here) -> PlainTextResponse:
     """Counters in Prometheus' text format."""
-    text = context.metrics.text(context.store.counts(), viewers=len(context.viewers))
+    text = context.metrics.text(context.store.counts())
     return PlainTextResponse(text, media_type="text/plain; version=0.0.4")

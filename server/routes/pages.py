@@ -6,7 +6,6 @@ import asyncio
 import hashlib
 import json
 import mimetypes
-import secrets
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -257,11 +256,6 @@ def _drawing_of(path: Path, is_chain: bool) -> str:
 
 def _chain(read_in: Any) -> Chain:
     return read_in if isinstance(read_in, Chain) else Chain.from_path(read_in)
-
-
-def new_visitor() -> str:
-    """A token for one visit, which nobody can guess."""
-    return secrets.token_urlsafe(18)
 
 
 def _origin(request: Request) -> str:

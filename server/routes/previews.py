@@ -5,31 +5,20 @@ from __future__ import annotations
 import asyncio
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Final
 
-from fastapi import APIRouter, Request, WebSocket
+from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
-from server.addresses import address_of
 from server.previews import KEY, NoSuchPreviewError, Previews, read_report
 from server.routes.facts import shown_name
-from server.routes.pages import new_visitor, not_found_page, page, script_json
-from server.routes.viewers import (
-    OpenViewer,
-    carry_control,
-    carry_view,
-    client_page,
-)
-from web.preview import PreviewPlayer
+from server.routes.pages import not_found_page, page, script_json
 from web.preview_drawing import preview_svg
-from web.viewers import VISITOR, Viewer
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from viser import ViserServer
 
 router = APIRouter(include_in_schema=False)
+
+BINARY: Final = "application/octet-stream"
+KEPT: Final = "private, max-age=3600"
 
 
 @router.get("/shapes/new", response_class=HTMLResponse)
@@ -53,7 +42,6 @@ async def preview_page(request: Request, preview_id: str) -> Response:
     facts: dict[str, Any] = {
         "id": preview_id,
         "name": name,
-        "visitor": new_visitor(),
         "most_modules": context.settings.max_modules,
     }
     return page("preview.html", facts=facts, facts_json=script_json(facts))
@@ -67,28 +55,17 @@ async def drawing_of_preview(request: Request, preview_id: str, key: str = "") -
     if svg is None:
         return Response("not found", status_code=404, media_type="text/plain")
     headers = {
-        "Cache-Control": "private, max-age=3600",
+        "Cache-Control": KEPT,
         "Content-Security-Policy": "default-src 'none'",
     }
     return Response(svg, media_type="image/svg+xml", headers=headers)
 
 
-@router.get("/previews/{preview_id}/view/{visitor}/")
-async def view_page(request: Request, preview_id: str, visitor: str) -> Response:
-    """Viser's client, to be framed by the preview's page."""
-    return client_page(request, await _known(request.app, preview_id, visitor))
-
-
-@router.websocket("/previews/{preview_id}/view/{visitor}")
-async def view_socket(websocket: WebSocket, preview_id: str, visitor: str) -> None:
-    """Carries viser's messages between a browser and the visitor's viser server."""
-    await carry_view(websocket, _opener(websocket, preview_id, visitor))
-
-
-@router.websocket("/previews/{preview_id}/control/{visitor}")
-async def control_socket(websocket: WebSocket, preview_id: str, visitor: str) -> None:
-    """Carries what the page wants shown to the visitor's scene."""
-    await carry_control(websocket, _opener(websocket, preview_id, visitor))
+@router.get("/previews/{preview_id}/scene/{key}")
+async def scene_of_preview(request: Request, preview_id: str, key: str) -> Response:
+    """The same in 3D, for viser's client in the preview's page: see ``web.preview_scene``."""
+    data = await request.app.state.context.preview_scenes.scene(preview_id, key)
+    return Response(data, media_type=BINARY, headers={"Cache-Control": KEPT})
 
 
 def _drawing(previews: Previews, preview_id: str, key: str) -> str | None:
@@ -106,33 +83,3 @@ def _drawing_at(place: Path) -> str | None:
     if report is None:
         raise LookupError(place)  # so that it is looked for again
     return preview_svg(report)
-
-
-async def _known(app: Any, preview_id: str, visitor: str) -> bool:
-    if not VISITOR.fullmatch(visitor):
-        return False
-    try:
-        await asyncio.to_thread(app.state.context.previews.directory, preview_id)
-    except NoSuchPreviewError:
-        return False
-    return True
-
-
-def _opener(websocket: WebSocket, preview_id: str, visitor: str) -> OpenViewer:
-    context = websocket.app.state.context
-
-    def report(key: str) -> Mapping[str, Any] | None:
-        if not KEY.fullmatch(key):
-            return None
-        return read_report(context.previews.directory(preview_id) / key)
-
-    def make(server: ViserServer) -> PreviewPlayer:
-        return PreviewPlayer(server, report)
-
-    async def open_viewer() -> Viewer | None:
-        if not await _known(websocket.app, preview_id, visitor):
-            return None
-        what, address = f"preview {preview_id}", address_of(websocket)
-        return await asyncio.to_thread(context.viewers.opened, what, visitor, make, address=address)
-
-    return open_viewer

@@ -16,7 +16,7 @@ from server.routes.facts import RUNNING, fold_facts
 from server.routes.finding import Found, find_fold
 from server.routes.pages import POLICY, not_found_page, page, rendered, script_json
 from server.store import NoSuchFoldError
-from web.client import bridged_client
+from web.client import client
 from web.film import Film
 from web.measured import curves_of
 from web.recording import recording_of
@@ -31,12 +31,12 @@ _MAKING: Final = threading.BoundedSemaphore(AT_ONCE)
 @router.get("/embed/view")
 async def embedded_view(request: Request) -> Response:
     """Viser's client, for a frame in a frame."""
-    client = await asyncio.to_thread(bridged_client)
-    policy = client.policy.replace("frame-ancestors 'self'", _ancestors(request))
-    headers = {"Content-Security-Policy": policy, "Cache-Control": "no-cache", "ETag": client.etag}
-    if request.headers.get("if-none-match") == client.etag:
+    page = await asyncio.to_thread(client)
+    policy = page.policy.replace("frame-ancestors 'self'", _ancestors(request))
+    headers = {"Content-Security-Policy": policy, "Cache-Control": "no-cache", "ETag": page.etag}
+    if request.headers.get("if-none-match") == page.etag:
         return Response(status_code=304, headers=headers)
-    return Response(client.html, media_type="text/html", headers=headers)
+    return Response(page.html, media_type="text/html", headers=headers)
 
 
 @router.get("/embed/{fold_id}", response_class=HTMLResponse)

@@ -28,6 +28,7 @@ def settled(page: Page) -> None:
     """Waits until the figures and the view are those of what was asked for last."""
     page.locator("body:not(.busy-now)").wait_for()
     page.locator("#cover.gone").wait_for(state="attached")
+    page.locator('.stage[aria-busy="false"]').wait_for()
 
 
 def warm(image: np.ndarray) -> np.ndarray:
@@ -86,7 +87,7 @@ def test_a_drawing_is_there_before_the_3d_view_is_asked_for(visit: Visit, servic
         "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
     ).json()
     page = visit("/shapes/new", width=1440, height=900)
-    page.route("**/view/**", lambda route: None)  # the 3D view never comes
+    page.route("**/view", lambda route: None)  # the 3D view never comes
     page.add_init_script(
         """window.asked = [];
         const getContext = HTMLCanvasElement.prototype.getContext;
@@ -101,7 +102,7 @@ def test_a_drawing_is_there_before_the_3d_view_is_asked_for(visit: Visit, servic
     page.goto(found["links"]["page"])
     expect(page.locator("#drawing")).to_be_visible()
     expect(page.locator("#cover-text")).to_have_text("Starting the 3D view…")
-    expect(page.locator("#view")).to_have_attribute("src", re.compile("/view/"))
+    expect(page.locator("#view")).to_have_attribute("src", "/view")
     [(verdict, drawn)] = page.evaluate("window.asked")
     assert "modules" in verdict
     assert drawn
@@ -126,6 +127,26 @@ def test_without_webgl_the_drawing_stays_and_the_shape_can_be_folded(
     expect(page.locator("#fold")).to_be_enabled()
     assert page.locator("#view").get_attribute("src") is None
     keep(page, "preview-drawing-390x844")
+
+
+def test_a_3d_view_that_does_not_come_leaves_the_drawing(visit: Visit, service: Service) -> None:
+    found = service.http.post(
+        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
+    ).json()
+    page = visit("/shapes/new", width=1000, height=700)
+    page.route("**/scene/*", lambda route: route.fulfill(status=404))
+    page.goto(found["links"]["page"])
+    expect(page.locator("#cover-text")).to_contain_text("could not be loaded")
+    expect(page.locator("#drawing")).to_be_visible()
+    expect(page.locator("#fold")).to_be_enabled()
+    expect(page.locator(".stage")).to_have_attribute("aria-busy", "false")
+    page.unroute("**/scene/*")
+    # What is busy is asked again.
+    busy = {"status": 503, "headers": {"Retry-After": "1"}}
+    page.route("**/scene/*", lambda route: route.fulfill(**busy), times=1)
+    page.locator("#modules-number").fill("64")
+    page.locator("#modules-number").press("Enter")
+    settled(page)
 
 
 def test_the_slider_asks_again_and_the_view_follows(visit: Visit, service: Service) -> None:

@@ -14,9 +14,9 @@ from playwright.sync_api import Page
 from planner.chain import Chain
 from planner.modules import TETRAHEDRON
 from planner.paths import Path as CellPath
-from web.camera import blended, distance_needed, framing
+from planner.rotations import matrix_from_wxyz
+from web.camera import distance_needed, framing
 from web.columns import encode
-from web.picking import picked_module
 from web.scenery import scenery_of
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -92,11 +92,18 @@ def test_picking(page: Page, chain: Chain) -> None:
         origin.tolist(),
         ways.tolist(),
     )
-    expected = [
-        picked_module(chain.module, poses.positions, poses.wxyzs, origin, way) for way in ways
-    ]
-    assert found == expected
-    assert len(set(expected)) > 3
+    # The first of many points along the ray that lies in a module.
+    spots = origin + np.linspace(0.0, 2.0, 20_001)[:, None, None] * ways
+    turns = matrix_from_wxyz(poses.wxyzs)
+    heights = chain.module.vertices @ chain.module.face_normals.T
+    for k, module in enumerate(found):
+        inner = np.einsum("mji,tmj->tmi", turns, spots[:, None, k] - poses.positions)
+        reach = inner @ chain.module.face_normals.T
+        inside = ((reach >= heights.min(axis=0)) & (reach <= heights.max(axis=0))).all(axis=2)
+        first = np.flatnonzero(inside.any(axis=1))
+        assert module == (None if not len(first) else int(inside[first[0]].argmax()))
+    assert len(set(found)) > 3
+    assert None in found
 
 
 @pytest.mark.parametrize("aspect", [1.7, 0.5])
@@ -107,14 +114,13 @@ def test_the_camera(page: Page, aspect: float, stretch: tuple[float, ...]) -> No
     found = run(
         page,
         """
-        const { framing, distanceNeeded, blended, positionOf } = await import("/static/camera.js");
+        const { framing, distanceNeeded, positionOf } = await import("/static/camera.js");
         const [points, aspect, field, home, elevation] = given;
         const seeing = { radius: 0.9, aspect, field, home };
         const view = framing(points, { ...seeing, elevation });
-        const other = framing(points, { ...seeing, elevation, azimuth: view.azimuth + 6 });
         return [
           view.azimuth, ...view.target, view.distance, distanceNeeded(points, view, seeing),
-          ...positionOf(blended([view, other], [2, 1], view)),
+          ...positionOf(view),
         ];
         """,
         points.ravel().tolist(),
@@ -124,11 +130,40 @@ def test_the_camera(page: Page, aspect: float, stretch: tuple[float, ...]) -> No
         float(np.deg2rad(24.0)),
     )
     view = framing(points, radius=0.9, aspect=aspect)
-    other = framing(points, radius=0.9, aspect=aspect, azimuth_rad=view.azimuth_rad + 6)
-    between = blended([view, other], np.array([2.0, 1.0]), nearest=view)
     needed = distance_needed(points, view, radius=0.9, aspect=aspect)
-    expected = [view.azimuth_rad, *view.target, view.distance, needed, *between.position]
+    expected = [view.azimuth_rad, *view.target, view.distance, needed, *view.position]
     assert np.allclose(found, expected, rtol=1e-6, atol=1e-6)
+
+
+def test_the_camera_between_views(page: Page) -> None:
+    glides, rests, there, first, second, mixed, angles = run(
+        page,
+        """
+        const { Follower, anglesOf, blended, framing, positionOf } =
+          await import("/static/camera.js");
+        const seeing = { radius: 0.9, aspect: 1.6, field: 0.56, home: -1 };
+        const from = framing(given[0], { ...seeing, elevation: 0.4 });
+        const to = framing(given[0].map((v) => v + 30), { ...seeing, elevation: 0.4, azimuth: 3 });
+        const follower = new Follower();
+        follower.aim(from);
+        follower.aim(to);
+        let steps = 0;
+        while (follower.move(1 / 30) && steps < 300) steps++;
+        const mixed = blended([from, to], [1, 1], from);
+        return [
+          steps, follower.move(1), follower.view === to, from, to, mixed,
+          anglesOf(positionOf(from), from.target),
+        ];
+        """,
+        (np.random.default_rng(0).normal(size=90) * 5).tolist(),
+    )
+    assert 5 < glides < 300
+    assert not rests
+    assert there
+    aside = np.linalg.norm(np.subtract(mixed["target"], first["target"]))
+    assert mixed["target"] == pytest.approx(np.add(first["target"], second["target"]) / 2)
+    assert mixed["distance"] >= first["distance"] + aside  # what is nearest stays in the picture
+    assert angles == pytest.approx([first["azimuth"], 0.4])
 
 
 def test_packed_columns(page: Page) -> None:

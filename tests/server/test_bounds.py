@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Callable
 
 import httpx
 import pytest
-from websockets import ConnectionClosed
-from websockets.sync.client import ClientConnection, connect
 
 from server.addresses import address_of
 from tests.server.service import SNAKE, Service
@@ -20,40 +17,6 @@ ServiceWith = Callable[..., Service]
 def from_address(address: str) -> dict[str, str]:
     """What a proxy in front of the service says of a visitor."""
     return {"X-Forwarded-For": address}
-
-
-def control(service: Service, fold_id: str, visitor: str, address: str) -> ClientConnection:
-    base = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
-    return connect(
-        f"{base}/folds/{fold_id}/control/{visitor * 20}",
-        additional_headers=from_address(address),
-        compression=None,
-    )
-
-
-def greeting(socket: ClientConnection) -> str:
-    return json.loads(socket.recv(timeout=30))["is"]
-
-
-def test_one_visitor_cannot_take_all_views(service_with: ServiceWith) -> None:
-    service = service_with(workers=0, max_viewers=4, max_viewers_of_visitor=2).start()
-    fold_id = service.fold(SNAKE)["id"]
-    with (
-        control(service, fold_id, "a", "203.0.113.1") as first,
-        control(service, fold_id, "b", "203.0.113.1") as second,
-    ):
-        assert greeting(first) == greeting(second) == "hello"
-        with control(service, fold_id, "c", "203.0.113.1") as third:
-            with pytest.raises(ConnectionClosed) as shut:
-                greeting(third)
-            assert shut.value.rcvd is not None
-            assert shut.value.rcvd.code == 1013
-            assert shut.value.rcvd.reason.startswith("You have 2 views open")
-        with control(service, fold_id, "d", "203.0.113.2") as other:
-            assert greeting(other) == "hello"
-    # Both are left; they don't lock the visitor out.
-    with control(service, fold_id, "e", "203.0.113.1") as again:
-        assert greeting(again) == "hello"
 
 
 @pytest.mark.parametrize(

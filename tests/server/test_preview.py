@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+import shutil
 import struct
+import threading
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -11,7 +15,12 @@ import httpx
 import numpy as np
 import pytest
 
+from server.preview_scenes import MOST_AT_ONCE, PreviewScenes
+from server.previews import NoSuchPreviewError, Previews
+from server.problems import Problem
+from server.settings import Settings
 from tests.server.service import SNAKE, Service
+from web.columns import decode
 from web.isometric import isometric_svg
 
 CROSS = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 2, 0]]
@@ -153,6 +162,67 @@ def test_what_came_of_it_is_drawn_for_browsers_without_3d(desk: Service, module:
         assert desk.http.get(where, params={"key": key}).status_code == 404
     elsewhere = desk.http.get("/previews/nosuch/drawing.svg", params={"key": found["key"]})
     assert elsewhere.status_code == 404
+
+
+@pytest.mark.parametrize("module", ["cube", "tetrahedron"])
+def test_what_came_of_it_is_shown_in_3d(desk: Service, module: str) -> None:
+    found = report(desk, stl(), modules="64", module=module)
+    where = f"/previews/{found['id']}/scene"
+    answer = desk.http.get(f"{where}/{found['key']}")
+    assert answer.status_code == 200
+    assert answer.headers["cache-control"].startswith("private")
+    header, arrays = decode(answer.content)
+    assert header["hull"]["modules"] == found["modules"]
+    assert arrays["cells"].tolist() == found["cells"]
+    assert {"/solid", "/cells", "/path"} <= {m.get("name") for m in header["messages"]}
+    for key in ("0" * 24, "upload.json", "..%2Fupload", found["key"][:-1], found["key"].upper()):
+        assert desk.http.get(f"{where}/{key}").status_code == 404
+    for preview in ("nosuch", "..", "x" * 40):
+        refused = desk.http.get(f"/previews/{preview}/scene/{found['key']}")
+        assert refused.status_code == 404
+
+
+def test_scenes_are_made_a_few_at_once_and_each_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    previews = Previews(Settings(data_dir=tmp_path))
+    scenes = PreviewScenes(previews)
+    preview_id = previews.add(b"", "thing.bin")
+    keys = [f"{k:024x}" for k in range(MOST_AT_ONCE + 1)]
+    for key in keys[:-1]:
+        place = previews.directory(preview_id) / key
+        place.mkdir()
+        (place / "report.json").write_text(json.dumps({"cells": [[0, 0, int(key, 16)]]}))
+    go_on = threading.Event()
+    made: list[Any] = []
+
+    def draw(report: Any) -> bytes:
+        made.append(report["cells"])
+        assert go_on.wait(30)
+        return json.dumps(report).encode()
+
+    monkeypatch.setattr("server.preview_scenes.preview_scene_of", draw)
+
+    async def ask() -> None:
+        async with asyncio.TaskGroup() as group:
+            asked = [group.create_task(scenes.scene(preview_id, k)) for k in keys[:-1] * 2]
+            while len(made) < MOST_AT_ONCE:
+                await asyncio.sleep(0.01)
+            with pytest.raises(Problem) as refused:
+                await scenes.scene(preview_id, keys[-1])
+            assert refused.value.status == 503
+            assert int(refused.value.headers["Retry-After"]) > 0
+            go_on.set()
+        assert len({task.result() for task in asked}) == MOST_AT_ONCE
+        assert await scenes.scene(preview_id, keys[0]) == asked[0].result()
+        assert len(made) == MOST_AT_ONCE
+        with pytest.raises(NoSuchPreviewError):
+            await scenes.scene(preview_id, keys[-1])  # there is no report
+        shutil.rmtree(previews.directory(preview_id))
+        with pytest.raises(NoSuchPreviewError):
+            await scenes.scene(preview_id, keys[0])
+
+    asyncio.run(ask())
 
 
 def test_the_page_of_a_fold_draws_what_its_preview_has_found(desk: Service) -> None:
@@ -309,8 +379,6 @@ def test_pages_of_previews(desk: Service) -> None:
     assert "unsafe-inline" not in page.headers["content-security-policy"].split("style-src")[0]
     assert desk.http.get("/previews/nosuchpreview").status_code == 404
     assert desk.http.get("/shapes/new").status_code == 200
-    assert desk.http.get(f"/previews/{found['id']}/view/short/").status_code == 404
-    assert desk.http.get(f"/previews/{found['id']}/view/{'v' * 24}/").status_code == 200
     drawing = desk.http.get("/shapes/mallet-64.svg")
     assert drawing.headers["content-type"] == "image/svg+xml"
     assert desk.http.get("/shapes/nothing.svg").status_code == 404

@@ -7,15 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from web.camera import (
-    FIELD_OF_VIEW_RAD,
-    Follower,
-    View,
-    angles_of,
-    blended,
-    distance_needed,
-    framing,
-)
+from web.camera import FIELD_OF_VIEW_RAD, View, distance_needed, framing
 
 RADIUS = 0.87
 
@@ -65,37 +57,3 @@ def test_the_distance_needed_is_just_enough() -> None:
     view = replace(view, target=view.target + [3.0, 1.0, 2.0])
     least = distance_needed(line, view, radius=0.0, aspect=0.5)
     assert np.abs(seen(line, replace(view, distance=least), 0.5)).max() == pytest.approx(1.0)
-
-
-def test_following_arrives_and_then_rests() -> None:
-    follower = Follower()
-    start = framing(np.zeros((1, 3)), radius=RADIUS)
-    goal = framing(np.array([[0.0, 0, 0], [50.0, 0, 0]]), radius=RADIUS)
-    follower.aim(start)
-    assert follower.view is start
-    follower.aim(goal)
-    steps = 0
-    while follower.move(1 / 30):
-        steps += 1
-        assert steps < 300
-    assert follower.view is goal
-    assert steps > 5  # it glides
-
-
-def test_blended_views_keep_what_is_nearest_in_the_picture() -> None:
-    near = np.random.default_rng(0).normal(size=(30, 3)) * 5
-    view = framing(near, radius=RADIUS)
-    away = framing(near + [30.0, 0, 0], radius=RADIUS)
-    mixed = blended([view, away], np.array([1.0, 1.0]), nearest=view)
-    assert np.abs(seen(near, mixed, 1.6)).max() <= 1.0
-
-
-@given(st.floats(-3.1, 3.1), st.floats(-1.2, 1.2))
-def test_angles_of_a_view_are_found_again(azimuth: float, elevation: float) -> None:
-    view = View(
-        target=np.array([1.0, 2.0, 3.0]),
-        azimuth_rad=azimuth,
-        elevation_rad=elevation,
-        distance=7.0,
-    )
-    assert angles_of(view.position, view.target) == pytest.approx((azimuth, elevation), abs=1e-9)

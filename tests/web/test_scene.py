@@ -10,7 +10,7 @@ from viser import _messages as messages
 
 from planner.chain import Chain
 from web.camera import framing
-from web.colours import SELECTED, UNKNOWN, instance_colours
+from web.colours import UNKNOWN, instance_colours
 from web.film import Film
 from web.scene import Scene
 
@@ -47,12 +47,6 @@ def test_colours_are_sent_as_linear_light(
     scene = Scene(server, chain)
     scene.show(film.snapshot(0), scale_rad=1e-3)
     grey = instance_colours(np.array([UNKNOWN], np.uint8))[0]
-    assert (np.asarray(scene._modules.batched_colors) == grey).all()
-    scene.select(3)
-    colours = np.asarray(scene._modules.batched_colors)
-    assert (colours[3] == instance_colours(np.array([SELECTED], np.uint8))[0]).all()
-    assert (colours[4] == grey).all()
-    scene.select(None)
     assert (np.asarray(scene._modules.batched_colors) == grey).all()
 
 

@@ -32,6 +32,7 @@ def test_viser_still_has_the_messages_that_the_page_makes() -> None:
         "SceneNodeUpdateMessage": {"name", "updates", "owner"},
         "SetPositionMessage": {"name", "position", "owner"},
         "SetSceneNodeVisibilityMessage": {"name", "visible", "owner"},
+        "RemoveSceneNodeMessage": {"name", "owner"},
         "SetCameraPositionMessage": {"position", "initial"},
         "SetCameraLookAtMessage": {"look_at", "initial"},
         "ScenePointerEnableMessage": {"event_type", "modifiers", "owner"},

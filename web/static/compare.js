@@ -5,8 +5,9 @@ import { Film, Source } from "./film.js";
 import { showScale } from "./legend.js";
 import { Pair } from "./pair.js";
 import { Player } from "./player.js";
+import { hasWebGL } from "./scene.js";
 import { Sketch } from "./sketch.js";
-import { Stage, hasWebGL } from "./stage.js";
+import { Stage } from "./stage.js";
 import { toast } from "./toast.js";
 import { copyText, element, radians } from "./words.js";
 

@@ -84,7 +84,7 @@ export class Kinematics {
   }
 }
 
-// Which module a ray meets first, or null; `web.picking` says the same in another language.
+// Which module a ray meets first, or null.
 export function picked(chain, { positions, wxyzs }, origin, direction) {
   const spans = chain.face_normals.map((normal) => {
     const heights = chain.vertices.map((v) => v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2]);

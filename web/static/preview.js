@@ -1,7 +1,7 @@
 // The preview page: wishes in the panel, their report in figures, and the scene that shows it.
 import { UNREACHABLE, askForFold } from "./asking.js";
-import { Control } from "./control.js";
-import { View, hasWebGL } from "./view.js";
+import { PreviewStage } from "./preview_stage.js";
+import { hasWebGL } from "./scene.js";
 import { element, refusal, sentence, whole } from "./words.js";
 
 const get = (id) => document.getElementById(id);
@@ -9,6 +9,7 @@ const facts = JSON.parse(get("facts").textContent);
 const LEAST = 8;
 const PATIENCE_MS = 220;
 const DRAW_MS = 100;
+const UNCOVER_MS = 200;
 const HINTS = {
   auto: "The way that suits the shape.",
   blocks: "Each voxel becomes 2×2×2 modules: there is a path in any case, and it folds best.",
@@ -55,8 +56,13 @@ function remember() {
 function busy(on) {
   get("progress").hidden = !on;
   document.body.classList.toggle("busy-now", on);
-  document.querySelector(".stage").setAttribute("aria-busy", String(on));
   get("fold").disabled = on || !report?.has_path;
+  settle();
+}
+
+// What is shown is not yet, or is, that of the figures.
+function settle() {
+  document.querySelector(".stage").setAttribute("aria-busy", String(running || stage.waiting));
 }
 
 function cover(text, more = "", still = true) {
@@ -188,9 +194,8 @@ function show() {
   for (const button of get("layers").children) {
     button.hidden = (button.dataset.layer === "solid" && !resizable) || (button.dataset.layer === "path" && !path);
   }
-  control.send({ do: "show", key: report.key });
-  if (viewing) uncover();
-  else draw();
+  show3d();
+  if (!viewing) draw();
 }
 
 // A drawing stands for the 3D view until that is there, or instead of it.
@@ -211,18 +216,26 @@ function draw() {
 }
 
 function tell3d() {
-  get("cover-text").textContent = flat ? "WebGL is missing or switched off, so this is a drawing." : "Starting the 3D view…";
-  get("cover-more").textContent = flat ? "The figures hold all the same, and the shape can be folded." : "";
+  const why = flat ? "WebGL is missing or switched off" : failed ? "The 3D view could not be loaded" : "";
+  get("cover-text").textContent = why ? `${why}, so this is a drawing.` : "Starting the 3D view…";
+  get("cover-more").textContent = why ? "The figures hold all the same, and the shape can be folded." : "";
 }
 
 // To ask is to start the browser's 3D graphics, which takes a second where they are software.
 function start3d() {
   if (started) return;
   started = true;
-  if (hasWebGL()) { get("view").src = get("view").dataset.src; return; }
+  if (hasWebGL()) { get("view").src = "/view"; show3d(); return; }
   flat = true;
   if (get("drawing").hidden) cover("This browser shows no 3D graphics", "WebGL is missing or switched off. The figures hold all the same, and the shape can be folded.");
   else tell3d();
+}
+
+function show3d() {
+  if (!started || flat) return;
+  failed = false;
+  stage.show(`/previews/${facts.id}/scene/${report.key}`);
+  settle();
 }
 
 // The module that was clicked, or the one that the chain was asked to begin in.
@@ -301,7 +314,7 @@ for (const button of get("layers").children) {
   button.onclick = () => {
     const on = button.getAttribute("aria-pressed") !== "true";
     button.setAttribute("aria-pressed", String(on));
-    control.send({ do: "layers", [button.dataset.layer]: on });
+    stage.layer(button.dataset.layer, on);
   };
 }
 
@@ -322,26 +335,17 @@ get("fold").onclick = async () => {
 
 // The scene.
 let viewing = false;
-let shown = false;
 let started = false;
 let flat = false;
-const control = new Control(facts.id, facts.visitor, "previews");
-const view = new View(get("view"), { onKey: () => {}, onTouch: () => control.send({ do: "set" }) });
-function uncover() { if (shown) setTimeout(() => get("cover").classList.add("gone"), 200); }
-control.on("hello", ({ again }) => {
-  if (again && started && !flat) view.reload();
-  for (const button of get("layers").children) {
-    if (button.getAttribute("aria-pressed") === "false") control.send({ do: "layers", [button.dataset.layer]: false });
-  }
-  if (report) control.send({ do: "show", key: report.key });
-});
-control.on("shown", () => { shown = true; if (viewing) uncover(); });
-control.on("picked", ({ module, cell }) => { picked = module === null ? null : { module, cell }; begin(); });
-control.on("viewing", () => { viewing = true; uncover(); });
-control.on("closed", ({ code, reason }) => {
-  if (code !== 1013) return;
-  if (get("drawing").hidden) cover("No room for another view just now", reason);
-  else { get("cover-text").textContent = "No room for another view just now, so this is a drawing."; get("cover-more").textContent = reason; }
+let failed = false;
+const stage = new PreviewStage(get("view"), {
+  pick: (module, cell) => { picked = module === null ? null : { module, cell }; begin(); },
+  settled: settle,
+  shown: () => {
+    viewing = true;
+    setTimeout(() => { if (viewing) get("cover").classList.add("gone"); }, UNCOVER_MS);
+  },
+  failed: () => { failed = true; viewing = false; draw(); },
 });
 
 addEventListener("pageshow", (event) => { if (event.persisted) busy(false); });

@@ -1,94 +1,35 @@
-// The stage: viser's client in a frame, shown what the page says; see bridge.js and web/scenery.py.
+// The stage: the 3D scene of a fold, given a pose, colours and a camera frame by frame.
+import { Scene, cameraTo, linear, update, visibility } from "./scene.js";
+
 const GROUND_GAP = 0.35;
 const SINK_S = 0.05;
 const RISE_S = 0.5;
-const MOVED_PX = 4;
 const SEEN_THROUGH = 0.22;
 
-const linear = Uint8Array.from({ length: 256 }, (_, byte) => {
-  const v = byte / 255;
-  return Math.round(255 * (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
-});
-
-// The scene's messages with their arrays in place.
-function staged(messages, arrays) {
-  const filled = (value) => {
-    if (Array.isArray(value)) return value.map(filled);
-    if (value === null || typeof value !== "object") return value;
-    if ("column" in value) return arrays[value.column].slice();
-    return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, filled(inner)]));
-  };
-  return messages.map(filled);
-}
-
-export class Stage {
-  // Heard are: open(), pick(origin, direction) in pitches, touch() when the camera was taken hold of, key(event).
+export class Stage extends Scene {
+  // Heard is one more than by a scene: pick(origin, direction) in pitches.
   constructor(frame, heard) {
-    this.frame = frame;
-    this.heard = heard;
-    this.open = false;
-    this.scenery = null;
+    super(frame, heard);
     this.latest = null;
     this.ground = null;
-    this.camera = null;
     this.through = false;
-    this.dressed = null;
-    frame.addEventListener("load", () => this.dress());
-    this.dress();
   }
 
   // The scene of another chain.
   set(scenery) {
-    this.scenery = scenery;
     this.pitch = scenery.header.pitch;
     this.ground = null;
     this.latest = null;
-    if (this.open) this.build();
+    super.set(scenery);
   }
 
   build() {
-    const { header, arrays } = this.scenery;
-    this.apply(staged(header.messages, arrays));
+    super.build();
     if (this.through) this.seeThrough(true);
     if (this.latest) this.draw(...this.latest);
   }
 
-  apply(messages) { this.frame.contentWindow.bridge.apply(messages); }
-
-  dress() {
-    const inside = this.frame.contentDocument;
-    const view = this.frame.contentWindow;
-    if (!inside || inside === this.dressed || !view.bridge) return;
-    this.dressed = inside;
-    const opened = () => {
-      this.open = true;
-      if (this.scenery) this.build();
-      this.heard.open?.();
-    };
-    view.bridge.onmessage = (message) => this.take(message);
-    view.bridge.onopen = opened;
-    if (view.bridge.open) opened();
-    view.addEventListener("keydown", (event) => this.heard.key?.(event), { capture: true });
-    let start = null;
-    const forget = () => { start = null; };
-    view.addEventListener("pointerdown", (event) => { start = [event.clientX, event.clientY]; }, { capture: true });
-    view.addEventListener("pointerup", forget, { capture: true });
-    view.addEventListener("pointercancel", forget, { capture: true });
-    view.addEventListener("pointermove", (event) => {
-      if (!start || !event.buttons) return;
-      if (Math.hypot(event.clientX - start[0], event.clientY - start[1]) > MOVED_PX) { forget(); this.heard.touch?.(); }
-    }, { capture: true });
-    view.addEventListener("wheel", () => this.heard.touch?.(), { capture: true, passive: true });
-  }
-
-  // What viser's client would tell its server.
-  take(message) {
-    if (message.type === "ViewerCameraMessage") {
-      this.camera = { position: [...message.position], target: [...message.look_at] };
-    } else if (message.type === "ScenePointerMessage" && message.ray_origin && this.scenery) {
-      this.heard.pick?.(message.ray_origin.map((v) => v / this.pitch), [...message.ray_direction]);
-    }
-  }
+  pick(origin, direction) { this.heard.pick?.(origin.map((v) => v / this.pitch), direction); }
 
   // Shows poses in colours (3n sRGB bytes); `view` moves the camera, null leaves it.
   draw(snapshot, colours, view) {
@@ -107,12 +48,7 @@ export class Stage {
       const [x, y] = this.middle(snapshot);
       messages.push({ type: "SetPositionMessage", owner: "", name: "/ground", position: [x * this.pitch, y * this.pitch, this.ground] });
     }
-    if (view) {
-      messages.push(
-        { type: "SetCameraPositionMessage", position: view.position, initial: false },
-        { type: "SetCameraLookAtMessage", look_at: view.target, initial: false },
-      );
-    }
+    if (view) messages.push(...cameraTo(view));
     this.apply(messages);
   }
 
@@ -122,7 +58,7 @@ export class Stage {
     if (!this.open || !this.scenery) return;
     this.apply([
       update("/modules", { opacity: on ? SEEN_THROUGH : null, cast_shadow: !on, receive_shadow: !on }),
-      { type: "SetSceneNodeVisibilityMessage", owner: "", name: "/path", visible: on },
+      visibility("/path", on),
     ]);
     if (this.latest) this.draw(...this.latest);
   }
@@ -167,18 +103,5 @@ export class Stage {
     if (this.ground !== null && Math.abs(after - this.ground) < 1e-3 * this.pitch) return false;
     this.ground = after;
     return true;
-  }
-}
-
-const update = (name, updates) => ({ type: "SceneNodeUpdateMessage", owner: "", name, updates });
-
-export function hasWebGL() {
-  try {
-    const canvas = document.createElement("canvas");
-    const context = canvas.getContext("webgl2");
-    context?.getExtension("WEBGL_lose_context")?.loseContext();
-    return Boolean(context);
-  } catch {
-    return false;
   }
 }

@@ -7,8 +7,9 @@ import { ModulePanel } from "./module_panel.js";
 import { Place } from "./place.js";
 import { Player } from "./player.js";
 import { Plots } from "./plots.js";
+import { hasWebGL } from "./scene.js";
 import { Sketch } from "./sketch.js";
-import { Stage, hasWebGL } from "./stage.js";
+import { Stage } from "./stage.js";
 
 const get = (id) => document.getElementById(id);
 const DRAW_MS = 250;

@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.chain import Chain
+from planner.modules import TETRAHEDRON
+from web.camera import framing
+from web.colours import ERROR, NEUTRAL
+from web.columns import decode
+from web.preview_scene import SIZE, preview_scene_of
+
+ROW = [[x, 0, 0] for x in range(4)]
+
+
+def report(**more: Any) -> dict[str, Any]:
+    return {
+        "module": "cube",
+        "cells": ROW,
+        "positions": ROW,
+        "wxyzs": None,
+        "line": ROW,
+        "has_path": True,
+        "mesh": None,
+        **more,
+    }
+
+
+def hull_of(header: dict[str, Any]) -> np.ndarray:
+    return np.array(header["hull"]["vertices"])
+
+
+def opened(told: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+    """Header, columns and the properties of the nodes by name."""
+    header, arrays = decode(preview_scene_of(told))
+    nodes = {m["name"]: m["props"] for m in header["messages"] if "props" in m}
+    return header, arrays, nodes
+
+
+def test_layers_are_nodes_and_a_path_makes_cells_a_ghost() -> None:
+    mesh = {"vertices": [[0, 0, 0], [3, 0, 0], [0, 3, 0]], "faces": [[0, 1, 2]]}
+    header, arrays, nodes = opened(report(mesh=mesh))
+    assert {"/solid", "/cells", "/path", "/selected"} <= nodes.keys()
+    assert nodes["/cells"]["opacity"] == header["colours"]["ghost_opacity"]
+    assert arrays["cells"].tolist() == ROW
+    assert (arrays["colours"][0] != arrays["colours"][-1]).any()  # from first to last
+    shown = {
+        m["name"]: m["visible"]
+        for m in header["messages"]
+        if m["type"] == "SetSceneNodeVisibilityMessage"
+    }
+    assert not shown["/selected"]
+    assert shown["/cells"]
+    assert shown["/path"]
+
+
+def test_cells_without_a_path_show_what_is_wrong_and_what_would_be_added() -> None:
+    state = {
+        "problems": [{"cells": [[2, 0, 0]]}],
+        "repairs": [{"add": [[4, 0, 0]], "drop": []}],
+    }
+    told = report(has_path=False, positions=None, line=None, feasibility=state)
+    header, arrays, nodes = opened(told)
+    assert "/path" not in nodes
+    assert nodes["/cells"]["opacity"] is None
+    assert "/added" in nodes
+    # They are in the picture, too: the row and the cell beyond it fill the size.
+    corners = np.array(header["corners"])
+    assert np.ptp(corners[:, 0]) + np.ptp(hull_of(header)[:, 0]) == pytest.approx(SIZE)
+    assert arrays["colours"].tolist() == [list(c) for c in (NEUTRAL, NEUTRAL, ERROR, NEUTRAL)]
+
+
+def test_nothing_but_a_solid_is_a_scene_too() -> None:
+    mesh = {"vertices": [[0, 0, 0], [3, 0, 0], [0, 3, 0]], "faces": [[0, 1, 2]]}
+    _, _, nodes = opened(report(cells=[], positions=None, has_path=False, mesh=mesh))
+    assert "/solid" in nodes
+    assert "/cells" not in nodes
+
+
+@pytest.mark.parametrize("count", [8, 300])
+def test_the_size_does_not_depend_on_the_number_of_modules(count: int) -> None:
+    cells = [[x, 0, 0] for x in range(count)]
+    header, arrays, nodes = opened(report(cells=cells, positions=cells, line=cells))
+    at = arrays[nodes["/cells"]["batched_positions"]["column"]].reshape(-1, 3)
+    hull = hull_of(header)
+    assert np.ptp(at[:, 0]) + np.ptp(hull[:, 0]) == pytest.approx(SIZE, rel=1e-5)
+    assert np.ptp(np.array(header["corners"])[:, 0]) == pytest.approx(np.ptp(at[:, 0]), rel=1e-5)
+    camera = header["camera"]
+    view = framing(
+        np.array(header["corners"]),
+        radius=header["radius"],
+        azimuth_rad=camera["azimuth_rad"],
+        elevation_rad=camera["elevation_rad"],
+        margin=tuple(camera["margin"]),
+    )
+    assert view.distance > SIZE
+
+
+def test_tetrahedra_lie_as_they_do_when_folded() -> None:
+    chain = Chain.from_angles(TETRAHEDRON, np.deg2rad([90.0, -90.0]), name="a")
+    poses = chain.folded_poses
+    told = report(
+        module="tetrahedron",
+        cells=np.rint(poses.positions).astype(int).tolist(),
+        positions=poses.positions.tolist(),
+        wxyzs=poses.wxyzs.tolist(),
+        line=poses.positions.tolist(),
+    )
+    header, arrays, nodes = opened(told)
+    turns = arrays[nodes["/cells"]["batched_wxyzs"]["column"]].reshape(-1, 4)
+    assert np.allclose(turns, poses.wxyzs, atol=1e-6)
+    assert header["hull"]["modules"] == len(chain)
+
+
+def test_no_server_stays_behind() -> None:
+    preview_scene_of(report())
+    before = threading.active_count()
+    preview_scene_of(report())
+    assert threading.active_count() <= before
