@@ -15,7 +15,7 @@ from tests.browser.ensure_chromium import ensure
 from tests.server.service import Service
 
 ARTIFACTS = Path(__file__).parents[2] / "artifacts"
-PATIENCE_MS = 25_000
+PATIENCE_MS = 90_000
 expect.set_options(timeout=PATIENCE_MS)
 # 3D by software, so that a machine without a graphics card draws as well.
 FLAGS = (

@@ -16,7 +16,7 @@ Visit = Callable[..., Page]
 
 
 def shown(page: Page) -> list[str]:
-    return page.locator("#cards li:visible .card-title").all_inner_texts()
+    return page.locator("#cards li:visible .card-title").all_text_contents()
 
 
 def test_it_is_sifted_and_the_address_says_how(visit: Visit) -> None:
