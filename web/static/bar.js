@@ -57,7 +57,7 @@ export class Bar {
   }
 
   key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
     const inField = event.target.closest?.("select, textarea, input:not([type=range])");
     const onButton = event.target.closest?.("button, a, summary, [role=tab]");
     if (inField) return;

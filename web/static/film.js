@@ -85,6 +85,9 @@ export class Film extends EventTarget {
       await pause(RETRY_MS);
       return;
     }
+    // Frames spread over the whole film, so that it can be scrubbed everywhere at once.
+    const stride = Math.ceil(first.header.total / COARSE);
+    const spread = stride > 1 && first.header.status !== "growing" ? await this.source.reel({ stride }) : null;
     const { header, arrays } = scenery;
     this.scenery = scenery;
     this.chain = header.chain;
@@ -95,8 +98,7 @@ export class Film extends EventTarget {
     this.rows = Math.max(1, Math.min(LONGEST_REEL, Math.floor(REEL_BYTES / (8 * this.joints + 40))));
     this.id = first.header.id;
     this.take(first);
-    const stride = Math.ceil(this.total / COARSE);
-    if (stride > 1 && !this.growing) this.take(await this.source.reel({ stride }));
+    if (spread?.header.id === this.id) this.take(spread);
     this.tell("begun");
     this.load();
   }
