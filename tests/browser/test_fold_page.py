@@ -137,7 +137,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
     said = page.locator("#panel-module dd").nth(1).inner_text().replace("−", "-")
     assert [int(c) for c in said.split(", ")] == cell.tolist()
     first = (index - 1) * 2
-    rows = page.locator("#panel-module .joints tbody tr")
+    rows = page.locator("#panel-module tr[data-joint]")
     if 0 < index < len(chain) - 1:
         expect(rows).to_have_count(2)
         for k in range(2):
