@@ -173,6 +173,9 @@ class TimelineWriter:
                 f"got {kept} frames to keep, expected 0 to {len(timeline)}, which {path} holds."
             )
         group = zarr.open_group(str(path), mode="r+")
+        if kept < len(timeline):
+            # Who has read what is dropped has to begin anew.
+            group.attrs.update({"id": secrets.token_hex(8)})
         writer = cls(group, timeline.chain, kept)
         writer._mark("growing")
         return writer

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import shutil
@@ -9,7 +10,8 @@ import threading
 import time
 from typing import Any, Final, TypedDict
 
-from planner.errors import InputError
+from planner.errors import InputError, TimelineError
+from planner.timeline import Timeline, TimelineWriter
 from planner.unfolding import START_CHAIN
 from server.children import Child, ChildError, Children
 from server.gallery import Gallery
@@ -101,6 +103,7 @@ class Runner:
     def finish(self, fold_id: str, outcome: Outcome) -> None:
         """Notes the end of a fold in its row, or clears up after one that was deleted."""
         self._release(fold_id)
+        self._close(fold_id)
         known = self._store.finish(
             fold_id,
             outcome["status"],
@@ -177,6 +180,13 @@ class Runner:
         if row.over:  # a step that is repeated after its end was noted
             return _outcome(row.status, summary=row.summary, error=row.error)
         return _outcome("cancelled", repeatable=False)
+
+    def _close(self, fold_id: str) -> None:
+        """Closes the timeline of a stage that was ended before it could."""
+        path = self._store.directory(fold_id) / "timeline.zarr"
+        with contextlib.suppress(TimelineError, OSError, ValueError, KeyError):
+            if Timeline.open(path).status == "growing":
+                TimelineWriter.reopen(path).close("failed")
 
     def _release(self, fold_id: str) -> None:
         child = self._taken.pop(fold_id, None)

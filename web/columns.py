@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 ALIGNED: Final = 8
 LEVEL: Final = 6
+LARGEST_COUNT: Final = 2**30
 DTYPES: Final = frozenset({"<f8", "<f4", "|u1", "<u2", "<u4", "<i4"})
 
 
@@ -38,7 +39,8 @@ def encode(
     Args:
         header: Plain JSON values.
         columns: The arrays.
-        steps: Columns to pack in whole steps of this size; they must be finite.
+        steps: Columns to pack in whole steps of this size; one with numbers that are too large for
+            that, or none, goes in single precision.
         short: Columns to pack with a precision of 1 in 256.
 
     Raises:
@@ -49,7 +51,7 @@ def encode(
     at = 0
     for name, values in columns.items():
         how: dict[str, Any] = {}
-        if steps and name in steps:
+        if steps and name in steps and _countable(values, steps[name]):
             how = {"step": steps[name]}
             whole = np.rint(values.astype(np.float64) / steps[name]).astype("<i4")
             array = np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1])).astype("<i4")
@@ -61,6 +63,8 @@ def encode(
             array[np.isnan(values)] = 0x7FC0
         else:
             array = np.ascontiguousarray(values)
+            if steps and name in steps:
+                array = array.astype("<f4")
         if array.dtype.str not in DTYPES:
             raise TypeError(f"got the dtype {array.dtype.str} for {name}, expected one of {DTYPES}")
         data = array.tobytes()
@@ -78,6 +82,12 @@ def encode(
     words = text.encode()
     words += b" " * (-(4 + len(words)) % ALIGNED)
     return b"".join([len(words).to_bytes(4, "little"), words, *parts])
+
+
+def _countable(values: NDArray[Any], step: float) -> bool:
+    """Whether all values, and what lies between two of them, are whole numbers of steps."""
+    largest = float(np.abs(values).max(initial=0.0))
+    return bool(largest < LARGEST_COUNT * step)  # which nothing is when one of them is not a number
 
 
 def decode(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

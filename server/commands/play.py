@@ -33,6 +33,7 @@ class FolderRow:
     name: str
     status: str
     modules: int
+    module: str
     preset: str | None
     seed: int | None
     summary: dict[str, Any]
@@ -93,6 +94,7 @@ def row_of(directory: Path) -> FolderRow:
         name=chain.name,
         status=status,
         modules=len(chain),
+        module=chain.module.name,
         preset=request.get("preset") or plan.get("preset"),
         seed=request.get("seed", plan.get("seed")),
         summary=summary,

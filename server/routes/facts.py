@@ -10,6 +10,7 @@ from typing import Any, Final, cast
 
 from planner.errors import TimelineError
 from planner.exports import exports_of
+from planner.modules import CUBE, MODULES
 from planner.request import LARGEST_SEED, Request
 from planner.timeline import Timeline
 from server.quantities import DIGITS, PRESETS, length_m, quantity, sentence
@@ -165,6 +166,14 @@ def _compare(row: Any) -> list[dict[str, Any]]:
     return [*found, {"text": "Another seed", "hint": f"Seed {seed}", "form": other}]
 
 
+def _joints(row: Any) -> int | None:
+    if not row.modules:
+        return None
+    module = getattr(row, "module", None)
+    rigid = MODULES[module].rigid_links if module in MODULES else CUBE.rigid_links
+    return int(row.modules) - 1 - rigid
+
+
 def _properties(
     row: Any, summary: dict[str, Any], certificate: dict[str, Any], directory: Path
 ) -> list[dict[str, Any]]:
@@ -179,7 +188,7 @@ def _properties(
             [
                 ("Name", shown_name(row.name)),
                 ("Modules", row.modules or None),
-                ("Joints", row.modules - 2 if row.modules else None),
+                ("Joints", _joints(row)),
                 ("Pitch", length_m(chain.get("pitch_m"))),
                 ("Preset", PRESETS.get(row.preset, row.preset)),
                 ("Seed", summary.get("seed", row.seed)),

@@ -212,9 +212,13 @@ def _static() -> dict[str, tuple[bytes, str, str]]:
     return found
 
 
-@cache
 def _still(gallery: Gallery, name: str, size: int) -> str | None:
     """The drawing of a gallery shape; None when there is no such shape, or it can't be drawn."""
+    return None if gallery.shape(name) is None else _drawn(gallery, name, size)
+
+
+@cache
+def _drawn(gallery: Gallery, name: str, size: int) -> str | None:
     shape = gallery.shape(name)
     if shape is None:
         return None

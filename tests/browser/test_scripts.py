@@ -193,6 +193,52 @@ def test_packed_columns(page: Page) -> None:
     assert np.allclose(told, errors, rtol=1 / 256, equal_nan=True)
 
 
+FILMED = """
+  const { Film } = await import("/static/film.js");
+  const [swaps, over] = given;
+  const chain = { modules: 2, root: 0, rigid_links: 0, hinges: 1, axes: [[0, 0, 1]],
+    anchor: [0.5, 0, 0], offset: [0.5, 0, 0], turn: [1, 0, 0, 0] };
+  const arrays = { folded_rad: new Float32Array(1), folded_positions: new Float32Array(6) };
+  let calls = 0;
+  const source = {
+    scenery: async () => ({ header: { chain }, arrays }),
+    reel: async ({ from = 0, to = null, stride = 1 }) => {
+      calls++;
+      const id = `timeline ${swaps.filter((at) => calls > at).length}`;
+      const total = 400;
+      const stop = Math.min(total, to ?? total);
+      const rows = Math.ceil((stop - from) / stride);
+      const column = (width) => new Float32Array(rows * width);
+      return {
+        header: { id, status: "growing", total, start: from, stop, stride, outline: {},
+          ...(over ? {} : { status: "complete" }) },
+        arrays: { time_s: column(1), phase: column(1), root_position: column(3),
+          root_wxyz: column(4), joint_angles_rad: column(1), joint_error_rad: column(1) },
+      };
+    },
+  };
+  const film = new Film(source, { over });
+  await new Promise((done) => setTimeout(done, 2500));
+  if (!over) film.finish();
+  await new Promise((done) => setTimeout(done, 300));
+  film.stop();
+  return [film.id, film.complete, film.total, calls];
+"""
+
+
+@pytest.mark.parametrize("swaps", [[], [2], [4], [4, 9]])
+def test_a_timeline_begun_anew_is_shown_to_its_end(page: Page, swaps: list[int]) -> None:
+    name, complete, total, calls = run(page, FILMED, swaps, False)
+    assert (name, complete, total) == (f"timeline {len(swaps)}", True, 400)
+    assert calls < 60  # it waits between looking and looking again
+
+
+def test_a_fold_that_ended_in_the_middle_is_over(page: Page) -> None:
+    name, complete, total, calls = run(page, FILMED, [], True)
+    assert (complete, total) == (True, 400)
+    assert calls < 20
+
+
 def test_no_script_is_left_unused() -> None:
     static = Path(__file__).parents[2] / "web" / "static"
     named = "".join(

@@ -296,3 +296,15 @@ def test_strides_skip_what_numpy_skips(place: FilePath, hook_chain: Chain, strid
     timeline = Timeline.open(place)
     for start, stop in ((0, 400), (5, 390), (130, 131), (7, 7)):
         assert_same(timeline.frames(start, stop, stride), frames[slice(start, stop, stride)])
+
+
+def test_a_timeline_that_loses_frames_is_another_one(place: FilePath, hook_chain: Chain) -> None:
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(9))
+    first = Timeline.open(place).id
+    with TimelineWriter.reopen(place) as writer:
+        writer.append(some_frames(3, start=9))
+    assert Timeline.open(place).id == first
+    with TimelineWriter.reopen(place, frames=5) as writer:
+        writer.append(some_frames(3, start=5))
+    assert Timeline.open(place).id != first

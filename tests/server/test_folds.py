@@ -12,6 +12,7 @@ import pytest
 
 from planner.chain import Chain
 from planner.paths import Path
+from planner.timeline import Timeline
 from tests.server.service import SNAKE, Service, owner
 
 
@@ -207,6 +208,8 @@ def test_a_running_fold_is_cancelled_and_the_same_can_be_asked_anew(service: Ser
     assert events[-1][1]["status"] == "cancelled"
     # Its frames stay to be looked at; the worker is free for others; the same begins anew.
     assert service.http.get(f"/api/folds/{accepted['id']}/frames").json()["total"] > 0
+    timeline = service.data_dir / "folds" / accepted["id"] / "timeline.zarr"
+    assert Timeline.open(timeline).status == "failed"  # nobody waits for more
     again = service.fold(shape="wrench-160", preset="paper")
     assert again["id"] != accepted["id"]
     service.wait_exploding(again["id"])

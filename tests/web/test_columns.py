@@ -55,6 +55,14 @@ def test_nothing_at_all_can_be_sent() -> None:
     assert found["a"].shape == found["b"].shape == (0, 4)
 
 
+@pytest.mark.parametrize("odd", [np.nan, np.inf, 1e9])
+def test_what_cannot_be_counted_in_steps_goes_as_it_is(odd: float) -> None:
+    angles = np.full((3, 2), 0.25)
+    angles[1, 1] = odd
+    _, found = decode(encode({}, {"a": angles}, steps={"a": 2.0**-20}))
+    assert np.array_equal(found["a"], angles.astype("<f4"), equal_nan=True)
+
+
 def test_browsers_have_no_word_for_long_integers() -> None:
     with pytest.raises(TypeError, match="<i8"):
         encode({}, {"a": np.zeros(2, np.int64)})

@@ -1,5 +1,5 @@
 // Where one goes from a fold: beside another one, or on into another shape.
-import { foldAsked } from "./asking.js";
+import { UNREACHABLE, foldAsked } from "./asking.js";
 import { element } from "./words.js";
 
 const get = (id) => document.getElementById(id);
@@ -8,6 +8,7 @@ export class Companions {
   constructor(toast) {
     this.toast = toast;
     for (const name of ["compare", "refold"]) get(name).onclick = () => { this.fill(name); get(`${name}-dialog`).showModal(); };
+    get("refold-file").onchange = (event) => this.refoldInto(event.target);
   }
 
   facts(facts) {
@@ -38,28 +39,37 @@ export class Companions {
 
   // Shapes of the gallery that this chain can become as well.
   async fillRefold() {
+    if (this.filled) return;
     const list = get("refold-shapes");
-    if (list.childElementCount) return;
-    const answer = await fetch(`/api/folds/${this.id}/refolds`);
-    const told = await answer.json().catch(() => ({}));
-    if (!answer.ok) { list.replaceChildren(element("p", { class: "hint" }, told.detail ?? "The server did not answer.")); return; }
-    if (!told.shapes.length) {
-      list.replaceChildren(element("p", { class: "hint" }, "No shape of the gallery has the same number of modules. Drop one of your own below."));
+    const hint = (text) => list.replaceChildren(element("p", { class: "hint" }, text));
+    let shapes;
+    try {
+      const answer = await fetch(`/api/folds/${this.id}/refolds`);
+      const told = await answer.json().catch(() => ({}));
+      if (!answer.ok) { hint(told.detail ?? `The server answered ${answer.status}.`); return; }
+      ({ shapes } = told);
+    } catch {
+      hint(UNREACHABLE);
+      return;
     }
-    list.append(...told.shapes.map(({ name, title, modules }) => this.way(title, `${modules} modules`, async () => {
+    this.filled = true;
+    if (!shapes.length) hint("No shape of the gallery has the same number of modules. Take a file of your own.");
+    else list.replaceChildren(...shapes.map(({ name, title, modules }) => this.way(title, `${modules} modules`, async () => {
       const refold = await foldAsked({ refold: this.id, shape: name });
       location.href = `/folds/${refold.id}`;
     }, `/shapes/${name}.svg`)));
-    get("refold-file").onchange = async (event) => {
-      const [file] = event.target.files;
-      if (!file) return;
-      try {
-        location.href = `/folds/${(await foldAsked({ refold: this.id, file })).id}`;
-      } catch (error) {
-        get("refold-message").textContent = error.message;
-      }
-      event.target.value = "";
-    };
+  }
+
+  async refoldInto(field) {
+    const [file] = field.files;
+    field.value = "";
+    if (!file) return;
+    get("refold-message").textContent = "";
+    try {
+      location.href = `/folds/${(await foldAsked({ refold: this.id, file })).id}`;
+    } catch (error) {
+      get("refold-message").textContent = error.message;
+    }
   }
 
   way(text, hint, go, picture = null) {

@@ -18,7 +18,7 @@ const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 const facts = JSON.parse(get("facts").textContent);
 const webgl = new Promise((told) => { setTimeout(() => told(hasWebGL()), START_MS); });
 
-const sides = facts.map(({ id }, k) => {
+const sides = facts.map(({ id, running }, k) => {
   const side = get(`side-${k}`);
   const frame = side.querySelector("iframe");
   const canvas = side.querySelector("canvas");
@@ -29,7 +29,7 @@ const sides = facts.map(({ id }, k) => {
     pick: (origin, direction) => player.pick(origin, direction),
     key: (event) => bar.key(event),
   });
-  const player = new Player(new Film(new Source(`/folds/${id}`)), {
+  const player = new Player(new Film(new Source(`/folds/${id}`), { over: !running }), {
     stage, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),
   });
   new ResizeObserver(() => player.show(true)).observe(frame);

@@ -39,7 +39,7 @@ export class Drawer {
   }
 
   key(event) {
-    if (event.key !== "Escape" || event.defaultPrevented || get("drawer").hidden) return;
+    if (event.key !== "Escape" || event.defaultPrevented || get("drawer").hidden || document.querySelector("dialog[open]")) return;
     event.preventDefault();
     this.close();
   }

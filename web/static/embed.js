@@ -5,5 +5,5 @@ import { view } from "./viewing.js";
 
 const facts = JSON.parse(document.getElementById("facts").textContent);
 const figures = new Figures(facts.id);
-view({ source: new Source(`/folds/${facts.id}`), figures, load: (frame) => { frame.src = "/embed/view"; } });
+view({ over: !facts.running, source: new Source(`/folds/${facts.id}`), figures, load: (frame) => { frame.src = "/embed/view"; } });
 if (!facts.running) figures.begin();

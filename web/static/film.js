@@ -9,6 +9,8 @@ const REEL_BYTES = 2 ** 20;
 const LONGEST_REEL = 128;
 const MOST_BYTES = 384 * 2 ** 20;
 const RETRY_MS = 300;
+const LOOK_MS = 1000;
+const MOST_LOOKS = 1800; // half an hour
 const WAIT_S = 1;
 
 // Scenery and reels under an address of this server.
@@ -33,10 +35,15 @@ export class Source {
 }
 
 export class Film extends EventTarget {
-  constructor(source) {
+  // `over` says that nothing more comes: the fold is over, whatever its timeline says.
+  constructor(source, { over = true } = {}) {
     super();
     this.source = source;
+    this.over = over;
+    this.unsure = !over;
+    this.looks = 0;
     this.ended = false;
+    this.running = false;
     this.forget();
     this.run();
   }
@@ -53,7 +60,7 @@ export class Film extends EventTarget {
     this.version = 0;
   }
 
-  get growing() { return this.status === "growing"; }
+  get growing() { return this.status === "growing" && !this.over; }
 
   // The joint error at which a module is fully red; films beside each other share one.
   get errorScale() { return Math.max(this.outline.error_scale_rad, this.sharedScale ?? 0); }
@@ -66,16 +73,47 @@ export class Film extends EventTarget {
 
   stop() { this.ended = true; }
 
+  // The fold is over: what is here is looked at once more.
+  finish() {
+    this.over = true;
+    this.run();
+  }
+
   async run() {
+    if (this.running) return;
+    this.running = true;
     while (!this.ended) {
       try {
         if (!this.chain) await this.begin();
         else if (this.growing) await this.grow();
+        else if (this.unsure && this.looks < MOST_LOOKS) await this.look();
         else break;
       } catch {
         await pause(4 * RETRY_MS); // the connection broke; what is here stays
       }
     }
+    this.running = false;
+  }
+
+  // While a fold goes on, a timeline that is complete may yet be begun anew: its plan was refused.
+  async look() {
+    if (!this.over) await pause(LOOK_MS);
+    this.looks++;
+    const { id, over } = this;
+    const reel = await this.source.reel({ from: this.total });
+    if (id !== this.id) return;
+    if (!reel || reel.header.id !== id) { this.begunAnew(); return; }
+    const before = [this.total, this.status];
+    this.take(reel);
+    if (over) this.unsure = false;
+    if (this.total !== before[0] || this.status !== before[1]) this.tell("grew");
+    this.load();
+  }
+
+  begunAnew() {
+    this.forget();
+    this.tell("waiting");
+    this.run();
   }
 
   async begin() {
@@ -105,11 +143,7 @@ export class Film extends EventTarget {
 
   async grow() {
     const reel = await this.source.reel({ from: this.total, wait: WAIT_S });
-    if (!reel || reel.header.id !== this.id) {
-      this.forget(); // it was begun anew
-      this.tell("waiting");
-      return;
-    }
+    if (!reel || reel.header.id !== this.id) { this.begunAnew(); return; }
     const before = [this.total, this.status];
     this.take(reel);
     if (this.total !== before[0] || this.status !== before[1]) this.tell("grew");
@@ -185,15 +219,15 @@ export class Film extends EventTarget {
     this.loading.add(index);
     try {
       const reel = await this.source.reel({ from: index * this.rows, to: Math.min(this.total, (index + 1) * this.rows) });
-      if (!reel || reel.header.id !== this.id || id !== this.id) return;
+      if (id !== this.id) return;
+      if (!reel || reel.header.id !== id) { this.begunAnew(); return; }
       this.take(reel);
       this.spare();
       this.tell("loaded", index);
     } catch {
       await pause(4 * RETRY_MS);
-    } finally {
-      if (id === this.id) { this.loading.delete(index); this.load(); }
     }
+    if (id === this.id) { this.loading.delete(index); this.load(); }
   }
 
   // Lets go of what is farthest from the playhead when there is too much.

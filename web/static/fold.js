@@ -14,7 +14,8 @@ const get = (id) => document.getElementById(id);
 const facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
 const drawer = new Drawer(toast);
-const { place, bar } = view({
+const { film, place, bar } = view({
+  over: !facts.running,
   source: new Source(`/folds/${facts.id}`), figures, drawer, load: (frame) => { frame.src = "/view"; },
 });
 const takeAway = new TakeAway(get("panel-downloads"));
@@ -36,7 +37,8 @@ function show(facts) {
   drawer.facts(facts);
   companions.facts(facts);
   takeAway.facts(facts);
-  if (!facts.running) figures.begin();
+  share.facts(facts);
+  if (!facts.running) { film.finish(); figures.begin(); }
   const { again, problem } = facts;
   get("again").hidden = !again;
   if (again) {
@@ -61,6 +63,6 @@ async function tryAgain({ form }) {
   for (const button of buttons) button.disabled = false;
 }
 
+const share = new Share(facts, place, toast);
 show(facts);
 new Progress(facts, { onDone: show, toast });
-new Share(facts, place, toast);

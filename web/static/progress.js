@@ -6,12 +6,17 @@ const CANCEL_MS = 10000;
 const OVER = ["verified", "failed", "cancelled"];
 const get = (id) => document.getElementById(id);
 
+// Where nothing may be kept nobody can be told from others.
+function kept(key) {
+  try { return localStorage.getItem(key); } catch { return null; }
+}
+
 export class Progress {
   constructor(facts, { onDone, toast }) {
     this.facts = facts;
     this.onDone = onDone;
     this.toast = toast;
-    this.token = localStorage.getItem(`foldback:owner:${facts.id}`);
+    this.token = kept(`foldback:owner:${facts.id}`);
     if (facts.running) this.listen();
     get("cancel").onclick = () => this.cancel();
   }

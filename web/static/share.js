@@ -1,4 +1,5 @@
 // Sharing: a link to what is seen now, a frame for other pages, one file that plays by itself.
+import { file } from "./take_away.js";
 import { copyText } from "./words.js";
 
 const get = (id) => document.getElementById(id);
@@ -14,6 +15,12 @@ export class Share {
       button.onclick = () => this.copy(get(button.dataset.copy));
     }
     this.embed = facts.embed;
+  }
+
+  // What there is without a server, once there is something.
+  facts({ files }) {
+    get("share-files").hidden = !files.length;
+    get("share-list").replaceChildren(...files.map(file));
   }
 
   open() {

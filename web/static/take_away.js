@@ -14,7 +14,8 @@ function icon(name) {
   return made;
 }
 
-const file = ({ label, hint, href }) => element("li", {}, element("a", { href, download: true }, icon("download"), element("span", {}, label, element("small", {}, hint))));
+// A line of a list of files.
+export const file = ({ label, hint, href }) => element("li", {}, element("a", { href, download: true }, icon("download"), element("span", {}, label, element("small", {}, hint))));
 
 function choice(label, name, options) {
   return element("label", {}, label, element("select", { name }, ...options.map(([value, text]) => element("option", { value }, text))));

@@ -14,11 +14,12 @@ import { Stage } from "./stage.js";
 const get = (id) => document.getElementById(id);
 const DRAW_MS = 250;
 const PATIENCE_MS = 1500;
+const FADE_MS = 500;
 export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 // `load` begins to load viser's client into the frame; `drawer` is shown when a module is selected.
-export function view({ source, figures, load, drawer = null, play = !calm }) {
-  const film = new Film(source);
+export function view({ source, figures, load, over = true, drawer = null, play = !calm }) {
+  const film = new Film(source, { over });
   const frame = get("view");
   const stage = new Stage(frame, {
     open: () => setTimeout(uncover, DRAW_MS),
@@ -60,7 +61,7 @@ export function view({ source, figures, load, drawer = null, play = !calm }) {
     if (!player.shown) { player.addEventListener("drawn", () => setTimeout(uncover, DRAW_MS), { once: true }); return; }
     get("cover").classList.add("gone");
     get("sketch").classList.add("gone");
-    get("sketch").addEventListener("transitionend", () => { sketch.stop(); player.sketch = null; }, { once: true });
+    setTimeout(() => { sketch.stop(); player.sketch = null; }, FADE_MS);
   }
 
   let begun = false;
