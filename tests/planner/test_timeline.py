@@ -296,3 +296,14 @@ def test_strides_skip_what_numpy_skips(place: FilePath, hook_chain: Chain, strid
     timeline = Timeline.open(place)
     for start, stop in ((0, 400), (5, 390), (130, 131), (7, 7)):
         assert_same(timeline.frames(start, stop, stride), frames[slice(start, stop, stride)])
+
+
+def test_chunks_without_a_wanted_frame_are_not_read(place: FilePath, hook_chain: Chain) -> None:
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(400))
+    for chunk in (place / "joint_angles_rad" / "c" / "1").iterdir():
+        chunk.write_bytes(b"damaged")
+    timeline = Timeline.open(place)
+    assert_same(timeline.frames(0, 400, 300), some_frames(400)[0:400:300])
+    with pytest.raises(RuntimeError):
+        timeline.frames(0, 400, 100)
