@@ -52,6 +52,15 @@ def test_a_whole_fold_comes_in_reels(service: Service, fold: str) -> None:
     assert scenery["chain"]["modules"] == 16
 
 
+@pytest.mark.parametrize("name", ["scenery", "reel?stride=3"])
+def test_browsers_keep_what_is_over(service: Service, fold: str, name: str) -> None:
+    first = service.http.get(f"/folds/{fold}/{name}")
+    tag = first.headers["ETag"]
+    again = service.http.get(f"/folds/{fold}/{name}", headers={"If-None-Match": tag})
+    assert (first.status_code, again.status_code, again.content) == (200, 304, b"")
+    assert service.http.get(f"/folds/{fold}/reel?stride=2").headers["ETag"] != tag
+
+
 def test_before_there_is_anything_to_see_nothing_is_answered(service: Service) -> None:
     waiting = service.fold(SNAKE, seed=7)
     answers = {service.http.get(f"/folds/{waiting['id']}/reel").status_code for _ in range(2)}
