@@ -101,6 +101,20 @@ def test_a_file_is_a_download_and_no_page_of_ours(service: Service, fold: str) -
         assert "sandbox" in answer.headers["Content-Security-Policy"]
 
 
+def test_a_file_is_made_once_and_kept_beside_the_fold(service: Service, fold: str) -> None:
+    kept = service.data_dir / "folds" / fold / "exports"
+    for name, pattern in (
+        ("standalone.html", "standalone-*.html"),
+        ("recording.viser", "recording.viser"),
+    ):
+        made = service.http.get(f"/folds/{fold}/{name}").content
+        (path,) = kept.glob(pattern)
+        assert path.read_bytes() == made
+        path.write_bytes(b"as it was left")
+        assert service.http.get(f"/folds/{fold}/{name}").content == b"as it was left"
+        path.unlink()
+
+
 def test_a_recording_is_viser_s_own(service: Service, fold: str) -> None:
     record = service.http.get(f"/folds/{fold}/recording.viser").content
     timed, buffers = opened_scene(record)
@@ -166,7 +180,9 @@ def test_play_shows_a_directory(tmp_path: Path, service: Service, fold: str) -> 
             header, _ = decode(http.get("/folds/fold/reel?to=3").content)
             assert header["stop"] == 3
             assert http.get("/folds/fold/figures").status_code == 200
+            before = set(directory.rglob("*.html"))
             assert http.get("/folds/fold/standalone.html").status_code == 200
+            assert set(directory.rglob("*.html")) == before
     finally:
         process.terminate()
         process.communicate(timeout=30)
