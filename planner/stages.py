@@ -173,7 +173,7 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
 def _explode(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
     request = _request(directory)
     # What an earlier fold left in this directory must not pass for a result of this one.
-    for name in ("record.npz", "playback.npz"):
+    for name in ("record.npz", "playback.npz", "picture.png"):
         (directory / name).unlink(missing_ok=True)
     rmtree(directory / "figures.zarr", ignore_errors=True)
     candidates = _candidates(directory)

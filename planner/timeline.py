@@ -308,13 +308,17 @@ class Timeline:
 
 
 def _strided(array: zarr.Array[Any], start: int, end: int, stride: int) -> NDArray[Any]:
-    """``array[start:end:stride]``, of which never more than some chunks are in memory at once."""
-    step = FRAMES_A_CHUNK if stride > 1 else max(1, end - start)
+    """``array[start:end:stride]``; of a chunk at a time where there is a stride, if it has any."""
+    if stride == 1:
+        return cast("NDArray[Any]", array[start:end])
+    wanted = np.arange(start, end, stride)
+    edges = np.flatnonzero(np.diff(wanted // array.chunks[0])) + 1
     parts = [
-        cast("NDArray[Any]", array[at : min(at + step, end)])[(start - at) % stride :: stride]
-        for at in range(start, max(end, start + 1), step)
+        cast("NDArray[Any]", array[int(part[0]) : int(part[-1]) + 1])[::stride]
+        for part in np.split(wanted, edges)
+        if len(part)
     ]
-    return np.concatenate(parts)
+    return np.concatenate(parts) if parts else cast("NDArray[Any]", array[start:start])
 
 
 def _attributes(path: str) -> dict[str, Any]:

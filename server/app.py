@@ -43,6 +43,7 @@ from server.store import NoSuchFoldError, Store
 from server.streams import Streams
 from server.trajectories import Trajectories
 from server.watch import Watch
+from server.workshop import Workshop
 from web.films import Films
 
 ROUTERS: Final = (
@@ -78,6 +79,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         finally:
             context.reader.close()
             context.preparer.close()
+            context.workshop.close()
             context.jobs.close()
             context.store.close()
 
@@ -125,6 +127,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
     jobs = Jobs(settings)
     jobs.reconcile(store)
     previews = Previews(settings)
+    workshop = Workshop(store, min_free_disk_bytes=settings.min_free_disk_bytes)
     return Context(
         settings=settings,
         store=store,
@@ -137,7 +140,8 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         preparer=Reader(ChildLimits.of(settings), wall_s=settings.preview_seconds, kind="preparer"),
         previews=previews,
         preview_scenes=PreviewScenes(previews),
-        exports=Exports(store, min_free_disk_bytes=settings.min_free_disk_bytes),
+        workshop=workshop,
+        exports=Exports(store, workshop),
         movies=Movies(settings, store, jobs),
         gallery=Gallery(),
         watch=Watch(store),

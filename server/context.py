@@ -25,6 +25,7 @@ from server.store import Store
 from server.streams import Streams
 from server.trajectories import Trajectories
 from server.watch import Watch
+from server.workshop import Workshop
 
 if TYPE_CHECKING:
     from web.films import Films
@@ -42,6 +43,7 @@ class Context:
     preparer: Reader
     previews: Previews
     preview_scenes: PreviewScenes
+    workshop: Workshop
     exports: Exports
     movies: Movies
     gallery: Gallery

@@ -30,6 +30,8 @@ FRAMES_A_CHUNK: Final = 64
 CHUNK_BYTES: Final = 48 * 2**20
 REFRESH_EVERY_S: Final = 0.1
 OUTLINE_COLUMNS: Final = 320
+FILM_BYTES: Final = 2**18
+"""Of the chain and the timeline's own parts, about."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -109,6 +111,17 @@ class Film:
     def id(self) -> str:
         """Another one for every timeline, one that was begun anew in the same place too."""
         return self._timeline.id
+
+    @property
+    def edition(self) -> tuple[object, ...]:
+        """Another one for every word of the timeline's writer: what was made of it is outdated."""
+        return (self.path, self.id, self._stamp, self._summarised)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that it holds, about."""
+        summary = self._phase.nbytes + self._time_s.nbytes + self._max_error.nbytes
+        return FILM_BYTES + summary + self._bytes
 
     @property
     def chain(self) -> Chain:

@@ -11,8 +11,9 @@ from typing import Final
 from planner.errors import TimelineError
 from web.film import Film
 
-KEPT: Final = 8
-"""Films kept open though nobody may be looking: opening one reads its whole summary."""
+MOST_KEPT: Final = 512
+MOST_BYTES: Final = 192 * 2**20
+"""Of films kept open though nobody may be looking: opening one reads its whole summary."""
 
 
 class Films:
@@ -21,6 +22,9 @@ class Films:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._films: weakref.WeakValueDictionary[str, Film] = weakref.WeakValueDictionary()
+        self._opening: weakref.WeakValueDictionary[str, threading.Lock] = (
+            weakref.WeakValueDictionary()
+        )
         self._kept: OrderedDict[str, Film] = OrderedDict()
 
     def get(self, timeline: Path) -> Film | None:
@@ -28,16 +32,32 @@ class Films:
         key = str(timeline)
         with self._lock:
             film = self._films.get(key)
+            opening = self._opening.setdefault(key, threading.Lock())
+        if film is None:
+            film = self._opened(key, opening)
+            if film is None:
+                return None
+        film.refresh()
+        self._keep(key, film)
+        return film
+
+    def _opened(self, key: str, opening: threading.Lock) -> Film | None:
+        with opening:  # whoever wants another film need not wait
+            with self._lock:
+                film = self._films.get(key)
             if film is None:
                 try:
-                    film = Film(timeline)
+                    film = Film(key)
                 except (TimelineError, OSError, ValueError, KeyError):
-                    self._kept.pop(key, None)
                     return None
-                self._films[key] = film
+                with self._lock:
+                    self._films[key] = film
+            return film
+
+    def _keep(self, key: str, film: Film) -> None:
+        with self._lock:
             self._kept[key] = film
             self._kept.move_to_end(key)
-            while len(self._kept) > KEPT:
-                self._kept.popitem(last=False)
-        film.refresh()
-        return film
+            held = sum(kept.nbytes for kept in self._kept.values())
+            while len(self._kept) > 1 and (len(self._kept) > MOST_KEPT or held > MOST_BYTES):
+                held -= self._kept.popitem(last=False)[1].nbytes

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from planner.figures import Curves, Figures
 from planner.timeline import Timeline
 from web.columns import encode
+from web.kept import Kept
 
 STRETCH_NUMBERS: Final = 2**18
 MOST_ROWS: Final = 128
@@ -25,6 +26,7 @@ SAMPLES: Final = 48
 """Frames, spread over the fold, from which the largest position error is told."""
 FIGURES: Final = "figures.zarr"
 Array = NDArray[np.float64]
+_REFERENCES: Final[Kept[Array]] = Kept(128 * 2**20)
 
 
 def curves_of(directory: Path) -> bytes:
@@ -83,9 +85,17 @@ def _reference(directory: Path) -> Array | None:
 
     They are read as they lie in the file: a whole plan would bring the physics along.
     """
+    path = directory / "plan.npz"
     try:
-        with np.load(directory / "plan.npz", allow_pickle=False) as plan:
-            angles = plan["joint_angles_rad"]
+        found = path.stat()
+        # Every stretch asks for them, of which a fold has many.
+        key = (path, found.st_ino, found.st_mtime_ns)
+        angles = _REFERENCES.get(key)
+        if angles is None:
+            with np.load(path, allow_pickle=False) as plan:
+                angles = plan["joint_angles_rad"]
+            angles.flags.writeable = False
+            _REFERENCES.keep(key, angles, angles.nbytes)
     except (OSError, ValueError, KeyError, BadZipFile):
         return None
     return angles if len(angles) else None

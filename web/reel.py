@@ -15,10 +15,28 @@ from typing import Final
 from planner.timeline import TimelineWriter
 from web.columns import encode
 from web.film import Film
+from web.kept import Kept
 
 LARGEST_REEL: Final = 2**20
 WHOLE: Final = 2**40
 ANGLE_STEP_RAD: Final = 2.0**-20
+_REELS: Final[Kept[bytes]] = Kept(64 * 2**20)
+
+
+def kept_reel(film: Film, start: int = 0, stop: int | None = None, stride: int = 1) -> bytes:
+    """``reel_of`` with its usual size; of a film that is over, those made lately are kept.
+
+    Raises:
+        TimelineError: When the timeline is being replaced.
+    """
+    key = (film.edition, start, stop, stride)
+    if (data := _REELS.get(key)) is not None:
+        return data
+    data = reel_of(film, start, stop, stride)
+    # What was replaced in the meantime may be partly one and partly the other.
+    if not film.growing and film.edition == key[0]:
+        _REELS.keep(key, data, len(data))
+    return data
 
 
 def reel_of(

@@ -116,7 +116,7 @@ def opened_scene(record: bytes) -> tuple[list[tuple[float, dict[str, Any]]], lis
     return [(float(t), message) for t, message in found["messages"]], buffers
 
 
-_ONE: Final = threading.Lock()
+_OPENING: Final = threading.Lock()
 _QUIET_LOCK: Final = threading.RLock()
 
 
@@ -135,15 +135,14 @@ def quiet() -> Generator[None]:
 @contextlib.contextmanager
 def viser_server() -> Generator[viser.ViserServer]:
     """A viser server that nobody can connect to but from this machine, for a moment."""
-    with _ONE:
-        with quiet():
-            server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        try:
-            server.gui.configure_theme(show_logo=False, show_share_button=False)
-            yield server
-        finally:
-            with quiet():
-                server.stop()
+    with _OPENING, quiet():
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        yield server
+    finally:
+        with _OPENING, quiet():
+            server.stop()
 
 
 @contextlib.contextmanager

@@ -7,6 +7,7 @@ frames. Scripts are named by an import map of data addresses, so that they need 
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
 import re
 from collections.abc import Callable, Mapping
@@ -22,7 +23,8 @@ from web.scenery import scenery_of
 STATIC: Final = Path(__file__).parent / "static"
 ENTRY: Final = "standalone.js"
 WORKER: Final = "drawing.js"
-MOST_BYTES: Final = 192 * 2**20
+STYLES: Final = ("base.css", "fold.css")
+MOST_BYTES: Final = 48 * 2**20
 """Of a reel, unpacked; a longer fold is thinned, and told without its curves."""
 _IMPORT: Final = re.compile(r'(\bfrom\s+|\bimport\s+)"\./([a-z_]+\.js)"')
 
@@ -53,9 +55,7 @@ def standalone_html(
         "curves": None if curves is None or stride > 1 else _text(curves),
         "facts": dict(facts),
     }
-    styles = "".join(
-        (STATIC / name).read_text(encoding="utf-8") for name in ("base.css", "fold.css")
-    )
+    styles = "".join((STATIC / name).read_text(encoding="utf-8") for name in STYLES)
     return render(
         styles=styles,
         imports=_script_json({"imports": _imports()}),
@@ -63,6 +63,15 @@ def standalone_html(
         parts=_script_json(parts),
         facts=facts,
     ).encode()
+
+
+@cache
+def standalone_scripts() -> str:
+    """Changes with the scripts and styles of the page: letters and digits."""
+    found = hashlib.sha256(client().html + json.dumps(_imports()).encode())
+    for name in (WORKER, *STYLES):
+        found.update((STATIC / name).read_bytes())
+    return found.hexdigest()
 
 
 @cache

@@ -6,8 +6,10 @@ import contextlib
 import json
 import threading
 import webbrowser
+from collections.abc import AsyncGenerator
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Final
 
 import typer
@@ -20,6 +22,7 @@ from planner.stages import work_out_figures
 from planner.timeline import Timeline
 from server.routes import films, pages, sharing
 from server.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
+from server.workshop import Workshop
 from web.films import Films
 
 ONLY: Final = "fold"
@@ -64,6 +67,7 @@ class FolderContext:
 
     store: FolderStore
     films: Films
+    workshop: Workshop
     jobs: None = None
     settings: None = None
 
@@ -103,8 +107,18 @@ def row_of(directory: Path) -> FolderRow:
 
 def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
     """An application with the viewer of one directory."""
-    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
-    app.state.context = FolderContext(FolderStore(directory), Films())
+    store = FolderStore(directory)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
+        # The directory is somebody's own: nothing is put into it.
+        with TemporaryDirectory(prefix="foldback-") as place:
+            workshop = Workshop(store, folder=Path(place))
+            app.state.context = FolderContext(store, Films(), workshop)
+            yield
+            workshop.close()
+
+    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None, lifespan=lifespan)
 
     @app.get("/")
     async def to_the_fold() -> RedirectResponse:

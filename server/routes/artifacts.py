@@ -118,7 +118,7 @@ def get_exports(fold_id: str, context: Here) -> ExportList:
             "description": "The file; made when it is first asked for.",
             "content": {export.media_type: {} for export in EXPORTS},
         },
-        **problems(404, 409, 503, 507),
+        **problems(404, 409, 413, 503, 507),
     },
 )
 async def get_export(fold_id: str, name: str, context: Here) -> FileResponse:

@@ -8,6 +8,7 @@ reels (``web.reel``): a visitor far away scrubs as quickly as one next door.
 from __future__ import annotations
 
 import asyncio
+import hashlib
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -21,7 +22,7 @@ from server.store import NoSuchFoldError
 from web.client import client
 from web.film import Film
 from web.measured import curves_of, stretch_of
-from web.reel import reel_of
+from web.reel import kept_reel
 from web.scenery import scenery_of
 
 router = APIRouter(include_in_schema=False)
@@ -53,7 +54,7 @@ async def scenery(request: Request, fold_id: str) -> Response:
     if film is None:
         return _nothing()
     data = await asyncio.to_thread(scenery_of, film.chain)
-    return _binary(data, film)
+    return _binary(request, data, film)
 
 
 @router.get("/folds/{fold_id}/reel")
@@ -75,10 +76,10 @@ async def reel(
         await asyncio.sleep(LOOK_EVERY_S)
         await asyncio.to_thread(film.refresh)
     try:
-        data = await asyncio.to_thread(reel_of, film, start, stop, stride)
+        data = await asyncio.to_thread(kept_reel, film, start, stop, stride)
     except TimelineError:
         return _nothing()  # it is being replaced just now
-    return _binary(data, film)
+    return _binary(request, data, film)
 
 
 @router.get("/folds/{fold_id}/figures")
@@ -102,8 +103,15 @@ def _figures(directory: Path, part: int | None) -> bytes:
     return curves_of(directory) if part is None else stretch_of(directory, part)
 
 
-def _binary(data: bytes, film: Film) -> Response:
-    headers = {"Cache-Control": "no-store" if film.growing else "private, no-cache"}
+def _binary(request: Request, data: bytes, film: Film) -> Response:
+    if film.growing:
+        return Response(data, media_type=BINARY, headers={"Cache-Control": "no-store"})
+    headers = {
+        "Cache-Control": "private, no-cache",
+        "ETag": f'"{hashlib.sha256(data).hexdigest()[:20]}"',
+    }
+    if request.headers.get("if-none-match") == headers["ETag"]:
+        return Response(status_code=304, headers=headers)
     return Response(data, media_type=BINARY, headers=headers)
 
 

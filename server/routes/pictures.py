@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
-import threading
 from pathlib import Path
 from typing import Final
 
@@ -14,50 +14,69 @@ from fastapi.responses import Response
 from planner.errors import PlannerError
 from planner.files import write_whole
 from planner.timeline import chain_from_attributes
+from server.routes.facts import RUNNING
 from server.routes.finding import find_fold
+from server.workshop import newer
 
 router = APIRouter(include_in_schema=False)
 
 NAME: Final = "picture.png"
-DRAWING: Final = threading.Lock()
-"""One is drawn at a time: a crowd that comes with a link waits for the first one's."""
+OF: Final = "chain.json"
+DAY_S: Final = 86400
+MINUTE_S: Final = 60
 
 
 @router.get("/folds/{fold_id}/picture.png")
 async def picture_of_fold(request: Request, fold_id: str) -> Response:
-    """The folded shape, 1200×630; drawn once."""
+    """The folded shape, 1200×630; drawn once when the fold is over."""
     found = await find_fold(request.app, fold_id)
-    data = None if found is None else await asyncio.to_thread(_picture, found.directory)
+    if found is None:
+        return _no_picture()
+    path, over = found.directory / NAME, found.row.status not in RUNNING
+    data = await asyncio.to_thread(_kept, path) if over else None
     if data is None:
-        return Response("not found", status_code=404, media_type="text/plain")
-    return picture_answer(data)
+        # A crowd that comes with a link waits for the first one's.
+        workshop = request.app.state.context.workshop
+        data = await workshop.made((path, over), lambda: _drawn(path, keep=over))
+    if data is None:
+        return _no_picture()
+    # While it computes, another of the candidates may take the place of this one.
+    return picture_answer(data, DAY_S if over else MINUTE_S)
 
 
-def picture_answer(data: bytes) -> Response:
-    """A picture that other sites may show."""
+def picture_answer(data: bytes, max_age_s: int = DAY_S) -> Response:
+    """A picture that other sites may show, and keep for so long."""
     headers = {
-        "Cache-Control": "public, max-age=86400",
+        "Cache-Control": f"public, max-age={max_age_s}",
         "Content-Security-Policy": "default-src 'none'",
         "Cross-Origin-Resource-Policy": "cross-origin",  # it is made to be shown elsewhere
     }
     return Response(data, media_type="image/png", headers=headers)
 
 
-def _picture(directory: Path) -> bytes | None:
-    """The picture in a fold's directory, drawn if it is not there; None while there is no chain."""
-    path = directory / NAME
-    with DRAWING:
-        try:
-            return path.read_bytes()
-        except OSError:
-            pass
-        try:
-            chain = chain_from_attributes(json.loads((directory / "chain.json").read_bytes()))
-        except (PlannerError, OSError, ValueError, KeyError):
-            return None
-        # Drawing brings kernels along that the start of the server need not wait for.
-        from web.social_picture import social_picture
+def _no_picture() -> Response:
+    return Response("not found", status_code=404, media_type="text/plain")
 
-        data = social_picture(chain)
-        write_whole(path, data)
-        return data
+
+def _kept(path: Path) -> bytes | None:
+    """The picture in a fold's directory, if it is one of its chain."""
+    try:
+        return path.read_bytes() if newer(path, path.parent / OF) else None
+    except OSError:
+        return None
+
+
+def _drawn(path: Path, *, keep: bool) -> bytes | None:
+    """The picture of the chain in a fold's directory; None while there is none."""
+    try:
+        chain = chain_from_attributes(json.loads((path.parent / OF).read_bytes()))
+    except (PlannerError, OSError, ValueError, KeyError):
+        return None
+    # Drawing brings kernels along that the start of the server need not wait for.
+    from web.social_picture import social_picture
+
+    data = social_picture(chain)
+    if keep:
+        with contextlib.suppress(OSError):  # a full disk takes no picture from anybody
+            write_whole(path, data)
+    return data

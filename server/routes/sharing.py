@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import threading
+import hashlib
+import json
+from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query, Request
-from fastapi.responses import HTMLResponse, Response
+from fastapi.responses import FileResponse, HTMLResponse, Response
 
 from planner.errors import TimelineError
 from server.problems import Problem
@@ -20,12 +23,13 @@ from web.client import client
 from web.film import Film
 from web.measured import curves_of
 from web.recording import recording_of
-from web.standalone import standalone_html
+from web.standalone import standalone_html, standalone_scripts
 
 router = APIRouter(include_in_schema=False)
 FOLD_ID: Final = r"^[A-Za-z0-9_-]{1,64}$"
-AT_ONCE: Final = 2
-_MAKING: Final = threading.BoundedSemaphore(AT_ONCE)
+TIMELINE: Final = "timeline.zarr"
+OF: Final = f"{TIMELINE}/zarr.json"
+"""Written last, whatever changes in the timeline."""
 
 
 @router.get("/embed/view")
@@ -75,19 +79,39 @@ async def compare(
 
 @router.get("/folds/{fold_id}/standalone.html")
 async def standalone(request: Request, fold_id: str) -> Response:
-    """The fold in one file that plays by itself."""
-    found, film = await _finished(request, fold_id)
+    """The fold in one file that plays by itself; made once."""
+    found = await _finished(request, fold_id)
     facts = await asyncio.to_thread(fold_facts, found, api=False)
-    data = await _made(lambda: _standalone(found.directory, film, facts))
-    return _file(data, facts["name"], "html", "text/html")
+    path = await request.app.state.context.workshop.file(
+        fold_id,
+        "standalone.html",
+        _of_film(found, lambda film: _standalone(found.directory, film, facts)),
+        of=OF,
+        edition=await asyncio.to_thread(_edition, facts),
+    )
+    return _file(path, facts["name"], "html", "text/html")
 
 
 @router.get("/folds/{fold_id}/recording.viser")
 async def recording(request: Request, fold_id: str) -> Response:
-    """The fold as viser's own client plays it."""
-    found, film = await _finished(request, fold_id)
-    data = await _made(lambda: recording_of(film))
-    return _file(data, found.row.name, "viser", "application/octet-stream")
+    """The fold as viser's own client plays it; made once."""
+    found = await _finished(request, fold_id)
+    path = await request.app.state.context.workshop.file(
+        fold_id, "recording.viser", _of_film(found, recording_of), of=OF
+    )
+    return _file(path, found.row.name, "viser", "application/octet-stream")
+
+
+def _of_film(found: Found, make: Callable[[Film], bytes]) -> Callable[[], bytes]:
+    """Makes something of a film of its own: the one that is looked at has other frames at hand."""
+
+    def made() -> bytes:
+        try:
+            return make(Film(found.directory / TIMELINE))
+        except TimelineError as error:
+            raise Problem(409, "not-ready", str(error), headers={"Retry-After": "1"}) from error
+
+    return made
 
 
 def _standalone(directory: Path, film: Film, facts: dict[str, Any]) -> bytes:
@@ -98,16 +122,22 @@ def _standalone(directory: Path, film: Film, facts: dict[str, Any]) -> bytes:
     return standalone_html(film, _page, facts, curves=curves)
 
 
+def _edition(facts: dict[str, Any]) -> str:
+    """Changes with what a standalone page says, and with the program in it."""
+    told = json.dumps([version("foldback"), standalone_scripts(), facts], sort_keys=True)
+    return hashlib.sha256(told.encode()).hexdigest()[:16]
+
+
 def _page(**values: Any) -> str:
     return rendered("standalone.html", details=True, **values)
 
 
-async def _finished(request: Request, fold_id: str) -> tuple[Found, Film]:
+async def _finished(request: Request, fold_id: str) -> Found:
     found = await find_fold(request.app, fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)
     films = request.app.state.context.films
-    film = await asyncio.to_thread(films.get, found.directory / "timeline.zarr")
+    film = await asyncio.to_thread(films.get, found.directory / TIMELINE)
     if found.row.status in RUNNING or film is None or not len(film):
         raise Problem(
             409,
@@ -115,34 +145,18 @@ async def _finished(request: Request, fold_id: str) -> tuple[Found, Film]:
             f"There is nothing to take away yet: the fold is {found.row.status}.",
             headers={"Retry-After": "2"},
         )
-    return found, film
+    return found
 
 
-async def _made(make: Any) -> bytes:
-    """What takes seconds and memory to make, a few at once."""
-    if not _MAKING.acquire(blocking=False):
-        raise Problem(
-            503,
-            "busy",
-            "Other files are being made just now; try again in a moment.",
-            headers={"Retry-After": "3"},
-        )
-    try:
-        return await asyncio.to_thread(make)
-    except TimelineError as error:
-        raise Problem(409, "not-ready", str(error), headers={"Retry-After": "1"}) from error
-    finally:
-        _MAKING.release()
-
-
-def _file(data: bytes, name: str, kind: str, media_type: str) -> Response:
+def _file(path: Path, name: str, kind: str, media_type: str) -> Response:
     stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in name).strip("-")[:60]
     headers = {
         "Content-Disposition": f'attachment; filename="{stem or "fold"}.{kind}"',
         # Opened in place it would run as a page of this origin.
         "Content-Security-Policy": "sandbox; default-src 'none'",
+        "Cache-Control": "private, no-cache",
     }
-    return Response(data, media_type=media_type, headers=headers)
+    return FileResponse(path, media_type=media_type, headers=headers)
 
 
 def _ancestors(request: Request) -> str:

@@ -189,9 +189,11 @@ def test_a_good_fold_leaves_nothing_to_a_bad_one_in_the_same_place(
 ) -> None:
     directory = begun(tmp_path / "fold")
     assert run(directory, *STAGES)[-1]["status"] == "verified"
+    (directory / "picture.png").write_bytes(b"of the shape before")
     break_explosions(monkeypatch, 60)
     write_request(directory, Request(seed=1), write_path(COIL))
     export = run(directory, *STAGES)[-1]
+    assert not (directory / "picture.png").exists()
     assert export["status"] == "failed"
     assert export["playback"] is None
     assert len(Plan.load(directory / "plan.npz").time_s) == 0

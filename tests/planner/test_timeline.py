@@ -308,3 +308,14 @@ def test_a_timeline_that_loses_frames_is_another_one(place: FilePath, hook_chain
     with TimelineWriter.reopen(place, frames=5) as writer:
         writer.append(some_frames(3, start=5))
     assert Timeline.open(place).id != first
+
+
+def test_chunks_without_a_wanted_frame_are_not_read(place: FilePath, hook_chain: Chain) -> None:
+    with TimelineWriter.create(place, hook_chain) as writer:
+        writer.append(some_frames(400))
+    for chunk in (place / "joint_angles_rad" / "c" / "1").iterdir():
+        chunk.write_bytes(b"damaged")
+    timeline = Timeline.open(place)
+    assert_same(timeline.frames(0, 400, 300), some_frames(400)[0:400:300])
+    with pytest.raises(RuntimeError):
+        timeline.frames(0, 400, 100)

@@ -23,13 +23,15 @@ from mcap.reader import make_reader
 
 from planner.exports import EXPORTS, Export, export_named
 from planner.plan import Plan
+from server import exports as exports_module
 from server.database import FoldRow
-from server.exports import FOLDER, MOST_AT_ONCE, Exports
+from server.exports import Exports
 from server.problems import Problem
 from server.routes.facts import fold_facts
 from server.routes.finding import Found
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store, new_token
+from server.workshop import AT_ONCE, FOLDER, MOST_WAITING, Workshop
 from tests.server.service import SNAKE, Service
 from tests.server.test_command_line import foldback
 from tests.server.test_store import row
@@ -138,7 +140,7 @@ def fold(store: Store, service: Service, finished: dict[str, Any]) -> FoldRow:
 
 
 def exports_in(store: Store, free: int = 0) -> Exports:
-    return Exports(store, min_free_disk_bytes=free)
+    return Exports(store, Workshop(store, min_free_disk_bytes=free))
 
 
 def test_a_model_that_the_fold_wrote_itself_is_kept(store: Store, fold: FoldRow) -> None:
@@ -166,21 +168,23 @@ def test_few_are_made_at_once_and_each_once(store: Store, fold: FoldRow) -> None
 
     async def ask() -> None:
         exports = exports_in(store)
-        slows = [slow(f"slow_{k}") for k in range(MOST_AT_ONCE)]
+        slows = [slow(f"slow_{k}") for k in range(MOST_WAITING)]
         asked = [
             asyncio.create_task(exports.file(fold.id, one)) for one in (*slows, *slows, *slows)
         ]
-        while len(made) < MOST_AT_ONCE:
+        while len(made) < AT_ONCE:
             await asyncio.sleep(0.01)
         with pytest.raises(Problem) as refused:
             await exports.file(fold.id, slow("one_more"))
         assert (refused.value.status, refused.value.code) == (503, "busy")
         assert int(refused.value.headers["Retry-After"]) > 0
+        assert len(made) == AT_ONCE  # the others wait
         asked[0].cancel()  # its file is made for the others all the same
         may_end.set()
         paths = await asyncio.gather(*asked[1:])
-        assert sorted({path.read_text() for path in paths}) == ["slow_0", "slow_1"]
-        assert sorted(made) == ["slow_0", "slow_1"]
+        names = [one.name for one in slows]
+        assert sorted({path.read_text() for path in paths}) == names
+        assert sorted(made) == names
         assert (await exports.file(fold.id, slow("one_more"))).read_text() == "one_more"
 
     asyncio.run(ask())
@@ -208,6 +212,18 @@ def test_what_cannot_be_made_is_a_clear_answer(store: Store, fold: FoldRow) -> N
     with pytest.raises(Problem) as gone:
         asyncio.run(exports_in(store).file(fold.id, export_named("urdf")))
     assert (gone.value.status, gone.value.code) == (404, "no-such-artifact")
+
+
+def test_plans_too_large_for_the_service_are_for_the_command_line(
+    store: Store, fold: FoldRow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(exports_module, "LARGEST_PLAN", 10_000)
+    for name in ("csv", "mcap", "json"):
+        with pytest.raises(Problem) as refused:
+            asyncio.run(exports_in(store).file(fold.id, export_named(name)))
+        assert (refused.value.status, refused.value.code) == (413, "too-large")
+        assert "foldback export" in refused.value.detail
+    assert asyncio.run(exports_in(store).file(fold.id, export_named("urdf"))).is_file()
 
 
 def test_a_plan_without_frames_offers_no_motion(store: Store, fold: FoldRow) -> None:

@@ -52,6 +52,15 @@ def test_a_whole_fold_comes_in_reels(service: Service, fold: str) -> None:
     assert scenery["chain"]["modules"] == 16
 
 
+@pytest.mark.parametrize("name", ["scenery", "reel?stride=3"])
+def test_browsers_keep_what_is_over(service: Service, fold: str, name: str) -> None:
+    first = service.http.get(f"/folds/{fold}/{name}")
+    tag = first.headers["ETag"]
+    again = service.http.get(f"/folds/{fold}/{name}", headers={"If-None-Match": tag})
+    assert (first.status_code, again.status_code, again.content) == (200, 304, b"")
+    assert service.http.get(f"/folds/{fold}/reel?stride=2").headers["ETag"] != tag
+
+
 def test_before_there_is_anything_to_see_nothing_is_answered(service: Service) -> None:
     waiting = service.fold(SNAKE, seed=7)
     answers = {service.http.get(f"/folds/{waiting['id']}/reel").status_code for _ in range(2)}
@@ -90,6 +99,20 @@ def test_a_file_is_a_download_and_no_page_of_ours(service: Service, fold: str) -
         assert kind in answer.headers["Content-Type"]
         assert answer.headers["Content-Disposition"].startswith("attachment; filename=")
         assert "sandbox" in answer.headers["Content-Security-Policy"]
+
+
+def test_a_file_is_made_once_and_kept_beside_the_fold(service: Service, fold: str) -> None:
+    kept = service.data_dir / "folds" / fold / "exports"
+    for name, pattern in (
+        ("standalone.html", "standalone-*.html"),
+        ("recording.viser", "recording.viser"),
+    ):
+        made = service.http.get(f"/folds/{fold}/{name}").content
+        (path,) = kept.glob(pattern)
+        assert path.read_bytes() == made
+        path.write_bytes(b"as it was left")
+        assert service.http.get(f"/folds/{fold}/{name}").content == b"as it was left"
+        path.unlink()
 
 
 def test_a_recording_is_viser_s_own(service: Service, fold: str) -> None:
@@ -157,7 +180,9 @@ def test_play_shows_a_directory(tmp_path: Path, service: Service, fold: str) -> 
             header, _ = decode(http.get("/folds/fold/reel?to=3").content)
             assert header["stop"] == 3
             assert http.get("/folds/fold/figures").status_code == 200
+            before = set(directory.rglob("*.html"))
             assert http.get("/folds/fold/standalone.html").status_code == 200
+            assert set(directory.rglob("*.html")) == before
     finally:
         process.terminate()
         process.communicate(timeout=30)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -65,3 +66,25 @@ def test_position_errors_are_those_of_the_joint_errors(fold: Path) -> None:
 def test_past_the_end_is_refused(fold: Path) -> None:
     with pytest.raises(TimelineError):
         stretch_of(fold, 10_000)
+
+
+def test_the_plan_is_read_once_for_all_stretches(
+    fold: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(fold, tmp_path / "fold")
+    loaded: list[object] = []
+    load = np.load
+
+    def counting(path: object, **words: object) -> object:
+        loaded.append(path)
+        return load(path, **words)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(np, "load", counting)
+    first = stretch_of(tmp_path / "fold", 0)
+    assert stretch_of(tmp_path / "fold", 0) == first
+    assert len(loaded) == 1
+    plan = tmp_path / "fold" / "plan.npz"
+    plan.rename(tmp_path / "before.npz")
+    shutil.copy(tmp_path / "before.npz", plan)  # made anew
+    assert stretch_of(tmp_path / "fold", 0) == first
+    assert len(loaded) == 2

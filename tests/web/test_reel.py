@@ -4,11 +4,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from planner.timeline import Timeline, TimelineWriter
 from web.columns import decode
 from web.film import Film
-from web.reel import reel_of
+from web.reel import kept_reel, reel_of
 
 
 def test_a_reel_holds_what_was_recorded(timeline_path: Path) -> None:
@@ -63,3 +64,34 @@ def test_a_timeline_that_is_begun_anew_is_another_one(
         writer.append(Timeline.open(path).frames(0, 0))
     film.refresh(at_once=True)
     assert film.id != first["id"]
+
+
+def test_a_reel_of_a_finished_film_is_made_once(
+    timeline_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    film = Film(timeline_path)
+    first = kept_reel(film, 3, 90, 7)
+    assert first == reel_of(film, 3, 90, 7)
+    # Not even another film of the same timeline reads its frames again.
+    again = Film(timeline_path)
+    monkeypatch.delattr(Film, "frames")
+    assert kept_reel(again, 3, 90, 7) == first
+
+
+def test_a_reel_is_made_anew_when_its_film_goes_on(
+    growing: tuple[Path, TimelineWriter, Callable[[int], None]],
+) -> None:
+    path, writer, add = growing
+    film = Film(path)
+    assert decode(kept_reel(film))[0]["total"] == 10
+    add(5)
+    film.refresh(at_once=True)
+    assert decode(kept_reel(film))[0]["total"] == 15
+    writer.close()
+    film.refresh(at_once=True)
+    assert decode(kept_reel(film))[0]["status"] == "complete"
+    some = Timeline.open(path).frames(0, 10)
+    with TimelineWriter.reopen(path, frames=5) as writer:  # as many as before
+        writer.append(some)
+    film.refresh(at_once=True)
+    assert np.array_equal(decode(kept_reel(film))[1]["time_s"], Timeline.open(path).frames().time_s)

@@ -10,7 +10,7 @@ from viser import _messages as messages
 from planner.chain import Chain
 from planner.modules import TETRAHEDRON
 from web.columns import decode
-from web.scenery import scenery_of
+from web.scenery import scenery_of, viser_scene
 
 
 def test_the_scene_is_what_viser_would_send(chain: Chain) -> None:
@@ -68,3 +68,12 @@ def test_no_server_stays_behind(chain: Chain) -> None:
     before = threading.active_count()
     decode(scenery_of(Chain.from_angles(TETRAHEDRON, np.deg2rad([0.0, 90.0, 0.0, 90.0]), name="c")))
     assert threading.active_count() <= before
+
+
+def test_one_scene_keeps_no_other_waiting(chain: Chain) -> None:
+    with viser_scene(chain):
+        other = Chain.from_angles(TETRAHEDRON, np.deg2rad([90.0] * 5), name="d")
+        made = threading.Thread(target=scenery_of, args=(other,), daemon=True)
+        made.start()
+        made.join(20.0)
+        assert not made.is_alive()

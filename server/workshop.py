@@ -1,0 +1,144 @@
+"""Workshop: makes what takes seconds and memory, each thing once, a few at a time.
+
+It has threads of its own, so that those of the event loop stay free for what is quick.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+from collections.abc import Callable, Hashable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, Final, Protocol, TypeVar
+
+from planner.files import write_whole
+from server.problems import Problem, no_such_fold
+from server.store import NoSuchFoldError
+
+AT_ONCE: Final = 2
+MOST_WAITING: Final = 8
+"""Things that are being made or wait for it; more are refused."""
+FOLDER: Final = "exports"
+Thing = TypeVar("Thing")
+
+
+class Folds(Protocol):
+    """What a workshop asks of a store."""
+
+    def fold(self, fold_id: str, /) -> Any:
+        """The row of a fold."""
+        ...
+
+    def directory(self, fold_id: str, /) -> Path:
+        """Where the files of a fold are."""
+        ...
+
+
+class Workshop:
+    """See the module's description. Belongs to one event loop.
+
+    Args:
+        store: Where the folds are.
+        min_free_disk_bytes: What must be left of the disk.
+        folder: Where files are kept; in a folder beside those of their fold when None.
+    """
+
+    def __init__(
+        self, store: Folds, *, min_free_disk_bytes: int = 0, folder: Path | None = None
+    ) -> None:
+        self._store = store
+        self._min_free_disk_bytes = min_free_disk_bytes
+        self._folder = folder
+        self._threads = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="workshop")
+        self._making: dict[Hashable, asyncio.Future[Any]] = {}
+
+    def close(self) -> None:
+        """Begins nothing any more."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+
+    async def made(self, key: Hashable, make: Callable[[], Thing]) -> Thing:
+        """What ``make`` returns; whoever asks for the same key meanwhile gets the same.
+
+        Raises:
+            Problem: When too many wait (503).
+        """
+        making = self._making.get(key)
+        if making is None:
+            if len(self._making) >= MOST_WAITING:
+                raise Problem(
+                    503,
+                    "busy",
+                    f"{len(self._making)} other files are being made; try again in a moment.",
+                    headers={"Retry-After": "3"},
+                )
+            making = asyncio.get_running_loop().run_in_executor(self._threads, make)
+            self._making[key] = making
+
+            def done(making: asyncio.Future[Any]) -> None:
+                del self._making[key]
+                if not making.cancelled():
+                    making.exception()  # whoever waited was told; nobody may be left
+
+            making.add_done_callback(done)
+        # Who goes away does not take it from the others that wait for it.
+        return await asyncio.shield(making)
+
+    async def file(
+        self, fold_id: str, name: str, make: Callable[[], bytes], *, of: str, edition: str = ""
+    ) -> Path:
+        """Where a file of a fold is; made unless it is there.
+
+        Args:
+            fold_id: The fold.
+            name: What the file is called.
+            make: Makes its bytes, in a thread.
+            of: The fold's file that it is made of; it is made anew when that is newer.
+            edition: Letters and digits for all else that it is made of; the last one is kept.
+
+        Raises:
+            NoSuchFoldError: When there is no such fold.
+            Problem: When too many wait (503), or the disk is full (507).
+        """
+        directory = self._store.directory(fold_id)
+        plain = (self._folder or directory / FOLDER) / name
+        path = plain.with_stem(f"{plain.stem}-{edition}") if edition else plain
+
+        def keep() -> None:
+            self._keep(fold_id, path, make())
+            if edition:
+                for other in plain.parent.glob(f"{plain.stem}-*{plain.suffix}"):
+                    if other != path:
+                        other.unlink(missing_ok=True)
+
+        if not await asyncio.to_thread(newer, path, directory / of):
+            await self.made(path, keep)
+        return path
+
+    def _keep(self, fold_id: str, path: Path, data: bytes) -> None:
+        directory = self._store.directory(fold_id)
+        try:
+            place = path.parent if self._folder else directory
+            if shutil.disk_usage(place).free < self._min_free_disk_bytes + len(data):
+                raise Problem(507, "no-room", "The disk of the service is nearly full; try later.")
+            path.parent.mkdir(exist_ok=True)
+            write_whole(path, data)
+        except FileNotFoundError as error:  # the fold was deleted in the meantime
+            raise no_such_fold() from error
+        except OSError as error:
+            raise Problem(
+                507, "no-room", f"The file could not be stored ({error.strerror}); try later."
+            ) from error
+        try:
+            self._store.fold(fold_id)
+        except NoSuchFoldError:  # just now; nothing of it may be left
+            shutil.rmtree(directory, ignore_errors=True)
+            raise
+
+
+def newer(path: Path, than: Path) -> bool:
+    """Whether a file is there and was made after the other."""
+    try:
+        return path.stat().st_mtime_ns >= than.stat().st_mtime_ns
+    except OSError:
+        return False

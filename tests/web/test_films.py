@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+import shutil
+import threading
+from pathlib import Path
+
+import pytest
+
+from web import films
+from web.film import Film
+from web.films import Films
+
+
+def copies(timeline: Path, place: Path, count: int) -> list[Path]:
+    return [Path(shutil.copytree(timeline, place / f"{k}.zarr")) for k in range(count)]
+
+
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The paths of the films that were opened, in turn."""
+    found: list[str] = []
+
+    def counting(path: str) -> Film:
+        found.append(path)
+        return Film(path)
+
+    monkeypatch.setattr(films, "Film", counting)
+    return found
+
+
+def test_many_films_stay_open(timeline_path: Path, tmp_path: Path, opened: list[str]) -> None:
+    shared, paths = Films(), copies(timeline_path, tmp_path, 12)
+    for path in paths * 3:
+        film = shared.get(path)
+        assert film is not None
+        assert film.path == str(path)
+    assert len(opened) == len(paths)
+
+
+def test_films_beyond_the_bound_are_let_go(
+    timeline_path: Path, tmp_path: Path, opened: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shared, paths = Films(), copies(timeline_path, tmp_path, 3)
+    monkeypatch.setattr(films, "MOST_BYTES", 2 * Film(paths[0]).nbytes)
+    for path in (*paths, paths[2], paths[1], paths[0]):
+        shared.get(path)
+    assert [Path(path).stem for path in opened] == ["0", "1", "2", "0"]
+
+
+def test_one_that_is_slow_to_open_keeps_nobody_from_another(
+    timeline_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shared, paths = Films(), copies(timeline_path, tmp_path, 2)
+    begun, may_end = threading.Event(), threading.Event()
+    opened: list[str] = []
+
+    def slow(path: str) -> Film:
+        opened.append(path)
+        if path == str(paths[0]):
+            begun.set()
+            assert may_end.wait(30.0)
+        return Film(path)
+
+    monkeypatch.setattr(films, "Film", slow)
+    both = [threading.Thread(target=shared.get, args=(paths[0],)) for _ in range(2)]
+    other = threading.Thread(target=shared.get, args=(paths[1],))
+    for thread in both:
+        thread.start()
+    assert begun.wait(30.0)
+    other.start()
+    other.join(10.0)
+    waited = other.is_alive()
+    may_end.set()
+    for thread in (*both, other):
+        thread.join(30.0)
+    assert not waited
+    assert sorted(opened) == [str(path) for path in paths]
+
+
+def test_what_is_not_there_yet_is_looked_for_again(timeline_path: Path, tmp_path: Path) -> None:
+    shared, path = Films(), tmp_path / "timeline.zarr"
+    assert shared.get(path) is None
+    shutil.copytree(timeline_path, path)
+    assert shared.get(path) is not None
