@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from urllib.parse import urlencode
 from urllib.request import urlopen
 
 import mujoco
@@ -36,9 +35,8 @@ def main() -> None:
     spec.option.timestep = 0.005
     model = spec.compile()
     robot = mujoco.MjData(model)
-    asked = urlencode({"speed": given.speed, "speeds": True})
-    address = f"{given.url.replace('http', 'ws', 1)}/api/folds/{fold}/play?{asked}"
-    with connect(address, max_size=None) as service:
+    address = given.url.replace("http", "ws", 1) + f"/api/folds/{fold}/play"
+    with connect(f"{address}?speed={given.speed}&speeds=true", max_size=None) as service:
         begin = json.loads(service.recv())
         if begin["is"] == "problem":
             raise SystemExit(begin["detail"])
@@ -46,6 +44,8 @@ def main() -> None:
         servos = [model.actuator(name).id for name in begin["joint_names"]]
         steps = max(1, round(given.speed / begin["rate_hz"] / model.opt.timestep))
         print(f"{len(joints)} joints, {begin['duration_s']:.1f} s at speed 1", flush=True)
+        robot.qpos[joints] = begin["joint_angles_rad"]  # a real one is brought there first
+        service.send(json.dumps({"do": "report", "joint_angles_rad": robot.qpos[joints].tolist()}))
         for said in map(json.loads, service):
             if said["is"] == "target":
                 lead = np.multiply(said["joint_speeds_rad_s"], DAMPING_S / given.speed)

@@ -28,7 +28,7 @@ MARGIN: Final = 32
 """Frames on either side of a chunk that its spline goes through too: each one away counts a quarter
 of the one before it, so that no seam is left."""
 STILL: Final = 1e-9
-PLAYBACK: Final = PHASES.index("playback")
+EXPLOSION: Final = PHASES.index("explosion")
 
 
 def figures_of(
@@ -170,10 +170,11 @@ def _moving(frames: Frames) -> Integers:
 def _torques(chain: Chain, around: Frames, here: slice, *, whole: bool) -> Array:
     """Torques in simulation units of the frames ``here``, from the motion of those around them.
 
-    NaN out of the playback and where they can't be told. ``whole`` says that nothing comes before
-    the frames, so that a playback in them begins there.
+    NaN in the explosion and where they can't be told. ``whole`` says that nothing comes before
+    the frames, so that what is played in them begins there. A refold's unfolding and folding are
+    one motion, which rests when it is straight.
     """
-    played = around.phase == PLAYBACK
+    played = around.phase != EXPLOSION
     angles, times = around.joint_angles_rad[played], around.time_s[played]
     torques = np.full_like(around.joint_angles_rad[here], np.nan)
     wanted = played[here]
@@ -186,9 +187,9 @@ def _torques(chain: Chain, around: Frames, here: slice, *, whole: bool) -> Array
 
 
 def _slower(timeline: Timeline, parameters: Parameters, certificate: Certificate | None) -> float:
-    """How many times slower than simulated a robot folds; 1 without a playback."""
+    """How many times slower than simulated a robot folds; 1 where nothing is played."""
     times, phases = timeline.clock()
-    times = times[phases == PLAYBACK]
+    times = times[phases != EXPLOSION]
     if not len(times) or times[-1] <= times[0]:
         return 1.0
     if certificate is not None and certificate.fold_time_s:

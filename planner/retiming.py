@@ -49,7 +49,8 @@ class Trajectory:
         path: Where it leads.
         knot_times_s: (N + 1,) when it passes the path's knots; s̈ is constant between two.
         knot_rates: (N + 1,) ṡ at the knots.
-        frame_numbers: (K,) the frames of the plan that the path is made of.
+        frame_numbers: (2 K,) for each of the K corners of the path the first and the last of the
+            plan's frames that are there.
     """
 
     joint_names: tuple[str, ...]
@@ -83,9 +84,13 @@ class Trajectory:
         return angles, slope * rate, slope * change + bend * rate**2
 
     def frame_at(self, time_s: Array) -> Array:
-        """(T,) place in the plan at (T,) times, as a frame number; 0.5 is between two."""
+        """(T,) place in the plan at (T,) times, as a frame number; 0.5 is between two.
+
+        Of frames in which nothing moves it is the last, but 0 in the beginning.
+        """
         _, s, _, _ = self._along(np.asarray(time_s, dtype=np.float64))
-        return np.interp(s, self.path.places, self.frame_numbers)
+        found = np.interp(s, np.repeat(self.path.places, 2), self.frame_numbers)
+        return np.where(s > 0.0, found, 0.0)
 
     def _along(self, times: Array) -> tuple[Indices, Array, Array, Array]:
         """Cell, s, ṡ and s̈, the last of which is constant within a cell."""
@@ -226,7 +231,9 @@ def retimed(
     kept = _moving(frames)
     if len(kept) < 2:
         raise InputError("no-motion", "the plan has no two frames between which a hinge turns.")
-    path = CutPath.through(np.ascontiguousarray(frames[kept]))
+    corners = np.ascontiguousarray(frames[kept])
+    corners[-1] = frames[-1]  # so that the end is exact
+    path = CutPath.through(corners)
     lengths = np.diff(path.knots)
     middle = path.places[path.frame]
     ends = np.stack([path.knots[:-1] - middle, path.knots[1:] - middle], axis=1)
@@ -243,6 +250,7 @@ def retimed(
     times = np.concatenate([[0.0], np.cumsum(2.0 * lengths / (rates[1:] + rates[:-1]))])
     # Frames that were left out are passed at the same moment as those before them.
     owner = np.searchsorted(kept, np.arange(len(frames)), side="right") - 1
+    last = np.append(kept[1:], len(frames)) - 1
     passed = np.interp(path.places, path.knots, times)[owner]
     cell = np.clip(np.searchsorted(path.knots, path.places) - 1, 0, len(lengths) - 1)
     angles, slopes, _ = path.at(cell, path.places)
@@ -258,7 +266,7 @@ def retimed(
         path=path,
         knot_times_s=times,
         knot_rates=rates,
-        frame_numbers=kept.astype(np.float64),
+        frame_numbers=np.stack([kept, last], axis=1).ravel().astype(np.float64),
     )
 
 
@@ -278,11 +286,9 @@ def clearance(trajectory: Trajectory, chain: Chain, *, size: float) -> float:
 
 
 def _moving(frames: Array) -> Indices:
-    """(K,) numbers of the first frame, the last, and those between that differ."""
+    """(K,) numbers of the first frame, and of those that differ from the one kept before."""
     kept: list[int] = []
     for k in range(len(frames)):
         if not kept or np.abs(frames[k] - frames[kept[-1]]).max() > STILL_RAD:
             kept.append(k)
-    if len(kept) > 1:
-        kept[-1] = len(frames) - 1  # so that the end is exact
     return np.array(kept, dtype=np.int64)

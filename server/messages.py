@@ -43,7 +43,8 @@ class Report(Struct, tag_field="do", tag="report", frozen=True, forbid_unknown_f
     """How well the robot follows: its largest joint error, or where its joints are.
 
     ``number`` is that of the target which it speaks of. Whoever tells it is never sent more than a
-    few targets ahead; without it, angles are compared with the last target.
+    few targets ahead; without it, angles are compared with the last target, and before there is one
+    with those of ``begin``.
     """
 
     error_rad: Error | UnsetType = UNSET
@@ -67,7 +68,10 @@ Incoming = Report | Pause | Resume | Stop
 
 
 class Begin(Struct, tag_field="is", tag="begin", frozen=True, kw_only=True):
-    """Comes first: what is going to be played."""
+    """Comes first: what is going to be played.
+
+    The robot brings its joints to ``joint_angles_rad`` and reports; targets come once it is there.
+    """
 
     schema: str
     fold: str
@@ -75,6 +79,7 @@ class Begin(Struct, tag_field="is", tag="begin", frozen=True, kw_only=True):
     frames: int
     duration_s: float
     deviation_rad: float
+    joint_angles_rad: list[float]
     speed: float
     max_speed: float
     max_acceleration: float

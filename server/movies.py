@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import hmac
 import json
 import shutil
 import threading
@@ -18,7 +19,7 @@ from planner.files import write_whole
 from server.jobs import Jobs
 from server.problems import Problem
 from server.settings import Settings
-from server.store import Store, new_id
+from server.store import Store, hash_of, new_id, new_token
 from web.movie import Movie
 
 Status = Literal["queued", "running", "ready", "failed"]
@@ -43,12 +44,14 @@ class MovieRequest:
         timeline: Path of the timeline's directory.
         job: Name of the job that makes it.
         visitor: Who asked first.
+        token_hash: Of what whoever asked first got for deleting it.
     """
 
     movie: Movie
     timeline: str
     job: str
     visitor: str
+    token_hash: str
 
     @property
     def part(self) -> str:
@@ -62,10 +65,14 @@ class MovieState:
 
     id: str
     movie: Movie
-    visitor: str
+    token_hash: str
     status: Status
     frames_done: int
     problem: dict[str, Any] | None = None
+
+    def owned_by(self, token: str) -> bool:
+        """Whether this is the token that came with the answer to the wish."""
+        return hmac.compare_digest(self.token_hash, hash_of(token))
 
 
 class Movies:
@@ -77,8 +84,11 @@ class Movies:
         self._jobs = jobs
         self._lock = threading.RLock()
 
-    def ask(self, fold_id: str, movie: Movie, visitor: str) -> MovieState:
+    def ask(self, fold_id: str, movie: Movie, visitor: str) -> tuple[MovieState, str | None]:
         """Has a movie made, unless it is there or on its way. One that failed is tried again.
+
+        Returns:
+            The movie, and the token with which it may be deleted; None when somebody asked before.
 
         Raises:
             NoSuchFoldError: When there is no such fold.
@@ -97,7 +107,7 @@ class Movies:
             )
         if not (timeline / "zarr.json").is_file():
             raise Problem(404, "no-such-artifact", "This fold ended without a timeline to film.")
-        place = directory / "movies" / movie.key
+        place, token = directory / "movies" / movie.key, None
         with self._lock:
             try:
                 state = self.state(fold_id, movie.key)
@@ -107,15 +117,17 @@ class Movies:
                 self._check_room(visitor)
                 self._forget_oldest(directory / "movies")
                 shutil.rmtree(place, ignore_errors=True)
+                token = new_token()
                 request = MovieRequest(
                     movie=movie,
                     timeline=str(timeline),
                     job=f"{fold_id}.{movie.key}.{new_id()}",
                     visitor=visitor,
+                    token_hash=hash_of(token),
                 )
                 _keep(place, request)
                 self._jobs.enqueue_movie(request.job, fold_id, movie.key)
-        return self.state(fold_id, movie.key)
+        return self.state(fold_id, movie.key), token
 
     def state(self, fold_id: str, movie_id: str) -> MovieState:
         """How far a movie is.
@@ -217,6 +229,7 @@ def request_of(place: Path) -> MovieRequest | None:
             timeline=noted["timeline"],
             job=noted["job"],
             visitor=noted["visitor"],
+            token_hash=noted.get("token_hash", ""),
         )
     except (OSError, ValueError, KeyError, InputError):
         return None
@@ -248,7 +261,7 @@ def state_of(place: Path) -> MovieState:
     return MovieState(
         id=place.name,
         movie=movie,
-        visitor=request.visitor,
+        token_hash=request.token_hash,
         status=status,
         frames_done=done,
         problem=problem,

@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session, sessionmaker
 from server.database import ENDED, FoldRow, OwnerRow, engine_for, migrate
 from server.settings import Settings
 
-__all__ = ["FoldRow", "NoSuchFoldError", "Store", "new_id", "new_token"]
+__all__ = ["FoldRow", "NoSuchFoldError", "Store", "hash_of", "new_id", "new_token"]
 
 WAITING = ("queued", "running")
 
@@ -37,7 +37,8 @@ def new_token() -> str:
     return secrets.token_urlsafe(24)
 
 
-def _hash(token: str) -> str:
+def hash_of(token: str) -> str:
+    """What is kept of a token."""
     return hashlib.sha256(token.encode()).hexdigest()
 
 
@@ -105,7 +106,7 @@ class Store:
             return session.scalars(
                 sa.select(FoldRow)
                 .join(OwnerRow, OwnerRow.fold_id == FoldRow.id)
-                .where(OwnerRow.token_hash == _hash(token))
+                .where(OwnerRow.token_hash == hash_of(token))
                 .order_by(FoldRow.created_at.desc())
                 .limit(limit)
             ).all()
@@ -113,7 +114,7 @@ class Store:
     def owns(self, fold_id: str, token: str) -> bool:
         """Whether the token gives a claim on the fold."""
         with self._sessions() as session:
-            return session.get(OwnerRow, (fold_id, _hash(token))) is not None
+            return session.get(OwnerRow, (fold_id, hash_of(token))) is not None
 
     def waiting(self, *, visitor: str | None = None) -> int:
         """Folds that are queued or running, of all visitors or of one."""
@@ -148,7 +149,7 @@ class Store:
 
     def add(self, row: FoldRow, token: str) -> bool:
         """Adds a fold with its first owner; False when its content key is taken by another."""
-        owner = OwnerRow(fold_id=row.id, token_hash=_hash(token), created_at=row.created_at)
+        owner = OwnerRow(fold_id=row.id, token_hash=hash_of(token), created_at=row.created_at)
         try:
             with self._changing() as session:
                 session.add(row)
@@ -163,9 +164,9 @@ class Store:
     def claim(self, fold_id: str, token: str) -> None:
         """Gives one more visitor a claim on a fold."""
         with self._changing() as session:
-            if session.get(OwnerRow, (fold_id, _hash(token))) is None:
+            if session.get(OwnerRow, (fold_id, hash_of(token))) is None:
                 session.add(
-                    OwnerRow(fold_id=fold_id, token_hash=_hash(token), created_at=time.time())
+                    OwnerRow(fold_id=fold_id, token_hash=hash_of(token), created_at=time.time())
                 )
 
     def release(self, fold_id: str, token: str) -> int:
@@ -173,7 +174,7 @@ class Store:
         with self._changing() as session:
             session.execute(
                 sa.delete(OwnerRow).where(
-                    OwnerRow.fold_id == fold_id, OwnerRow.token_hash == _hash(token)
+                    OwnerRow.fold_id == fold_id, OwnerRow.token_hash == hash_of(token)
                 )
             )
             return self._owners(session, fold_id)

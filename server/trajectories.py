@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 KEPT: Final = 4
 AT_ONCE: Final = 2
+STREAMS: Final = 4
+"""Trajectories that are being sent, which may take those who take them a while."""
 PATIENCE_S: Final = 10.0
 LARGEST_PLAN: Final = 64 * 2**20
 """Bytes of a plan that is retimed here; a larger one is for the command line."""
@@ -38,6 +40,7 @@ class Trajectories:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._turns = threading.BoundedSemaphore(AT_ONCE)
+        self._streams = threading.BoundedSemaphore(STREAMS)
         self._kept: OrderedDict[tuple[Path, int, float, float], Retimed] = OrderedDict()
 
     def of(self, path: Path, max_speed: float, max_acceleration: float) -> Retimed:
@@ -80,13 +83,22 @@ class Trajectories:
             Problem: When that takes too long (503).
         """
         if not self._turns.acquire(timeout=PATIENCE_S):
-            raise Problem(
-                503,
-                "busy",
-                "Others are computing motions; try again in a moment.",
-                headers={"Retry-After": "5"},
-            )
+            raise _busy("Others are computing motions")
         try:
             yield
         finally:
             self._turns.release()
+
+    def stream(self) -> Callable[[], None]:
+        """Begins to send a trajectory; what comes back is to be called once at the end.
+
+        Raises:
+            Problem: When too many are being sent (503).
+        """
+        if not self._streams.acquire(blocking=False):
+            raise _busy("Others are being sent motions")
+        return self._streams.release
+
+
+def _busy(why: str) -> Problem:
+    return Problem(503, "busy", f"{why}; try again in a moment.", headers={"Retry-After": "5"})

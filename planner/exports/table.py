@@ -27,9 +27,13 @@ def write(plan: Plan) -> bytes:
     numbers = np.column_stack(
         [plan.root_position * plan.chain.pitch_m, plan.root_wxyz, plan.joint_angles_rad]
     )
-    for time_s, row, error in zip(
-        plan.time_s.tolist(), numbers.tolist(), plan.max_error_rad.tolist(), strict=True
+    for time_s, phase, row, error in zip(
+        plan.time_s.tolist(),
+        plan.phase.tolist(),
+        numbers.tolist(),
+        plan.max_error_rad.tolist(),
+        strict=True,
     ):
         last = "" if np.isnan(error) else repr(error)
-        lines.append(f"{time_s!r},{PHASES[1]},{','.join(map(repr, row))},{last}")
+        lines.append(f"{time_s!r},{PHASES[phase]},{','.join(map(repr, row))},{last}")
     return ("\n".join(lines) + "\n").encode()

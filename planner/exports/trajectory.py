@@ -42,7 +42,13 @@ def times(trajectory: Trajectory, rate_hz: float | None) -> Array:
 
 
 def export(
-    trajectory: Trajectory, form: Form, *, name: str, verified: bool, rate_hz: float | None = None
+    trajectory: Trajectory,
+    form: Form,
+    *,
+    name: str,
+    plan_verified: bool,
+    min_clearance: float | None = None,
+    rate_hz: float | None = None,
 ) -> Iterator[bytes]:
     """A trajectory in parts.
 
@@ -50,7 +56,8 @@ def export(
         trajectory: What to write.
         form: ``csv``: a line of names, then time, angles and speeds of each moment; ``json``.
         name: Of the chain.
-        verified: Whether the plan is.
+        plan_verified: Whether the plan is, whose corners the trajectory cuts.
+        min_clearance: Of the trajectory itself in pitches; None where nobody looked for it.
         rate_hz: Moments in a second; None for those of the plan's frames.
 
     Raises:
@@ -59,7 +66,8 @@ def export(
     moments = times(trajectory, rate_hz)
     if form == "csv":
         return _csv(trajectory, moments)
-    return _json(trajectory, moments, name, verified)
+    head = {"name": name, "plan_verified": plan_verified, "min_clearance": min_clearance}
+    return _json(trajectory, moments, head)
 
 
 def _csv(trajectory: Trajectory, moments: Array) -> Iterator[bytes]:
@@ -73,11 +81,10 @@ def _csv(trajectory: Trajectory, moments: Array) -> Iterator[bytes]:
         yield ("\n".join(",".join(map(repr, row)) for row in rows) + "\n").encode()
 
 
-def _json(trajectory: Trajectory, moments: Array, name: str, verified: bool) -> Iterator[bytes]:
+def _json(trajectory: Trajectory, moments: Array, what: dict[str, Any]) -> Iterator[bytes]:
     head = {
         "format": FORMAT,
-        "name": name,
-        "verified": verified,
+        **what,
         "max_speed_rad_s": trajectory.max_speed_rad_s,
         "max_acceleration_rad_s2": trajectory.max_acceleration_rad_s2,
         "duration_s": trajectory.duration_s,

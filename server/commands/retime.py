@@ -64,8 +64,16 @@ def retime(
             raise InputError("no-mass", "torques need the mass of a module: --module-mass KG.")
         plan = _plan(directory)
         trajectory = retime_plan(plan, max_speed, max_acceleration)
-        name = plan.chain.name
-        parts = export(trajectory, form, name=name, verified=plan.verified, rate_hz=rate)
+        size = plan.certificate.module_size
+        clear = clearance(trajectory, plan.chain, size=size) if check else None
+        parts = export(
+            trajectory,
+            form,
+            name=plan.chain.name,
+            plan_verified=plan.verified,
+            min_clearance=clear,
+            rate_hz=rate,
+        )
         motors = None
         if module_mass is not None:
             build = Build(
@@ -80,13 +88,11 @@ def retime(
             _write(table, [motors.as_csv().encode()])
     except InputError as error:
         refuse(error, as_json)
-    size = plan.certificate.module_size
-    clear = clearance(trajectory, plan.chain, size=size) if check else None
     report: dict[str, Any] = {
         "duration_s": trajectory.duration_s,
         "deviation_rad": trajectory.deviation_rad,
         "min_clearance": clear,
-        "verified": plan.verified,
+        "plan_verified": plan.verified,
         "motors": None if motors is None else motors.as_dict(),
     }
     if as_json:

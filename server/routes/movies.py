@@ -64,10 +64,13 @@ class MovieBody(BaseModel):
     fps: int
     seconds: float
     problem: Fault | None
+    token: str | None = Field(
+        default=None, description="Told once, to who asked first; deleting asks for it."
+    )
     links: MovieLinks
 
     @classmethod
-    def of(cls, fold_id: str, state: MovieState) -> MovieBody:
+    def of(cls, fold_id: str, state: MovieState, token: str | None = None) -> MovieBody:
         """What the API shows of it."""
         here = f"/api/folds/{fold_id}/movies/{state.id}"
         movie = state.movie
@@ -82,6 +85,7 @@ class MovieBody(BaseModel):
             fps=movie.fps,
             seconds=movie.seconds,
             problem=Fault.model_validate(state.problem) if state.problem else None,
+            token=token,
             links=MovieLinks(self=here, file=f"{here}/file", fold=f"/api/folds/{fold_id}"),
         )
 
@@ -100,7 +104,7 @@ def post_movie(
         movie = Movie.of(wishes.model_dump())
     except InputError as error:
         raise Problem.of_input(error) from None
-    body = MovieBody.of(fold_id, context.movies.ask(fold_id, movie, context.visitor(request)))
+    body = MovieBody.of(fold_id, *context.movies.ask(fold_id, movie, context.visitor(request)))
     response.headers["Location"] = body.links.self
     _again(response, body)
     return body
@@ -144,15 +148,18 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     summary="Stop making a movie, or delete it",
     responses=problems(403, 404),
 )
-def delete_movie(
-    request: Request, fold_id: str, movie_id: str, context: Here, credentials: Bearer
-) -> Response:
-    """For who asked for it, and for owners of the fold."""
+def delete_movie(fold_id: str, movie_id: str, context: Here, credentials: Bearer) -> Response:
+    """For who has the token that came with the answer to the wish, and for owners of the fold."""
     context.store.fold(fold_id)
     state = context.movies.state(fold_id, movie_id)
-    own = state.visitor == context.visitor(request)
-    if not own and not (credentials and context.store.owns(fold_id, credentials.credentials)):
-        raise Problem(403, "not-owner", "This movie was asked for by somebody else.")
+    token = credentials.credentials if credentials else ""
+    if not state.owned_by(token) and not context.store.owns(fold_id, token):
+        raise Problem(
+            403,
+            "not-owner",
+            "This needs the token that came with the answer to the wish, or an owner token of the "
+            "fold, as 'Authorization: Bearer …'.",
+        )
     context.movies.delete(fold_id, movie_id)
     return Response(status_code=204)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections import deque
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
 
@@ -33,7 +34,7 @@ from server.messages import (
     Wrong,
     schema,
 )
-from server.pace import Pace
+from server.pace import Pace, Reason
 from server.problems import Problem
 from server.routes.artifacts import not_there
 from server.routes.finding import FOLD_ID
@@ -43,11 +44,14 @@ from server.trajectories import Retimed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from starlette.types import Receive, Scope, Send
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
 schemas = APIRouter(prefix="/api", tags=["robots"])
-LARGEST_ANSWER: Final = 20_000_000
+LARGEST_ANSWER: Final = 5_000_000
 """Numbers in a trajectory."""
+LONGEST_ANSWER_S: Final = 300.0
+"""How long it may take to send one."""
 MOST_MODULES: Final = 1000
 """Of a chain whose torques are computed here."""
 MEDIA_TYPES: Final = {"csv": "text/csv; charset=utf-8", "json": "application/json"}
@@ -111,13 +115,16 @@ def get_trajectory(
             where="query.rate",
         )
     try:
-        parts = export(trajectory, form, name=plan.chain.name, verified=plan.verified, rate_hz=rate)
+        parts = export(
+            trajectory, form, name=plan.chain.name, plan_verified=plan.verified, rate_hz=rate
+        )
     except InputError as error:
         raise Problem.of_input(error) from error
-    return StreamingResponse(
+    return _Stream(
         parts,
         media_type=MEDIA_TYPES[form],
         headers={"Content-Disposition": f'attachment; filename="trajectory.{form}"'},
+        ends=context.trajectories.stream(),
     )
 
 
@@ -220,6 +227,30 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
         await _refuse(websocket, code, problem.code, problem.detail)
 
 
+class _Stream(StreamingResponse):
+    """An answer that is computed as it is sent, within the time that it may take."""
+
+    def __init__(
+        self,
+        parts: Iterator[bytes],
+        *,
+        media_type: str,
+        headers: dict[str, str],
+        ends: Callable[[], None],
+    ) -> None:
+        super().__init__(parts, media_type=media_type, headers=headers)
+        self._ends = ends
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            # Who takes it too slowly is hung up on; not to send the end does that.
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(LONGEST_ANSWER_S):
+                    await super().__call__(scope, receive, send)
+        finally:
+            self._ends()
+
+
 def _retimed(context: Context, fold_id: str, max_speed: float, max_acceleration: float) -> Retimed:
     """The plan of a finished fold, retimed."""
     row = context.store.fold(fold_id)
@@ -256,7 +287,10 @@ class _Hand:
         self._ask = ask
         self._fold_id = fold_id
         self._clock = asyncio.get_running_loop().time
-        self._sent: deque[tuple[int, NDArray[Any]]] = deque(maxlen=REMEMBERED)
+        # Before there is a target, the robot is to be where the motion begins.
+        first = found.trajectory.joint_angles_rad[0]
+        self._sent: deque[tuple[int, NDArray[Any]]] = deque([(0, first)], maxlen=REMEMBERED)
+        self._there = False
         self._number = 0
         self._answered: int | None = None
         self._ahead = max(2, round(AHEAD_S * ask.rate_hz))
@@ -282,6 +316,7 @@ class _Hand:
                 frames=len(trajectory.time_s),
                 duration_s=trajectory.duration_s,
                 deviation_rad=trajectory.deviation_rad,
+                joint_angles_rad=trajectory.joint_angles_rad[0].round(6).tolist(),
                 **{name: getattr(ask, name) for name in _TOLD},
             )
         )
@@ -303,8 +338,12 @@ class _Hand:
             return
 
     async def _speak(self) -> None:
-        """Sends a target at every tick; one that is late is left out, not sent afterwards."""
-        pace, said, told = self._pace, "", -ALIVE_S
+        """Sends a target at every tick, once the robot is where the motion begins.
+
+        One that is late is left out, not sent afterwards.
+        """
+        pace, told = self._pace, -ALIVE_S
+        said: Reason | Literal["nothing"] | None = "nothing"
         period = 1.0 / self._ask.rate_hz
         due = self._clock()
         while True:
@@ -315,8 +354,8 @@ class _Hand:
             if now - self._heard > GONE_S:
                 raise Problem(408, "gone", f"Nothing was heard for {GONE_S:g} s.")
             reason = pace.waiting(now)
-            if (reason or "") != said or not self._number:
-                said = reason or ""
+            if reason != said:
+                said = reason
                 if reason is None:
                     await self._send(Going(time_s=pace.time_s))
                 else:
@@ -324,7 +363,7 @@ class _Hand:
                         Waiting(because=reason, time_s=pace.time_s, error_rad=pace.error_rad)
                     )
             # Whoever does not answer is not sent more than it takes to remind it.
-            if reason not in ("start", "silence", "behind") or now - told >= ALIVE_S:
+            if self._there and (reason not in ("silence", "behind") or now - told >= ALIVE_S):
                 told = now
                 await self._send_target()
             if pace.over(now):
@@ -374,7 +413,9 @@ class _Hand:
                     await self._end("stop")
                     return
                 if isinstance(message, Report):
-                    self._pace.report(self._error_of(message), self._heard)
+                    error = self._error_of(message)
+                    self._pace.report(error, self._heard)
+                    self._there = self._there or error <= self._ask.threshold_rad
                     if not isinstance(message.number, msgspec.UnsetType):
                         self._answered = min(message.number, self._number)
                 elif isinstance(message, Pause | Resume):

@@ -15,7 +15,10 @@ import pytest
 from planner.certificate import Certificate, certify
 from planner.chain import Chain
 from planner.errors import InputError
+from planner.exports import export_named
+from planner.figures import Figures
 from planner.folding import fold
+from planner.measuring import figures_of
 from planner.parameters import Parameters, PlaybackParameters
 from planner.plan import Plan
 from planner.playback import Playback, play_back
@@ -144,6 +147,24 @@ def test_errors_torque_and_time_are_of_both_halves(plan: Plan, wrench: Folded) -
     assert alone.peak_torque_nm is not None
     assert both.peak_torque_nm > 0.9 * alone.peak_torque_nm
     assert (both.fold_time_s or 0.0) > 1.5 * (alone.fold_time_s or np.inf) * 0.9
+
+
+def test_figures_of_torques_are_of_both_halves_too(plan: Plan, made: FilePath) -> None:
+    figures = Figures.load(made / "figures.zarr")
+    peaks = figures.peak_torque_nm
+    assert np.isfinite(peaks).all()
+    # The certificate saw every step, the figures see frames: close, not the same.
+    assert peaks.max() == pytest.approx(plan.certificate.peak_torque_nm, rel=0.35)
+    # Without the certificate the same comes of the frames' own speed.
+    alone = figures_of(made / "timeline.zarr", Parameters()).peak_torque_nm
+    np.testing.assert_allclose(alone, peaks, rtol=0.05)
+
+
+def test_a_table_tells_both_phases(plan: Plan) -> None:
+    lines = export_named("csv").write(plan).decode().splitlines()[1:]
+    phases = [line.split(",")[1] for line in lines]
+    assert phases == [PHASES[k] for k in plan.phase]
+    assert set(phases) == {"unfolding", "playback"}
 
 
 def test_the_timeline_goes_from_shape_to_shape(plan: Plan, made: FilePath) -> None:

@@ -144,6 +144,23 @@ def test_frames_in_which_nothing_moves_take_no_time() -> None:
     assert trajectory.frame_at(np.array([0.0, trajectory.duration_s])).tolist() == [0.0, 25.0]
 
 
+def test_a_chain_that_rests_at_the_end_is_there_all_the_while() -> None:
+    trajectory = along(np.array([[0.0], [1.0], [1.0], [1.0], [1.0]]))
+    end = trajectory.duration_s
+    assert trajectory.time_s.tolist() == [0.0, end, end, end, end]
+    assert trajectory.joint_angles_rad[:, 0].tolist() == [0.0, 1.0, 1.0, 1.0, 1.0]
+    assert trajectory.joint_speeds_rad_s == pytest.approx(0.0, abs=1e-9)
+    assert trajectory.frame_at(np.array([0.5 * end, end])) == pytest.approx([0.5, 4.0])
+
+
+def test_frames_are_told_right_after_a_rest() -> None:
+    trajectory = along(np.array([[0.0], [0.5], [0.5], [0.5], [1.0]]))
+    angle, frame = 0.75, 3.5  # in the middle of the last step
+    times = np.linspace(0.0, trajectory.duration_s, 20_001)
+    then = times[np.abs(trajectory.at(times)[0][:, 0] - angle).argmin()]
+    assert trajectory.frame_at(np.array([then])) == pytest.approx(frame, abs=1e-3)
+
+
 @given(
     seed=st.integers(0, 2**32 - 1),
     frames=st.integers(2, 14),

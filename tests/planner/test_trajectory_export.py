@@ -20,8 +20,20 @@ def trajectory() -> Trajectory:
     return retimed(np.cumsum(np.vstack([np.zeros(3), steps]), axis=0), NAMES, 1.0, 2.0)
 
 
-def text(trajectory: Trajectory, form: Form, rate_hz: float | None = None) -> str:
-    parts = export(trajectory, form, name="three", verified=True, rate_hz=rate_hz)
+def text(
+    trajectory: Trajectory,
+    form: Form,
+    rate_hz: float | None = None,
+    min_clearance: float | None = None,
+) -> str:
+    parts = export(
+        trajectory,
+        form,
+        name="three",
+        plan_verified=True,
+        min_clearance=min_clearance,
+        rate_hz=rate_hz,
+    )
     return b"".join(parts).decode()
 
 
@@ -46,6 +58,13 @@ def test_both_forms_hold_the_same_numbers(trajectory: Trajectory) -> None:
     assert np.array_equal(rows[:, 4:], document["joint_speeds_rad_s"])
 
 
+def test_only_what_was_looked_for_is_claimed(trajectory: Trajectory) -> None:
+    unchecked, checked = (json.loads(text(trajectory, "json", None, c)) for c in (None, 0.05))
+    assert "verified" not in unchecked
+    assert (unchecked["plan_verified"], unchecked["min_clearance"]) == (True, None)
+    assert checked == {**unchecked, "min_clearance": 0.05}
+
+
 def test_every_line_has_a_later_time_and_the_angles_then(trajectory: Trajectory) -> None:
     rows = table(text(trajectory, "csv"))
     assert len(rows) == 299  # of 300 frames, in two of which nothing moves
@@ -65,5 +84,5 @@ def test_a_rate_gives_even_times_and_the_end(trajectory: Trajectory) -> None:
 @pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, 1e9])
 def test_a_rate_that_is_none_is_refused(trajectory: Trajectory, rate: float) -> None:
     with pytest.raises(InputError) as refused:
-        export(trajectory, "csv", name="three", verified=True, rate_hz=rate)
+        export(trajectory, "csv", name="three", plan_verified=True, rate_hz=rate)
     assert refused.value.code == "bad-rate"

@@ -42,6 +42,11 @@ def wait(
     return found
 
 
+def delete(service: Service, movie: dict[str, Any]) -> int:
+    headers = {"Authorization": f"Bearer {movie['token']}"}
+    return service.http.delete(movie["links"]["self"], headers=headers).status_code
+
+
 def over(movie: dict[str, Any]) -> bool:
     return movie["status"] in ("ready", "failed")
 
@@ -79,8 +84,8 @@ def test_a_movie_from_the_wish_to_the_file(service: Service, finished: dict[str,
     assert (part.status_code, part.content) == (206, b"ftyp")
     # The same wishes, however they are said, are the same movie, which is there.
     again = ask(service, finished["id"], **{**SMALL, "format": "mp4", "theme": None})
-    assert (again["id"], again["status"]) == (movie["id"], "ready")
-    assert service.http.delete(movie["links"]["self"]).status_code == 204
+    assert (again["id"], again["status"], again["token"]) == (movie["id"], "ready", None)
+    assert delete(service, movie) == 204
     assert service.http.get(movie["links"]["self"]).json()["code"] == "no-such-movie"
     assert service.http.get(movie["links"]["file"]).status_code == 404
 
@@ -113,6 +118,18 @@ def test_refusals(
     assert (answer.json()["code"], answer.json()["where"]) == (code, where)
 
 
+def test_the_address_alone_deletes_no_movie(service: Service, finished: dict[str, Any]) -> None:
+    movie = wait(service, made := ask(service, finished["id"], **{**SMALL, "fps": 5}), over)
+    assert movie["token"] is None
+    here = movie["links"]["self"]
+    for headers in ({}, {"Authorization": "Bearer " + "x" * 32}):
+        refused = service.http.delete(here, headers=headers)
+        assert (refused.status_code, refused.json()["code"]) == (403, "not-owner")
+    directory = service.data_dir / "folds" / finished["id"] / "movies" / movie["id"]
+    assert made["token"] not in (directory / "request.json").read_text()
+    assert service.http.delete(here, headers=owner(finished["accepted"])).status_code == 204
+
+
 def test_frames_that_are_not_there_fail_the_movie(
     service: Service, finished: dict[str, Any]
 ) -> None:
@@ -136,7 +153,7 @@ def test_deleted_while_it_is_made_it_stops_within_a_second(
     making = children(service)
     assert len(making) == 2  # it, and its encoder
     begun = time.monotonic()
-    assert service.http.delete(movie["links"]["self"]).status_code == 204
+    assert delete(service, movie) == 204
     _, alive = psutil.wait_procs(making, timeout=30)
     assert not alive
     assert time.monotonic() - begun < 10  # a second, where the machine has nothing else to do
@@ -166,7 +183,7 @@ def test_as_many_as_there_may_be(service_with: Callable[..., Service]) -> None:
     assert state["status"] in ("queued", "running")
     before = state["frames_done"]
     wait(service, movie, lambda m: m["status"] == "running" and 0 < m["frames_done"] != before)
-    assert service.http.delete(movie["links"]["self"]).status_code == 204
+    assert delete(service, movie) == 204
     short = wait(service, ask(service, accepted["id"], **SMALL), over)
     assert short["status"] == "ready"
     gone = service.http.delete(f"/api/folds/{accepted['id']}", headers=owner(accepted))

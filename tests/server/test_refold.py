@@ -8,8 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
+from websockets.sync.client import connect
 
 from planner.plan import Plan
 from planner.verification import verify
@@ -60,6 +62,22 @@ def test_a_finished_fold_goes_on_to_another_shape(
     )
     assert service.http.get(f"{here}/plan.json").json()["start"]["name"] == "wrench-24"
     assert verify(directory(service, state["id"])).verified
+
+
+def test_a_robot_is_to_be_brought_to_the_shape_that_it_begins_with(
+    service: Service, wrench: str, mallet: dict[str, Any]
+) -> None:
+    base = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
+    folded = Plan.load(directory(service, wrench) / "plan.npz").chain.folded_rad
+    assert np.abs(folded).max() > 1.5
+    with connect(f"{base}/api/folds/{mallet['state']['id']}/play", max_size=None) as socket:
+        begin, waiting = (json.loads(socket.recv(timeout=30)) for _ in range(2))
+        assert begin["joint_angles_rad"] == pytest.approx(folded.tolist(), abs=1e-5)
+        assert waiting["because"] == "start"
+        error = np.abs(folded).max()  # of a robot that is straight
+        socket.send(json.dumps({"do": "report", "joint_angles_rad": [0.0] * len(folded)}))
+        told = json.loads(socket.recv(timeout=30))
+        assert (told["is"], told["error_rad"]) == ("waiting", pytest.approx(error))
 
 
 def test_it_is_a_fold_of_its_own_that_is_not_listed(

@@ -7,6 +7,7 @@ import json
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,8 @@ from websockets import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from planner.plan import Plan
-from tests.server.service import SNAKE, Service
+from server.trajectories import STREAMS
+from tests.server.service import PATIENCE_S, SNAKE, Service
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "06_drive_a_robot.py"
 Finished = dict[str, Any]
@@ -34,18 +36,18 @@ class Robot:
 
     def hear(self) -> dict[str, Any]:
         said = json.loads(self.socket.recv(timeout=30))
-        if said["is"] == "target":
-            self.last = said
+        if said["is"] in ("begin", "target"):
+            self.last = {"number": 0, "time_s": 0.0, **said}
         return said
 
     def say(self, do: str, **more: object) -> None:
         self.socket.send(json.dumps({"do": do, **more}))
 
     def until(self, wanted: str, error: float = 0.0) -> dict[str, Any]:
-        """Answers every target with an error, until it hears something else that is wanted."""
+        """Answers all that it is to follow with an error, until it hears what is wanted."""
         while (said := self.hear())["is"] != wanted:
-            if said["is"] == "target":
-                self.say("report", error_rad=error, number=said["number"])
+            if said["is"] in ("begin", "target"):
+                self.say("report", error_rad=error, number=self.last["number"])
         return said
 
 
@@ -80,11 +82,10 @@ def test_a_robot_that_follows_is_led_to_the_folded_shape(
         assert begin["schema"] == "foldback-play/1"
         assert begin["joint_names"] == plan["joint_names"]
         assert begin["frames"] == len(plan["time_s"])
+        assert begin["joint_angles_rad"] == pytest.approx(plan["joint_angles_rad"][0], abs=1e-5)
         assert robot.hear()["because"] == "start"
-        first = robot.hear()
-        assert first["joint_angles_rad"] == pytest.approx(plan["joint_angles_rad"][0], abs=1e-5)
         robot.say("report", error_rad=0.0)
-        times = [first["time_s"]]
+        times = [0.0]
         while (said := robot.hear())["is"] != "end":
             if said["is"] == "target":
                 times.append(said["time_s"])
@@ -123,11 +124,9 @@ def test_the_service_finds_the_error_from_measured_angles(
 ) -> None:
     with played(service, finished, speed=0.1) as socket:
         robot = Robot(socket)
-        while not robot.last:
-            robot.hear()
-        off = np.array(robot.last["joint_angles_rad"])
-        robot.say("report", joint_angles_rad=off.tolist(), number=robot.last["number"])
-        while robot.hear()["is"] != "going":
+        off = np.array(robot.hear()["joint_angles_rad"])
+        robot.say("report", joint_angles_rad=off.tolist())  # before there is any target
+        while robot.hear()["is"] != "target":
             pass
         off[3] += 0.4
         robot.say("report", joint_angles_rad=off.tolist(), number=robot.last["number"])
@@ -135,6 +134,25 @@ def test_the_service_finds_the_error_from_measured_angles(
             pass
         assert said["because"] == "error"
         assert said["error_rad"] == pytest.approx(0.4, abs=0.02)
+
+
+def test_no_target_comes_before_the_robot_is_where_it_begins(
+    service: Service, finished: Finished
+) -> None:
+    with played(service, finished, rate_hz=100) as socket:
+        robot = Robot(socket)
+        angles = robot.hear()["joint_angles_rad"]
+        assert robot.hear()["because"] == "start"
+        robot.say("report", joint_angles_rad=[angle + 1.5 for angle in angles])
+        waiting = robot.hear()
+        assert (waiting["because"], waiting["error_rad"]) == ("error", pytest.approx(1.5))
+        with pytest.raises(TimeoutError):
+            socket.recv(timeout=0.3)  # thirty ticks
+        robot.say("report", joint_angles_rad=angles)
+        assert robot.hear()["is"] == "going"
+        target = robot.hear()
+        assert (target["is"], target["number"]) == ("target", 1)
+        assert target["joint_angles_rad"] == pytest.approx(angles, abs=1e-3)
 
 
 def test_it_pauses_resumes_and_stops_when_asked(service: Service, finished: Finished) -> None:
@@ -264,7 +282,7 @@ def test_trajectories_are_given_in_both_forms(service: Service, finished: Finish
     here = f"/api/folds/{finished['id']}/trajectory"
     limits = {"max_speed": 0.5, "max_acceleration": 1.0}
     document = service.http.get(here, params=limits).json()
-    assert document["verified"] is True
+    assert (document["plan_verified"], document["min_clearance"]) == (True, None)
     assert np.abs(document["joint_speeds_rad_s"]).max() <= 0.5 + 1e-6
     table = service.http.get(here, params={**limits, "format": "csv", "rate": 20})
     assert table.headers["content-type"].startswith("text/csv")
@@ -276,6 +294,24 @@ def test_trajectories_are_given_in_both_forms(service: Service, finished: Finish
     slow = {"max_speed": 1e-3, "rate": 1e4}
     assert service.http.get(here, params=slow).json()["code"] == "too-large"
     assert service.http.get("/api/folds/none/trajectory").status_code == 404
+
+
+def test_only_a_few_trajectories_are_sent_at_once(service: Service, finished: Finished) -> None:
+    here = f"/api/folds/{finished['id']}/trajectory"
+    slowly = {"max_speed": 0.1}
+    known = service.http.get(here, params=slowly).json()
+    moments = 4e6 / (2 * len(known["joint_names"]))
+    long = {**slowly, "rate": moments / known["duration_s"], "format": "csv"}
+    with contextlib.ExitStack() as slow:
+        for _ in range(STREAMS):  # they take the beginning, and wait
+            assert slow.enter_context(service.http.stream("GET", here, params=long)).is_success
+        busy = service.http.get(here)
+        assert (busy.status_code, busy.json()["code"]) == (503, "busy")
+        assert busy.headers["retry-after"]
+    deadline = time.monotonic() + PATIENCE_S
+    while service.http.get(here).status_code != 200:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
 
 
 def test_motors_are_judged(service: Service, finished: Finished) -> None:
@@ -313,9 +349,10 @@ def test_the_command_line_does_the_same(
     report = json.loads(done.stdout.splitlines()[-1])
     here = f"/api/folds/{finished['id']}"
     limits = {"max_speed": 0.5, "max_acceleration": 1.0}
-    assert (
-        json.loads(out.read_text()) == service.http.get(f"{here}/trajectory", params=limits).json()
-    )
+    assert report["plan_verified"] is True
+    unchecked = service.http.get(f"{here}/trajectory", params=limits).json()
+    checked = {**unchecked, "min_clearance": report["min_clearance"]}
+    assert json.loads(out.read_text()) == checked
     asked = {**limits, "module_mass": 0.1, "pitch": 0.05, "motor_torque": 0.01}
     assert report["motors"] == service.http.get(f"{here}/motors", params=asked).json()
     certificate = finished["state"]["summary"]["certificate"]
