@@ -26,6 +26,7 @@ from tests.server.service import Service
 SHAPE = "wrench-160"
 LARGE = (10, 10, 10)
 LARGE_FRAMES = 600
+WINDOWS = ((1280, 720), (640, 400))
 SCRUBS = 120
 FAR_MS = 150
 DROPS = 3
@@ -47,8 +48,9 @@ HERO = """() => document.getElementById("hero")?.classList.contains("moving")
 SCRUB = """async (frames) => {
   const { player, film } = window.foldback;
   const slider = document.getElementById("scrub");
-  const painted = () => new Promise((done) =>
-    requestAnimationFrame(() => requestAnimationFrame(() => done(performance.now()))));
+  const painted = () => new Promise((done) => {
+    player.addEventListener("painted", () => done(performance.now()), { once: true });
+  });
   const found = [];
   for (const frame of frames) {
     const drawn = new Promise((done) => {
@@ -68,17 +70,38 @@ SCRUB = """async (frames) => {
   }
   return found;
 }"""
+WARM = """async () => {
+  const { player } = window.foldback;
+  for (let k = 0; k < 8; k++) {
+    player.send({ do: "seek", frame: 5 * k });
+    await new Promise((done) => setTimeout(done, 400));
+  }
+}"""
+CEILING = """async (seconds) => {
+  document.body.innerHTML = '<canvas style="position:fixed;inset:0;width:100%;height:100%">';
+  const canvas = document.querySelector("canvas");
+  [canvas.width, canvas.height] = [innerWidth, innerHeight];
+  const pen = canvas.getContext("2d", { willReadFrequently: true });
+  let pictures = 0;
+  const draw = () => {
+    pen.fillStyle = `hsl(${pictures++} 50% 50%)`;
+    pen.fillRect(0, 0, canvas.width, canvas.height);
+    requestAnimationFrame(draw);
+  };
+  draw();
+  await new Promise((done) => setTimeout(done, 1000 * seconds));
+  return pictures / seconds;
+}"""
+"""How often this machine's browser can show a canvas that fills the window and holds nothing."""
 PLAY = """async (seconds) => {
   const { player } = window.foldback;
-  const view = document.getElementById("view").contentWindow;
   let drawn = 0;
   let pictures = 0;
   player.addEventListener("drawn", () => { drawn++; });
+  player.addEventListener("painted", () => { pictures++; });
   player.send({ do: "set", loop: true });
   player.send({ do: "play" });
   const begun = performance.now();
-  const count = () => { pictures++; view.requestAnimationFrame(count); };
-  view.requestAnimationFrame(count);
   await new Promise((done) => setTimeout(done, 1000 * seconds));
   const passed = (performance.now() - begun) / 1000;
   player.send({ do: "pause" });
@@ -111,7 +134,7 @@ def page(reference_seconds: float) -> Section:
         finally:
             service.stop()
         with _large(Path(folder) / "large") as address:
-            rates = _rates(launch(), address)
+            rates = {size: _rates(launch(), address, size) for size in WINDOWS}
     section.rows += [{"first page": k, "in motion, s": s} for k, s in enumerate(heroes)]
     section.rows += [{"drop": k, "first moving module, s": s} for k, s in enumerate(drops)]
     hero, drop = _middle(heroes), _middle(drops)
@@ -128,13 +151,13 @@ def page(reference_seconds: float) -> Section:
             "p95 ≤ 60 ms",
             bool(painted <= 60),
         )
-    drawn, pictures = rates
-    section.add(
-        "1000 modules played: frames handed to the view / pictures it painted, a second",
-        f"{drawn:.1f} / {pictures:.1f}",
-        "≥ 25 or the limit explained",
-        bool(min(drawn, pictures) >= 25),
-    )
+    for (width, height), (pictures, ceiling) in rates.items():
+        section.add(
+            f"1000 modules played in a window of {width}×{height}, pictures a second",
+            f"{pictures:.1f}; an empty canvas of that size: {ceiling:.1f}",
+            "≥ 25 or the limit explained",
+            bool(pictures >= 25),
+        )
     section.add(
         "one HTML file of the whole fold, 160 modules",
         f"{standalone / 1e6:.2f} MB",
@@ -190,9 +213,13 @@ def _drop(browser: Browser, service: Service, k: int) -> float:
     return found
 
 
-def _opened(browser: Browser, address: str, *, latency_ms: int = 0) -> Page:
+def _opened(
+    browser: Browser, address: str, *, latency_ms: int = 0, size: tuple[int, int] = WINDOWS[0]
+) -> Page:
     """A fold's page in its 3D view, with all frames fetched."""
-    context = browser.new_context(viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
+    context = browser.new_context(
+        viewport={"width": size[0], "height": size[1]}, reduced_motion="reduce"
+    )
     page = context.new_page()
     if latency_ms:
         network = context.new_cdp_session(page)
@@ -210,6 +237,8 @@ def _opened(browser: Browser, address: str, *, latency_ms: int = 0) -> Page:
     page.locator("#sketch.gone").wait_for(state="attached", timeout=90_000)
     page.wait_for_function("() => window.foldback.film.complete", timeout=60_000)
     page.wait_for_timeout(1500)
+    page.evaluate(WARM)  # until the page knows how quick the machine's 3D graphics are
+    page.wait_for_timeout(2500)
     return page
 
 
@@ -223,11 +252,13 @@ def _scrubs(browser: Browser, address: str, *, latency_ms: int) -> list[list[flo
     return found
 
 
-def _rates(browser: Browser, address: str) -> list[float]:
-    page = _opened(browser, address)
-    found: list[float] = page.evaluate(PLAY, PLAYED_S)
+def _rates(browser: Browser, address: str, size: tuple[int, int]) -> tuple[float, float]:
+    """Pictures a second while it plays, and of an empty canvas."""
+    page = _opened(browser, address, size=size)
+    _, pictures = page.evaluate(PLAY, PLAYED_S)
+    ceiling: float = page.evaluate(CEILING, 3)
     browser.close()
-    return found
+    return pictures, ceiling
 
 
 @contextmanager

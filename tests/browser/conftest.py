@@ -82,6 +82,9 @@ def keep(page: Page, name: str) -> None:
 def picture(page: Page) -> np.ndarray:
     """The 3D view as (h, w, 3) numbers, once it has come to rest."""
     deadline = time.monotonic() + PATIENCE_MS / 1000
+    # Where 3D graphics are slow a drawing stands in for as long as anything moves.
+    page.wait_for_timeout(300)
+    page.locator(".standing-in").wait_for(state="detached")
     before = _shot(page)
     while True:
         page.wait_for_timeout(400)

@@ -24,7 +24,7 @@ const sides = facts.map(({ id, running }, k) => {
   const canvas = side.querySelector("canvas");
   const sketch = new Sketch(canvas);
   const stage = new Stage(frame, {
-    open: () => setTimeout(() => { canvas.classList.add("gone"); player.sketch = null; sketch.stop(); }, DRAW_MS),
+    open: () => setTimeout(() => player.standIn.open(), DRAW_MS),
     touch: () => { if (player.is.follow) pair.send({ do: "set", follow: false }); },
     pick: (origin, direction) => player.pick(origin, direction),
     key: (event) => bar.key(event),

@@ -15,7 +15,7 @@ let due = false;
 onmessage = ({ data }) => {
   if (data.is === "begin") {
     ({ paper, size } = data);
-    pen = paper.getContext("2d");
+    pen = paper.getContext("2d", { willReadFrequently: true }); // by the processor: quicker where graphics are software
   } else if (data.is === "size") {
     ({ size } = data);
     ask(false);
@@ -122,7 +122,7 @@ function shadow(modules, numbers, see, width, height) {
   const [w, h] = [Math.ceil(width * SHADOW_SCALE), Math.ceil(height * SHADOW_SCALE)];
   small ??= new OffscreenCanvas(w, h);
   if (small.width !== w || small.height !== h) { small.width = w; small.height = h; }
-  const brush = small.getContext("2d");
+  const brush = small.getContext("2d", { willReadFrequently: true });
   brush.clearRect(0, 0, w, h);
   brush.fillStyle = "#000";
   const ground = numbers[6];

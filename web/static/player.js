@@ -6,6 +6,7 @@ import { Follower, anglesOf, blended, distanceNeeded, framing, positionOf } from
 import { colouring } from "./colours.js";
 import { picked } from "./kinematics.js";
 import { Playhead } from "./playhead.js";
+import { StandIn } from "./stand_in.js";
 
 const LONGEST_TICK_S = 0.2;
 const GOAL_EVERY = 12;
@@ -17,12 +18,15 @@ const STEEPEST = 1.2;
 const BESIDE = 0.4; // how blue the neighbours of the selected module are
 
 export class Player extends EventTarget {
-  // Draws on `stage` and, until that is open or for want of it, on `sketch`; both may be null.
+  // Shows on `stage`, for which `sketch` may stand in; without a stage on the sketch alone.
   constructor(film, { stage = null, sketch = null, aspect = () => 1.6 }) {
     super();
     this.film = film;
     this.stage = stage;
     this.sketch = sketch;
+    this.standIn = stage ? new StandIn(sketch.canvas, stage, sketch) : null;
+    if (this.standIn) this.standIn.busy = () => this.busy;
+    if (this.standIn) this.standIn.painted = () => this.tell("painted", this.shown?.frame);
     this.aspectNow = aspect;
     this.playhead = new Playhead(film);
     this.colouring = null;
@@ -209,8 +213,8 @@ export class Player extends EventTarget {
     const { shown, is } = this;
     const view = this.follower.view && { position: positionOf(this.follower.view), target: this.follower.view.target };
     const colours = this.colours();
-    if (this.stage) this.stage.draw(shown, colours, is.follow ? view : null);
-    if (view) this.sketch?.draw(shown, colours, view, this.stage?.ground ?? null);
+    if (this.standIn) this.standIn.draw(shown, colours, view, is.follow);
+    else this.sketch?.draw(shown, colours, view, null);
     this.tell("drawn", shown.frame);
   }
 

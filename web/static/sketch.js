@@ -5,6 +5,7 @@ export class Sketch {
   // Calls `onFirst` when the first frame has been drawn.
   constructor(canvas, onFirst = () => {}) {
     this.canvas = canvas;
+    this.onDrawn = () => {};
     this.worker = null;
     this.waiting = false;
     this.next = null;
@@ -14,6 +15,7 @@ export class Sketch {
     let first = true;
     this.worker.onmessage = () => {
       if (first) { first = false; onFirst(); }
+      this.onDrawn();
       this.waiting = false;
       if (this.next) { const next = this.next; this.next = null; this.post(next); }
     };

@@ -14,7 +14,6 @@ import { Stage } from "./stage.js";
 const get = (id) => document.getElementById(id);
 const DRAW_MS = 250;
 const PATIENCE_MS = 1500;
-const FADE_MS = 500;
 export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 // `load` begins to load viser's client into the frame; `drawer` is shown when a module is selected.
@@ -60,8 +59,7 @@ export function view({ source, figures, load, over = true, drawer = null, play =
   function uncover() {
     if (!player.shown) { player.addEventListener("drawn", () => setTimeout(uncover, DRAW_MS), { once: true }); return; }
     get("cover").classList.add("gone");
-    get("sketch").classList.add("gone");
-    setTimeout(() => { sketch.stop(); player.sketch = null; }, FADE_MS);
+    player.standIn.open();
   }
 
   let begun = false;

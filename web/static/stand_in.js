@@ -1,0 +1,85 @@
+// Who shows a fold: the 3D view, or the page's own drawing on top of it: until the view has started,
+// and, where 3D graphics are software and take long for a picture, for as long as anything moves.
+const SLOW_MS = 70; // for a picture; below it the view keeps up
+const MEASURED = 4; // pictures, of which the slowest does not count: it may have compiled shaders
+const REST_MS = 400;
+
+export class StandIn {
+  constructor(canvas, stage, sketch) {
+    Object.assign(this, { canvas, stage, sketch });
+    this.opened = false; // the view has taken over
+    this.times = [];
+    this.measuring = false;
+    this.latest = null;
+    this.timer = null;
+    this.painted = () => {};
+    this.busy = () => false; // whether more is to come by itself
+    sketch.onDrawn = () => {
+      if (this.latest) { canvas.classList.remove("gone"); stage.frame.classList.add("behind"); }
+      this.painted();
+    };
+  }
+
+  get slow() {
+    const { times } = this;
+    const sum = times.reduce((a, b) => a + b, 0);
+    return times.length === MEASURED && (sum - Math.max(...times)) / (MEASURED - 1) > SLOW_MS;
+  }
+
+  // The view is there.
+  open() {
+    this.opened = true;
+    this.canvas.classList.add("gone");
+  }
+
+  draw(shown, colours, view, follow) {
+    const { stage, sketch } = this;
+    if (!this.opened) {
+      stage.draw(shown, colours, follow ? view : null);
+      sketch.draw(shown, colours, view, stage.ground);
+      return;
+    }
+    const seen = follow ? view : stage.camera;
+    if (!this.slow || stage.through || !sketch.worker || !seen) {
+      this.latest = null;
+      stage.draw(shown, colours, follow ? view : null);
+      this.measure();
+      return;
+    }
+    this.latest = [shown, colours, follow ? view : null];
+    sketch.draw(shown, colours, seen, stage.ground);
+    this.canvas.classList.add("standing-in");
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.rest(), REST_MS);
+  }
+
+  // Nothing has moved for a while: the view shows the same, and is shown when it does.
+  rest() {
+    const { latest } = this;
+    if (this.busy()) { this.timer = setTimeout(() => this.rest(), REST_MS); return; }
+    this.stage.frame.classList.remove("behind");
+    this.stage.draw(...latest);
+    this.measure(() => {
+      if (this.latest !== latest) return;
+      this.latest = null;
+      this.canvas.classList.add("gone");
+      this.canvas.classList.remove("standing-in");
+    });
+  }
+
+  // How long the view takes to show what it was just given.
+  measure(then = () => {}) {
+    const view = this.stage.frame.contentWindow;
+    const begun = performance.now();
+    const told = !this.measuring;
+    this.measuring = true;
+    view.requestAnimationFrame(() => view.requestAnimationFrame(() => {
+      if (told) {
+        this.measuring = false;
+        if (!document.hidden) this.times = [...this.times, performance.now() - begun].slice(-MEASURED);
+      }
+      then();
+      this.painted();
+    }));
+  }
+}
