@@ -1,7 +1,7 @@
 // A visitor's playhead over a film, and what follows from it: the pose, its colours, the camera.
 //
 // It takes the messages of playhead.js and one more, select {module}: highlight a module, null for
-// none. It tells what is by events: waiting, begun, outline, state, module, drawn.
+// none. It tells what is by events: waiting, begun, outline, state, module, drawn, painted.
 import { Follower, anglesOf, blended, distanceNeeded, framing, positionOf } from "./camera.js";
 import { colouring } from "./colours.js";
 import { picked } from "./kinematics.js";
@@ -25,8 +25,10 @@ export class Player extends EventTarget {
     this.stage = stage;
     this.sketch = sketch;
     this.standIn = stage ? new StandIn(sketch.canvas, stage, sketch) : null;
-    if (this.standIn) this.standIn.busy = () => this.busy;
-    if (this.standIn) this.standIn.painted = () => this.tell("painted", this.shown?.frame);
+    if (this.standIn) {
+      this.standIn.busy = () => this.busy;
+      this.standIn.painted = () => this.tell("painted", this.shown?.frame);
+    }
     this.aspectNow = aspect;
     this.playhead = new Playhead(film);
     this.colouring = null;

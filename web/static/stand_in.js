@@ -41,7 +41,7 @@ export class StandIn {
     }
     const seen = follow ? view : stage.camera;
     if (!this.slow || stage.through || !sketch.worker || !seen) {
-      this.latest = null;
+      if (this.latest) this.stepAside();
       stage.draw(shown, colours, follow ? view : null);
       this.measure();
       return;
@@ -60,11 +60,16 @@ export class StandIn {
     this.stage.frame.classList.remove("behind");
     this.stage.draw(...latest);
     this.measure(() => {
-      if (this.latest !== latest) return;
-      this.latest = null;
-      this.canvas.classList.add("gone");
-      this.canvas.classList.remove("standing-in");
+      if (this.latest === latest) this.stepAside();
     });
+  }
+
+  stepAside() {
+    clearTimeout(this.timer);
+    this.latest = null;
+    this.stage.frame.classList.remove("behind");
+    this.canvas.classList.add("gone");
+    this.canvas.classList.remove("standing-in");
   }
 
   // How long the view takes to show what it was just given.
