@@ -1,23 +1,18 @@
 // Figures of a fold, frame by frame, that are worked out after it: clearances, torques, position errors.
 import { decode } from "./columns.js";
+import { Teller } from "./teller.js";
 
 const KEPT = 24; // stretches
 const RETRY_MS = 2000;
 
-export class Figures extends EventTarget {
+export class Figures extends Teller {
   constructor(id) {
     super();
     this.under = `/folds/${id}/figures`;
     this.plots = null;
-    this.forget();
-  }
-
-  forget() {
     this.parts = new Map();
     this.loading = new Set();
   }
-
-  on(name, heard) { this.addEventListener(name, (event) => heard(event.detail)); }
 
   async get(query) {
     const answer = await fetch(`${this.under}${query}`);
@@ -30,7 +25,7 @@ export class Figures extends EventTarget {
     const found = await this.get("").catch(() => null);
     if (!found) return false;
     this.plots = { ...found.header, ...found.arrays };
-    this.dispatchEvent(new CustomEvent("begun"));
+    this.tell("begun");
     return true;
   }
 
@@ -58,6 +53,6 @@ export class Figures extends EventTarget {
     this.loading.delete(index);
     this.parts.set(index, found);
     if (this.parts.size > KEPT) this.parts.delete(this.parts.keys().next().value);
-    this.dispatchEvent(new CustomEvent("loaded"));
+    this.tell("loaded");
   }
 }

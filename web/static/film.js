@@ -2,6 +2,7 @@
 // moment. What has been fetched once is scrubbed without a word to the server.
 import { decode } from "./columns.js";
 import { Kinematics } from "./kinematics.js";
+import { Teller } from "./teller.js";
 
 const AT_ONCE = 2; // requests
 const COARSE = 64; // frames that are fetched first, spread over the whole film
@@ -34,7 +35,7 @@ export class Source {
   }
 }
 
-export class Film extends EventTarget {
+export class Film extends Teller {
   // `over` says that nothing more comes: the fold is over, whatever its timeline says.
   constructor(source, { over = true } = {}) {
     super();
@@ -66,10 +67,6 @@ export class Film extends EventTarget {
   get errorScale() { return Math.max(this.outline.error_scale_rad, this.sharedScale ?? 0); }
 
   get last() { return Math.max(0, this.total - 1); }
-
-  tell(name, detail = null) { this.dispatchEvent(new CustomEvent(name, { detail })); }
-
-  on(name, heard) { this.addEventListener(name, (event) => heard(event.detail)); }
 
   stop() { this.ended = true; }
 

@@ -1,8 +1,9 @@
 // Two folds on one playhead: each goes through a phase in step with the other, however many frames it
 // has there; one that has no such phase waits.
 import { Playhead } from "./playhead.js";
+import { Teller } from "./teller.js";
 
-export class Pair extends EventTarget {
+export class Pair extends Teller {
   constructor(players) {
     super();
     this.players = players;
@@ -16,10 +17,6 @@ export class Pair extends EventTarget {
   }
 
   get growing() { return this.players.some(({ film }) => film.growing); }
-
-  tell(name, detail = null) { this.dispatchEvent(new CustomEvent(name, { detail })); }
-
-  on(name, heard) { this.addEventListener(name, (event) => heard(event.detail)); }
 
   // The phases of both, as long as the longer of them.
   begin() {

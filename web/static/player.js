@@ -7,6 +7,7 @@ import { colouring } from "./colours.js";
 import { picked } from "./kinematics.js";
 import { Playhead } from "./playhead.js";
 import { StandIn } from "./stand_in.js";
+import { Teller } from "./teller.js";
 
 const LONGEST_TICK_S = 0.2;
 const GOAL_EVERY = 12;
@@ -17,7 +18,7 @@ const ROOM = 1.08; // how much farther than needed the camera stays, so that not
 const STEEPEST = 1.2;
 const BESIDE = 0.4; // how blue the neighbours of the selected module are
 
-export class Player extends EventTarget {
+export class Player extends Teller {
   // Shows on `stage`, for which `sketch` may stand in; without a stage on the sketch alone.
   constructor(film, { stage = null, sketch = null, aspect = () => 1.6 }) {
     super();
@@ -48,10 +49,6 @@ export class Player extends EventTarget {
     film.on("loaded", () => { if (this.shown && !this.shown.exact) this.show(true); });
     if (film.chain) queueMicrotask(() => this.begin());
   }
-
-  tell(name, detail = null) { this.dispatchEvent(new CustomEvent(name, { detail })); }
-
-  on(name, heard) { this.addEventListener(name, (event) => heard(event.detail)); }
 
   // What a message does.
 

@@ -20,8 +20,7 @@ export class Sketch {
       if (this.next) { const next = this.next; this.next = null; this.post(next); }
     };
     this.worker.postMessage({ is: "begin", paper, size: this.size() }, [paper]);
-    this.watcher = new ResizeObserver(() => this.worker?.postMessage({ is: "size", size: this.size() }));
-    this.watcher.observe(canvas);
+    new ResizeObserver(() => this.worker.postMessage({ is: "size", size: this.size() })).observe(canvas);
   }
 
   set({ header }) {
@@ -58,11 +57,5 @@ export class Sketch {
   size() {
     const { clientWidth, clientHeight } = this.canvas;
     return { width: clientWidth, height: clientHeight, scale: Math.min(2, devicePixelRatio || 1) };
-  }
-
-  stop() {
-    this.watcher?.disconnect();
-    this.worker?.terminate();
-    this.worker = null;
   }
 }
