@@ -22,6 +22,12 @@ class FoldRow(Base):
 
     ``status`` is one of ``STATUSES``; ``stage`` one of ``planner.stages.STAGES`` or None;
     ``refold`` is the name of the shape that a refold begins as, None where the chain is straight.
+
+    ``turn`` is its place in the queue, the least first, and ``cost_s`` what computing it is
+    expected to take. ``worker`` computes it; ``claim`` counts how often it has changed hands, and
+    who holds an older claim has no say any more. ``kept`` is the claim whose files readers see.
+    ``bytes`` is what its files take, ``seen_at`` when somebody last looked, and what is ``pinned``
+    never expires.
     """
 
     __tablename__ = "folds"
@@ -47,6 +53,14 @@ class FoldRow(Base):
     summary: Mapped[dict[str, Any]] = mapped_column(default=dict)
     error: Mapped[dict[str, Any] | None]
     refold: Mapped[str | None] = mapped_column(sa.String(200), default=None)
+    turn: Mapped[int] = mapped_column(sa.BigInteger, default=0)
+    cost_s: Mapped[float] = mapped_column(default=0.0)
+    worker: Mapped[str | None] = mapped_column(sa.String(200), default=None)
+    claim: Mapped[int] = mapped_column(default=0)
+    kept: Mapped[int] = mapped_column(default=0)
+    bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
+    seen_at: Mapped[float | None] = mapped_column(default=None)
+    pinned: Mapped[bool] = mapped_column(default=False)
 
     @property
     def created(self) -> datetime:
@@ -73,6 +87,56 @@ class OwnerRow(Base):
     )
     token_hash: Mapped[str] = mapped_column(sa.String(64), primary_key=True, index=True)
     created_at: Mapped[float]
+
+
+class WorkerRow(Base):
+    """A worker that lives, or did so until a moment ago: its ``beat`` rises while it does.
+
+    Beats are counted, not dated: whoever watches one stand still for long enough by a clock of its
+    own knows that its worker is gone, whatever the clocks of the machines say.
+    """
+
+    __tablename__ = "workers"
+
+    name: Mapped[str] = mapped_column(sa.String(200), primary_key=True)
+    host: Mapped[str] = mapped_column(sa.String(200))
+    pid: Mapped[int]
+    beat: Mapped[int] = mapped_column(sa.BigInteger)
+    folds_at_once: Mapped[int]
+    started_at: Mapped[float]
+    version: Mapped[str] = mapped_column(sa.String(32))
+
+
+class MovieRow(Base):
+    """A movie of a fold that somebody asked for.
+
+    ``id`` is the key of its wishes, ``status`` one of ``queued``, ``running``, ``ready`` and
+    ``failed``, ``problem`` the ``code``, ``detail``, ``where`` of what went wrong.
+    """
+
+    __tablename__ = "movies"
+
+    fold_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("folds.id", ondelete="CASCADE"), primary_key=True
+    )
+    id: Mapped[str] = mapped_column(sa.String(32), primary_key=True)
+    job: Mapped[str] = mapped_column(sa.String(128), unique=True)
+    wishes: Mapped[dict[str, Any]]
+    visitor: Mapped[str] = mapped_column(sa.String(64))
+    token_hash: Mapped[str] = mapped_column(sa.String(64))
+    status: Mapped[str] = mapped_column(sa.String(16), index=True)
+    frames_done: Mapped[int]
+    problem: Mapped[dict[str, Any] | None]
+    created_at: Mapped[float]
+
+
+class SecretRow(Base):
+    """What all processes of the service know and nobody else."""
+
+    __tablename__ = "secrets"
+
+    name: Mapped[str] = mapped_column(sa.String(32), primary_key=True)
+    value: Mapped[bytes] = mapped_column(sa.LargeBinary)
 
 
 def engine_for(url: str) -> sa.Engine:

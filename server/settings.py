@@ -24,10 +24,35 @@ class Settings(BaseSettings):
     )
     data_dir: Path = Field(default=Path("data"), description="Where folds and the database live.")
     database_url: str | None = Field(
-        default=None, description="SQLAlchemy URL; SQLite in data_dir if not."
+        default=None, description="Database, as postgresql://…; SQLite in data_dir if not set."
     )
     jobs_url: str | None = Field(
-        default=None, description="URL of the job system; SQLite if not set."
+        default=None,
+        description="Database of the job system; the one above if it is PostgreSQL, else SQLite.",
+    )
+    storage_url: str | None = Field(
+        default=None,
+        description="Where the files of folds are kept, as s3://bucket/prefix (the usual AWS_… "
+        "variables say the rest); in data_dir if not set.",
+    )
+    cache_bytes: int = Field(
+        default=2048 * MIB,
+        ge=MIB,
+        description="Disk for copies of files that are kept elsewhere.",
+    )
+    storage_bytes: int | None = Field(
+        default=None,
+        ge=MIB,
+        description="Bytes that all folds may take; those that nobody looked at for longest go.",
+    )
+    storage_of_visitor_bytes: int | None = Field(
+        default=None, ge=MIB, description="Bytes that the folds of one visitor may take."
+    )
+    keep_days: float | None = Field(
+        default=None,
+        gt=0,
+        description="Days after which a fold that nobody looks at is forgotten; never if not set. "
+        "Folds of the gallery and pinned ones stay.",
     )
     origins: tuple[str, ...] = Field(
         default=(),
@@ -46,6 +71,15 @@ class Settings(BaseSettings):
     )
     folds_per_worker: int = Field(
         default=1, ge=1, le=64, description="Folds a worker computes at once."
+    )
+    lease_s: float = Field(
+        default=15.0, gt=0, description="A worker silent for so long is dead; others take over."
+    )
+    drain_s: float = Field(
+        default=0.0,
+        ge=0,
+        description="How long a worker that is told to end may go on with folds it has begun; "
+        "what is left then is handed back to the queue.",
     )
     largest_queue: int = Field(
         default=64, ge=1, description="Folds that may wait, of all visitors."
