@@ -13,16 +13,19 @@ from typing import Final
 from fastapi import FastAPI, Request, Response
 
 from server import problems
+from server.access import Access
+from server.census import Census
 from server.children import Reader
 from server.context import Context, secret_of
 from server.exports import Exports
 from server.gallery import Gallery
 from server.jobs import Jobs
 from server.limits import ChildLimits
-from server.metrics import CountAnswers, Metrics
+from server.metrics import Metrics
 from server.movies import Movies, NoSuchMovieError
 from server.preview_scenes import PreviewScenes
 from server.previews import NoSuchPreviewError, Previews
+from server.readiness import Readiness
 from server.routes import (
     artifacts,
     films,
@@ -71,6 +74,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         context = await asyncio.to_thread(_open, settings, metrics)
         app.state.context = context
+        census = app.state.census = Census(settings)
+        app.state.readiness = Readiness(settings, census)
         # In a thread: starting a process takes a moment that the first answer need not wait for.
         threading.Thread(target=context.reader.start, daemon=True).start()
         threading.Thread(target=context.preparer.start, daemon=True).start()
@@ -82,6 +87,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             context.workshop.close()
             context.jobs.close()
             context.store.close()
+            census.close()
 
     app = FastAPI(
         title="foldback",
@@ -115,7 +121,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(SameOrigin, origins=settings.origins)
     app.add_middleware(AllowedHosts, hosts=hosts_of(settings.host, settings.allowed_hosts))
     app.add_middleware(SecurityHeaders)
-    app.add_middleware(CountAnswers, metrics=metrics)
+    app.add_middleware(Access, metrics=metrics)
     return app
 
 

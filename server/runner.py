@@ -91,13 +91,17 @@ class Runner:
                 repeatable=False,
             )
         except Exception as error:
-            log.exception("fold %s failed in stage %s", fold_id, stage)
+            log.exception("fold %s failed in stage %s", fold_id, stage, extra={"fold": fold_id})
             outcome = self.failure(error, stage)
         if self._stopping.is_set():
             # The child was ended by us: say nothing, so that the job goes on after a restart.
             threading.Event().wait()
         if outcome["ended"]:
-            log.info("fold %s: %s in stage %s", fold_id, outcome["status"], stage)
+            log.info(
+                "fold %s: %s in stage %s",
+                *(fold_id, outcome["status"], stage),
+                extra={"fold": fold_id},
+            )
         return outcome
 
     def finish(self, fold_id: str, outcome: Outcome) -> None:

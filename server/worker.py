@@ -42,7 +42,7 @@ def register(runner: Runner, movies: MovieJobs) -> None:
                 stage = following
                 outcome = DBOS.run_step({"name": stage}, runner.run, fold_id, stage)
         except Exception as error:
-            log.exception("fold %s failed", fold_id)
+            log.exception("fold %s failed", fold_id, extra={"fold": fold_id})
             outcome = runner.failure(error, stage)
         DBOS.run_step({"name": "finish"}, runner.finish, fold_id, outcome)
         return outcome["status"]
@@ -79,7 +79,9 @@ def _look_after(slot: Slot, store: Store, runner: Runner, stopping: threading.Ev
             for row in store.unfinished():
                 job = DBOS.get_workflow_status(row.id)
                 if job is not None and job.status in FAILED_JOBS:
-                    log.error("fold %s: its job ended as %s", row.id, job.status)
+                    log.error(
+                        "fold %s: its job ended as %s", row.id, job.status, extra={"fold": row.id}
+                    )
                     runner.finish(row.id, runner.failure(RuntimeError(job.status), row.stage))
         except Exception:
             log.exception("looking after folds failed")
@@ -92,7 +94,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         settings: The settings.
         leashed: End when standard input ends.
     """
-    set_up_logs()
+    set_up_logs(settings)
     store = Store(settings)
     runner = Runner(settings, store)
     runner.prewarm()
@@ -107,6 +109,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     if leashed:
         _hold_leash(tell)
     slot = Slot(settings)
+    set_up_logs(settings, worker=slot.name)
     prepare(settings)
     config: DBOSConfig = {
         "name": APPLICATION,
