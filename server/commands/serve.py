@@ -57,7 +57,17 @@ def _run(settings: Settings, first_shape: str | None) -> None:
     import uvicorn
 
     from server.app import create_app
+    from server.database import engine_for, migrate
+    from server.schema import NewerSchemaError
 
+    engine = engine_for(settings.store_url)
+    try:
+        migrate(engine)
+    except NewerSchemaError as error:
+        typer.echo(f"The service does not start: {error}", err=True)
+        raise typer.Exit(1) from None
+    finally:
+        engine.dispose()
     app = create_app(settings)
 
     class Server(uvicorn.Server):
