@@ -9,6 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import obstore
+import obstore.store
+
 from tests.server.bucket import Bucket
 from tests.server.postgres import Postgres
 from tests.server.service import PATIENCE_S, Service
@@ -20,11 +23,13 @@ class Hosts:
     def __init__(self, place: Path, postgres: Postgres, bucket: Bucket, **settings: object) -> None:
         self._place = place
         self._count = 0
+        self._bucket = bucket
         self._services: list[Service] = []
-        self._environment = bucket.environment()
+        self._environment = bucket.environment
+        self.storage_url = bucket.bucket()
         self._settings: dict[str, object] = {
             "database_url": postgres.database(),
-            "storage_url": bucket.url(),
+            "storage_url": self.storage_url,
             "workers": 0,
             **settings,
         }
@@ -50,6 +55,18 @@ class Hosts:
         finally:
             worker.terminate()
             worker.wait(PATIENCE_S)
+
+    def kept(self) -> list[str]:
+        """The names of all that is in the storage."""
+        name = self.storage_url.removeprefix("s3://")
+        store = obstore.store.S3Store(
+            name,
+            endpoint=self._bucket.endpoint,
+            access_key_id="test",
+            secret_access_key="test",
+            client_options={"allow_http": True},
+        )
+        return [str(meta["path"]) for batch in obstore.list(store) for meta in batch]
 
     def close(self) -> None:
         """Stops the services."""

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import psycopg
 import pytest
 
 from tests.server.bucket import Bucket
@@ -33,11 +32,6 @@ def hosts_with(tmp_path: Path, postgres: Postgres, bucket: Bucket) -> Iterator[A
         hosts.close()
 
 
-def names(bucket: Bucket, fold_id: str) -> list[str]:
-    """What the bucket holds of a fold."""
-    return [name.partition("/")[2] for name in bucket.names() if f"/{fold_id}/" in f"/{name}"]
-
-
 def check_whole(service: Service, fold_id: str) -> dict[str, Any]:
     state = service.wait_over(fold_id)
     assert state["status"] == "verified", state
@@ -47,9 +41,7 @@ def check_whole(service: Service, fold_id: str) -> dict[str, Any]:
     return state
 
 
-def test_what_one_takes_in_another_computes_and_a_third_shows(
-    hosts_with: Any, bucket: Bucket
-) -> None:
+def test_what_one_takes_in_another_computes_and_a_third_shows(hosts_with: Any) -> None:
     hosts = hosts_with()
     first, second = hosts.web(), hosts.web()
     accepted = first.fold(shape="wrench-160")
@@ -70,17 +62,17 @@ def test_what_one_takes_in_another_computes_and_a_third_shows(
         check_whole(second, fold_id)
         plans = {s.http.get(f"/api/folds/{fold_id}/plan.npz").content for s in (first, second)}
         assert len(plans) == 1
-        held = bucket.names()
+        held = hosts.kept()
         assert any(f"folds/{fold_id}/1/plan.npz" in name for name in held)
         assert not any(f"folds/{fold_id}/0/" in name for name in held)
         answer = second.http.delete(f"/api/folds/{fold_id}", headers=owner(accepted))
         assert answer.status_code == 204
         assert first.http.get(f"/api/folds/{fold_id}").status_code == 404
         assert first.http.get(f"/api/folds/{fold_id}/plan.npz").status_code == 404
-        assert not any(fold_id in name for name in bucket.names())
+        assert not any(fold_id in name for name in hosts.kept())
 
 
-def test_the_folds_of_a_host_that_is_gone_are_taken_over(hosts_with: Any, bucket: Bucket) -> None:
+def test_the_folds_of_a_host_that_is_gone_are_taken_over(hosts_with: Any) -> None:
     hosts = hosts_with(lease_s=2)
     web = hosts.web()
     with hosts.worker() as doomed:
@@ -92,7 +84,7 @@ def test_the_folds_of_a_host_that_is_gone_are_taken_over(hosts_with: Any, bucket
             check_whole(web, fold_id)
             assert heir.poll() is None
             assert "taking over" in hosts.logs()
-            epochs = {name.split("/")[-2] for name in bucket.names() if name.endswith("plan.npz")}
+            epochs = {name.split("/")[-2] for name in hosts.kept() if name.endswith("plan.npz")}
             assert "2" in epochs
             web.wait_workers(1)
 
@@ -147,9 +139,7 @@ def test_a_worker_may_finish_what_it_has_begun(hosts_with: Any) -> None:
         assert web.state(waiting)["status"] == "queued"
 
 
-def test_a_database_that_is_away_for_a_while_costs_nothing(
-    tmp_path: Path, bucket: Bucket
-) -> None:
+def test_a_database_that_is_away_for_a_while_costs_nothing(tmp_path: Path, bucket: Bucket) -> None:
     postgres = Postgres().start()
     hosts = Hosts(tmp_path, postgres, bucket)
     try:
@@ -172,27 +162,23 @@ def test_a_database_that_is_away_for_a_while_costs_nothing(
 def test_a_storage_that_is_away_for_a_while_costs_nothing(
     tmp_path: Path, postgres: Postgres
 ) -> None:
-    bucket = Bucket()
-    bucket.start()
+    bucket = Bucket().start()
     hosts = Hosts(tmp_path, postgres, bucket)
     try:
         web = hosts.web()
         with hosts.worker():
             fold_id = web.fold(shape="wrench-160")["id"]
             web.wait_exploding(fold_id)
-            bucket.pause()
-            answer = web.http.post(
-                "/api/folds", files={"file": ("snake.json", str(SNAKE))}
-            )
-            assert answer.status_code == 503
-            assert answer.json()["code"] == "storage"
-            assert int(answer.headers["retry-after"]) > 0
-            bucket.resume()
+            with bucket.silent():
+                answer = web.http.post("/api/folds", files={"file": ("snake.json", str(SNAKE))})
+                assert answer.status_code == 503
+                assert answer.json()["code"] == "storage"
+                assert int(answer.headers["retry-after"]) > 0
             check_whole(web, fold_id)
             check_whole(web, web.fold(SNAKE)["id"])
     finally:
         hosts.close()
-        bucket.remove()
+        bucket.stop()
 
 
 def test_cancelling_frees_the_core(hosts_with: Any) -> None:
