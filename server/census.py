@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
-from server.database import ENDED, STATUSES, FoldRow, MovieRow, WorkerRow, engine_for
+from server.database import ENDED, STATUSES, FoldRow, MovieRow, engine_for
 from server.settings import Settings
-from server.slots import living
 
 KEPT_S: Final = 2.0
 LATELY_S: Final = 3600.0
@@ -45,10 +44,14 @@ class Census:
     """Counts, at most every ``KEPT_S``.
 
     It has a connection of its own: when a crowd holds all others, operators want to see it.
+
+    Args:
+        settings: Say where the rows are.
+        alive: How many workers live.
     """
 
-    def __init__(self, settings: Settings) -> None:
-        self._settings = settings
+    def __init__(self, settings: Settings, alive: Callable[[], int]) -> None:
+        self._alive = alive
         self._engine = engine_for(settings.store_url)
         self._lock = threading.Lock()
         self._kept: tuple[float, Figures] | None = None
@@ -70,13 +73,14 @@ class Census:
             return self._kept[1]
 
     def workers(self) -> int:
-        """Workers that live: those with a row, or those on this machine if they are more."""
-        with Session(self._engine) as session:
-            return self._workers(session)
+        """Workers that live.
 
-    def _workers(self, session: Session) -> int:
-        rows = session.scalar(sa.select(sa.func.count()).select_from(WorkerRow)) or 0
-        return max(rows, living(self._settings))
+        Raises:
+            SQLAlchemyError: When the database does not answer.
+        """
+        with self._engine.connect() as connection:
+            connection.execute(sa.select(1))
+        return self._alive()
 
     def _count(self) -> Figures:
         now = time.time()
@@ -103,13 +107,12 @@ class Census:
                 .order_by(FoldRow.ended_at.desc())
                 .limit(MOST_ENDED)
             ).all()
-            workers = self._workers(session)
         oldest = min((at for status, _, at, _ in folds if status == "queued"), default=now)
         return Figures(
             folds=dict.fromkeys(STATUSES, 0) | {status: count for status, count, _, _ in folds},
             movies={status: count for status, count in movies},
             oldest_queued_s=max(0.0, now - oldest),
             storage_bytes=sum(int(taken or 0) for _, _, _, taken in folds),
-            workers=workers,
+            workers=self._alive(),
             computed_s=tuple(sorted(float(seconds or 0.0) for seconds in ended)),
         )

@@ -6,35 +6,27 @@ import contextlib
 import shutil
 import time
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import sqlalchemy as sa
 from dbos import DBOSClient
-from sqlalchemy.orm import Session, sessionmaker
 
-from server.database import ENDED, FoldRow, OwnerRow, WorkerRow, engine_for
+from planner.unfolding import START_CHAIN, START_PLAN
+from server.database import ENDED, FoldRow, WorkerRow, engine_for
 from server.jobs import APPLICATION, Jobs
 from server.schema import Schema
 from server.settings import Settings
-from server.slots import living
-from server.store import NoSuchFoldError
+from server.store import NoSuchFoldError, Store
 
 DAY_S: Final = 86400.0
 MOVING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
 """States of a job that somebody will go on with."""
+INPUTS: Final = ("input", "request.json", "cells.json", START_CHAIN, START_PLAN)
+"""Files of a fold that were there before anything was computed."""
 
 
 class UpkeepError(Exception):
     """Something that is not done, with the reason and what to do."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Workers:
-    """Those who compute: rows of workers everywhere, and how many live on this machine."""
-
-    rows: Sequence[WorkerRow]
-    here: int
 
 
 class Upkeep:
@@ -53,24 +45,22 @@ class Upkeep:
         name = settings.root / "foldback.db"
         if settings.database_url is None and not name.exists():
             raise UpkeepError(f"got no database at {name}; start the service once, or say where.")
-        self._engine = engine_for(settings.store_url)
-        self._sessions = sessionmaker(self._engine, expire_on_commit=False)
+        engine = engine_for(settings.store_url)
         try:
-            with self._engine.connect() as connection:
+            with engine.connect() as connection:
                 schema = Schema.of(connection)
-        except BaseException:
-            self.close()
-            raise
+        finally:
+            engine.dispose()
         if schema.found != schema.head:
-            self.close()
             raise UpkeepError(
                 f"got tables of version {schema.found}, expected {schema.head}; start the service "
                 "of this version once, or use the version that runs."
             )
+        self._store = Store(settings)
 
     def close(self) -> None:
         """Lets go of the database."""
-        self._engine.dispose()
+        self._store.close()
 
     # Looking
 
@@ -90,7 +80,7 @@ class Upkeep:
             used = sa.func.coalesce(FoldRow.seen_at, FoldRow.created_at)
             before = time.time() - older_days * DAY_S
             query = query.where(used < before, FoldRow.created_at < before)
-        with self._sessions() as session:
+        with self._store.reading() as session:
             return session.scalars(query).all()
 
     def fold(self, fold_id: str) -> FoldRow:
@@ -99,23 +89,16 @@ class Upkeep:
         Raises:
             NoSuchFoldError: When there is none.
         """
-        with self._sessions() as session:
-            row = session.get(FoldRow, fold_id)
-        if row is None:
-            raise NoSuchFoldError(fold_id)
-        return row
+        return self._store.fold(fold_id)
 
     def owners(self, fold_id: str) -> int:
         """How many visitors have a claim on a fold."""
-        query = sa.select(sa.func.count()).where(OwnerRow.fold_id == fold_id)
-        with self._sessions() as session:
-            return session.scalar(query) or 0
+        return self._store.owners(fold_id)
 
-    def workers(self) -> Workers:
-        """Who computes."""
-        with self._sessions() as session:
-            rows = session.scalars(sa.select(WorkerRow).order_by(WorkerRow.name)).all()
-        return Workers(rows=rows, here=living(self._settings))
+    def workers(self) -> Sequence[WorkerRow]:
+        """Who computes. One that has just died is among them for the length of a lease."""
+        with self._store.reading() as session:
+            return session.scalars(sa.select(WorkerRow).order_by(WorkerRow.name)).all()
 
     def job(self, fold_id: str) -> str | None:
         """The state of a fold's job as the job system calls it, or None when there is no job."""
@@ -144,26 +127,24 @@ class Upkeep:
         if (row.pinned or row.public) and not force:
             what = "is pinned" if row.pinned else "belongs to the gallery"
             raise UpkeepError(f"{fold_id} {what} and stays; --force forgets it all the same.")
-        with self._sessions.begin() as session:
-            session.execute(sa.delete(OwnerRow).where(OwnerRow.fold_id == fold_id))
-            session.execute(sa.delete(FoldRow).where(FoldRow.id == fold_id))
+        self._store.delete(fold_id)
         # A job that runs sees that its row is gone and comes to its own end.
         if row.status not in ENDED and self.job(fold_id) in ("ENQUEUED", "DELAYED"):
             with self._client() as client:
                 client.cancel_workflow(fold_id)
-        self._remove_files(fold_id)
+        self._store.folders.remove(fold_id)
 
     def requeue(self, fold_id: str, *, force: bool = False) -> None:
         """Has a fold that failed, was cancelled or is stuck computed again from the beginning.
 
         It keeps its id, links and owners. Its job does too: the old one is deleted with all the
-        results of its steps, for else a new one would only repeat what came out before. The claim
+        results of its steps, for else a new one would only repeat what came out before. The epoch
         rises, so that whoever may still hold the fold has no say any more. A content key that was
         given up stays so: the same upload may meanwhile be another fold.
 
         Args:
             fold_id: The fold.
-            force: Also when it is verified, or being computed.
+            force: Also when it is verified.
 
         Raises:
             NoSuchFoldError: When there is none.
@@ -172,18 +153,13 @@ class Upkeep:
         row = self.fold(fold_id)
         if row.status == "verified" and not force:
             raise UpkeepError(f"{fold_id} is verified; --force computes it again all the same.")
-        if row.status not in ENDED and not force and (job := self.job(fold_id)) in MOVING:
+        job = self.job(fold_id)
+        if job in MOVING:
             what = "waits in the queue" if row.status == "queued" else "is being computed"
-            raise UpkeepError(
-                f"{fold_id} {what} (its job is {job}); --force takes it away and begins anew."
-            )
-        if not self._has_input(fold_id):
-            raise UpkeepError(
-                f"{fold_id} has no input any more; expire it, and fold the file anew."
-            )
-        if self.job(fold_id) is not None:
+            raise UpkeepError(f"{fold_id} {what} (its job is {job}); leave it, or expire it.")
+        self._strip(row)
+        if job is not None:
             with self._client() as client:
-                client.cancel_workflow(fold_id)
                 client.delete_workflow(fold_id)
         # After a crash between the two the service puts it into the queue when it starts.
         self._change(
@@ -197,13 +173,41 @@ class Upkeep:
             summary={},
             error=sa.null(),
             worker=None,
-            claim=FoldRow.claim + 1,
+            kept=0,
+            bytes=0,
+            epoch=FoldRow.epoch + 1,
         )
-        self._enqueue(self.fold(fold_id))
+        jobs = Jobs(self._settings)
+        try:
+            jobs.enqueue(fold_id, row.turn)
+        finally:
+            jobs.close()
+
+    def _strip(self, row: FoldRow) -> None:
+        """Leaves of a fold's files what was there before anything was computed."""
+        shown = self._store.folders.shown(row)
+        if not (shown / "input").exists() or not (shown / "request.json").exists():
+            raise UpkeepError(f"{row.id} has no input any more; expire it, fold the file anew.")
+        if self._store.folders.storage is None:
+            for path in shown.iterdir():
+                if path.is_dir():
+                    shutil.rmtree(path, ignore_errors=True)
+                elif path.name not in INPUTS:
+                    path.unlink(missing_ok=True)
+            return
+        aside = self._settings.uploads_dir / f"{row.id}-again"
+        try:
+            aside.mkdir(parents=True)
+            for name in INPUTS:
+                if (shown / name).exists():
+                    shutil.copy2(shown / name, aside / name)
+            self._store.folders.adopt(aside, row.id)
+        finally:
+            shutil.rmtree(aside, ignore_errors=True)
 
     def _change(self, fold_id: str, **values: Any) -> None:
-        with self._sessions.begin() as session:
-            if not _known(session, fold_id):
+        with self._store.changing() as session:
+            if session.get(FoldRow, fold_id) is None:
                 raise NoSuchFoldError(fold_id)
             session.execute(sa.update(FoldRow).where(FoldRow.id == fold_id).values(**values))
 
@@ -216,22 +220,3 @@ class Upkeep:
             yield client
         finally:
             client.destroy()
-
-    # Where files and jobs are
-
-    def _has_input(self, fold_id: str) -> bool:
-        return (self._settings.folds_dir / fold_id / "input").exists()
-
-    def _remove_files(self, fold_id: str) -> None:
-        shutil.rmtree(self._settings.folds_dir / fold_id, ignore_errors=True)
-
-    def _enqueue(self, row: FoldRow) -> None:
-        jobs = Jobs(self._settings)
-        try:
-            jobs.enqueue(row.id, gallery=row.public)
-        finally:
-            jobs.close()
-
-
-def _known(session: Session, fold_id: str) -> bool:
-    return session.get(FoldRow, fold_id) is not None

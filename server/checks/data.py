@@ -15,9 +15,10 @@ import sqlalchemy as sa
 from sqlalchemy.exc import SQLAlchemyError
 
 from server.checks.finding import Finding
-from server.readiness import check_storage
+from server.readiness import check_folder
 from server.schema import Schema
 from server.settings import Settings
+from server.storage import open_storage
 
 NETWORK: Final = frozenset({"nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p", "afs"})
 PASSING: Final = frozenset({"tmpfs", "ramfs"})
@@ -157,7 +158,7 @@ def storage(settings: Settings) -> Finding:
     if settings.storage_url is None and not settings.folds_dir.exists():
         return Finding(name="storage", verdict="ok", found=f"{place} will be made")
     try:
-        check_storage(settings)
+        _check_storage(settings)
     except Exception as error:  # each kind of storage has its own kinds of error
         if settings.storage_url is None:
             remedy = "Give it to the user that runs foldback."
@@ -173,6 +174,17 @@ def storage(settings: Settings) -> Finding:
     return Finding(
         name="storage", verdict="ok", found=f"{place}; a probe was written, read and deleted"
     )
+
+
+def _check_storage(settings: Settings) -> None:
+    opened = open_storage(settings)
+    if opened is None:
+        check_folder(settings)
+        return
+    try:
+        opened.check()
+    finally:
+        opened.close()
 
 
 def _not_there(url: str) -> str | None:

@@ -159,14 +159,15 @@ def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
             "age_s": round(now - row.started_at, 1),
             "beat": row.beat,
         }
-        for row in found.rows
+        for row in found
     ]
     if as_json:
-        typer.echo(json.dumps({"workers": rows, "here": found.here}, indent=2))
+        typer.echo(json.dumps(rows, indent=2))
         return
     if rows:
         _table(tuple(rows[0]), [[str(value) for value in row.values()] for row in rows])
-    typer.echo(f"{found.here} live on this machine.")
+    else:
+        typer.echo("No worker lives.")
 
 
 def _each(ids: Sequence[str], do: Callable[[str], None], done: str) -> None:

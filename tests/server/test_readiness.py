@@ -33,7 +33,7 @@ def test_all_is_well(desk: Service) -> None:
 
 def test_a_folder_that_is_gone_is_a_reason(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path, workers=0)
-    store, census = Store(settings), Census(settings)
+    store, census = Store(settings), Census(settings, lambda: 0)
     assert Readiness(settings, census).state().ready
     settings.uploads_dir.rmdir()
     settings.folds_dir.rmdir()
@@ -47,7 +47,7 @@ def test_a_folder_that_is_gone_is_a_reason(tmp_path: Path) -> None:
 
 def test_without_a_worker_it_is_not_ready(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path, workers=1)
-    store, census = Store(settings), Census(settings)
+    store, census = Store(settings), Census(settings, lambda: 0)
     assert Readiness(settings, census).state().reasons == ("no worker lives",)
     census.close()
     store.close()
@@ -58,7 +58,7 @@ def test_a_database_that_is_gone_is_a_reason(tmp_path: Path) -> None:
     try:
         url = postgres.start().database()
         settings = Settings(data_dir=tmp_path, database_url=url, workers=0)
-        store, census = Store(settings), Census(settings)
+        store, census = Store(settings), Census(settings, lambda: 0)
         readiness = Readiness(settings, census)
         assert readiness.state().ready
         postgres.kill()
