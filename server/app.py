@@ -46,7 +46,6 @@ from server.routes import (
 )
 from server.security import AllowedHosts, BodyLimit, SameOrigin, SecurityHeaders, hosts_of
 from server.settings import Settings
-from server.slots import Slots
 from server.storage import StorageError
 from server.store import NoSuchFoldError, Store
 from server.streams import Streams
@@ -82,8 +81,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         context = await asyncio.to_thread(_open, settings, metrics)
         app.state.context = context
-        census = Census(settings, lambda: len(context.leases.workers()))
-        app.state.census = census
+        census = app.state.census = Census(settings, context.leases)
         app.state.readiness = Readiness(settings, census, context.store.folders.check)
         # In a thread: starting a process takes a moment that the first answer need not wait for.
         threading.Thread(target=context.reader.start, daemon=True).start()
@@ -152,7 +150,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
     jobs = Jobs(settings)
     jobs.reconcile(store)
     previews = Previews(settings)
-    leases = Leases(store, Slots(settings), settings.lease_s)
+    leases = Leases.of(settings, store)
     workshop = Workshop(store, min_free_disk_bytes=settings.min_free_disk_bytes)
     return Context(
         settings=settings,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,6 +12,7 @@ import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
 from server.database import ENDED, STATUSES, FoldRow, MovieRow, engine_for
+from server.leases import Leases
 from server.settings import Settings
 
 KEPT_S: Final = 2.0
@@ -51,11 +52,11 @@ class Census:
 
     Args:
         settings: Say where the rows are.
-        alive: How many workers live.
+        leases: Knows the workers.
     """
 
-    def __init__(self, settings: Settings, alive: Callable[[], int]) -> None:
-        self._alive = alive
+    def __init__(self, settings: Settings, leases: Leases) -> None:
+        self._leases = leases
         self._engine = engine_for(settings.store_url)
         self._lock = threading.Lock()
         self._kept: tuple[float, Figures] | None = None
@@ -83,9 +84,7 @@ class Census:
         Raises:
             SQLAlchemyError: When the database does not answer.
         """
-        with self._engine.connect() as connection:
-            connection.execute(sa.select(1))
-        return self._alive()
+        return len(self._leases.workers())
 
     def _count(self) -> Figures:
         now = time.time()
@@ -117,7 +116,7 @@ class Census:
             movies={status: count for status, count in movies},
             oldest_queued_s=0.0 if oldest is None else max(0.0, now - oldest),
             storage_bytes=taken,
-            workers=self._alive(),
+            workers=self.workers(),
             computed_s=tuple(sorted(float(seconds or 0.0) for seconds in ended)),
         )
 

@@ -126,7 +126,7 @@ class _Caretaker:
         self._runner = runner
         self._name = name
         self._active = active
-        self._leases = Leases(store, Slots(settings), settings.lease_s)
+        self._leases = Leases.of(settings, store)
         self._sweeper = Sweeper(settings, store)
         self._strays: dict[str, float] = {}
         self._swept_at = time.monotonic()

@@ -13,7 +13,8 @@ from prometheus_client.parser import text_string_to_metric_families
 from sqlalchemy.orm import Session
 
 from server.census import Census
-from server.database import engine_for
+from server.database import WorkerRow, engine_for
+from server.leases import Leases
 from server.settings import Settings
 from server.store import Store
 from tests.server.rows import a_fold
@@ -99,7 +100,8 @@ def test_the_world_does_not_read_them(desk: Service, header: str, source: str) -
 
 def test_reading_them_often_asks_the_database_seldom(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path)
-    store, census = Store(settings), Census(settings, lambda: 3)
+    store = Store(settings)
+    census = Census(settings, Leases.of(settings, store))
     asked = 0
 
     @sa.event.listens_for(sa.Engine, "before_cursor_execute")
@@ -141,12 +143,17 @@ def test_the_census_counts_rows(kind: str, tmp_path: Path, request: pytest.Fixtu
                 )
             )
         session.add(a_fold("old", status="failed", started_at=1.0, ended_at=2.0))
-    census = Census(settings, lambda: 3)
+        session.add(
+            WorkerRow(
+                name="w/0", host="w", pid=1, beat=1, folds_at_once=1, started_at=now, version="1"
+            )
+        )
+    census = Census(settings, Leases.of(settings, store))
     found = census.figures()
     assert found.folds == {"queued": 2, "running": 1, "verified": 1, "failed": 2, "cancelled": 0}
     assert 1000 <= found.oldest_queued_s < 1100
     assert found.storage_bytes == 11111
-    assert found.workers == 3
+    assert found.workers == 1
     assert found.computed_s == pytest.approx((30.0, 40.0))
     census.close()
     store.close()

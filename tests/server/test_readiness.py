@@ -10,6 +10,7 @@ from pathlib import Path
 import httpx
 
 from server.census import Census
+from server.leases import Leases
 from server.readiness import Readiness
 from server.settings import Settings
 from server.store import Store
@@ -33,7 +34,8 @@ def test_all_is_well(desk: Service) -> None:
 
 def test_a_folder_that_is_gone_is_a_reason(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path, workers=0)
-    store, census = Store(settings), Census(settings, lambda: 0)
+    store = Store(settings)
+    census = Census(settings, Leases.of(settings, store))
     assert Readiness(settings, census).state().ready
     settings.uploads_dir.rmdir()
     settings.folds_dir.rmdir()
@@ -47,7 +49,8 @@ def test_a_folder_that_is_gone_is_a_reason(tmp_path: Path) -> None:
 
 def test_without_a_worker_it_is_not_ready(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path, workers=1)
-    store, census = Store(settings), Census(settings, lambda: 0)
+    store = Store(settings)
+    census = Census(settings, Leases.of(settings, store))
     assert Readiness(settings, census).state().reasons == ("no worker lives",)
     census.close()
     store.close()
@@ -58,7 +61,8 @@ def test_a_database_that_is_gone_is_a_reason(tmp_path: Path) -> None:
     try:
         url = postgres.start().database()
         settings = Settings(data_dir=tmp_path, database_url=url, workers=0)
-        store, census = Store(settings), Census(settings, lambda: 0)
+        store = Store(settings)
+        census = Census(settings, Leases.of(settings, store))
         readiness = Readiness(settings, census)
         assert readiness.state().ready
         postgres.kill()
