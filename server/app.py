@@ -82,7 +82,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         context = await asyncio.to_thread(_open, settings, metrics)
         app.state.context = context
         census = app.state.census = Census(settings, context.leases)
-        app.state.readiness = Readiness(settings, census)
+        app.state.readiness = Readiness(settings, census, context.store.folders.check)
         # In a thread: starting a process takes a moment that the first answer need not wait for.
         threading.Thread(target=context.reader.start, daemon=True).start()
         threading.Thread(target=context.preparer.start, daemon=True).start()
