@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import shutil
 import threading
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
@@ -17,6 +16,7 @@ from server.children import Reader
 from server.context import Context, secret_of
 from server.exports import Exports
 from server.gallery import Gallery
+from server.gates import Gate
 from server.jobs import Jobs
 from server.limits import ChildLimits
 from server.metrics import CountAnswers, Metrics
@@ -42,6 +42,7 @@ from server.settings import Settings
 from server.store import NoSuchFoldError, Store
 from server.streams import Streams
 from server.trajectories import Trajectories
+from server.uploads import Uploads, UploadsAtOnce
 from server.watch import Watch
 from server.workshop import Workshop
 from web.films import Films
@@ -82,6 +83,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             context.workshop.close()
             context.jobs.close()
             context.store.close()
+            context.uploads.close()
 
     app = FastAPI(
         title="foldback",
@@ -111,7 +113,13 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.include_router(module.router)
     app.include_router(robot.schemas)
 
-    app.add_middleware(BodyLimit, most_bytes=settings.max_upload_bytes)
+    app.add_middleware(
+        BodyLimit,
+        most_bytes=settings.max_upload_bytes,
+        seconds=settings.upload_seconds,
+        idle_s=settings.upload_idle_s,
+    )
+    app.add_middleware(UploadsAtOnce, settings=settings)
     app.add_middleware(SameOrigin, origins=settings.origins)
     app.add_middleware(AllowedHosts, hosts=hosts_of(settings.host, settings.allowed_hosts))
     app.add_middleware(SecurityHeaders)
@@ -121,13 +129,21 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
 def _open(settings: Settings, metrics: Metrics) -> Context:
     store = Store(settings)
-    # What was being uploaded when the service was last ended was never acknowledged.
-    for left in settings.uploads_dir.iterdir():
-        shutil.rmtree(left, ignore_errors=True)
     jobs = Jobs(settings)
     jobs.reconcile(store)
     previews = Previews(settings)
-    workshop = Workshop(store, min_free_disk_bytes=settings.min_free_disk_bytes)
+    workshop = Workshop(
+        store,
+        min_free_disk_bytes=settings.min_free_disk_bytes,
+        most=settings.files_waiting,
+        most_of_visitor=settings.files_waiting_of_visitor,
+    )
+    answers = Gate(
+        "answers",
+        at_once=2,
+        most=settings.answers_waiting,
+        most_of_visitor=settings.answers_waiting_of_visitor,
+    )
     return Context(
         settings=settings,
         store=store,
@@ -135,7 +151,9 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         films=Films(),
         streams=Streams(settings.max_streams, settings.max_streams_of_visitor),
         robots=Streams(settings.max_robots, settings.max_robots_of_visitor, "robots"),
-        trajectories=Trajectories(),
+        trajectories=Trajectories(answers),
+        answers=answers,
+        uploads=Uploads(settings),
         reader=Reader(ChildLimits.of(settings), wall_s=settings.read_seconds),
         preparer=Reader(ChildLimits.of(settings), wall_s=settings.preview_seconds, kind="preparer"),
         previews=previews,

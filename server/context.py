@@ -15,6 +15,7 @@ from server.addresses import address_of
 from server.children import Reader
 from server.exports import Exports
 from server.gallery import Gallery
+from server.gates import Gate
 from server.jobs import Jobs
 from server.metrics import Metrics
 from server.movies import Movies
@@ -24,6 +25,7 @@ from server.settings import Settings
 from server.store import Store
 from server.streams import Streams
 from server.trajectories import Trajectories
+from server.uploads import Uploads
 from server.watch import Watch
 from server.workshop import Workshop
 
@@ -51,6 +53,8 @@ class Context:
     streams: Streams
     robots: Streams
     trajectories: Trajectories
+    answers: Gate
+    uploads: Uploads
     metrics: Metrics
     secret: bytes
 

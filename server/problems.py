@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import logging
 from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any, Final
@@ -9,12 +11,18 @@ from typing import Any, Final
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from sqlalchemy.exc import InterfaceError, InternalError, OperationalError, SQLAlchemyError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.exceptions import HTTPException
 
 from planner.errors import InputError
 from planner.request import Request as Asked
 
 MEDIA_TYPE: Final = "application/problem+json"
+DISK_ERRORS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG})
+DATABASE_RETRY_S: Final = 5
+DISK_RETRY_S: Final = 60
+log = logging.getLogger("foldback.web")
 CODES: Final = {404: "not-found", 408: "too-slow", 413: "too-large"}
 
 
@@ -87,6 +95,31 @@ def no_such_movie() -> Problem:
     )
 
 
+def of_trouble(error: BaseException | None) -> Problem | None:
+    """The problem that the database does not answer or the disk is full, if it is one."""
+    if isinstance(error, OperationalError) and "disk is full" in str(error.orig):
+        return _disk()
+    if isinstance(error, OperationalError | InterfaceError | InternalError | PoolTimeoutError):
+        return Problem(
+            503,
+            "no-database",
+            f"The database does not answer; nothing was lost. Try again in {DATABASE_RETRY_S} s.",
+            headers={"Retry-After": str(DATABASE_RETRY_S)},
+        )
+    if isinstance(error, OSError) and error.errno in DISK_ERRORS:
+        return _disk()
+    return None
+
+
+def _disk() -> Problem:
+    return Problem(
+        507,
+        "no-room",
+        "The disk of the service takes nothing any more; nothing was lost. Try again later.",
+        headers={"Retry-After": str(DISK_RETRY_S)},
+    )
+
+
 def install(app: FastAPI) -> None:
     """Makes the application answer every error as a problem."""
 
@@ -96,6 +129,9 @@ def install(app: FastAPI) -> None:
 
     async def on_http(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HTTPException)
+        if (trouble := of_trouble(error.__cause__)) is not None:  # while a form came in
+            log.error("%s: %r", trouble.code, error.__cause__)
+            return trouble.response()
         phrase = HTTPStatus(error.status_code).phrase
         code = CODES.get(error.status_code, phrase.lower().replace(" ", "-"))
         return Problem(error.status_code, code, str(error.detail), headers=error.headers).response()
@@ -108,6 +144,13 @@ def install(app: FastAPI) -> None:
         where = ".".join(str(part) for part in first["loc"])
         return Problem(422, "bad-request", f"{first['msg']}.", where=where).response()
 
+    async def on_trouble(request: Request, error: Exception) -> JSONResponse:
+        trouble = of_trouble(error)
+        if trouble is None:
+            raise error
+        log.error("%s: %r", trouble.code, error)
+        return trouble.response()
+
     async def on_anything(request: Request, error: Exception) -> JSONResponse:
         return Problem(
             500, "internal", "Something went wrong inside the service; nothing was lost. Try again."
@@ -116,6 +159,8 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(Problem, on_problem)
     app.add_exception_handler(HTTPException, on_http)
     app.add_exception_handler(RequestValidationError, on_validation)
+    app.add_exception_handler(SQLAlchemyError, on_trouble)
+    app.add_exception_handler(OSError, on_trouble)
     app.add_exception_handler(Exception, on_anything)
 
 

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import logging
+import resource
 import signal
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from server.limits import keep_secrets
 from server.logs import set_up_logs
 from server.settings import Settings
 
+LARGEST_HEAD_BYTES: Final = 32 * 1024
+"""Of a request's first line and headers."""
 log = logging.getLogger("foldback.serve")
 
 if TYPE_CHECKING:
@@ -34,6 +38,7 @@ def serve(
 ) -> None:
     """Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR, …)."""
     set_up_logs()
+    keep_secrets()
     settings = settings_of(host=host, port=port, data_dir=data_dir, workers=workers)
 
     # Workers first: they warm up on the other core while the web process imports.
@@ -55,8 +60,10 @@ def _run(settings: Settings, first_shape: str | None) -> None:
     import uvicorn
 
     from server.app import create_app
+    from server.connections import protocol_of
 
     app = create_app(settings)
+    _allow_files(2 * settings.max_connections)
 
     class Server(uvicorn.Server):
         """Says where it is once it listens, and lets its followers go before it ends."""
@@ -88,6 +95,10 @@ def _run(settings: Settings, first_shape: str | None) -> None:
             port=settings.port,
             log_level="warning",
             access_log=False,
+            http=protocol_of(settings),
+            h11_max_incomplete_event_size=LARGEST_HEAD_BYTES,
+            limit_concurrency=settings.max_connections,
+            forwarded_allow_ips=list(settings.trusted_proxies),
             ws_max_size=2**20,
             # The views carry arrays that hardly shrink, many times a second.
             ws_per_message_deflate=False,
@@ -101,23 +112,33 @@ def _run(settings: Settings, first_shape: str | None) -> None:
         raise typer.Exit(1) from None
 
 
+def _allow_files(count: int) -> None:
+    """Lets the process have as many files and connections open, as far as it may."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    most = count if hard == resource.RLIM_INFINITY else min(count, hard)
+    if soft != resource.RLIM_INFINITY and soft < most:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+
+
 def _fold_first(context: Context, name: str) -> str:
+    from io import BytesIO
+
     from server.submissions import Submission, submit
 
     shape = context.gallery.shape(name)
     if shape is None:
         names = ", ".join(s.name for s in context.gallery.shapes())
         raise typer.BadParameter(f"got the shape {name!r}, expected one of {names}.")
-    receipt = submit(
-        context,
-        Submission(
-            data=shape.data,
-            filename=shape.filename,
-            shape=name,
-            preset="default",
-            seed=0,
-            module_size=None,
-            visitor="the service itself",
-        ),
-    )
+    with context.uploads.kept(BytesIO(shape.data), shape.filename) as upload:
+        receipt = submit(
+            context,
+            Submission(
+                upload=upload,
+                shape=name,
+                preset="default",
+                seed=0,
+                module_size=None,
+                visitor="the service itself",
+            ),
+        )
     return receipt.row.id
