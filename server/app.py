@@ -37,7 +37,14 @@ from server.routes import (
     shapes,
     sharing,
 )
-from server.security import AllowedHosts, BodyLimit, SameOrigin, SecurityHeaders, hosts_of
+from server.security import (
+    AllowedHosts,
+    BodyLimit,
+    PrintingAddresses,
+    SameOrigin,
+    SecurityHeaders,
+    hosts_of,
+)
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store
 from server.streams import Streams
@@ -95,7 +102,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         docs_url=None,
         redoc_url=None,
     )
-    problems.install(app)
+    problems.install(app, pages.problem_page)
 
     async def on_no_such_fold(request: Request, error: Exception) -> Response:
         return problems.no_such_fold().response()
@@ -121,6 +128,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     app.add_middleware(UploadsAtOnce, settings=settings)
     app.add_middleware(SameOrigin, origins=settings.origins)
+    app.add_middleware(PrintingAddresses)
     app.add_middleware(AllowedHosts, hosts=hosts_of(settings.host, settings.allowed_hosts))
     app.add_middleware(SecurityHeaders)
     app.add_middleware(CountAnswers, metrics=metrics)

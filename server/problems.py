@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import errno
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from typing import Any, Final
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
-from sqlalchemy.exc import InterfaceError, InternalError, OperationalError, SQLAlchemyError
+from fastapi.responses import JSONResponse, Response
+from sqlalchemy.exc import (
+    DataError,
+    DBAPIError,
+    IntegrityError,
+    OperationalError,
+    ProgrammingError,
+    SQLAlchemyError,
+)
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.exceptions import HTTPException
 
@@ -99,7 +106,8 @@ def of_trouble(error: BaseException | None) -> Problem | None:
     """The problem that the database does not answer or the disk is full, if it is one."""
     if isinstance(error, OperationalError) and "disk is full" in str(error.orig):
         return _disk()
-    if isinstance(error, OperationalError | InterfaceError | InternalError | PoolTimeoutError):
+    fault = isinstance(error, DataError | IntegrityError | ProgrammingError)
+    if isinstance(error, DBAPIError | PoolTimeoutError) and not fault:
         return Problem(
             503,
             "no-database",
@@ -120,41 +128,53 @@ def _disk() -> Problem:
     )
 
 
-def install(app: FastAPI) -> None:
-    """Makes the application answer every error as a problem."""
+def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
+    """Makes the application answer every error as a problem.
 
-    async def on_problem(request: Request, error: Exception) -> JSONResponse:
+    Args:
+        app: The application.
+        page: Makes a page of one, for people who asked for a page.
+    """
+
+    def answer(request: Request, problem: Problem) -> Response:
+        asked = request.headers.get("accept", "")
+        if request.url.path.startswith("/api/") or "text/html" not in asked:
+            return problem.response()
+        return page(problem)
+
+    async def on_problem(request: Request, error: Exception) -> Response:
         assert isinstance(error, Problem)
-        return error.response()
+        return answer(request, error)
 
-    async def on_http(request: Request, error: Exception) -> JSONResponse:
+    async def on_http(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
         if (trouble := of_trouble(error.__cause__)) is not None:  # while a form came in
             log.error("%s: %r", trouble.code, error.__cause__)
-            return trouble.response()
+            return answer(request, trouble)
         phrase = HTTPStatus(error.status_code).phrase
         code = CODES.get(error.status_code, phrase.lower().replace(" ", "-"))
-        return Problem(error.status_code, code, str(error.detail), headers=error.headers).response()
+        problem = Problem(error.status_code, code, str(error.detail), headers=error.headers)
+        return answer(request, problem)
 
-    async def on_validation(request: Request, error: Exception) -> JSONResponse:
+    async def on_validation(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)
         first = error.errors()[0]
         if (refusal := _refusal(first)) is not None:
-            return Problem.of_input(refusal).response()
+            return answer(request, Problem.of_input(refusal))
         where = ".".join(str(part) for part in first["loc"])
-        return Problem(422, "bad-request", f"{first['msg']}.", where=where).response()
+        problem = Problem(422, "bad-request", f"{first['msg']}.", where=where)
+        return answer(request, problem)
 
-    async def on_trouble(request: Request, error: Exception) -> JSONResponse:
+    async def on_trouble(request: Request, error: Exception) -> Response:
         trouble = of_trouble(error)
         if trouble is None:
             raise error
         log.error("%s: %r", trouble.code, error)
-        return trouble.response()
+        return answer(request, trouble)
 
-    async def on_anything(request: Request, error: Exception) -> JSONResponse:
-        return Problem(
-            500, "internal", "Something went wrong inside the service; nothing was lost. Try again."
-        ).response()
+    async def on_anything(request: Request, error: Exception) -> Response:
+        words = "Something went wrong inside the service; nothing was lost. Try again."
+        return answer(request, Problem(500, "internal", words))
 
     app.add_exception_handler(Problem, on_problem)
     app.add_exception_handler(HTTPException, on_http)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Iterable
 from typing import Final
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
@@ -37,6 +38,7 @@ HEADERS: Final = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
 }
+UNPRINTED: Final = re.compile(r"[\x00-\x1f\x7f]")
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
 FORM_OVERHEAD_BYTES: Final = 64 * 1024
@@ -65,6 +67,8 @@ class SecurityHeaders:
                 for name, value in HEADERS.items():
                     headers.setdefault(name, value)
                 headers.setdefault("Content-Security-Policy", PAGE_POLICY)
+                # Links are secrets: what is behind them is nothing for caches that many share.
+                headers.setdefault("Cache-Control", "private, no-cache")
             await send(message)
 
         await self._app(scope, receive, send_with_headers)
@@ -108,6 +112,30 @@ class AllowedHosts:
             "adds names with FOLDBACK_ALLOWED_HOSTS.",
         )
         await problem.response()(scope, receive, send)
+
+
+class PrintingAddresses:
+    """Refuses paths and queries with characters that do not print, which no link of ours has.
+
+    Databases and file systems choke on some of them, logs are garbled by others.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handles one request."""
+        if scope["type"] == "http" and UNPRINTED.search(scope["path"] + _query(scope)):
+            problem = Problem(
+                400, "bad-address", "got an address with characters that do not print."
+            )
+            await problem.response()(scope, receive, send)
+            return
+        await self._app(scope, receive, send)
+
+
+def _query(scope: Scope) -> str:
+    return unquote(scope["query_string"].decode("latin-1"))
 
 
 def host_name(host: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from io import BytesIO
-from typing import Annotated, Any, BinaryIO, Literal
+from typing import Annotated, Any, BinaryIO, Final, Literal
 
 from fastapi import APIRouter, Depends, File, Form, Request, UploadFile
 from fastapi.responses import Response, StreamingResponse
@@ -26,6 +26,7 @@ from server.submissions import Submission, input_noted, noted, submit
 from server.uploads import FormRoute
 
 router = APIRouter(prefix="/api/folds", tags=["folds"], route_class=FormRoute)
+ID: Final = "^[A-Za-z0-9_-]*$"
 bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
 
 Here = Annotated[Context, Depends(context_of)]
@@ -101,16 +102,24 @@ def post_fold(
         UploadFile | None, File(description="A mesh, voxels, a path or a chain.")
     ] = None,
     shape: Annotated[str | None, Form(description="Or the name of a gallery shape.")] = None,
-    preview: Annotated[str | None, Form(description="Or the id of a preview.")] = None,
+    preview: Annotated[
+        str | None, Form(max_length=64, pattern=ID, description="Or the id of a preview.")
+    ] = None,
     fold: Annotated[
         str | None,
-        Form(description="Or the id of a fold: its input once more, and its wishes for the shape."),
+        Form(
+            max_length=64,
+            pattern=ID,
+            description="Or the id of a fold: its input once more, and its wishes for the shape.",
+        ),
     ] = None,
     refold: Annotated[
         str | None,
         Form(
+            max_length=64,
+            pattern=ID,
             description="The id of a finished fold: its chain goes from there over straight to the "
-            "shape, which must have as many modules of the same kind."
+            "shape, which must have as many modules of the same kind.",
         ),
     ] = None,
     preset: Annotated[

@@ -15,7 +15,7 @@ from fastapi.responses import Response
 
 from planner.request import LARGEST_SEED
 from server.problems import Problem
-from server.routes.folds import Here, Wishes, input_of, problems
+from server.routes.folds import ID, Here, Wishes, input_of, problems
 from server.schemas import Preview, Shape, Shapes
 from server.uploads import FormRoute
 
@@ -43,7 +43,12 @@ async def post_preview(
     ] = None,
     shape: Annotated[str | None, Form(description="Or the name of a gallery shape.")] = None,
     preview: Annotated[
-        str | None, Form(description="Or the id of an earlier preview, with other wishes.")
+        str | None,
+        Form(
+            max_length=64,
+            pattern=ID,
+            description="Or the id of an earlier preview, with other wishes.",
+        ),
     ] = None,
     seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
     full: Annotated[
