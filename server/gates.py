@@ -42,6 +42,12 @@ class Gate:
         self._lock = threading.Lock()
         self._here: Counter[str] = Counter()
 
+    @property
+    def waiting(self) -> int:
+        """How many are behind it or wait before it."""
+        with self._lock:
+            return self._here.total()
+
     @contextmanager
     def passed(self, visitor: str) -> Generator[None]:
         """Waits for a visitor's turn, which lasts as long as the context.
