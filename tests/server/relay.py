@@ -41,7 +41,6 @@ class Relay:
                     self.command, upstream + self.path, headers=headers, content=body, timeout=60
                 ) as answer:
                     if found == "lose":
-                        answer.read()
                         self.connection.shutdown(socket.SHUT_RDWR)
                         return
                     self.send_response(answer.status_code)
