@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from random import SystemRandom
 from typing import Final
 
-TRY_AGAIN: Final = frozenset({429, 503})
+TRY_AGAIN: Final = frozenset({429, 502, 503})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
