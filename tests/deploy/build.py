@@ -13,6 +13,7 @@ import os
 import re
 import secrets
 import shutil
+import ssl
 import subprocess
 import sys
 import time
@@ -26,8 +27,7 @@ INSIDE = ("ca-certificates", "python3", "python3-venv", "python3-pip")
 MIRROR = "http://deb.debian.org/debian"
 PORT = 8765
 PATIENCE_S = 180.0
-# Networks that ask for certificates of their own, or for a proxy, ask pip for them as well.
-HANDED_ON = ("PIP_INDEX_URL", "PIP_CERT", "http_proxy", "https_proxy", "no_proxy")
+CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"
 
 
 class Builder:
@@ -66,18 +66,21 @@ def base(builder: Builder, place: Path) -> None:
         wanted = f"--include={','.join(INSIDE)}"
         command = ["debootstrap", "--variant=minbase", wanted, "bookworm", str(root), MIRROR]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    # What this machine trusts, the build does: some networks have certificates of their own.
+    trusted = os.environ.get("SSL_CERT_FILE") or ssl.get_default_verify_paths().cafile
+    shutil.copyfile(trusted or CERTIFICATES, root / CERTIFICATES[1:])
     container = builder("from", "scratch")
     builder("add", "--quiet", container, str(root), "/")
-    builder("config", "--env", "PATH=/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin", container)
+    paths = "PATH=/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin"
+    builder("config", "--env", paths, "--env", f"PIP_CERT={CERTIFICATES}", container)
     builder("commit", "--quiet", "--rm", container, BASE)
 
 
 def build(builder: Builder) -> None:
     """Runs every step of the Dockerfile."""
-    given = [f"--build-arg={name}" for name in HANDED_ON if name in os.environ]
     dockerfile = str(ROOT / "deploy" / "Dockerfile")
     builder(
-        *("bud", "--network=host", "--pull-never", "--format=docker", *given),
+        *("bud", "--network=host", "--pull-never", "--format=docker"),
         *("--file", dockerfile, "--tag", "foldback:local", str(ROOT)),
     )
 

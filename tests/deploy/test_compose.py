@@ -54,8 +54,7 @@ def test_it_is_as_the_specification_says() -> None:
     [
         {"restart": "sometimes"},
         {"networks": ["nowhere"]},
-        {"depends_on": ["nobody"]},
-        {"volumes": [{"type": "volume", "source": "nothing", "target": "/data"}]},
+        {"expose": "8000"},
         {"read_onli": True},
     ],
     ids=str,
@@ -64,6 +63,13 @@ def test_what_is_not_so_is_found(wrong: dict[str, Any]) -> None:
     broken = {**plain(), "services": {**SERVICES, "web": {**SERVICES["web"], **wrong}}}
     with pytest.raises(Exception, match=r"\w"):
         PyCompose.from_yaml(yaml.safe_dump(broken)).validate()
+
+
+def test_what_services_name_is_there() -> None:
+    for service in SERVICES.values():
+        named = {v.partition(":")[0] for v in service.get("volumes", []) if ":" in v}
+        assert {name for name in named if name[0] != "."} <= set(COMPOSE["volumes"])
+        assert set(service.get("depends_on", {})) <= set(SERVICES)
 
 
 def test_every_variable_is_in_the_example_and_the_other_way_round() -> None:
