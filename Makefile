@@ -12,10 +12,10 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test lint format bench constraints clean chromium
+.PHONY: help run test load audit deploy-check lint format bench constraints clean chromium tools
 
 help: ## What there is to make
-	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
 
 $(STAMP): pyproject.toml constraints.txt
 	@if [ -z "$(PYTHON)" ]; then \
@@ -34,7 +34,11 @@ run: $(STAMP) ## Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_
 chromium: $(STAMP)
 	@$(BIN)/python tests/browser/ensure_chromium.py
 
-test: $(STAMP) chromium ## Run all tests, the browser's too
+tools: $(STAMP)
+	@$(BIN)/python tests/server/ensure_postgres.py
+	@$(BIN)/python tests/deploy/ensure_tools.py
+
+test: $(STAMP) chromium tools ## Run all tests, the browser's too
 	@$(BIN)/python -m pytest -q
 
 lint: $(STAMP) ## Style and types
@@ -45,6 +49,16 @@ lint: $(STAMP) ## Style and types
 format: $(STAMP) ## Let ruff put the code in order
 	@$(BIN)/ruff check --fix --quiet .
 	@$(BIN)/ruff format .
+
+load: $(STAMP) tools ## Crowds, attacks and faults: a table, and JSON in out/
+	@$(BIN)/python -m tests.load
+
+audit: $(STAMP) ## Known faults in code and dependencies
+	@$(BIN)/bandit -q -c pyproject.toml -r server web planner foldback_client
+	@$(BIN)/pip-audit -r constraints.txt --no-deps
+
+deploy-check: $(STAMP) ## Build the image's steps for real (root, Debian, minutes)
+	@$(BIN)/python tests/deploy/build.py
 
 bench: $(STAMP) ## The figures: a table, and JSON in out/
 	@$(BIN)/python -m tests.benchmarks

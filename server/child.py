@@ -116,7 +116,9 @@ def _stages() -> Task:
 
 
 def _reader() -> Task:
-    from server.reading import check, preview
+    from server.reading import check, preview, warm_up
+
+    warm_up()
 
     def read(
         task: str,
@@ -130,7 +132,10 @@ def _reader() -> Task:
 
 
 def _preparer() -> Task:
+    from planner.warm_up_paths import warm_up_paths
+
     import_module("planner.preparation")  # so that the first preview need not wait for it
+    warm_up_paths()
     return _reader()
 
 

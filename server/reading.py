@@ -27,6 +27,11 @@ LARGEST_DRAWING: Final = 4000
 WISHES: Final = ("module", "modules", "method", "repair", "ends", "as_voxels", "start")
 
 
+def warm_up() -> None:
+    """Compiles what checks of chains need: their time is for the upload alone."""
+    _ = Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0)])).folded_poses
+
+
 def wishes_of(request: dict[str, Any]) -> Wishes:
     """The wishes in a request; those that are not there are as usual."""
     from planner.wishes import Wishes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -121,7 +122,13 @@ def submit(context: Context, submission: Submission) -> Receipt:
             error=None,
             refold=submission.beginning and submission.beginning.name,
         )
-        if not context.store.add(row, token):
+        try:
+            added = context.store.add(row, token)
+        except Exception:  # it was not acknowledged, and nothing of it stays
+            with contextlib.suppress(Exception):
+                context.store.folders.remove(fold_id)
+            raise
+        if not added:
             context.store.folders.remove(fold_id)
             if (known := _known(context, submission, token)) is not None:
                 return known

@@ -26,13 +26,14 @@ from dbos._utils import INTERNAL_QUEUE_NAME
 
 from server.jobs import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, prepare
 from server.leases import Leases
-from server.logs import set_up_logs
+from server.logs import about, set_up_logs
 from server.movie_jobs import MovieJobs
 from server.runner import STAGES, Outcome, Runner
 from server.settings import Settings
 from server.slots import Slots
 from server.store import Store
 from server.sweeper import Sweeper
+from server.tracing import send_rest, tracing
 
 LOOK_EVERY_S: Final = 2.0
 BEATS_A_LEASE: Final = 5
@@ -79,7 +80,7 @@ def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> No
         worker = f"{name}:{secrets.token_hex(6)}"
         stage: str = STAGES[0]
         epoch = 0
-        with active.working(fold_id):
+        with about(fold=fold_id), active.working(fold_id):
             try:
                 while True:
                     outcome: Outcome = DBOS.run_step(
@@ -97,7 +98,7 @@ def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> No
         return outcome["status"]
 
     def movie(fold_id: str, movie_id: str, job: str) -> None:
-        with active.working(job):
+        with about(fold=fold_id, movie=movie_id), active.working(job):
             DBOS.run_step({"name": "film"}, movies.make, fold_id, movie_id, job)
 
     DBOS.workflow(name=WORKFLOW)(fold)
@@ -236,6 +237,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         "executor_id": slot.name,
         "log_level": "WARNING",
     }
+    config.update(tracing(settings))
     DBOS(config=config)
     active = Active()
     register(runner, MovieJobs(settings, store), slot.name, active)
@@ -262,6 +264,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     except Exception:
         log.exception("handing back failed; others notice that we are gone")
     # Steps that were cut off must not get the time to note a result.
+    send_rest(settings)
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0)

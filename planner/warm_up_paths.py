@@ -1,0 +1,44 @@
+"""Warm-up of what reads shapes and finds paths: compiles its kernels into their cache."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from planner.chain import Chain
+from planner.knots import knot_of
+from planner.pathfinding.exact import exact_path
+from planner.paths import Path
+from planner.shapes import Shape
+from planner.solids import Solid
+from planner.voxeliser import voxelise
+
+SMALL_SHAPE: Final = (
+    *((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)),
+    *((0, 1, 1), (1, 1, 1), (1, 0, 1)),
+)
+
+
+def warm_up_chains() -> Chain:
+    """Makes a small chain of a path."""
+    chain = Chain.from_path(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
+    _ = chain.folded_poses
+    return chain
+
+
+def warm_up_paths() -> None:
+    """Finds a path through a box and makes voxels of a tetrahedron."""
+    warm_up_chains()
+    box = Shape.from_cells(np.argwhere(np.ones((3, 3, 3), dtype=bool)))
+    found = exact_path(box)
+    if found.cells is not None:
+        knot_of(found.cells)
+    voxelise(_tetrahedron(), cells=8)
+
+
+def _tetrahedron() -> Solid:
+    """The simplest solid there is."""
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    return Solid(name="warm-up", vertices=corners, faces=faces, notes=())
