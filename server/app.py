@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import logging
+import secrets
 import shutil
 import threading
 from collections.abc import AsyncGenerator
@@ -14,15 +16,17 @@ from fastapi import FastAPI, Request, Response
 
 from server import problems
 from server.children import Reader
-from server.context import Context, secret_of
+from server.context import Context
 from server.exports import Exports
 from server.gallery import Gallery
 from server.jobs import Jobs
+from server.leases import Leases
 from server.limits import ChildLimits
 from server.metrics import CountAnswers, Metrics
 from server.movies import Movies, NoSuchMovieError
 from server.preview_scenes import PreviewScenes
 from server.previews import NoSuchPreviewError, Previews
+from server.problems import Problem
 from server.routes import (
     artifacts,
     films,
@@ -39,12 +43,16 @@ from server.routes import (
 )
 from server.security import AllowedHosts, BodyLimit, SameOrigin, SecurityHeaders, hosts_of
 from server.settings import Settings
+from server.slots import Slots
+from server.storage import StorageError
 from server.store import NoSuchFoldError, Store
 from server.streams import Streams
 from server.trajectories import Trajectories
 from server.watch import Watch
 from server.workshop import Workshop
 from web.films import Films
+
+log = logging.getLogger("foldback.web")
 
 ROUTERS: Final = (
     folds,
@@ -104,7 +112,17 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     async def on_no_such_movie(request: Request, error: Exception) -> Response:
         return problems.no_such_movie().response()
 
+    async def on_storage(request: Request, error: Exception) -> Response:
+        log.error("%s", error)
+        return Problem(
+            503,
+            "storage",
+            "The storage of the service does not answer just now; try again in a moment.",
+            headers={"Retry-After": "5"},
+        ).response()
+
     app.add_exception_handler(NoSuchFoldError, on_no_such_fold)
+    app.add_exception_handler(StorageError, on_storage)
     app.add_exception_handler(NoSuchMovieError, on_no_such_movie)
     app.add_exception_handler(NoSuchPreviewError, on_no_such_preview)
     for module in ROUTERS:
@@ -127,6 +145,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
     jobs = Jobs(settings)
     jobs.reconcile(store)
     previews = Previews(settings)
+    leases = Leases(store, Slots(settings), settings.lease_s)
     workshop = Workshop(store, min_free_disk_bytes=settings.min_free_disk_bytes)
     return Context(
         settings=settings,
@@ -144,7 +163,8 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         exports=Exports(store, workshop),
         movies=Movies(settings, store, jobs),
         gallery=Gallery(),
-        watch=Watch(store),
+        watch=Watch(store, leases),
         metrics=metrics,
-        secret=secret_of(settings),
+        leases=leases,
+        secret=store.secret("visitors", secrets.token_bytes(32)),
     )

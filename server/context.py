@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import hmac
-import os
-import secrets
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,6 +14,7 @@ from server.children import Reader
 from server.exports import Exports
 from server.gallery import Gallery
 from server.jobs import Jobs
+from server.leases import Leases
 from server.metrics import Metrics
 from server.movies import Movies
 from server.preview_scenes import PreviewScenes
@@ -52,6 +51,7 @@ class Context:
     robots: Streams
     trajectories: Trajectories
     metrics: Metrics
+    leases: Leases
     secret: bytes
 
     def visitor(self, request: Request) -> str:
@@ -64,16 +64,3 @@ def context_of(request: Request) -> Context:
     """The context of the application that a request is for."""
     context: Context = request.app.state.context
     return context
-
-
-def secret_of(settings: Settings) -> bytes:
-    """The service's own secret, made once and kept in the data directory."""
-    path = settings.root / "secret"
-    try:
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    except FileExistsError:
-        return path.read_bytes()
-    with os.fdopen(handle, "wb") as file:
-        secret = secrets.token_bytes(32)
-        file.write(secret)
-    return secret

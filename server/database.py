@@ -24,8 +24,8 @@ class FoldRow(Base):
     ``refold`` is the name of the shape that a refold begins as, None where the chain is straight.
 
     ``turn`` is its place in the queue, the least first, and ``cost_s`` what computing it is
-    expected to take. ``worker`` computes it; ``claim`` counts how often it has changed hands, and
-    who holds an older claim has no say any more. ``kept`` is the claim whose files readers see.
+    expected to take. ``worker`` computes it; ``epoch`` counts how often it has changed hands, and
+    who has it from an older epoch has no say any more. Readers see the files of epoch ``kept``.
     ``bytes`` is what its files take, ``seen_at`` when somebody last looked, and what is ``pinned``
     never expires.
     """
@@ -56,7 +56,7 @@ class FoldRow(Base):
     turn: Mapped[int] = mapped_column(sa.BigInteger, default=0)
     cost_s: Mapped[float] = mapped_column(default=0.0)
     worker: Mapped[str | None] = mapped_column(sa.String(200), default=None)
-    claim: Mapped[int] = mapped_column(default=0)
+    epoch: Mapped[int] = mapped_column(default=0)
     kept: Mapped[int] = mapped_column(default=0)
     bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
     seen_at: Mapped[float | None] = mapped_column(default=None)
@@ -139,6 +139,10 @@ class SecretRow(Base):
     value: Mapped[bytes] = mapped_column(sa.LargeBinary)
 
 
+MIGRATING = 0x666F6C65
+"""PostgreSQL's number for the lock under which the tables are made."""
+
+
 def engine_for(url: str) -> sa.Engine:
     """An engine; SQLite gets a write-ahead log, patience with locks, and foreign keys."""
     if not url.startswith("sqlite"):
@@ -165,5 +169,7 @@ def migrate(engine: sa.Engine) -> None:
     with engine.begin() as connection:
         if engine.dialect.name == "sqlite":
             connection.exec_driver_sql("BEGIN IMMEDIATE")
+        elif engine.dialect.name == "postgresql":
+            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(MIGRATING)))
         config.attributes["connection"] = connection
         command.upgrade(config, "head")

@@ -7,6 +7,7 @@ the workers (``server/worker.py``) compute.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Generator
 from typing import TYPE_CHECKING, Final
 
 import sqlalchemy as sa
@@ -25,8 +26,8 @@ WORKFLOW: Final = "fold"
 MOVIES_QUEUE: Final = "movies"
 MOVIE_WORKFLOW: Final = "movie"
 POLL_S: Final = 0.1
-GALLERY_PRIORITY: Final = 1
-PRIORITY: Final = 2
+PREPARING: Final = 0x666F6C64
+"""PostgreSQL's number for the lock under which tables are made."""
 
 
 def prepare(settings: Settings) -> None:
@@ -37,7 +38,12 @@ def prepare(settings: Settings) -> None:
         with engine.connect() as connection:
             connection.exec_driver_sql("PRAGMA journal_mode=WAL")
         engine.dispose()
-    DBOS.migrate(url)
+    with _alone(url):
+        DBOS.migrate(url)
+        _register(settings)
+
+
+def _register(settings: Settings) -> None:
     client = _client(settings)
     try:
         client.register_queue(
@@ -47,6 +53,21 @@ def prepare(settings: Settings) -> None:
         client.register_queue(MOVIES_QUEUE, worker_concurrency=1, polling_interval_sec=POLL_S)
     finally:
         client.destroy()
+
+
+@contextlib.contextmanager
+def _alone(url: str) -> Generator[None]:
+    """Holds others off who would make the same tables at the same time."""
+    if not url.startswith("postgresql"):
+        yield
+        return
+    engine = sa.create_engine(url)
+    try:
+        with engine.begin() as connection:
+            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(PREPARING)))
+            yield
+    finally:
+        engine.dispose()
 
 
 def _client(settings: Settings) -> DBOSClient:
@@ -64,14 +85,14 @@ class Jobs:
         """Lets go of the database."""
         self._client.destroy()
 
-    def enqueue(self, fold_id: str, *, gallery: bool = False) -> None:
-        """Puts a fold into the queue; does nothing when it is there."""
+    def enqueue(self, fold_id: str, turn: int) -> None:
+        """Puts a fold into the queue, in its turn; does nothing when it is there."""
         options: EnqueueOptions = {
             "workflow_name": WORKFLOW,
             "queue_name": QUEUE,
             "workflow_id": fold_id,
             "app_version": APPLICATION_VERSION,
-            "priority": GALLERY_PRIORITY if gallery else PRIORITY,
+            "priority": turn + 1,
         }
         self._client.enqueue(options, fold_id)
 
@@ -102,5 +123,5 @@ class Jobs:
         """Enqueues folds that have a row and no job, after a crash between the two."""
         rows = store.unfinished()
         for row in rows:
-            self.enqueue(row.id, gallery=row.public)
+            self.enqueue(row.id, row.turn)
         return len(rows)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
-import shutil
 import threading
 import time
-from typing import Any, Final, TypedDict
+from collections.abc import Callable, Generator
+from typing import Any, Final, TypedDict, TypeVar
+
+from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 
 from planner.errors import InputError, TimelineError
 from planner.timeline import Timeline, TimelineWriter
@@ -17,16 +19,27 @@ from server.children import Child, ChildError, Children
 from server.gallery import Gallery
 from server.limits import ChildLimits
 from server.settings import Settings
+from server.storage import StorageError
 from server.store import NoSuchFoldError, Store
+from server.timelines import frames_promised
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 REPORT_EVERY_S: Final = 0.2
+KEEP_EVERY_S: Final = 0.7
+"""How often what grows is kept elsewhere."""
+TRY_AGAIN_S: Final = 0.5
+Answer = TypeVar("Answer")
 log = logging.getLogger("foldback.worker")
 
 
 class Outcome(TypedDict):
-    """How a stage ended; ``ended`` tells that the fold ends with it, ``following`` what is next."""
+    """How a stage ended; ``ended`` tells that the fold ends with it, ``following`` what is next.
 
+    ``epoch`` is the one under which its files are kept.
+    """
+
+    epoch: int
+    bytes: int
     ended: bool
     following: str | None
     status: str
@@ -45,6 +58,8 @@ def _outcome(
     repeatable: bool = True,
 ) -> Outcome:
     return {
+        "epoch": 0,
+        "bytes": 0,
         "ended": ended,
         "following": following,
         "status": status,
@@ -55,7 +70,12 @@ def _outcome(
 
 
 class Runner:
-    """Holds one child for each fold that is being computed."""
+    """Holds one child for each fold that is being computed.
+
+    Args:
+        settings: The settings.
+        store: Rows and files.
+    """
 
     def __init__(self, settings: Settings, store: Store) -> None:
         self._settings = settings
@@ -69,14 +89,27 @@ class Runner:
         self._children.prewarm()
 
     def stop(self) -> None:
-        """Ends all children; their folds stay as they are and go on with the next start."""
+        """Ends all children; their folds go on elsewhere, or with the next start."""
         self._stopping.set()
         self._children.close()
 
-    def run(self, fold_id: str, stage: str) -> Outcome:
-        """Computes one stage of a fold. Whatever goes wrong is an outcome, not an exception."""
+    def run(self, fold_id: str, stage: str, worker: str, known: int) -> Outcome:
+        """Computes one stage of a fold. Whatever goes wrong is an outcome, not an exception.
+
+        Args:
+            fold_id: The fold.
+            stage: The stage.
+            worker: Who computes it, by a name that each execution has for itself.
+            known: The epoch under which the stage before was computed.
+        """
+        epoch = known
         try:
-            outcome = self._run(fold_id, stage)
+            begun = self._patiently(lambda: self._store.begin(fold_id, stage, worker))
+            if begun is None:
+                outcome = self._stopped(fold_id, None)
+            else:
+                epoch = begun
+                outcome = self._run(fold_id, stage, worker, known, epoch)
         except InputError as error:
             error = self._advised(fold_id, error)
             outcome = _outcome(
@@ -84,7 +117,7 @@ class Runner:
                 error={"code": error.code, "detail": error.detail, "where": error.where},
             )
         except ChildError as error:
-            self._release(fold_id)
+            self._release(worker)
             outcome = _outcome(
                 "failed",
                 error={"code": error.code, "detail": error.detail, "where": stage},
@@ -93,27 +126,60 @@ class Runner:
         except Exception as error:
             log.exception("fold %s failed in stage %s", fold_id, stage)
             outcome = self.failure(error, stage)
-        if self._stopping.is_set():
-            # The child was ended by us: say nothing, so that the job goes on after a restart.
-            threading.Event().wait()
+        self._halt()
+        outcome["epoch"] = epoch
         if outcome["ended"]:
+            self._release(worker)
+            self._close(fold_id)
             log.info("fold %s: %s in stage %s", fold_id, outcome["status"], stage)
+        if epoch != 0:
+            outcome["bytes"] = self._patiently(lambda: self._store.folders.keep(fold_id, epoch))
         return outcome
 
-    def finish(self, fold_id: str, outcome: Outcome) -> None:
+    def finish(self, fold_id: str, outcome: Outcome, worker: str) -> None:
         """Notes the end of a fold in its row, or clears up after one that was deleted."""
-        self._release(fold_id)
-        self._close(fold_id)
-        known = self._store.finish(
-            fold_id,
-            outcome["status"],
-            summary=outcome["summary"],
-            error=outcome["error"],
-            repeatable=outcome["repeatable"],
+        self._release(worker)
+        if self._store.folders.storage is None:
+            self._close(fold_id)
+        known = self._patiently(
+            lambda: self._store.finish(
+                fold_id,
+                outcome["status"],
+                summary=outcome["summary"],
+                error=outcome["error"],
+                repeatable=outcome["repeatable"],
+                kept=outcome["epoch"],
+                size=outcome["bytes"],
+            )
         )
-        if not known:
-            shutil.rmtree(self._store.directory(fold_id), ignore_errors=True)
+        if known:
+            self._patiently(lambda: self._store.folders.leave(fold_id, outcome["epoch"]))
+        else:
+            self._patiently(lambda: self._store.folders.remove(fold_id))
         self.prewarm()
+
+    def _patiently(self, do: Callable[[], Answer]) -> Answer:
+        """What it returns, once the database and the storage answer and the disk has room."""
+        told = False
+        while True:
+            try:
+                return do()
+            except (DBAPIError, StorageError, OSError) as error:
+                if isinstance(error, DBAPIError) and not _passes(error):
+                    raise
+                if not told:
+                    log.warning("what is kept elsewhere does not answer, waiting: %s", error)
+                told = True
+            self._stopping.wait(TRY_AGAIN_S)
+            self._halt()
+
+    def _halt(self) -> None:
+        """Never returns once the worker ends.
+
+        The step was cut off by us: it must not have a result, so that the job goes on later.
+        """
+        if self._stopping.is_set():
+            threading.Event().wait()
 
     @staticmethod
     def failure(error: Exception, stage: str | None) -> Outcome:
@@ -129,30 +195,33 @@ class Runner:
             repeatable=False,
         )
 
-    def _run(self, fold_id: str, stage: str) -> Outcome:
-        if not self._store.begin(fold_id, stage):
-            return self._stopped(fold_id)
-        child = self._taken.get(fold_id)
+    def _run(self, fold_id: str, stage: str, worker: str, known: int, epoch: int) -> Outcome:
+        child = self._taken.get(worker)
         if child is None:
-            child = self._taken[fold_id] = self._children.take()
+            child = self._taken[worker] = self._children.take()
         if stage == "certify":
             self.prewarm()  # by the time this fold is over, the next one's child is ready
-        news = _News(self._store, fold_id, stage)
-        result = child.call(
-            stage,
-            self._store.directory(fold_id),
-            wall_s=self._settings.stage_seconds,
-            on_progress=news.take,
-            cancelled=news.cancelled,
-        )
-        if result.get("status") == "cancelled" or not news.last():
-            return self._stopped(fold_id)
+        directory = self._patiently(lambda: self._store.folders.bring(fold_id, known, epoch))
+        news = _News(self._store, fold_id, stage, epoch)
+        with _keeping(self._store, fold_id, epoch):
+            result = child.call(
+                stage,
+                directory,
+                wall_s=self._settings.stage_seconds,
+                on_progress=news.take,
+                cancelled=news.cancelled,
+            )
+        news.take_end()
+        if result.get("status") == "cancelled" or not self._patiently(news.last):
+            return self._stopped(fold_id, epoch)
         if stage == "read":
-            self._store.describe(
-                fold_id,
-                name=str(result["name"]),
-                modules=int(result["modules"]),
-                module=str(result["module"]),
+            self._patiently(
+                lambda: self._store.describe(
+                    fold_id,
+                    name=str(result["name"]),
+                    modules=int(result["modules"]),
+                    module=str(result["module"]),
+                )
             )
         if stage == STAGES[-1]:
             status = "verified" if result.get("status") == "verified" else "failed"
@@ -169,37 +238,74 @@ class Runner:
         """The refusal, with shapes that a refold could lead to instead."""
         if error.code != "refold-differs":
             return error
-        start = json.loads((self._store.directory(fold_id) / START_CHAIN).read_bytes())
+        start = json.loads((self._store.folders.place(fold_id) / START_CHAIN).read_bytes())
         return Gallery().advised(error, str(start["module"]), int(start["modules"]))
 
-    def _stopped(self, fold_id: str) -> Outcome:
+    def _stopped(self, fold_id: str, epoch: int | None) -> Outcome:
+        """The outcome of a fold that shall not go on here, and why."""
         try:
-            row = self._store.fold(fold_id)
+            row = self._patiently(lambda: self._store.fold(fold_id))
         except NoSuchFoldError:
             return _outcome("cancelled")
         if row.over:  # a step that is repeated after its end was noted
             return _outcome(row.status, summary=row.summary, error=row.error)
+        if epoch is not None and row.epoch != epoch and not row.cancel_requested:
+            # Whoever took it over goes on with it; the job system takes no result from here.
+            log.warning("fold %s was taken over by %s", fold_id, row.worker)
         return _outcome("cancelled", repeatable=False)
 
     def _close(self, fold_id: str) -> None:
         """Closes the timeline of a stage that was ended before it could."""
-        path = self._store.directory(fold_id) / "timeline.zarr"
+        path = self._store.folders.place(fold_id) / "timeline.zarr"
         with contextlib.suppress(TimelineError, OSError, ValueError, KeyError):
             if Timeline.open(path).status == "growing":
                 TimelineWriter.reopen(path).close("failed")
 
-    def _release(self, fold_id: str) -> None:
-        child = self._taken.pop(fold_id, None)
+    def _release(self, worker: str) -> None:
+        child = self._taken.pop(worker, None)
         if child is not None:
             self._children.release(child)
+
+
+@contextlib.contextmanager
+def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
+    """Keeps what grows while a stage computes, so that readers elsewhere see it grow."""
+    folders = store.folders
+    if folders.storage is None:
+        yield
+        return
+    over = threading.Event()
+
+    def keep() -> None:
+        shown = False
+        while True:
+            try:
+                folders.keep(fold_id, epoch)
+                if not shown:
+                    store.show(fold_id, epoch)
+                    shown = True
+            except (StorageError, DBAPIError, OSError) as error:
+                log.warning("fold %s could not be kept just now: %s", fold_id, error)
+            if over.wait(KEEP_EVERY_S):
+                return
+
+    thread = threading.Thread(target=keep, name="keeping", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 class _News:
     """Carries progress to the row, and the wish to cancel back, both at a bounded pace."""
 
-    def __init__(self, store: Store, fold_id: str, stage: str) -> None:
+    def __init__(self, store: Store, fold_id: str, stage: str, epoch: int) -> None:
         self._store = store
         self._fold_id = fold_id
+        self._epoch = epoch
+        self._place = store.folders.place(fold_id)
         self._progress: dict[str, Any] = {
             "stage": stage,
             "fraction": 0.0,
@@ -216,15 +322,32 @@ class _News:
         self._progress = {key: event[key] for key in self._progress}
         self._waits = True
 
+    def take_end(self) -> None:
+        """The child is done: what it has made is reported once more."""
+        self._waits = True
+
     def cancelled(self) -> bool:
         """Whether the fold is not wanted any more, as of the last report."""
         if time.monotonic() - self._at >= REPORT_EVERY_S:
-            self.last()
+            try:
+                self.last()
+            except DBAPIError as error:
+                if not _passes(error):
+                    raise
+                self._at = time.monotonic()  # it is computed on meanwhile
         return not self._going
 
     def last(self) -> bool:
         """Reports what waits; False when the fold is not wanted any more."""
-        self._going = self._store.report(self._fold_id, self._progress if self._waits else None)
+        progress = {**self._progress, "frames": frames_promised(self._place)}
+        self._going = self._store.report(
+            self._fold_id, self._epoch, progress if self._waits else None
+        )
         self._waits = False
         self._at = time.monotonic()
         return self._going
+
+
+def _passes(error: DBAPIError) -> bool:
+    """Whether an error of the database may be over soon: it is away, locked or full."""
+    return isinstance(error, OperationalError | InterfaceError) or error.connection_invalidated

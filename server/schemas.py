@@ -9,8 +9,9 @@ from pydantic import BaseModel, Field
 
 from planner.exports import Export
 from server.gallery import GalleryShape
+from server.leases import Leases
 from server.store import FoldRow, Store
-from server.timelines import frames_promised
+from server.turns import wait_s
 
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 Stage = Literal["read", "explode", "play_back", "certify", "export"]
@@ -114,6 +115,9 @@ class Progress(BaseModel):
     modules: int
     queue_position: int = Field(description="1 is next; 0 when it does not wait.")
     frames: int = Field(description="Frames that can be seen so far.")
+    wait_s: float | None = Field(
+        description="About how long it will wait; null when it does not, or when no worker runs."
+    )
 
 
 class Fault(BaseModel):
@@ -147,7 +151,7 @@ class Fold(BaseModel):
     links: Links
 
     @classmethod
-    def of(cls, row: FoldRow, store: Store) -> Fold:
+    def of(cls, row: FoldRow, store: Store, leases: Leases) -> Fold:
         """What the API shows of a row."""
         return cls(
             id=row.id,
@@ -162,7 +166,7 @@ class Fold(BaseModel):
             preset=row.preset,
             seed=row.seed,
             module_size=row.module_size,
-            progress=Progress.model_validate(progress_of(row, store)),
+            progress=Progress.model_validate(progress_of(row, store, leases)),
             summary=row.summary,
             error=Fault.model_validate(row.error) if row.error else None,
             links=Links.of(row.id),
@@ -316,9 +320,14 @@ class FramesBody(BaseModel):
     wxyzs: list[list[list[float]]] | None = Field(description="(F, n, 4), with poses=true.")
 
 
-def progress_of(row: FoldRow, store: Store) -> dict[str, Any]:
+def progress_of(row: FoldRow, store: Store, leases: Leases) -> dict[str, Any]:
     """The progress of a fold, as its events tell it."""
     told = row.progress
+    place, wait = 0, None
+    if row.status == "queued":
+        place, ahead_s, running_s = store.ahead(row)
+        wait = wait_s(ahead_s=ahead_s, running_s=running_s, at_once=leases.at_once())
+        wait = None if wait is None else round(wait, 1)
     return {
         "status": row.status,
         "stage": row.stage,
@@ -327,6 +336,7 @@ def progress_of(row: FoldRow, store: Store) -> dict[str, Any]:
         "steps_per_second": float(told.get("steps_per_second", 0.0)),
         "message": str(told.get("message", "")),
         "modules": row.modules,
-        "queue_position": store.queue_position(row),
-        "frames": frames_promised(store.directory(row.id)),
+        "queue_position": place,
+        "frames": int(told.get("frames", 0)),
+        "wait_s": wait,
     }

@@ -165,6 +165,16 @@ class Settings(BaseSettings):
         return self.root / "uploads"
 
     @property
+    def work_dir(self) -> Path:
+        """Where folds are computed that are kept elsewhere."""
+        return self.root / "work"
+
+    @property
+    def cache_dir(self) -> Path:
+        """Copies of files that are kept elsewhere."""
+        return self.root / "cache"
+
+    @property
     def previews_dir(self) -> Path:
         """Holds uploads that somebody looks at before folding them."""
         return self.root / "previews"
@@ -172,11 +182,17 @@ class Settings(BaseSettings):
     @property
     def store_url(self) -> str:
         """Where the rows are."""
-        return self.database_url or f"sqlite:///{self.root / 'foldback.db'}"
+        url = self.database_url or f"sqlite:///{self.root / 'foldback.db'}"
+        for scheme in ("postgres://", "postgresql://"):
+            if url.startswith(scheme):
+                return f"postgresql+psycopg://{url.removeprefix(scheme)}"
+        return url
 
     @property
     def queue_url(self) -> str:
         """Where the job system keeps its tables."""
+        if self.jobs_url is None and self.store_url.startswith("postgresql"):
+            return self.store_url
         return self.jobs_url or f"sqlite:///{self.root / 'jobs.db'}"
 
     def make_directories(self) -> None:

@@ -8,22 +8,24 @@ import time
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session, sessionmaker
 
-from server.database import ENDED, FoldRow, OwnerRow, engine_for, migrate
+from server.database import ENDED, FoldRow, OwnerRow, SecretRow, engine_for, migrate
+from server.folders import Folders, NoSuchFoldError
 from server.settings import Settings
+from server.turns import expected_s, turn_of
 
 __all__ = ["FoldRow", "NoSuchFoldError", "Store", "hash_of", "new_id", "new_token"]
 
 WAITING = ("queued", "running")
-
-
-class NoSuchFoldError(LookupError):
-    """There is no fold with this id."""
+LOOKED_EVERY_S: Final = 3600.0
+"""How exactly it is known when somebody last looked at a fold."""
+PACE_OF: Final = 40
+"""Folds that say how much longer folds take here than where they were measured."""
 
 
 def new_id() -> str:
@@ -43,11 +45,14 @@ def hash_of(token: str) -> str:
 
 
 class Store:
-    """Rows in a database, files in directories. Safe to use from many threads."""
+    """Rows in a database, files in folders. Safe to use from many threads.
+
+    Attributes:
+        folders: Where the files are.
+    """
 
     def __init__(self, settings: Settings) -> None:
-        self._settings = settings
-        settings.make_directories()
+        self.folders = Folders(settings)
         self._engine = engine_for(settings.store_url)
         migrate(self._engine)
         self._sessions = sessionmaker(self._engine, expire_on_commit=False)
@@ -55,6 +60,7 @@ class Store:
     def close(self) -> None:
         """Lets go of all connections."""
         self._engine.dispose()
+        self.folders.close()
 
     def check(self) -> None:
         """Raises when the database does not answer."""
@@ -62,14 +68,27 @@ class Store:
             connection.execute(sa.select(1))
 
     def directory(self, fold_id: str) -> Path:
-        """Where the files of a fold are; ids are checked before they become a path.
+        """Where the files of a fold are, as readers see them.
 
         Raises:
-            NoSuchFoldError: When this is not an id.
+            NoSuchFoldError: When this is not an id, or, where files are kept elsewhere, when there
+                is no such fold.
+            StorageError: When the storage does not answer.
         """
-        if not (fold_id.isascii() and fold_id.isalnum() and len(fold_id) <= 32):
-            raise NoSuchFoldError(fold_id)
-        return self._settings.folds_dir / fold_id
+        place = self.folders.place(fold_id)
+        return place if self.folders.storage is None else self.folders.shown(self.fold(fold_id))
+
+    @contextmanager
+    def reading(self) -> Generator[Session]:
+        """A session that reads."""
+        with self._sessions() as session:
+            yield session
+
+    @contextmanager
+    def changing(self) -> Generator[Session]:
+        """A session whose changes are made together, or not at all."""
+        with self._sessions.begin() as session:
+            yield session
 
     # Reading
 
@@ -131,13 +150,47 @@ class Store:
 
     def queue_position(self, row: FoldRow) -> int:
         """1 for the fold that is next, and so on; 0 when it is not queued."""
-        if row.status != "queued":
-            return 0
-        query = sa.select(sa.func.count()).where(
-            FoldRow.status == "queued", FoldRow.created_at < row.created_at
+        return self.ahead(row)[0] if row.status == "queued" else 0
+
+    def ahead(self, row: FoldRow) -> tuple[int, float, float]:
+        """What a queued fold waits for.
+
+        Returns:
+            Its place, 1 for the next; what the folds before it are expected to take; and what is
+            left of those that are being computed. Both in seconds of the machines measured lately.
+        """
+        before = sa.or_(
+            FoldRow.turn < row.turn,
+            sa.and_(FoldRow.turn == row.turn, FoldRow.created_at < row.created_at),
         )
-        with self._sessions() as session:
-            return (session.scalar(query) or 0) + 1
+        queued = sa.select(
+            sa.func.count(), sa.func.coalesce(sa.func.sum(FoldRow.cost_s), 0.0)
+        ).where(FoldRow.status == "queued", before)
+        running = sa.select(FoldRow.cost_s, FoldRow.started_at).where(FoldRow.status == "running")
+        now = time.time()
+        with self.reading() as session:
+            count, cost_s = session.execute(queued).one()
+            pace = self._pace(session)
+            left = [
+                max(0.2 * pace * cost, pace * cost - (now - (started or now)))
+                for cost, started in session.execute(running)
+            ]
+        return count + 1, pace * float(cost_s), sum(left)
+
+    @staticmethod
+    def _pace(session: Session) -> float:
+        """How much longer folds take lately than they are expected to; 1 when nobody knows."""
+        lately = (
+            sa.select(FoldRow.ended_at - FoldRow.started_at, FoldRow.cost_s)
+            .where(FoldRow.status == "verified", FoldRow.cost_s > 0)
+            .order_by(FoldRow.created_at.desc())
+            .limit(PACE_OF)
+        )
+        taken = cost = 0.0
+        for took, expected in session.execute(lately):
+            if took is not None and took >= 0:
+                taken, cost = taken + took, cost + expected
+        return taken / cost if taken and cost else 1.0
 
     def counts(self) -> dict[str, int]:
         """Number of folds by status."""
@@ -148,10 +201,15 @@ class Store:
     # Writing, on the side of the visitors
 
     def add(self, row: FoldRow, token: str) -> bool:
-        """Adds a fold with its first owner; False when its content key is taken by another."""
+        """Adds a fold with its first owner; False when its content key is taken by another.
+
+        Its turn in the queue is settled here.
+        """
         owner = OwnerRow(fold_id=row.id, token_hash=hash_of(token), created_at=row.created_at)
+        row.cost_s = expected_s(row.modules)
         try:
-            with self._changing() as session:
+            with self.changing() as session:
+                row.turn = self._turn(session, row)
                 session.add(row)
                 session.flush()
                 session.add(owner)
@@ -161,9 +219,36 @@ class Store:
             return False
         return True
 
+    @staticmethod
+    def _turn(session: Session, row: FoldRow) -> int:
+        latest = sa.select(sa.func.max(FoldRow.turn))
+        own = latest.where(FoldRow.status.in_(WAITING), FoldRow.visitor == row.visitor)
+        now = session.scalar(latest.where(FoldRow.started_at.is_not(None))) or 0
+        last = session.scalar(own)
+        return turn_of(now=now, last_own=last, cost_s=row.cost_s, first=row.public)
+
+    def secret(self, name: str, made: bytes) -> bytes:
+        """A secret of the service; ``made`` becomes it when there is none yet."""
+        with self.reading() as session:
+            known = session.get(SecretRow, name)
+        if known is None:
+            try:
+                with self.changing() as session:
+                    session.add(SecretRow(name=name, value=made))
+                return made
+            except IntegrityError:  # another process was quicker
+                return self.secret(name, made)
+        return known.value
+
+    def looked(self, row: FoldRow) -> None:
+        """Notes that somebody looks at a fold, now and then."""
+        now = time.time()
+        if abs(now - (row.seen_at or 0.0)) > LOOKED_EVERY_S:
+            self._change(row.id, seen_at=now)
+
     def claim(self, fold_id: str, token: str) -> None:
         """Gives one more visitor a claim on a fold."""
-        with self._changing() as session:
+        with self.changing() as session:
             if session.get(OwnerRow, (fold_id, hash_of(token))) is None:
                 session.add(
                     OwnerRow(fold_id=fold_id, token_hash=hash_of(token), created_at=time.time())
@@ -171,7 +256,7 @@ class Store:
 
     def release(self, fold_id: str, token: str) -> int:
         """Takes a visitor's claim back; how many others have one."""
-        with self._changing() as session:
+        with self.changing() as session:
             session.execute(
                 sa.delete(OwnerRow).where(
                     OwnerRow.fold_id == fold_id, OwnerRow.token_hash == hash_of(token)
@@ -190,7 +275,7 @@ class Store:
 
     def request_cancel(self, fold_id: str) -> None:
         """A queued fold is cancelled at once, a running one as soon as its worker sees this."""
-        with self._changing() as session:
+        with self.changing() as session:
             queued = sa.update(FoldRow).where(FoldRow.id == fold_id, FoldRow.status == "queued")
             session.execute(
                 queued.values(
@@ -205,16 +290,26 @@ class Store:
 
     def delete(self, fold_id: str) -> None:
         """Forgets a fold; its directory is the caller's to remove."""
-        with self._changing() as session:
+        with self.changing() as session:
             session.execute(sa.delete(OwnerRow).where(OwnerRow.fold_id == fold_id))
             session.execute(sa.delete(FoldRow).where(FoldRow.id == fold_id))
 
     # Writing, on the side of the workers
 
-    def begin(self, fold_id: str, stage: str) -> bool:
-        """Marks a stage as running; False when the fold is cancelled, over or deleted."""
-        with self._changing() as session:
-            changed = session.execute(
+    def begin(self, fold_id: str, stage: str, worker: str) -> int | None:
+        """Marks a stage as running.
+
+        Args:
+            fold_id: The fold.
+            stage: What is computed now.
+            worker: Who computes it, by a name that nobody had before: whoever held the fold until
+                now loses it.
+
+        Returns:
+            The epoch in which it is computed; None when it is cancelled, over or deleted.
+        """
+        with self.changing() as session:
+            return session.scalar(
                 sa.update(FoldRow)
                 .where(
                     FoldRow.id == fold_id,
@@ -225,26 +320,44 @@ class Store:
                     status="running",
                     stage=stage,
                     started_at=sa.func.coalesce(FoldRow.started_at, time.time()),
+                    epoch=sa.case(
+                        (FoldRow.worker == worker, FoldRow.epoch), else_=FoldRow.epoch + 1
+                    ),
+                    worker=worker,
                 )
+                .returning(FoldRow.epoch)
             )
-            return bool(_rows(changed))
+
+    def show(self, fold_id: str, epoch: int) -> None:
+        """Has readers see what was kept in an epoch, if it lasts."""
+        with self.changing() as session:
+            session.execute(
+                sa.update(FoldRow)
+                .where(FoldRow.id == fold_id, FoldRow.epoch == epoch)
+                .values(kept=epoch)
+            )
 
     def describe(self, fold_id: str, *, name: str, modules: int, module: str) -> None:
         """Notes what the chain of a fold is; one of the gallery keeps the name it has there."""
         self._change(fold_id, modules=modules, module=module)
-        with self._changing() as session:
+        with self.changing() as session:
             session.execute(
                 sa.update(FoldRow)
                 .where(FoldRow.id == fold_id, FoldRow.shape.is_(None))
                 .values(name=name[:200])
             )
 
-    def report(self, fold_id: str, progress: dict[str, Any] | None = None) -> bool:
-        """Notes progress, when there is news; False when the fold shall not go on."""
-        with self._changing() as session:
-            going = (FoldRow.id == fold_id, FoldRow.cancel_requested.is_(False))
-            if progress is None:
+    def report(self, fold_id: str, epoch: int, progress: dict[str, Any] | None = None) -> bool:
+        """Notes progress, when there is news; False when the fold shall not go on here."""
+        going = (
+            FoldRow.id == fold_id,
+            FoldRow.epoch == epoch,
+            FoldRow.cancel_requested.is_(False),
+        )
+        if progress is None:
+            with self.reading() as session:
                 return session.scalar(sa.select(FoldRow.id).where(*going)) is not None
+        with self.changing() as session:
             changed = session.execute(sa.update(FoldRow).where(*going).values(progress=progress))
             return bool(_rows(changed))
 
@@ -256,6 +369,8 @@ class Store:
         summary: dict[str, Any],
         error: dict[str, Any] | None = None,
         repeatable: bool = True,
+        kept: int | None = None,
+        size: int = 0,
     ) -> bool:
         """Ends a fold, once; False when it was deleted.
 
@@ -266,16 +381,22 @@ class Store:
             error: ``code``, ``detail``, ``where`` of what went wrong, or None.
             repeatable: Whether the same upload would end the same way. If not, the next one is
                 computed anew.
+            kept: The epoch whose files readers see from now on; as before when None.
+            size: Bytes of its files.
         """
         values: dict[str, Any] = {
             "status": status,
             "ended_at": time.time(),
             "summary": summary,
             "error": error,
+            "bytes": size,
+            "seen_at": time.time(),
         }
+        if kept is not None:
+            values["kept"] = kept
         if not repeatable:
             values["content_key"] = None
-        with self._changing() as session:
+        with self.changing() as session:
             session.execute(
                 sa.update(FoldRow)
                 .where(FoldRow.id == fold_id, FoldRow.status.not_in(ENDED))
@@ -289,13 +410,8 @@ class Store:
         return session.scalar(query) or 0
 
     def _change(self, fold_id: str, **values: Any) -> None:
-        with self._changing() as session:
+        with self.changing() as session:
             session.execute(sa.update(FoldRow).where(FoldRow.id == fold_id).values(**values))
-
-    @contextmanager
-    def _changing(self) -> Generator[Session]:
-        with self._sessions.begin() as session:
-            yield session
 
 
 def _rows(result: sa.Result[Any]) -> int:

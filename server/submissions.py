@@ -93,13 +93,11 @@ def submit(context: Context, submission: Submission) -> Receipt:
     _check_room(context, submission)
     fold_id = new_id()
     aside = context.settings.uploads_dir / fold_id
-    directory = context.store.directory(fold_id)
     try:
         _write(aside, submission)
         found = _read(context, aside, submission.beginning)
         _note(aside, submission)
-        os.rename(aside, directory)
-        _sync(directory.parent)
+        context.store.folders.adopt(aside, fold_id)
         row = FoldRow(
             id=fold_id,
             name=_title(context, submission.shape) or found.name,
@@ -124,7 +122,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
             refold=submission.beginning and submission.beginning.name,
         )
         if not context.store.add(row, token):
-            shutil.rmtree(directory, ignore_errors=True)
+            context.store.folders.remove(fold_id)
             if (known := _known(context, submission, token)) is not None:
                 return known
             raise Problem(409, "changed-meanwhile", "The same fold just ended; try again.")
@@ -134,7 +132,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
         ) from error
     finally:
         shutil.rmtree(aside, ignore_errors=True)
-    context.jobs.enqueue(fold_id, gallery=row.public)
+    context.jobs.enqueue(fold_id, row.turn)
     return Receipt(row=row, token=token, existing=False)
 
 
@@ -189,7 +187,7 @@ def _known(context: Context, submission: Submission, token: str) -> Receipt | No
         context.store.publish(row.id, submission.shape, name=title)
     context.store.claim(row.id, token)
     if row.status == "queued":  # if its job was lost in a crash, this brings it back
-        context.jobs.enqueue(row.id, gallery=row.public)
+        context.jobs.enqueue(row.id, row.turn)
     return Receipt(row=row, token=token, existing=True)
 
 

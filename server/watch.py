@@ -9,6 +9,7 @@ import time
 from collections.abc import AsyncIterator
 from typing import Any, Final
 
+from server.leases import Leases
 from server.schemas import progress_of
 from server.store import NoSuchFoldError, Store
 
@@ -20,8 +21,9 @@ MOST_KEPT: Final = 1024
 class Watch:
     """Keeps each looked-at state for a moment."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, leases: Leases) -> None:
         self._store = store
+        self._leases = leases
         self._looks: dict[str, tuple[float, asyncio.Task[dict[str, Any]]]] = {}
         self._ending = asyncio.Event()
 
@@ -69,7 +71,7 @@ class Watch:
                 await asyncio.wait_for(self._ending.wait(), LOOK_EVERY_S)
 
     def _look(self, fold_id: str) -> dict[str, Any]:
-        return progress_of(self._store.fold(fold_id), self._store)
+        return progress_of(self._store.fold(fold_id), self._store, self._leases)
 
 
 def _event(name: str, data: dict[str, Any]) -> bytes:

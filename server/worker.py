@@ -8,47 +8,97 @@ from __future__ import annotations
 
 import logging
 import os
+import secrets
 import signal
+import socket
 import sys
 import threading
-from collections.abc import Callable
+import time
+from collections import Counter
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Final
 
 from dbos import DBOS, DBOSConfig
+from dbos._dbos import _get_dbos_instance  # pyright: ignore[reportPrivateUsage]
+from dbos._utils import INTERNAL_QUEUE_NAME
 
 from server.jobs import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, prepare
+from server.leases import Leases
 from server.logs import set_up_logs
 from server.movie_jobs import MovieJobs
 from server.runner import STAGES, Outcome, Runner
 from server.settings import Settings
-from server.slots import Slot
+from server.slots import Slots
 from server.store import Store
+from server.sweeper import Sweeper
 
 LOOK_EVERY_S: Final = 2.0
+BEATS_A_LEASE: Final = 5
+STRAY_S: Final = 5.0
+"""How long a job of ours that nothing here works on may be about to begin."""
+SWEEP_EVERY_S: Final = 60.0
 # A job ends so when not even its end could be noted, or when it took its worker along every time.
 FAILED_JOBS: Final = ("ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED")
 log = logging.getLogger("foldback.worker")
 
 
-def register(runner: Runner, movies: MovieJobs) -> None:
+class Active:
+    """The jobs that this process works on."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._jobs: Counter[str] = Counter()
+
+    @contextmanager
+    def working(self, job: str) -> Generator[None]:
+        """Counts a job for as long as it lasts."""
+        with self._lock:
+            self._jobs[job] += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._jobs[job] -= 1
+
+    def __contains__(self, job: str) -> bool:
+        with self._lock:
+            return self._jobs[job] > 0
+
+    def __len__(self) -> int:
+        with self._lock:
+            return self._jobs.total()
+
+
+def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> None:
     """Tells the job system what a fold is: one step a stage, then its end; and what a movie is."""
 
     def fold(fold_id: str) -> str:
+        # The job system sees to it that of several executions only the last one has results.
+        worker = f"{name}:{secrets.token_hex(6)}"
         stage: str = STAGES[0]
-        try:
-            outcome: Outcome = DBOS.run_step({"name": stage}, runner.run, fold_id, stage)
-            while (following := outcome["following"]) is not None and not outcome["ended"]:
-                stage = following
-                outcome = DBOS.run_step({"name": stage}, runner.run, fold_id, stage)
-        except Exception as error:
-            log.exception("fold %s failed", fold_id)
-            outcome = runner.failure(error, stage)
-        DBOS.run_step({"name": "finish"}, runner.finish, fold_id, outcome)
+        epoch = 0
+        with active.working(fold_id):
+            try:
+                while True:
+                    outcome: Outcome = DBOS.run_step(
+                        {"name": stage}, runner.run, fold_id, stage, worker, epoch
+                    )
+                    epoch = outcome["epoch"]
+                    if outcome["ended"] or outcome["following"] is None:
+                        break
+                    stage = outcome["following"]
+            except Exception as error:
+                log.exception("fold %s failed", fold_id)
+                outcome = runner.failure(error, stage)
+                outcome["epoch"] = epoch
+            DBOS.run_step({"name": "finish"}, runner.finish, fold_id, outcome, worker)
         return outcome["status"]
 
     def movie(fold_id: str, movie_id: str, job: str) -> None:
-        DBOS.run_step({"name": "film"}, movies.make, fold_id, movie_id, job)
+        with active.working(job):
+            DBOS.run_step({"name": "film"}, movies.make, fold_id, movie_id, job)
 
     DBOS.workflow(name=WORKFLOW)(fold)
     DBOS.workflow(name=MOVIE_WORKFLOW)(movie)
@@ -65,28 +115,94 @@ def _hold_leash(on_end: Callable[[], None]) -> None:
     threading.Thread(target=wait, name="leash", daemon=True).start()
 
 
-def _look_after(slot: Slot, store: Store, runner: Runner, stopping: threading.Event) -> None:
-    """Takes over the folds of dead workers on this machine, and ends those whose job has failed."""
-    while not stopping.wait(LOOK_EVERY_S):
-        try:
-            dead = set(slot.dead())
-            if dead:
-                running = DBOS.list_workflows(status="PENDING", load_input=False)
-                left = sorted({str(w.executor_id) for w in running} & dead)
-                if left:
-                    log.info("taking over the folds of %s", ", ".join(left))
-                    DBOS._recover_pending_workflows(left)  # pyright: ignore[reportPrivateUsage]
-            for row in store.unfinished():
-                job = DBOS.get_workflow_status(row.id)
-                if job is not None and job.status in FAILED_JOBS:
-                    log.error("fold %s: its job ended as %s", row.id, job.status)
-                    runner.finish(row.id, runner.failure(RuntimeError(job.status), row.stage))
-        except Exception:
-            log.exception("looking after folds failed")
+class _Caretaker:
+    """Looks after the jobs of all workers: those of dead ones are taken over by living ones."""
+
+    def __init__(
+        self, settings: Settings, store: Store, runner: Runner, name: str, active: Active
+    ) -> None:
+        self._settings = settings
+        self._store = store
+        self._runner = runner
+        self._name = name
+        self._active = active
+        self._leases = Leases(store, Slots(settings), settings.lease_s)
+        self._sweeper = Sweeper(settings, store)
+        self._strays: dict[str, float] = {}
+        self._swept_at = time.monotonic()
+
+    def beat(self) -> None:
+        """Says that this worker lives."""
+        at_once = self._settings.folds_per_worker
+        self._leases.beat(
+            self._name, host=socket.gethostname()[:200], pid=os.getpid(), folds_at_once=at_once
+        )
+
+    def leave(self) -> None:
+        """Says that it ends."""
+        self._leases.leave(self._name)
+
+    def look(self) -> None:
+        """Looks once."""
+        running = DBOS.list_workflows(status="PENDING", load_input=False)
+        holders = {str(job.executor_id) for job in running}
+        for dead in self._leases.dead(holders) - {self._name}:
+            if dead in holders:
+                log.info("taking over the folds of %s", dead)
+                DBOS._recover_pending_workflows([dead])  # pyright: ignore[reportPrivateUsage]
+            self._leases.leave(dead)
+        self._hand_back_strays(
+            [str(job.workflow_id) for job in running if job.executor_id == self._name]
+        )
+        for row in self._store.unfinished():
+            job = DBOS.get_workflow_status(row.id)
+            if job is not None and job.status in FAILED_JOBS:
+                log.error("fold %s: its job ended as %s", row.id, job.status)
+                outcome = self._runner.failure(RuntimeError(job.status), row.stage)
+                outcome["epoch"] = row.kept
+                self._runner.finish(row.id, outcome, self._name)
+        if time.monotonic() - self._swept_at >= SWEEP_EVERY_S:
+            self._swept_at = time.monotonic()
+            self._sweeper.sweep()
+
+    def _hand_back_strays(self, own: list[str]) -> None:
+        """Has jobs done again that are ours and that nothing works on.
+
+        Not even that a step is over could be noted, for the disk was full or the database away.
+        """
+        now = time.monotonic()
+        self._strays = {job: self._strays.get(job, now) for job in own if job not in self._active}
+        for job, since in list(self._strays.items()):
+            if now - since >= STRAY_S:
+                log.warning("job %s was dropped; it goes on", job)
+                hand_back(job, self._name)
+                del self._strays[job]
+
+
+def hand_back(job: str, worker: str) -> None:
+    """Puts one job of a worker back into its queue."""
+    system = _get_dbos_instance()._sys_db  # pyright: ignore[reportPrivateUsage]
+    system.reenqueue_for_recovery(job, [worker], INTERNAL_QUEUE_NAME)
+
+
+def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], what: str) -> None:
+    """Does something again and again in a thread, whatever goes wrong."""
+
+    def loop() -> None:
+        while not stopping.wait(every_s):
+            try:
+                do()
+            except Exception:
+                log.exception("%s failed", what)
+
+    threading.Thread(target=loop, name=what, daemon=True).start()
 
 
 def work(settings: Settings, *, leashed: bool = False) -> None:
     """Works until told to end, by a signal or by the end of who started it.
+
+    Told so it takes nothing new, goes on for as long as the settings let it, and hands back to the
+    queue what is not over by then. Told twice it does not go on.
 
     Args:
         settings: The settings.
@@ -96,17 +212,19 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     store = Store(settings)
     runner = Runner(settings, store)
     runner.prewarm()
-    stopping = threading.Event()
-    told = threading.Event()
+    told = threading.Semaphore(0)
 
     def tell(number: int = 0, frame: FrameType | None = None) -> None:
-        told.set()
+        told.release()
+
+    def end() -> None:
+        told.release(2)
 
     signal.signal(signal.SIGTERM, tell)
     signal.signal(signal.SIGINT, tell)
     if leashed:
-        _hold_leash(tell)
-    slot = Slot(settings)
+        _hold_leash(end)
+    slot = Slots(settings).take()
     prepare(settings)
     config: DBOSConfig = {
         "name": APPLICATION,
@@ -116,14 +234,30 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         "log_level": "WARNING",
     }
     DBOS(config=config)
-    register(runner, MovieJobs(settings, store))
+    active = Active()
+    register(runner, MovieJobs(settings, store), slot.name, active)
+    stopping = threading.Event()
+    caretaker = _Caretaker(settings, store, runner, slot.name, active)
+    caretaker.beat()
     DBOS.launch()
-    threading.Thread(target=_look_after, args=(slot, store, runner, stopping), daemon=True).start()
+    _repeat(stopping, settings.lease_s / BEATS_A_LEASE, caretaker.beat, "saying that we live")
+    _repeat(stopping, LOOK_EVERY_S, caretaker.look, "looking after folds")
     log.info("worker %s is ready", slot.name)
-    told.wait()
-    log.info("worker %s ends; its folds go on when one starts again", slot.name)
+    told.acquire()
+    # Nothing new from here on.
+    for polling in _get_dbos_instance().background_thread_stop_events:
+        polling.set()
+    deadline = time.monotonic() + settings.drain_s
+    while len(active) and time.monotonic() < deadline and not told.acquire(timeout=0.1):
+        pass
+    log.info("worker %s ends; %d jobs go on elsewhere", slot.name, len(active))
     stopping.set()
     runner.stop()
+    try:
+        DBOS._recover_pending_workflows([slot.name])  # pyright: ignore[reportPrivateUsage]
+        caretaker.leave()
+    except Exception:
+        log.exception("handing back failed; others notice that we are gone")
     # Steps that were cut off must not get the time to note a result.
     sys.stdout.flush()
     sys.stderr.flush()

@@ -30,6 +30,7 @@ async def find_fold(app: Any, fold_id: str) -> Found | None:
             row = store.fold(fold_id)
         except LookupError:
             return None
-        return None if row is None else Found(row, Path(store.directory(fold_id)))
+        store.looked(row)
+        return Found(row, store.folders.shown(row))
 
     return await asyncio.to_thread(look)

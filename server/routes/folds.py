@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -166,13 +165,13 @@ def get_folds(context: Here, credentials: Bearer) -> Folds:
     if (token := _token(credentials)) is not None:
         rows.update({row.id: row for row in context.store.list_owned(token)})
     newest_first = sorted(rows.values(), key=lambda row: row.created_at, reverse=True)
-    return Folds(folds=[Fold.of(row, context.store) for row in newest_first])
+    return Folds(folds=[Fold.of(row, context.store, context.leases) for row in newest_first])
 
 
 @router.get("/{fold_id}", summary="The state of a fold", responses=problems(404))
 def get_fold(fold_id: str, context: Here) -> Fold:
     """What is known of it now."""
-    return Fold.of(context.store.fold(fold_id), context.store)
+    return Fold.of(context.store.fold(fold_id), context.store, context.leases)
 
 
 @router.get(
@@ -215,7 +214,7 @@ def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
     if not row.over and (store.owners(fold_id) == 1 or store.release(fold_id, token) == 0):
         store.request_cancel(fold_id)
         context.jobs.forget(fold_id)
-    return Fold.of(store.fold(fold_id), store)
+    return Fold.of(store.fold(fold_id), store, context.leases)
 
 
 @router.delete(
@@ -230,7 +229,7 @@ def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
         store.request_cancel(fold_id)
         store.delete(fold_id)
         context.jobs.forget(fold_id)
-        shutil.rmtree(store.directory(fold_id), ignore_errors=True)
+        store.folders.remove(fold_id)
     return Response(status_code=204)
 
 

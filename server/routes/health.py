@@ -9,7 +9,6 @@ from fastapi.responses import JSONResponse, PlainTextResponse
 from sqlalchemy.exc import SQLAlchemyError
 
 from server.routes.folds import Here
-from server.slots import living
 
 router = APIRouter(tags=["operation"])
 
@@ -31,7 +30,7 @@ def get_ready(context: Here) -> JSONResponse:
         database = f"does not answer: {type(error).__name__}"
     free = shutil.disk_usage(settings.root).free
     disk = "ok" if free >= settings.min_free_disk_bytes else f"{free // 2**20} MiB free"
-    workers = living(settings)
+    workers = len(context.leases.workers())
     ready = database == disk == "ok" and (workers > 0 or settings.workers == 0)
     return JSONResponse(
         {"ready": ready, "database": database, "disk": disk, "workers": workers},

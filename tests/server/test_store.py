@@ -11,6 +11,7 @@ import pytest
 from server.database import FoldRow
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store, new_id, new_token
+from server.turns import wait_s
 
 
 @pytest.fixture
@@ -61,11 +62,11 @@ def test_a_content_key_is_taken_once(store: Store) -> None:
 def test_an_end_is_the_end(store: Store) -> None:
     fold = row("key")
     store.add(fold, new_token())
-    assert store.begin(fold.id, "read")
+    assert store.begin(fold.id, "read", "one") == 1
     assert store.finish(fold.id, "verified", summary={"status": "verified"})
     assert store.finish(fold.id, "failed", summary={}, repeatable=False)
     assert store.fold(fold.id).status == "verified"
-    assert not store.begin(fold.id, "explode")
+    assert store.begin(fold.id, "explode", "one") is None
     store.request_cancel(fold.id)
     assert store.fold(fold.id).status == "verified"
 
@@ -74,14 +75,15 @@ def test_a_cancelled_fold_is_not_begun_and_frees_its_key(store: Store) -> None:
     queued, running = row("a"), row("b")
     for fold in (queued, running):
         store.add(fold, new_token())
-    store.begin(running.id, "explode")
-    assert store.report(running.id, {"fraction": 0.5})
+    epoch = store.begin(running.id, "explode", "one")
+    assert epoch is not None
+    assert store.report(running.id, epoch, {"fraction": 0.5})
     for fold in (queued, running):
         store.request_cancel(fold.id)
     assert store.fold(queued.id).status == "cancelled"
-    assert not store.begin(queued.id, "read")
-    assert not store.report(running.id, {"fraction": 0.6})
-    assert not store.report(running.id)
+    assert store.begin(queued.id, "read", "one") is None
+    assert not store.report(running.id, epoch, {"fraction": 0.6})
+    assert not store.report(running.id, epoch)
     assert store.find("a") is None
     assert store.find("b") is None
 
@@ -103,12 +105,99 @@ def test_claims(store: Store) -> None:
     assert not store.finish(fold.id, "verified", summary={})
 
 
+def test_whoever_had_it_before_has_no_say_any_more(store: Store) -> None:
+    fold = row()
+    store.add(fold, new_token())
+    first = store.begin(fold.id, "read", "one")
+    assert first == store.begin(fold.id, "explode", "one")
+    second = store.begin(fold.id, "explode", "two")
+    assert first is not None
+    assert second is not None
+    assert second > first
+    assert not store.report(fold.id, first, {"fraction": 0.9})
+    assert not store.report(fold.id, first)
+    assert store.report(fold.id, second, {"fraction": 0.1})
+    store.show(fold.id, first)
+    assert store.fold(fold.id).kept == 0
+    store.show(fold.id, second)
+    assert store.fold(fold.id).kept == second
+    assert store.fold(fold.id).progress == {"fraction": 0.1}
+
+
+def test_a_secret_is_made_once(store: Store) -> None:
+    assert store.secret("visitors", b"first") == b"first"
+    assert store.secret("visitors", b"second") == b"first"
+    assert store.secret("others", b"third") == b"third"
+
+
+def order(store: Store, folds: list[FoldRow]) -> list[str]:
+    """Their names, as they come to their turn."""
+    queued = [store.fold(f.id) for f in folds]
+    return [f.name for f in sorted(queued, key=store.queue_position)]
+
+
 def test_places_in_the_queue(store: Store) -> None:
     folds = [row(created_at=float(i)) for i in range(3)]
     for fold in folds:
         store.add(fold, new_token())
     assert [store.queue_position(f) for f in folds] == [1, 2, 3]
-    store.begin(folds[0].id, "read")
+    store.begin(folds[0].id, "read", "one")
     assert [store.queue_position(store.fold(f.id)) for f in folds] == [0, 1, 2]
     assert store.waiting() == 3
     assert store.waiting(visitor="nobody") == 0
+
+
+def test_who_asks_for_much_does_not_hold_up_who_asks_for_little(store: Store) -> None:
+    folds = [row(name=f"greedy {i}", visitor="greedy") for i in range(4)]
+    folds += [row(name=f"modest {i}", visitor="modest") for i in range(2)]
+    for fold in folds:
+        store.add(fold, new_token())
+    assert order(store, folds) == [
+        *("greedy 0", "modest 0", "greedy 1", "modest 1", "greedy 2", "greedy 3"),
+    ]
+
+
+def test_short_folds_and_those_of_the_gallery_go_first(store: Store) -> None:
+    folds = [
+        row(name="long", visitor="a", modules=1000),
+        row(name="short", visitor="b", modules=16),
+        row(name="gallery", visitor="c", modules=400, public=True),
+    ]
+    for fold in folds:
+        store.add(fold, new_token())
+    assert order(store, folds) == ["gallery", "short", "long"]
+
+
+def test_a_long_fold_is_not_overtaken_for_ever(store: Store) -> None:
+    long = row(name="long", visitor="patient", modules=500)
+    store.add(long, new_token())
+    served = 0
+    while True:
+        short = row(visitor=f"visitor {served}", modules=160)
+        store.add(short, new_token())
+        if store.queue_position(store.fold(long.id)) == 1:
+            break
+        store.begin(short.id, "read", "one")
+        store.finish(short.id, "verified", summary={})
+        served += 1
+        assert served < 100
+    assert served > 3
+
+
+def test_what_a_fold_waits_for(store: Store) -> None:
+    folds = [row(modules=160, created_at=float(i)) for i in range(3)]
+    for fold in folds:
+        store.add(fold, new_token())
+    each = folds[0].cost_s
+    place, ahead_s, running_s = store.ahead(store.fold(folds[2].id))
+    assert (place, running_s) == (3, 0.0)
+    assert ahead_s == pytest.approx(2 * each)
+    store.begin(folds[0].id, "read", "one")
+    place, ahead_s, running_s = store.ahead(store.fold(folds[2].id))
+    assert place == 2
+    assert ahead_s == pytest.approx(each)
+    assert 0.0 < running_s <= each
+    assert wait_s(ahead_s=ahead_s, running_s=running_s, at_once=2) == pytest.approx(
+        (ahead_s + running_s) / 2
+    )
+    assert wait_s(ahead_s=ahead_s, running_s=running_s, at_once=0) is None

@@ -2,7 +2,7 @@
 import { UNREACHABLE, askForFold } from "./asking.js";
 import { PreviewStage } from "./preview_stage.js";
 import { hasWebGL } from "./scene.js";
-import { element, refusal, sentence, whole } from "./words.js";
+import { element, refusal, sentence, whole, duration } from "./words.js";
 
 const get = (id) => document.getElementById(id);
 const facts = JSON.parse(get("facts").textContent);
@@ -121,12 +121,6 @@ function soon() {
   clearTimeout(timer);
   document.body.classList.add("busy-now");
   timer = setTimeout(look, PATIENCE_MS);
-}
-
-function duration(seconds) {
-  if (seconds < 90) return `about ${Math.max(1, Math.round(seconds))} s`;
-  if (seconds < 5400) return `about ${Math.round(seconds / 60)} min`;
-  return `about ${Math.round(seconds / 3600)} h`;
 }
 
 function put(id, text, tone = "") {

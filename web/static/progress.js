@@ -1,5 +1,5 @@
 // A fold while it is computed: stage, share, steps a second, place in the queue.
-import { STAGES, whole } from "./words.js";
+import { STAGES, duration, whole } from "./words.js";
 
 const RETRY_MS = 10000;
 const CANCEL_MS = 10000;
@@ -37,6 +37,8 @@ export class Progress {
     if (this.cancelling) text = "Cancelling…";
     else if (now.status === "queued") {
       text = now.queue_position > 0 ? `In the queue, place ${now.queue_position}` : "In the queue";
+      if (now.wait_s != null) text += ` · ${duration(now.wait_s)}`;
+      else if (now.queue_position > 0) text += " · no worker is running just now";
     } else {
       const parts = [`${text} ${Math.floor(100 * (now.fraction ?? 0))} %`];
       if (now.steps) parts.push(`${whole(now.steps)} steps`);

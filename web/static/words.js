@@ -40,6 +40,12 @@ export function refusal(told, status) {
   return sentence(said ? text : `${where}: ${text}`);
 }
 
+export function duration(seconds) {
+  if (seconds < 90) return `about ${Math.max(1, Math.round(seconds))} s`;
+  if (seconds < 5400) return `about ${Math.round(seconds / 60)} min`;
+  return `about ${Math.round(seconds / 3600)} h`;
+}
+
 export function seconds(value) {
   return `${value.toFixed(2)} s`;
 }

@@ -1,4 +1,4 @@
-"""Many machines: turns, claims, workers, movies as rows, secrets, and what is kept how long."""
+"""Many machines: turns, epochs, workers, movies as rows, secrets, and what is kept how long."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def upgrade() -> None:
         sa.Column("turn", sa.BigInteger, nullable=False, server_default="0"),
         sa.Column("cost_s", sa.Double, nullable=False, server_default="0"),
         sa.Column("worker", sa.String(200)),
-        sa.Column("claim", sa.Integer, nullable=False, server_default="0"),
+        sa.Column("epoch", sa.Integer, nullable=False, server_default="0"),
         sa.Column("kept", sa.Integer, nullable=False, server_default="0"),
         sa.Column("bytes", sa.BigInteger, nullable=False, server_default="0"),
         sa.Column("seen_at", sa.Double),

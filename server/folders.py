@@ -1,0 +1,230 @@
+"""Folders: where the files of a fold are on this machine.
+
+Without a storage there is one directory a fold, which all processes share. With one, a worker
+computes in a directory of its own and keeps what it has made under the fold's epoch, and readers
+have copies of what the last epoch has kept.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import threading
+import time
+import weakref
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from planner.files import write_whole
+from server.database import FoldRow
+from server.settings import Settings
+from server.storage import INDEX, Storage, open_storage
+
+LOOK_EVERY_S: Final = 0.4
+"""How old a copy of what still grows may be."""
+TIDY_EVERY_S: Final = 60.0
+IN_USE_S: Final = 600.0
+EPOCH: Final = ".epoch"
+
+
+class NoSuchFoldError(LookupError):
+    """There is no fold with this id."""
+
+
+class Folders:
+    """See the module's description. Safe to use from many threads.
+
+    Args:
+        settings: The settings.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self.storage: Storage | None = open_storage(settings)
+        self._lock = threading.Lock()
+        self._locks: weakref.WeakValueDictionary[str, threading.Lock] = (
+            weakref.WeakValueDictionary()
+        )
+        self._looked: dict[str, tuple[float, bool]] = {}
+        self._tidied = 0.0
+        settings.make_directories()
+        if self.storage is not None:
+            for directory in (settings.work_dir, settings.cache_dir):
+                directory.mkdir(parents=True, exist_ok=True)
+
+    def close(self) -> None:
+        """Lets go of the storage."""
+        if self.storage is not None:
+            self.storage.close()
+
+    def check(self) -> None:
+        """Raises StorageError when the storage does not answer."""
+        if self.storage is not None:
+            self.storage.check()
+
+    def place(self, fold_id: str) -> Path:
+        """Where a fold is computed; ids are checked before they become a path.
+
+        Raises:
+            NoSuchFoldError: When this is not an id.
+        """
+        if not (fold_id.isascii() and fold_id.isalnum() and len(fold_id) <= 32):
+            raise NoSuchFoldError(fold_id)
+        settings = self._settings
+        return (settings.folds_dir if self.storage is None else settings.work_dir) / fold_id
+
+    # For readers
+
+    def shown(self, row: FoldRow) -> Path:
+        """The files of a fold as readers see them, brought here if they are kept elsewhere.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        if self.storage is None:
+            return self.place(row.id)
+        copy = self._settings.cache_dir / f"{row.id}-{row.kept}"
+        with self._lock_of(copy.name):
+            at, whole = self._looked.get(copy.name, (-LOOK_EVERY_S, False))
+            now = time.monotonic()
+            if not ((whole and (copy / INDEX).is_file()) or now - at < LOOK_EVERY_S):
+                self.storage.fetch(_key(row.id, row.kept), copy)
+                self._looked[copy.name] = (now, row.over)
+            with suppress(OSError):
+                os.utime(copy)
+        self._tidy()
+        return copy
+
+    # For who takes an upload in
+
+    def adopt(self, aside: Path, fold_id: str) -> None:
+        """Puts the directory of a new fold in its place, whole or not at all.
+
+        Raises:
+            OSError: When there is no room.
+            StorageError: When the storage does not answer.
+        """
+        if self.storage is None:
+            place = self.place(fold_id)
+            os.rename(aside, place)
+            sync(place.parent)
+        else:
+            key = _key(fold_id, 0)
+            self.storage.keep(key, aside)
+            self.storage.forget(key)
+
+    def remove(self, fold_id: str) -> None:
+        """Removes all files of a fold.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        shutil.rmtree(self.place(fold_id), ignore_errors=True)
+        if self.storage is not None:
+            self.storage.remove(f"folds/{fold_id}")
+            self.storage.remove(f"movies/{fold_id}")
+            for copy in self._settings.cache_dir.glob(f"{fold_id}-*"):
+                shutil.rmtree(copy, ignore_errors=True)
+
+    # For who computes it
+
+    def bring(self, fold_id: str, known: int, epoch: int) -> Path:
+        """Where a fold is computed under an epoch, with all that was kept under an earlier one.
+
+        Args:
+            fold_id: The fold.
+            known: The epoch under which the last stage that is over was computed.
+            epoch: The one that holds now.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        place = self.place(fold_id)
+        if self.storage is None:
+            return place
+        here = _epoch_of(place)
+        if here != epoch:
+            if here != known:
+                shutil.rmtree(place, ignore_errors=True)
+                self.storage.fetch(_key(fold_id, known), place)
+            place.mkdir(parents=True, exist_ok=True)
+            write_whole(place / EPOCH, str(epoch).encode())
+        return place
+
+    def keep(self, fold_id: str, epoch: int) -> int:
+        """Keeps what a fold's directory holds now; the bytes of it.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        place = self.place(fold_id)
+        if self.storage is None:
+            return size_of(place)
+        return self.storage.keep(_key(fold_id, epoch), place)
+
+    def leave(self, fold_id: str, epoch: int) -> None:
+        """Clears up after a fold that is over, but for what was kept under its last epoch.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        if self.storage is not None:
+            self.storage.remove(f"folds/{fold_id}", but=_key(fold_id, epoch))
+            self.storage.forget(_key(fold_id, epoch))
+            shutil.rmtree(self.place(fold_id), ignore_errors=True)
+
+    def _lock_of(self, name: str) -> threading.Lock:
+        with self._lock:
+            return self._locks.setdefault(name, threading.Lock())
+
+    def _tidy(self) -> None:
+        """Drops the copies that nobody looked at for longest when there are too many."""
+        now = time.time()
+        with self._lock:
+            if 0 <= now - self._tidied < TIDY_EVERY_S:
+                return
+            self._tidied = now
+        copies = sorted(
+            (copy.stat().st_mtime, size_of(copy), copy)
+            for copy in self._settings.cache_dir.iterdir()
+            if copy.is_dir()
+        )
+        total = sum(size for _, size, _ in copies)
+        for used, size, copy in copies:
+            if total <= self._settings.cache_bytes:
+                return
+            if now - used > IN_USE_S:
+                self._looked.pop(copy.name, None)
+                shutil.rmtree(copy, ignore_errors=True)
+                total -= size
+
+
+def size_of(directory: Path) -> int:
+    """Bytes of all files in a directory."""
+    total = 0
+    for path in directory.rglob("*"):
+        with suppress(OSError):
+            if path.is_file() and not path.is_symlink():
+                total += path.stat().st_size
+    return total
+
+
+def sync(path: Path) -> None:
+    """Has a directory, or a file, reach the disk."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _key(fold_id: str, epoch: int) -> str:
+    return f"folds/{fold_id}/{epoch}"
+
+
+def _epoch_of(place: Path) -> int | None:
+    try:
+        return int((place / EPOCH).read_bytes())
+    except (OSError, ValueError):
+        return None

@@ -1,0 +1,108 @@
+"""Leases: which workers live, on all machines.
+
+A worker counts up in its row while it lives. Who looks on and sees the count stand still for as
+long as a lease lasts, by a clock of its own that no change of date can move, knows that the worker
+is gone. On one machine the locks of ``server.slots`` tell it at once.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable
+from importlib.metadata import version
+
+import sqlalchemy as sa
+
+from server.database import WorkerRow
+from server.slots import Slots
+from server.store import Store
+
+
+class Leases:
+    """Looks at the workers' rows. Safe to use from many threads.
+
+    Args:
+        store: Where the rows are.
+        slots: The workers of this machine.
+        lease_s: How long a worker may be silent.
+        clock: Seconds that only rise.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        slots: Slots,
+        lease_s: float,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._store = store
+        self._slots = slots
+        self._lease_s = lease_s
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._seen: dict[str, tuple[int | None, float]] = {}
+
+    def beat(self, name: str, *, host: str, pid: int, folds_at_once: int) -> None:
+        """Says that a worker lives."""
+        about = {"host": host, "pid": pid, "folds_at_once": folds_at_once}
+        with self._store.changing() as session:
+            known = session.get(WorkerRow, name)
+            if known is None:
+                session.add(
+                    WorkerRow(
+                        name=name,
+                        beat=1,
+                        started_at=time.time(),
+                        version=version("foldback"),
+                        **about,
+                    )
+                )
+            else:
+                if known.pid != pid:
+                    known.started_at, known.version = time.time(), version("foldback")
+                for field, value in about.items():
+                    setattr(known, field, value)
+                known.beat += 1
+
+    def leave(self, name: str) -> None:
+        """Says that a worker has ended."""
+        with self._store.changing() as session:
+            session.execute(sa.delete(WorkerRow).where(WorkerRow.name == name))
+
+    def workers(self) -> list[WorkerRow]:
+        """The workers that live, as far as anybody knows."""
+        with self._store.reading() as session:
+            rows = list(session.scalars(sa.select(WorkerRow).order_by(WorkerRow.name)))
+        silent = self._silent({row.name: row.beat for row in rows})
+        return [row for row in rows if row.name not in silent]
+
+    def dead(self, holders: Iterable[str]) -> set[str]:
+        """The workers that are gone: of those with a row, and of ``holders``, who hold folds."""
+        with self._store.reading() as session:
+            beats: dict[str, int | None] = dict(
+                session.execute(sa.select(WorkerRow.name, WorkerRow.beat)).tuples().all()
+            )
+        for name in holders:
+            beats.setdefault(name, None)
+        return self._silent(beats)
+
+    def at_once(self) -> int:
+        """Folds that all living workers compute at once."""
+        return sum(row.folds_at_once for row in self.workers())
+
+    def _silent(self, beats: dict[str, int | None]) -> set[str]:
+        local = self._slots.dead(beats)
+        now = self._clock()
+        silent: set[str] = set()
+        with self._lock:
+            for name, beat in beats.items():
+                known = self._seen.get(name)
+                if known is None or known[0] != beat:
+                    self._seen[name] = (beat, now)
+                elif now - known[1] >= self._lease_s:
+                    silent.add(name)
+            for name in self._seen.keys() - beats.keys():
+                del self._seen[name]
+        return silent | local

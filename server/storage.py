@@ -1,0 +1,290 @@
+"""Storage: where the files of folds are kept when they are not kept on this machine.
+
+It holds copies of directories under keys such as ``folds/<id>/<epoch>``. Machines work on local
+directories: ``keep`` brings what changed in one to the storage, ``fetch`` brings a copy up to date.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import timedelta
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import obstore
+from obstore.exceptions import BaseError
+from obstore.store import ObjectStore, from_url
+
+from planner.files import write_whole
+from server.settings import Settings
+
+HEAD: Final = "timeline.zarr/zarr.json"
+"""Says how much of a timeline there is: kept after all else, shown after all else."""
+PRIVATE: Final = frozenset({"exports"})
+"""Directories that each machine makes for itself."""
+INDEX: Final = ".fetched.json"
+AT_ONCE: Final = 8
+TRIES: Final = 5
+log = logging.getLogger("foldback.storage")
+Answer = TypeVar("Answer")
+
+
+class StorageError(Exception):
+    """The storage does not answer, or not as it should."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """One file in the storage: its name below the key, its size, and the mark of its content."""
+
+    name: str
+    bytes: int
+    mark: str
+
+
+class Storage:
+    """Directories in an object store. Safe to use from many threads.
+
+    Args:
+        store: The object store.
+        name: What people call it.
+    """
+
+    def __init__(self, store: ObjectStore, name: str) -> None:
+        self._store = store
+        self._name = name
+        self._lock = threading.Lock()
+        self._known: dict[str, dict[str, tuple[int, int]]] = {}
+        self._threads = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="storage")
+
+    def check(self) -> None:
+        """Writes, reads, lists and removes a small file.
+
+        Raises:
+            StorageError: When one of these fails.
+        """
+        with self._asking():
+            obstore.put(self._store, "check/probe", b"foldback")
+            if bytes(obstore.get(self._store, "check/probe").bytes()) != b"foldback":
+                raise StorageError(f"{self._name} gives back something else than it was given.")
+            list(self._list("check"))
+            obstore.delete(self._store, "check/probe")
+
+    def keep(self, key: str, directory: Path) -> int:
+        """Brings what changed in a directory since the last time to the storage.
+
+        Returns:
+            Bytes of all its files.
+
+        Raises:
+            StorageError: When the storage does not answer; what it has is whole all the same.
+        """
+        with self._lock:
+            known = self._known.setdefault(key, {})
+        # Read before all else: what it promises is there by the time it is kept.
+        head = _read(directory / HEAD)
+        found = dict(_files(directory))
+        changed = [name for name, mark in found.items() if known.get(name) != mark and name != HEAD]
+        with self._asking():
+            self._each(changed, lambda name: self._put(key, name, _read(directory / name)))
+            known.update({name: found[name] for name in changed})
+            if head is not None and known.get(HEAD) != (mark := (hash(head), len(head))):
+                self._put(key, HEAD, head)
+                known[HEAD] = mark
+            gone = [name for name in known if name not in found]
+            self._each(gone, lambda name: self._delete(f"{key}/{name}"))
+        for name in gone:
+            del known[name]
+        return sum(size for _, size in found.values())
+
+    def forget(self, key: str) -> None:
+        """Forgets what was kept of a directory, so that all of it is kept the next time."""
+        with self._lock:
+            self._known.pop(key, None)
+
+    def fetch(self, key: str, directory: Path) -> bool:
+        """Brings a local copy up to what the storage has; False when it has nothing.
+
+        Raises:
+            StorageError: When the storage does not answer; the copy is as it was, or newer.
+        """
+        marks: dict[str, str] = json.loads(_read(directory / INDEX) or b"{}")
+        with self._asking():
+            for _ in range(TRIES):
+                head, listed = self._get(f"{key}/{HEAD}"), list(self._list(key))
+                if not listed:
+                    return False
+                directory.mkdir(parents=True, exist_ok=True)
+                wanted = [f for f in listed if marks.get(f.name) != f.mark and f.name != HEAD]
+                self._each(wanted, lambda file: self._write(key, file.name, directory))
+                marks.update({file.name: file.mark for file in wanted})
+                after = self._get(f"{key}/{HEAD}")
+                if _identity(head) == _identity(after):
+                    break
+            else:
+                raise StorageError(f"{key} in {self._name} changes faster than it can be read.")
+        if head is not None:
+            _write_whole(directory / HEAD, head)
+        names = {file.name for file in listed}
+        for name in [name for name in marks if name not in names]:
+            (directory / name).unlink(missing_ok=True)
+            del marks[name]
+        write_whole(directory / INDEX, json.dumps(marks).encode())
+        return True
+
+    def fetch_file(self, key: str, path: Path) -> bool:
+        """Brings one file here; False when there is none.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        with self._asking():
+            data = self._get(key)
+        if data is not None:
+            _write_whole(path, data)
+        return data is not None
+
+    def keep_file(self, key: str, path: Path) -> None:
+        """Keeps one file.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        with self._asking():
+            obstore.put(self._store, key, path)
+
+    def remove(self, key: str, *, but: str | None = None) -> None:
+        """Removes all below a key, without what is below another one.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        with self._asking():
+            names = [f"{key}/{file.name}" for file in self._list(key)]
+            spared = None if but is None else f"{but}/"
+            gone = [name for name in names if spared is None or not name.startswith(spared)]
+            self._each(gone, self._delete)
+        with self._lock:
+            for known in [k for k in self._known if k == key or k.startswith(f"{key}/")]:
+                if known != but:
+                    del self._known[known]
+
+    def below(self, key: str) -> list[str]:
+        """The names right below a key, as those of directories are.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        with self._asking():
+            found = obstore.list_with_delimiter(self._store, f"{key}/")
+        return [prefix.rstrip("/").rpartition("/")[2] for prefix in found["common_prefixes"]]
+
+    def close(self) -> None:
+        """Ends its threads."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+
+    def _put(self, key: str, name: str, data: bytes | None) -> None:
+        if data is not None:  # it went away meanwhile, which the next time shows
+            obstore.put(self._store, f"{key}/{name}", data, use_multipart=len(data) > 64 * 2**20)
+
+    def _get(self, name: str) -> bytes | None:
+        try:
+            return bytes(obstore.get(self._store, name).bytes())
+        except FileNotFoundError:
+            return None
+
+    def _delete(self, name: str) -> None:
+        try:
+            obstore.delete(self._store, name)
+        except FileNotFoundError:
+            return
+
+    def _list(self, key: str) -> Iterator[Kept]:
+        for batch in obstore.list(self._store, f"{key}/"):
+            for meta in batch:
+                name = str(meta["path"]).removeprefix(f"{key}/")
+                mark = str(meta["e_tag"] or meta["last_modified"])
+                yield Kept(name, int(meta["size"]), mark)
+
+    def _write(self, key: str, name: str, directory: Path) -> None:
+        path = directory / name
+        if not path.resolve().is_relative_to(directory.resolve()):
+            raise StorageError(f"{self._name} holds {name!r}, which leads out of its directory.")
+        data = self._get(f"{key}/{name}")
+        if data is not None:
+            _write_whole(path, data)
+
+    def _each(self, things: list[Any], do: Callable[[Any], Answer]) -> list[Answer]:
+        return list(self._threads.map(do, things))
+
+    @contextmanager
+    def _asking(self) -> Generator[None]:
+        try:
+            yield
+        except (BaseError, OSError) as error:
+            if isinstance(error, OSError) and not isinstance(error, BaseError) and error.errno:
+                raise  # the disk of this machine
+            line = str(error).strip().partition("\n")[0][:300]
+            raise StorageError(f"{self._name} does not answer as it should: {line}") from error
+
+
+def open_storage(settings: Settings) -> Storage | None:
+    """The storage that the settings name; None when files are kept on this machine.
+
+    Raises:
+        StorageError: When the URL is of no kind that is known.
+    """
+    url = settings.storage_url
+    if url is None:
+        return None
+    try:
+        store = from_url(
+            url,
+            client_options={"timeout": "20s", "connect_timeout": "5s", "allow_http": True},
+            retry_config={"max_retries": 4, "retry_timeout": timedelta(seconds=20)},
+        )
+    except (BaseError, ValueError) as error:
+        raise StorageError(
+            f"got FOLDBACK_STORAGE_URL={url!r}, expected something like s3://bucket/prefix: {error}"
+        ) from error
+    return Storage(store, url)  # pyright: ignore[reportArgumentType]
+
+
+def _files(directory: Path) -> Iterator[tuple[str, tuple[int, int]]]:
+    """Names of the files that are kept, with what tells a changed one."""
+    for path in sorted(directory.rglob("*")):
+        name = path.relative_to(directory).as_posix()
+        parts = name.split("/")
+        if parts[0] in PRIVATE or path.suffix == ".partial":
+            continue
+        if any(part.startswith(".") for part in parts):
+            continue
+        try:
+            if path.is_file() and not path.is_symlink():
+                stat = path.stat()
+                yield name, (stat.st_mtime_ns, stat.st_size)
+        except OSError:  # it went away meanwhile
+            continue
+
+
+def _read(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+
+
+def _write_whole(path: Path, data: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, data)
+
+
+def _identity(head: bytes | None) -> str | None:
+    """Which timeline a head belongs to."""
+    return None if head is None else json.loads(head)["attributes"].get("id")
