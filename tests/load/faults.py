@@ -122,14 +122,20 @@ def child_killed(driver: Driver) -> None:
 
 
 def worker_stopped(driver: Driver) -> None:
-    """It stands still for longer than its lease, and then goes on as if nothing had been."""
+    """It stands still for longer than its lease, and then goes on as if nothing had been.
+
+    Alone, or with what it has started, as on a machine that is frozen.
+    """
     worker = driver.one("worker")
     if worker is None:
         return
     with suppress(psutil.Error):
-        worker.suspend()
-        time.sleep(driver.rng.uniform(2.5, 5.0))
-        worker.resume()
+        frozen = [worker, *(worker.children() if driver.rng.random() < 0.5 else [])]
+        for process in frozen:
+            process.suspend()
+        time.sleep(driver.rng.uniform(2.5, 6.0))
+        for process in frozen:
+            process.resume()
 
 
 def upload_cut(driver: Driver) -> None:
