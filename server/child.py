@@ -24,7 +24,6 @@ from server.limits import memory_words
 
 PATIENT: Final = ("stages", "movies")
 """Kinds of children that nobody waits for at every moment: pages go first."""
-NICENESS: Final = 5
 FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 FAILED: Final = (errno.EROFS, errno.EIO)
 Task = Callable[[str, Path, Callable[[Progress], None], Callable[[], bool]], dict[str, Any]]
@@ -85,12 +84,12 @@ def _limit(memory_bytes: int, cpu_s: float) -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (2 * memory_bytes, 2 * memory_bytes))
 
 
-def _step_back() -> None:
+def _step_back(niceness: int) -> None:
     """Lets all others go first."""
-    os.nice(NICENESS)
+    os.nice(niceness)
     # Where the sessions share the processor, that counts within one only; this is for all of it.
     with suppress(OSError):
-        Path("/proc/self/autogroup").write_text(str(NICENESS))
+        Path("/proc/self/autogroup").write_text(str(niceness))
 
 
 def _stages() -> Task:
@@ -177,7 +176,7 @@ def main() -> None:
     """Serves requests until the parent is gone."""
     kind, limits = sys.argv[1], json.loads(sys.argv[2])
     if kind in PATIENT:
-        _step_back()
+        _step_back(int(limits["niceness"]))
     events = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints must not get between the events
     parent = _Parent(events)

@@ -18,24 +18,22 @@ class NoDiskError(RuntimeError):
     """Nothing can be mounted here."""
 
 
-def may_mount() -> bool:
-    """Whether this process may mount anything."""
-    probe = ["unshare", "-m", "sh", "-c", "mount -t tmpfs none /mnt"]
-    return subprocess.run(probe, capture_output=True, check=False).returncode == 0
-
-
 def inside(arguments: list[str]) -> int | None:
-    """Runs Python in a namespace in which it may mount; None when it may do so already.
+    """Runs Python where it may mount without anybody else seeing it; None when it is there.
+
+    Other processes would get copies of what is mounted, and hold on to it.
 
     Raises:
-        NoDiskError: When that can't be had either.
+        NoDiskError: When that can't be had.
     """
-    if may_mount():
-        return None
     if os.environ.get(INSIDE):
-        raise NoDiskError("The fault test needs to mount a disk, and may not even with `unshare`.")
-    again = ["unshare", "-Urm", sys.executable, *arguments]
-    return subprocess.run(again, env={**os.environ, INSIDE: "1"}, check=False).returncode
+        return None
+    for options in ("-m", "-Urm"):
+        place = ["unshare", options]
+        if _tried(*place, "mount", "-t", "tmpfs", "none", "/mnt"):
+            again = [*place, sys.executable, *arguments]
+            return subprocess.run(again, env={**os.environ, INSIDE: "1"}, check=False).returncode
+    raise NoDiskError("The fault test has to mount a disk, and may not even with `unshare -Urm`.")
 
 
 class Disk:

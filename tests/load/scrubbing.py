@@ -7,6 +7,7 @@ import tempfile
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -24,7 +25,7 @@ def scrubbing(short: bool = False) -> Section:
     section = Section(name="scrubbing")
     together, apart, seconds = (15, 3, 3.0) if short else (100, 20, 45.0)
     with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
-        service = Service(Path(folder) / "data", workers=1 if short else 2).start()
+        service = Service(Path(folder) / "data", workers=1 if short else 2, niceness=5).start()
         try:
             main = service.fold(shape="wrench-24" if short else SHAPE)["id"]
             count = 2 if short else apart
@@ -53,13 +54,16 @@ def scrubbing(short: bool = False) -> Section:
                 stopping.set()
                 for thread in threads:
                     thread.join()
-                _tell(section, f"{together} + {apart} visitors, {name} computed", found, web)
+                what = f"{together} + {apart} visitors, {name} computed"
+                _tell(section, what, found, web, judged=not short)
         finally:
             service.stop()
     return section
 
 
-def _tell(section: Section, where: str, found: dict, web_cpu_s: float) -> None:
+def _tell(
+    section: Section, where: str, found: dict[str, Any], web_cpu_s: float, *, judged: bool
+) -> None:
     times = found["times_s"]
     for kind, values in sorted(times.items()):
         section.rows.append(
@@ -76,8 +80,9 @@ def _tell(section: Section, where: str, found: dict, web_cpu_s: float) -> None:
         )
     pages = percentile_ms(times.get("page", []) + times.get("API", []), 95)
     scrubs = percentile_ms(times.get("scrub", []) + times.get("reel", []), 95)
-    section.add(f"page and API p95, {where}", f"{pages:.0f} ms", f"< {PAGE_MS} ms", pages < PAGE_MS)
-    section.add(f"scrub p95, {where}", f"{scrubs:.0f} ms", f"< {SCRUB_MS} ms", scrubs < SCRUB_MS)
+    for name, measured, bar in (("page and API", pages, PAGE_MS), ("scrub", scrubs, SCRUB_MS)):
+        met = measured < bar if judged else None
+        section.add(f"{name} p95, {where}", f"{measured:.0f} ms", f"< {bar} ms", met)
     section.add(f"errors, {where}", json.dumps(found["errors"]), "none", not found["errors"])
     section.add(
         f"cores, {where}",
