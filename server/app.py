@@ -15,6 +15,8 @@ from typing import Final
 from fastapi import FastAPI, Request, Response
 
 from server import problems
+from server.access import Access
+from server.census import Census
 from server.children import Reader
 from server.context import Context
 from server.exports import Exports
@@ -22,11 +24,12 @@ from server.gallery import Gallery
 from server.jobs import Jobs
 from server.leases import Leases
 from server.limits import ChildLimits
-from server.metrics import CountAnswers, Metrics
+from server.metrics import Metrics
 from server.movies import Movies, NoSuchMovieError
 from server.preview_scenes import PreviewScenes
 from server.previews import NoSuchPreviewError, Previews
 from server.problems import Problem
+from server.readiness import Readiness
 from server.routes import (
     artifacts,
     films,
@@ -43,7 +46,6 @@ from server.routes import (
 )
 from server.security import AllowedHosts, BodyLimit, SameOrigin, SecurityHeaders, hosts_of
 from server.settings import Settings
-from server.slots import Slots
 from server.storage import StorageError
 from server.store import NoSuchFoldError, Store
 from server.streams import Streams
@@ -79,6 +81,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         context = await asyncio.to_thread(_open, settings, metrics)
         app.state.context = context
+        census = app.state.census = Census(settings, context.leases)
+        app.state.readiness = Readiness(settings, census, context.store.folders.check)
         # In a thread: starting a process takes a moment that the first answer need not wait for.
         threading.Thread(target=context.reader.start, daemon=True).start()
         threading.Thread(target=context.preparer.start, daemon=True).start()
@@ -90,6 +94,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             context.workshop.close()
             context.jobs.close()
             context.store.close()
+            census.close()
 
     app = FastAPI(
         title="foldback",
@@ -133,7 +138,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(SameOrigin, origins=settings.origins)
     app.add_middleware(AllowedHosts, hosts=hosts_of(settings.host, settings.allowed_hosts))
     app.add_middleware(SecurityHeaders)
-    app.add_middleware(CountAnswers, metrics=metrics)
+    app.add_middleware(Access, metrics=metrics)
     return app
 
 
@@ -145,7 +150,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
     jobs = Jobs(settings)
     jobs.reconcile(store)
     previews = Previews(settings)
-    leases = Leases(store, Slots(settings), settings.lease_s)
+    leases = Leases.of(settings, store)
     workshop = Workshop(store, min_free_disk_bytes=settings.min_free_disk_bytes)
     return Context(
         settings=settings,

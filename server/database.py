@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from importlib.resources import files
 from typing import Any
 
 import sqlalchemy as sa
@@ -159,17 +158,21 @@ def engine_for(url: str) -> sa.Engine:
 
 
 def migrate(engine: sa.Engine) -> None:
-    """Brings the tables to the newest schema; does nothing when they are."""
-    from alembic import command
-    from alembic.config import Config
+    """Brings the tables to the newest schema; does nothing when they are.
 
-    config = Config()
-    config.set_main_option("script_location", str(files("server") / "migrations"))
-    config.set_main_option("path_separator", "os")
+    Raises:
+        NewerSchemaError: When a newer foldback wrote them.
+    """
+    from alembic import command
+
+    from server.schema import Schema, config
+
+    alembic = config()
     with engine.begin() as connection:
         if engine.dialect.name == "sqlite":
             connection.exec_driver_sql("BEGIN IMMEDIATE")
         elif engine.dialect.name == "postgresql":
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(MIGRATING)))
-        config.attributes["connection"] = connection
-        command.upgrade(config, "head")
+        Schema.of(connection).check()
+        alembic.attributes["connection"] = connection
+        command.upgrade(alembic, "head")

@@ -15,6 +15,7 @@ from importlib.metadata import version
 import sqlalchemy as sa
 
 from server.database import WorkerRow
+from server.settings import Settings
 from server.slots import Slots
 from server.store import Store
 
@@ -43,6 +44,11 @@ class Leases:
         self._clock = clock
         self._lock = threading.Lock()
         self._seen: dict[str, tuple[int | None, float]] = {}
+
+    @classmethod
+    def of(cls, settings: Settings, store: Store) -> Leases:
+        """Those of a service with these settings."""
+        return cls(store, Slots(settings), settings.lease_s)
 
     def beat(self, name: str, *, host: str, pid: int, folds_at_once: int) -> None:
         """Says that a worker lives."""

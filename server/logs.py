@@ -1,15 +1,126 @@
-"""Logs: one line an event, on standard error, without the chatter of libraries."""
+"""Logs: one line an event, on standard error, for people or (as JSON) for programs.
+
+Lines say what they are about: ``about(fold=…)`` holds for all that is logged within it,
+``extra={"fold": …}`` for one line. Whatever visitors send stays within its line.
+"""
 
 from __future__ import annotations
 
+import json
 import logging
-from typing import Final
+import traceback
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from datetime import UTC, datetime
+from types import MappingProxyType
+from typing import Any, Final
 
-CHATTERS: Final = ("alembic", "dbos", "httpx", "websockets")
+from server.settings import Settings
+
+CHATTERS: Final = ("alembic", "dbos", "httpx", "opentelemetry", "websockets")
+ABOUT: Final = ("fold", "movie", "worker", "request")
+ACCESS: Final = ("method", "route", "path", "status", "duration_ms")
+"""Fields of the lines of ``foldback.access``; their text says the same."""
+_about: ContextVar[Mapping[str, str]] = ContextVar("about", default=MappingProxyType({}))
 
 
-def set_up_logs() -> None:
-    """Sends what foldback has to say to standard error, and of libraries only warnings."""
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s: %(message)s")
+@contextmanager
+def about(**facts: str) -> Generator[None]:
+    """Says what is logged within is about.
+
+    Args:
+        facts: Some of ``ABOUT``.
+    """
+    token = _about.set({**_about.get(), **facts})
+    try:
+        yield
+    finally:
+        _about.reset(token)
+
+
+def from_now_on_about(**facts: str) -> None:
+    """As ``about``, until the task or thread ends."""
+    _about.set({**_about.get(), **facts})
+
+
+def escaped(text: str) -> str:
+    """The text on one line, with nothing in it that a terminal would obey."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+class _Formatter(logging.Formatter):
+    """What the two formats share.
+
+    Args:
+        always: What all lines of this process are about.
+    """
+
+    def __init__(self, always: Mapping[str, str]) -> None:
+        super().__init__()
+        self._always = always
+
+    def _facts(self, record: logging.LogRecord, names: tuple[str, ...]) -> dict[str, Any]:
+        known = {**self._always, **_about.get(), **vars(record)}
+        return {name: known[name] for name in names if known.get(name) is not None}
+
+    @staticmethod
+    def _trace(record: logging.LogRecord) -> str:
+        return "".join(traceback.format_exception(*record.exc_info)) if record.exc_info else ""
+
+    @staticmethod
+    def _time(record: logging.LogRecord) -> str:
+        time = datetime.fromtimestamp(record.created, UTC)
+        return time.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+class JsonLines(_Formatter):
+    """One JSON object a line: ``time``, ``level``, ``logger``, ``message`` and what it is about."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line."""
+        line: dict[str, Any] = {
+            "time": self._time(record),
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            "message": record.getMessage(),
+            **self._facts(record, ABOUT + ACCESS),
+        }
+        if trace := self._trace(record):
+            line["exception"] = trace
+        return json.dumps(line, default=str)
+
+
+class TextLines(_Formatter):
+    """``time level logger [fold=… request=…]: message``; a traceback follows, moved in."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line, and those of a traceback."""
+        facts = self._facts(record, ABOUT)
+        shown = " ".join(f"{name}={escaped(str(value))}" for name, value in facts.items())
+        head = f"{self._time(record)} {record.levelname.lower()} {record.name}"
+        line = f"{head}{f' [{shown}]' if shown else ''}: {escaped(record.getMessage())}"
+        trace = "".join(f"\n  {escaped(part)}" for part in self._trace(record).splitlines())
+        return line + trace
+
+
+def set_up_logs(settings: Settings, *, worker: str | None = None) -> None:
+    """Sends what foldback has to say to standard error, and of libraries only warnings.
+
+    Args:
+        settings: Say the format and from which level on.
+        worker: Name of the worker that this process is, for all its lines.
+    """
+    lines = JsonLines if settings.log_format == "json" else TextLines
+    handler = logging.StreamHandler()
+    handler.setFormatter(lines({"worker": worker} if worker else {}))
+    logging.basicConfig(level=settings.log_level.upper(), handlers=[handler], force=True)
     for name in CHATTERS:
-        logging.getLogger(name).setLevel(logging.WARNING)
+        least = max(logging.WARNING, logging.getLogger().level)
+        logging.getLogger(name).setLevel(least)
+    # The job system brings a handler of its own for when there is none.
+    jobs = logging.getLogger("dbos")
+    jobs.handlers = [logging.NullHandler()]
+    jobs.propagate = True

@@ -1,63 +1,117 @@
-"""Metrics: counters of the service in Prometheus' text format."""
+"""Metrics: figures of the service for Prometheus."""
 
 from __future__ import annotations
 
-import threading
-import time
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
+from typing import Final
 
-import psutil
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from prometheus_client import CollectorRegistry, Gauge, Histogram, ProcessCollector, generate_latest
+from prometheus_client.core import GaugeMetricFamily
+from prometheus_client.registry import Collector
+
+from server.census import Figures
+
+MEDIA_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
+BUCKETS_S: Final = (0.005, 0.01, 0.025, 0.05, 0.1, 0.15, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
+QUANTILES: Final = (0.5, 0.9, 1.0)
 
 
 class Metrics:
-    """What the web process counts."""
+    """What the web process counts.
+
+    Attributes:
+        in_progress: Requests that are being answered.
+    """
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._answers: Counter[str] = Counter()
-        self._started = time.time()
+        self._registry = CollectorRegistry()
+        ProcessCollector(registry=self._registry)
+        self._seconds = Histogram(
+            "foldback_request_seconds",
+            "Time to the end of an answer; event streams last as long as they are followed.",
+            ("method", "route", "status"),
+            buckets=BUCKETS_S,
+            registry=self._registry,
+        )
+        self.in_progress = Gauge(
+            "foldback_requests_in_progress",
+            "Requests that are being answered, event streams among them.",
+            registry=self._registry,
+        )
+        self._websockets = Gauge(
+            "foldback_websockets_open", "Views and robots that are open.", registry=self._registry
+        )
 
-    def count_answer(self, status: int) -> None:
-        """Counts one HTTP answer by the class of its status."""
-        with self._lock:
-            self._answers[f"{status // 100}xx"] += 1
+    def count(self, *, method: str, route: str, status: int, seconds: float) -> None:
+        """Counts one HTTP answer."""
+        self._seconds.labels(method, route, f"{status // 100}xx").observe(seconds)
 
-    def text(self, folds: Mapping[str, int]) -> str:
-        """All figures, in the format that Prometheus reads."""
-        with self._lock:
-            answers = dict(self._answers)
-        lines = [
-            "# HELP foldback_folds Folds by status.",
-            "# TYPE foldback_folds gauge",
-            *(f'foldback_folds{{status="{s}"}} {n}' for s, n in sorted(folds.items())),
-            "# HELP foldback_http_answers_total HTTP answers by class of status.",
-            "# TYPE foldback_http_answers_total counter",
-            *(f'foldback_http_answers_total{{status="{s}"}} {n}' for s, n in answers.items()),
-            "# HELP process_resident_memory_bytes Memory of the web process.",
-            "# TYPE process_resident_memory_bytes gauge",
-            f"process_resident_memory_bytes {psutil.Process().memory_info().rss}",
-            "# HELP process_start_time_seconds When the web process started.",
-            "# TYPE process_start_time_seconds gauge",
-            f"process_start_time_seconds {self._started:.3f}",
-        ]
-        return "\n".join(lines) + "\n"
+    @contextmanager
+    def websocket(self) -> Generator[None]:
+        """Counts a websocket for as long as it is open."""
+        with self._websockets.track_inprogress():
+            yield
+
+    def text(self, figures: Figures | None, *, streams: int, robots: int) -> bytes:
+        """All figures, in the format that Prometheus reads.
+
+        Args:
+            figures: Those of the rows; None when the database does not answer.
+            streams: Event streams that are open.
+            robots: Robots that are being driven.
+        """
+        rows = CollectorRegistry(auto_describe=False)
+        rows.register(_Open(streams=streams, robots=robots))
+        rows.register(_Rows(figures))
+        return generate_latest(self._registry) + generate_latest(rows)
 
 
-class CountAnswers:
-    """Counts every HTTP answer as it starts."""
+class _Open(Collector):
+    def __init__(self, **counts: int) -> None:
+        self._counts = counts
 
-    def __init__(self, app: ASGIApp, *, metrics: Metrics) -> None:
-        self._app = app
-        self._metrics = metrics
+    def collect(self) -> Iterable[GaugeMetricFamily]:
+        words = {"streams": "Event streams that are open.", "robots": "Robots that are driven."}
+        for name, count in self._counts.items():
+            yield GaugeMetricFamily(f"foldback_{name}_open", words[name], value=count)
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles one request."""
 
-        async def send_counted(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                self._metrics.count_answer(message["status"])
-            await send(message)
+class _Rows(Collector):
+    def __init__(self, figures: Figures | None) -> None:
+        self._figures = figures
 
-        await self._app(scope, receive, send_counted if scope["type"] == "http" else send)
+    def collect(self) -> Iterable[GaugeMetricFamily]:
+        found = self._figures
+        yield _gauge("database_up", "Whether the database answers.", found is not None)
+        if found is None:
+            return
+        folds = _by("folds", "Folds by status.", "status")
+        for status, count in sorted(found.folds.items()):
+            folds.add_metric([status], count)
+        yield folds
+        movies = _by("movies", "Movies by status.", "status")
+        for status, count in sorted(found.movies.items()):
+            movies.add_metric([status], count)
+        yield movies
+        yield _gauge("queue_length", "Folds that wait for a worker.", found.folds["queued"])
+        words = "Age of the fold that waits for longest."
+        yield _gauge("queue_oldest_seconds", words, found.oldest_queued_s)
+        yield _gauge("workers", "Workers that live.", found.workers)
+        yield _gauge("storage_bytes", "What the files of folds take.", found.storage_bytes)
+        words = "Time to compute a fold, of those that ended within the last hour."
+        seconds = _by("fold_seconds_lately", words, "quantile")
+        for quantile in QUANTILES if found.computed_s else ():
+            at = min(int(quantile * len(found.computed_s)), len(found.computed_s) - 1)
+            seconds.add_metric([f"{quantile:g}"], found.computed_s[at])
+        yield seconds
+        words = "Folds that ended within the last hour, 500 at most."
+        yield _gauge("folds_ended_lately", words, len(found.computed_s))
+
+
+def _gauge(name: str, words: str, value: float) -> GaugeMetricFamily:
+    return GaugeMetricFamily(f"foldback_{name}", words, value=value)
+
+
+def _by(name: str, words: str, label: str) -> GaugeMetricFamily:
+    return GaugeMetricFamily(f"foldback_{name}", words, labels=[label])

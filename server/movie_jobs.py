@@ -46,7 +46,8 @@ class MovieJobs:
             where = error.where if isinstance(error, InputError) else None
             self._fail(place, request, error.code, error.detail, where)
         except Exception as error:
-            log.exception("movie %s of fold %s failed", movie_id, fold_id)
+            about = {"fold": fold_id, "movie": movie_id}
+            log.exception("movie %s of fold %s failed", movie_id, fold_id, extra=about)
             words = f"something went wrong inside the service ({type(error).__name__}); try again."
             self._fail(place, request, "internal", words, None)
         finally:

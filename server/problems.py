@@ -13,6 +13,7 @@ from starlette.exceptions import HTTPException
 
 from planner.errors import InputError
 from planner.request import Request as Asked
+from server.access import request_id_of
 
 MEDIA_TYPE: Final = "application/problem+json"
 CODES: Final = {404: "not-found", 408: "too-slow", 413: "too-large"}
@@ -110,7 +111,10 @@ def install(app: FastAPI) -> None:
 
     async def on_anything(request: Request, error: Exception) -> JSONResponse:
         return Problem(
-            500, "internal", "Something went wrong inside the service; nothing was lost. Try again."
+            500,
+            "internal",
+            "Something went wrong inside the service; nothing was lost. Try again.",
+            headers=request_id_of(request.scope),
         ).response()
 
     app.add_exception_handler(Problem, on_problem)

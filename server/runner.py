@@ -124,14 +124,18 @@ class Runner:
                 repeatable=False,
             )
         except Exception as error:
-            log.exception("fold %s failed in stage %s", fold_id, stage)
+            log.exception("fold %s failed in stage %s", fold_id, stage, extra={"fold": fold_id})
             outcome = self.failure(error, stage)
         self._halt()
         outcome["epoch"] = epoch
         if outcome["ended"]:
             self._release(worker)
             self._close(fold_id)
-            log.info("fold %s: %s in stage %s", fold_id, outcome["status"], stage)
+            log.info(
+                "fold %s: %s in stage %s",
+                *(fold_id, outcome["status"], stage),
+                extra={"fold": fold_id},
+            )
         if epoch != 0:
             outcome["bytes"] = self._patiently(lambda: self._store.folders.keep(fold_id, epoch))
         return outcome
@@ -251,7 +255,9 @@ class Runner:
             return _outcome(row.status, summary=row.summary, error=row.error)
         if epoch is not None and row.epoch != epoch and not row.cancel_requested:
             # Whoever took it over goes on with it; the job system takes no result from here.
-            log.warning("fold %s was taken over by %s", fold_id, row.worker)
+            log.warning(
+                "fold %s was taken over by %s", fold_id, row.worker, extra={"fold": fold_id}
+            )
         return _outcome("cancelled", repeatable=False)
 
     def _close(self, fold_id: str) -> None:
@@ -285,7 +291,12 @@ def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
                     store.show(fold_id, epoch)
                     shown = True
             except (StorageError, DBAPIError, OSError) as error:
-                log.warning("fold %s could not be kept just now: %s", fold_id, error)
+                log.warning(
+                    "fold %s could not be kept just now: %s",
+                    fold_id,
+                    error,
+                    extra={"fold": fold_id},
+                )
             if over.wait(KEEP_EVERY_S):
                 return
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
@@ -64,6 +64,29 @@ class Settings(BaseSettings):
         "*.example.org for all below. This machine's own names always count. When none is given: "
         "those and `host` on a loopback address, any name on one that others reach. Set it there "
         "too, and behind a proxy, to keep foreign names from pointing here (DNS rebinding).",
+    )
+
+    log_format: Literal["text", "json"] = Field(
+        default="text", description="How lines of the log are written: for people or as JSON."
+    )
+    log_level: Literal["debug", "info", "warning", "error"] = Field(
+        default="info", description="What is logged: this and what is worse."
+    )
+    metrics_public: bool = Field(
+        default=False,
+        description="Whether `/metrics` answers everybody, not only programs on this machine that "
+        "ask without a proxy.",
+    )
+    leave_s: float = Field(
+        default=0.0,
+        ge=0,
+        description="How long `serve`, told to end, goes on answering while `/ready` says 503, so "
+        "that a load balancer sends no one any more.",
+    )
+    otlp_endpoint: str | None = Field(
+        default=None,
+        description="Where workers send traces of folds by OpenTelemetry (OTLP over HTTP), as "
+        "http://host:4318/v1/traces; needs the extra `foldback[otel]`.",
     )
 
     workers: int = Field(
@@ -145,6 +168,11 @@ class Settings(BaseSettings):
     numbers_per_answer: int = Field(
         default=2_000_000, ge=1000, description="Numbers in such an answer."
     )
+
+    @field_validator("log_format", "log_level", mode="before")
+    @classmethod
+    def _lower(cls, value: Any) -> Any:
+        return value.lower() if isinstance(value, str) else value
 
     @field_validator("allowed_hosts", "embed_origins", mode="before")
     @classmethod

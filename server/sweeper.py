@@ -86,7 +86,7 @@ class Sweeper:
                 and of_visitor[visitor] > settings.storage_of_visitor_bytes
             )
             if not stays and (unseen or too_much or too_much_of_visitor):
-                log.info("fold %s expires", fold_id)
+                log.info("fold %s expires", fold_id, extra={"fold": fold_id})
                 self._store.delete(fold_id)
                 self._store.folders.remove(fold_id)
                 total -= size

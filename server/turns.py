@@ -1,8 +1,9 @@
 """Turns: in which order folds that wait are computed, and how long that will take.
 
 Self-clocked fair queueing (Golestani, INFOCOM 1994), with visitors as flows: a fold's turn is the
-virtual time at which it would be over if all visitors who wait were served at the same rate. Who asks for many folds waits for them behind those who ask for one, a short fold
-goes before a long one, and nobody waits for ever, because virtual time goes on.
+virtual time at which it would be over if all visitors who wait were served at the same rate. Who
+asks for many folds waits for them behind those who ask for one, a short fold goes before a long
+one, and nobody waits for ever, because virtual time goes on.
 """
 
 from __future__ import annotations

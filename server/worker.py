@@ -90,7 +90,7 @@ def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> No
                         break
                     stage = outcome["following"]
             except Exception as error:
-                log.exception("fold %s failed", fold_id)
+                log.exception("fold %s failed", fold_id, extra={"fold": fold_id})
                 outcome = runner.failure(error, stage)
                 outcome["epoch"] = epoch
             DBOS.run_step({"name": "finish"}, runner.finish, fold_id, outcome, worker)
@@ -126,7 +126,7 @@ class _Caretaker:
         self._runner = runner
         self._name = name
         self._active = active
-        self._leases = Leases(store, Slots(settings), settings.lease_s)
+        self._leases = Leases.of(settings, store)
         self._sweeper = Sweeper(settings, store)
         self._strays: dict[str, float] = {}
         self._swept_at = time.monotonic()
@@ -157,7 +157,9 @@ class _Caretaker:
         for row in self._store.unfinished():
             job = DBOS.get_workflow_status(row.id)
             if job is not None and job.status in FAILED_JOBS:
-                log.error("fold %s: its job ended as %s", row.id, job.status)
+                log.error(
+                    "fold %s: its job ended as %s", row.id, job.status, extra={"fold": row.id}
+                )
                 outcome = self._runner.failure(RuntimeError(job.status), row.stage)
                 outcome["epoch"] = row.kept
                 self._runner.finish(row.id, outcome, self._name)
@@ -208,7 +210,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         settings: The settings.
         leashed: End when standard input ends.
     """
-    set_up_logs()
+    set_up_logs(settings)
     store = Store(settings)
     runner = Runner(settings, store)
     runner.prewarm()
@@ -225,6 +227,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     if leashed:
         _hold_leash(end)
     slot = Slots(settings).take()
+    set_up_logs(settings, worker=slot.name)
     prepare(settings)
     config: DBOSConfig = {
         "name": APPLICATION,

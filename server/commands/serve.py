@@ -33,8 +33,8 @@ def serve(
     ] = None,
 ) -> None:
     """Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR, …)."""
-    set_up_logs()
     settings = settings_of(host=host, port=port, data_dir=data_dir, workers=workers)
+    set_up_logs(settings)
 
     # Workers first: they warm up on the other core while the web process imports.
     from server.supervisor import Supervisor
@@ -52,10 +52,22 @@ def serve(
 
 
 def _run(settings: Settings, first_shape: str | None) -> None:
+    import asyncio
+
     import uvicorn
 
     from server.app import create_app
+    from server.database import engine_for, migrate
+    from server.schema import NewerSchemaError
 
+    engine = engine_for(settings.store_url)
+    try:
+        migrate(engine)
+    except NewerSchemaError as error:
+        typer.echo(f"The service does not start: {error}", err=True)
+        raise typer.Exit(1) from None
+    finally:
+        engine.dispose()
     app = create_app(settings)
 
     class Server(uvicorn.Server):
@@ -70,14 +82,15 @@ def _run(settings: Settings, first_shape: str | None) -> None:
             address = f"http://{host}:{port}"
             print(f"foldback is at {address}", flush=True)
             if first_shape is not None:
-                import asyncio
-
                 context: Context = app.state.context
                 fold_id = await asyncio.to_thread(_fold_first, context, first_shape)
                 print(f"  {first_shape}: {address}/folds/{fold_id}", flush=True)
 
         async def shutdown(self, sockets: list[Any] | None = None) -> None:
             context: Context = app.state.context
+            app.state.readiness.end()
+            if self.started and not self.force_exit:
+                await asyncio.sleep(settings.leave_s)
             context.watch.end()
             await super().shutdown(sockets)
 
@@ -87,6 +100,7 @@ def _run(settings: Settings, first_shape: str | None) -> None:
             host=settings.host,
             port=settings.port,
             log_level="warning",
+            log_config=None,
             access_log=False,
             ws_max_size=2**20,
             # The views carry arrays that hardly shrink, many times a second.

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-import shutil
+import asyncio
+import ipaddress
 
-from fastapi import APIRouter
-from fastapi.responses import JSONResponse, PlainTextResponse
+from fastapi import APIRouter, Request
+from fastapi.responses import JSONResponse, PlainTextResponse, Response
 from sqlalchemy.exc import SQLAlchemyError
 
-from server.routes.folds import Here
+from server.census import Census
+from server.metrics import MEDIA_TYPE
+from server.problems import Problem
+from server.readiness import Readiness
+from server.routes.folds import Here, problems
 
 router = APIRouter(tags=["operation"])
+PASSED_ON = ("forwarded", "x-forwarded-for", "x-real-ip", "via")
 
 
 @router.get("/health", summary="Is it alive?")
@@ -20,26 +26,54 @@ def get_health() -> dict[str, str]:
 
 
 @router.get("/ready", summary="Can it take folds?")
-def get_ready(context: Here) -> JSONResponse:
-    """503 while the database does not answer, the disk is full, or no worker runs here."""
-    settings = context.settings
-    try:
-        context.store.check()
-        database = "ok"
-    except SQLAlchemyError as error:
-        database = f"does not answer: {type(error).__name__}"
-    free = shutil.disk_usage(settings.root).free
-    disk = "ok" if free >= settings.min_free_disk_bytes else f"{free // 2**20} MiB free"
-    workers = len(context.leases.workers())
-    ready = database == disk == "ok" and (workers > 0 or settings.workers == 0)
+def get_ready(request: Request) -> JSONResponse:
+    """503 with reasons while database, disk or storage fail, no worker lives, or it is ending."""
+    readiness: Readiness = request.app.state.readiness
+    found = readiness.state()
     return JSONResponse(
-        {"ready": ready, "database": database, "disk": disk, "workers": workers},
-        status_code=200 if ready else 503,
+        {
+            "ready": found.ready,
+            "database": found.database,
+            "disk": found.disk,
+            "storage": found.storage,
+            "workers": found.workers,
+            "reasons": list(found.reasons),
+        },
+        status_code=200 if found.ready else 503,
+        headers={"Cache-Control": "no-store"},
     )
 
 
-@router.get("/metrics", summary="Figures for Prometheus", response_class=PlainTextResponse)
-def get_metrics(context: Here) -> PlainTextResponse:
-    """Counters in Prometheus' text format."""
-    text = context.metrics.text(context.store.counts())
-    return PlainTextResponse(text, media_type="text/plain; version=0.0.4")
+@router.get(
+    "/metrics",
+    summary="Figures for Prometheus",
+    response_class=PlainTextResponse,
+    responses=problems(403),
+)
+async def get_metrics(request: Request, context: Here) -> Response:
+    """Figures in Prometheus' text format, for this machine alone unless `metrics_public` is set."""
+    if not (context.settings.metrics_public or _from_here(request)):
+        raise Problem(
+            403,
+            "not-public",
+            "The figures are for this machine alone; an operator opens them with "
+            "FOLDBACK_METRICS_PUBLIC=true.",
+        )
+    census: Census = request.app.state.census
+    streams, robots = len(context.streams), len(context.robots)
+    try:
+        figures = await asyncio.to_thread(census.figures)
+    except SQLAlchemyError:
+        figures = None
+    text = context.metrics.text(figures, streams=streams, robots=robots)
+    return Response(text, media_type=MEDIA_TYPE)
+
+
+def _from_here(request: Request) -> bool:
+    """Whether a program of this machine asks, and no proxy for somebody else."""
+    if request.client is None or any(name in request.headers for name in PASSED_ON):
+        return False
+    try:
+        return ipaddress.ip_address(request.client.host).is_loopback
+    except ValueError:
+        return False

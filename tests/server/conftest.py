@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+from tests.server.bucket import Bucket
+from tests.server.postgres import Postgres
 from tests.server.service import SNAKE, Service
 
 
@@ -23,6 +25,26 @@ def service_with(tmp_path: Path) -> Iterator[Callable[..., Service]]:
     for service in made:
         if service.process is not None and service.process.poll() is None:
             service.stop()
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[Postgres]:
+    """A PostgreSQL; `postgres.database()` makes an empty database in it."""
+    made = Postgres()
+    try:
+        yield made.start()
+    finally:
+        made.remove()
+
+
+@pytest.fixture(scope="session")
+def bucket() -> Iterator[Bucket]:
+    """A server of buckets; `bucket.bucket()` makes an empty one in it."""
+    made = Bucket().start()
+    try:
+        yield made
+    finally:
+        made.stop()
 
 
 @pytest.fixture(scope="session")

@@ -26,16 +26,23 @@ SNAKE = [[x if y % 2 == 0 else 3 - x, y, 0] for y in range(4) for x in range(4)]
 class Service:
     """Starts, kills and restarts one service; `http` talks to it."""
 
-    def __init__(self, data_dir: Path, **settings: object) -> None:
+    def __init__(
+        self,
+        data_dir: Path,
+        *,
+        environment: dict[str, str] | None = None,
+        **settings: object,
+    ) -> None:
         self.data_dir = data_dir
         self.log = data_dir.parent / f"{data_dir.name}.log"
-        self._environment = {
+        self.environment = {
             **{k: v for k, v in os.environ.items() if not k.startswith("FOLDBACK_")},
             "FOLDBACK_DATA_DIR": str(data_dir),
             "FOLDBACK_PORT": "0",
             # A machine that runs tests is busy with them: folds would wait for all the rest.
             "FOLDBACK_NICENESS": "0",
             **{f"FOLDBACK_{name.upper()}": str(value) for name, value in settings.items()},
+            **(environment or {}),
         }
         self.process: subprocess.Popen[str] | None = None
         self.http = httpx.Client()
@@ -44,7 +51,7 @@ class Service:
         with open(self.log, "a") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "server.command_line", "serve", *arguments],
-                env=self._environment,
+                env=self.environment,
                 stdout=subprocess.PIPE,
                 stderr=log,
                 text=True,
@@ -87,7 +94,7 @@ class Service:
         with open(self.log, "a") as log:
             worker = subprocess.Popen(
                 [sys.executable, "-P", "-m", "server.command_line", "worker"],
-                env=self._environment,
+                env=self.environment,
                 stderr=log,
             )
         try:

@@ -1,18 +1,87 @@
-"""The tables that migrations make are those that the code expects."""
+"""The tables: migrations lead to those of the code, from the first schema on, and lose nothing."""
 
 from __future__ import annotations
 
+import hashlib
+import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import pytest
 import sqlalchemy as sa
+from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 
-from server.database import Base, engine_for, migrate
+from server.database import STATUSES, Base, engine_for, migrate
+from server.schema import NewerSchemaError, Schema, config
+from server.settings import Settings
+from server.store import Store
+from tests.server.rows import a_fold
+
+TOKEN = "a-token-that-somebody-got-long-ago"
 
 
-def test_migrations_lead_to_the_tables_of_the_code(tmp_path: Path) -> None:
-    engine = engine_for(f"sqlite:///{tmp_path / 'rows.db'}")
+@pytest.fixture(params=["sqlite", "postgresql"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """An empty database."""
+    if request.param == "sqlite":
+        return f"sqlite:///{tmp_path / 'rows.db'}"
+    return request.getfixturevalue("postgres").database()
+
+
+@pytest.fixture
+def engine(url: str) -> Iterator[sa.Engine]:
+    engine = engine_for(url)
+    yield engine
+    engine.dispose()
+
+
+def upgrade(engine: sa.Engine, revision: str) -> None:
+    with engine.begin() as connection:
+        alembic = config()
+        alembic.attributes["connection"] = connection
+        command.upgrade(alembic, revision)
+
+
+def first_folds() -> list[dict[str, Any]]:
+    """Rows as the first version wrote them: one of each status, and what is unusual."""
+    progress = {"stage": "explode", "fraction": 0.25, "steps": 10, "message": "größer"}
+    folds = [
+        {
+            "id": f"{status}2345678901234"[:20],
+            "name": "wrench ✓" if status == "verified" else "a shape",
+            "status": status,
+            "stage": None if status == "queued" else "explode",
+            "created_at": 1.7e9 + n + 0.125,
+            "started_at": None if status == "queued" else 1.7e9 + n + 1.5,
+            "ended_at": None if status in ("queued", "running") else 1.7e9 + n + 60.25,
+            "modules": 16,
+            "module": "cube",
+            "shape": "mallet-64" if status == "verified" else None,
+            "public": status == "verified",
+            "preset": "default",
+            "seed": 2**53 - 1 if status == "failed" else 0,
+            "module_size": 0.9 if status == "running" else None,
+            "content_key": None if status == "cancelled" else hashlib.sha256(b"%d" % n).hexdigest(),
+            "visitor": "0123456789abcdef0123456789abcdef",
+            "cancel_requested": status == "cancelled",
+            "progress": progress if status == "running" else {},
+            "summary": {"status": "verified", "certificate": {"pairs": [1, 2.5]}}
+            if status == "verified"
+            else {},
+            "error": {"code": "crossing", "detail": "Cells 3 and 9 touch.", "where": "cell 3"}
+            if status == "failed"
+            else None,
+        }
+        for n, status in enumerate(STATUSES)
+    ]
+    return folds
+
+
+def test_migrations_lead_to_the_tables_of_the_code(engine: sa.Engine) -> None:
     migrate(engine)
     migrate(engine)  # nothing is left to do, and that is no error
     with engine.connect() as connection:
@@ -20,6 +89,103 @@ def test_migrations_lead_to_the_tables_of_the_code(tmp_path: Path) -> None:
             MigrationContext.configure(connection, opts={"compare_type": True}), Base.metadata
         )
         assert not differences
-        assert connection.execute(sa.text("PRAGMA journal_mode")).scalar() == "wal"
-        assert connection.execute(sa.text("PRAGMA foreign_keys")).scalar() == 1
+        if engine.dialect.name == "sqlite":
+            assert connection.execute(sa.text("PRAGMA journal_mode")).scalar() == "wal"
+            assert connection.execute(sa.text("PRAGMA foreign_keys")).scalar() == 1
+
+
+def test_a_table_that_is_not_of_the_code_is_noticed(engine: sa.Engine) -> None:
+    migrate(engine)
+    with engine.begin() as connection:
+        connection.execute(sa.text("ALTER TABLE folds DROP COLUMN turn"))
+    with engine.connect() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), Base.metadata)
+
+
+def test_the_first_schema_comes_up_with_all_its_rows(
+    engine: sa.Engine, url: str, tmp_path: Path
+) -> None:
+    upgrade(engine, "0001")
+    folds = first_folds()
+    with engine.begin() as connection:
+        tables = sa.MetaData()
+        tables.reflect(connection)
+        # As it was written then: JSON as such, also "nothing" as JSON's null.
+        written = tables.tables["folds"]
+        for name in ("progress", "summary", "error"):
+            written.c[name].type = sa.JSON()
+        connection.execute(sa.insert(written), folds)
+        connection.execute(
+            sa.insert(tables.tables["owners"]),
+            [
+                {
+                    "fold_id": fold["id"],
+                    "token_hash": hashlib.sha256(TOKEN.encode()).hexdigest(),
+                    "created_at": fold["created_at"],
+                }
+                for fold in folds
+            ],
+        )
+        assert Schema.of(connection).behind == len(Schema.of(connection).known) - 1
+
+    store = Store(Settings(data_dir=tmp_path, database_url=url))
+    try:
+        for fold in folds:
+            row = store.fold(fold["id"])
+            assert {name: getattr(row, name) for name in fold} == fold
+            assert store.owns(row.id, TOKEN)
+            assert not store.owns(row.id, "another")
+            assert (row.refold, row.worker, row.seen_at) == (None, None, None)
+            assert (row.turn, row.cost_s, row.epoch, row.kept, row.bytes) == (0, 0.0, 0, 0, 0)
+            assert row.pinned is False
+        assert store.counts() == dict.fromkeys(STATUSES, 1)
+        assert [row.shape for row in store.list_public()] == ["mallet-64"]
+        assert len(store.list_owned(TOKEN)) == len(STATUSES)
+        assert {row.status for row in store.unfinished()} == {"queued", "running"}
+        assert store.queue_position(store.fold(folds[0]["id"])) == 1
+        new = a_fold("new", created_at=1.8e9, content_key=hashlib.sha256(b"new").hexdigest())
+        assert store.add(new, TOKEN)
+        assert not store.add(a_fold("twin", content_key=folds[0]["content_key"]), TOKEN)
+    finally:
+        store.close()
+    with engine.connect() as connection:
+        assert Schema.of(connection).behind == 0
+
+
+@pytest.mark.parametrize("revision", ["0001", "0002", "0003"])
+def test_every_version_on_the_way_comes_up(engine: sa.Engine, revision: str) -> None:
+    upgrade(engine, revision)
+    migrate(engine)
+    with engine.connect() as connection:
+        assert Schema.of(connection).behind == 0
+        assert not compare_metadata(MigrationContext.configure(connection), Base.metadata)
+
+
+def test_a_newer_database_is_refused_and_left_as_it_is(engine: sa.Engine) -> None:
+    migrate(engine)
+    with engine.begin() as connection:
+        connection.execute(sa.text("UPDATE alembic_version SET version_num = '0099'"))
+    with pytest.raises(NewerSchemaError, match="version 0099, expected .* at most: a newer"):
+        migrate(engine)
+    with engine.connect() as connection:
+        assert Schema.of(connection).found == "0099"
+        assert Schema.of(connection).newer
+
+
+def test_the_service_says_so_and_does_not_start(tmp_path: Path) -> None:
+    engine = engine_for(f"sqlite:///{tmp_path / 'foldback.db'}")
+    migrate(engine)
+    with engine.begin() as connection:
+        connection.execute(sa.text("UPDATE alembic_version SET version_num = '0099'"))
     engine.dispose()
+    code = ["-P", "-m", "server.command_line", "serve", "--port", "0", "--workers", "0"]
+    answer = subprocess.run(
+        [sys.executable, *code, "--data-dir", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert answer.returncode == 1
+    assert "The service does not start: got a database with tables of version 0099" in answer.stderr
+    assert "Traceback" not in answer.stderr

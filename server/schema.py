@@ -1,0 +1,79 @@
+"""Schema: which version of the tables a database has, and whether this foldback knows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.metadata import version
+from importlib.resources import files
+
+import sqlalchemy as sa
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
+
+
+class NewerSchemaError(Exception):
+    """The database was written by a newer foldback."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Schema:
+    """What was found.
+
+    Attributes:
+        found: The version of the database's tables; None when it has none yet.
+        known: The versions that this foldback knows, the oldest first.
+    """
+
+    found: str | None
+    known: tuple[str, ...]
+
+    @classmethod
+    def of(cls, connection: sa.Connection) -> Schema:
+        """The schema of a database; nothing is changed.
+
+        Raises:
+            SQLAlchemyError: When the database does not answer.
+        """
+        scripts = ScriptDirectory.from_config(config())
+        known = tuple(reversed([script.revision for script in scripts.walk_revisions()]))
+        found = MigrationContext.configure(connection).get_current_revision()
+        return cls(found=found, known=known)
+
+    @property
+    def head(self) -> str:
+        """The newest version that is known."""
+        return self.known[-1]
+
+    @property
+    def newer(self) -> bool:
+        """Whether a newer foldback wrote it."""
+        return self.found is not None and self.found not in self.known
+
+    @property
+    def behind(self) -> int:
+        """How many migrations it lacks."""
+        if self.found is None:
+            return len(self.known)
+        return 0 if self.newer else len(self.known) - 1 - self.known.index(self.found)
+
+    def check(self) -> None:
+        """Refuses a database that a newer foldback wrote.
+
+        Raises:
+            NewerSchemaError: Saying what to do.
+        """
+        if self.newer:
+            raise NewerSchemaError(
+                f"got a database with tables of version {self.found}, expected {self.head} at "
+                f"most: a newer foldback than this one ({version('foldback')}) wrote it. Install "
+                "that one again, or restore a backup of the time before."
+            )
+
+
+def config() -> Config:
+    """Where alembic finds the migrations."""
+    made = Config()
+    made.set_main_option("script_location", str(files("server") / "migrations"))
+    made.set_main_option("path_separator", "os")
+    return made

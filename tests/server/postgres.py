@@ -1,0 +1,133 @@
+"""A real PostgreSQL for tests: a cluster of its own in a temporary directory, on a free port."""
+
+from __future__ import annotations
+
+import os
+import pwd
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+import uuid
+from pathlib import Path
+from typing import Any
+
+import psycopg
+
+from tests.server.ensure_postgres import ensure
+
+PATIENCE_S = 60.0
+USER = "foldback"
+
+
+class Postgres:
+    """Starts, kills and restarts one cluster; `database` makes an empty database in it.
+
+    PostgreSQL refuses to run as root: then it runs as another user of this machine. Nothing is
+    synced to disk, so only use it for what shall not survive.
+    """
+
+    def __init__(self) -> None:
+        self._programs = ensure()
+        self._as = _other_user()
+        # Not pytest's own place: that one is closed to other users.
+        self._directory = Path(tempfile.mkdtemp(prefix="foldback-postgres-"))
+        self.log = self._directory / "log"
+        if self._as:
+            os.chown(self._directory, self._as["user"], self._as["group"])
+        self._process: subprocess.Popen[bytes] | None = None
+        self.port = 0
+        self._run(
+            "initdb",
+            *("--pgdata", str(self._cluster), "--username", USER, "--auth", "trust"),
+            *("--encoding", "UTF8", "--locale", "C", "--no-sync", "--no-instructions"),
+        )
+
+    @property
+    def _cluster(self) -> Path:
+        return self._directory / "cluster"
+
+    def start(self) -> Postgres:
+        """Starts it, on the port it had before if it had one."""
+        self.port = self.port or _free_port()
+        with open(self.log, "ab") as log:
+            self._process = subprocess.Popen(
+                [
+                    str(self._programs / "postgres"),
+                    *("-D", str(self._cluster), "-p", str(self.port)),
+                    *("-c", "listen_addresses=127.0.0.1", "-c", "unix_socket_directories="),
+                    *("-c", "fsync=off", "-c", "max_connections=300"),
+                ],
+                cwd=self._directory,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                **self._as,
+            )
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            assert self._process.poll() is None, self.log.read_text()
+            try:
+                psycopg.connect(self.url("postgres")).close()
+                return self
+            except psycopg.OperationalError:
+                assert time.monotonic() < deadline, self.log.read_text()
+                time.sleep(0.05)
+
+    def url(self, database: str) -> str:
+        """How a database is reached."""
+        return f"postgresql://{USER}@127.0.0.1:{self.port}/{database}"
+
+    def database(self) -> str:
+        """The URL of a new, empty database."""
+        name = f"test_{uuid.uuid4().hex[:12]}"
+        with psycopg.connect(self.url("postgres"), autocommit=True) as connection:
+            connection.execute(f'CREATE DATABASE "{name}"'.encode())
+        return self.url(name)
+
+    def stop(self) -> None:
+        """Ends it in good order; connections that are open are cut."""
+        self._end(signal.SIGINT)
+
+    def kill(self) -> None:
+        """Ends it without a word to anybody, as it does when it fears for its data."""
+        self._end(signal.SIGQUIT)
+
+    def remove(self) -> None:
+        """Ends it and removes all that it was."""
+        self.stop()
+        shutil.rmtree(self._directory, ignore_errors=True)
+
+    def _end(self, number: int) -> None:
+        if self._process is not None and self._process.poll() is None:
+            self._process.send_signal(number)
+            self._process.wait(PATIENCE_S)
+        self._process = None
+
+    def _run(self, program: str, *arguments: str) -> None:
+        done = subprocess.run(
+            [str(self._programs / program), *arguments],
+            cwd=self._directory,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+            check=False,
+            **self._as,
+        )
+        assert done.returncode == 0, done.stderr
+
+
+def _other_user() -> dict[str, Any]:
+    """Whom to run as when this is root; nothing when it is not."""
+    if os.geteuid() != 0:
+        return {}
+    names = {entry.pw_name: entry for entry in pwd.getpwall()}
+    found = names.get("postgres") or names["nobody"]
+    return {"user": found.pw_uid, "group": found.pw_gid, "extra_groups": []}
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return free.getsockname()[1]

@@ -1,0 +1,34 @@
+"""Rows for tests that need some without a service."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from server.database import FoldRow
+
+
+def a_fold(fold_id: str, **values: Any) -> FoldRow:
+    """A row as the service writes it, with some values changed."""
+    usual: dict[str, Any] = {
+        "name": "a shape",
+        "status": "verified",
+        "stage": None,
+        "created_at": time.time(),
+        "started_at": None,
+        "ended_at": None,
+        "modules": 16,
+        "module": "cube",
+        "shape": None,
+        "public": False,
+        "preset": "default",
+        "seed": 0,
+        "module_size": None,
+        "content_key": None,
+        "visitor": "0123456789abcdef0123456789abcdef",
+        "cancel_requested": False,
+        "progress": {},
+        "summary": {},
+        "error": None,
+    }
+    return FoldRow(id=fold_id, **usual | values)

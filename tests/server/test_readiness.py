@@ -1,0 +1,90 @@
+"""Readiness: says no, and why, as soon as something that folds need is not there."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+
+from server.census import Census
+from server.leases import Leases
+from server.readiness import Readiness
+from server.settings import Settings
+from server.store import Store
+from tests.server.postgres import Postgres
+from tests.server.service import Service
+
+
+def test_all_is_well(desk: Service) -> None:
+    answer = desk.http.get("/ready")
+    assert answer.status_code == 200
+    assert answer.json() == {
+        "ready": True,
+        "database": "ok",
+        "disk": "ok",
+        "storage": "ok",
+        "workers": 0,
+        "reasons": [],
+    }
+    assert answer.headers["cache-control"] == "no-store"
+
+
+def test_a_folder_that_is_gone_is_a_reason(tmp_path: Path) -> None:
+    settings = Settings(data_dir=tmp_path, workers=0)
+    store = Store(settings)
+    census = Census(settings, Leases.of(settings, store))
+    assert Readiness(settings, census).state().ready
+    settings.uploads_dir.rmdir()
+    settings.folds_dir.rmdir()
+    state = Readiness(settings, census).state()
+    assert not state.ready
+    assert [reason.split(" ")[1] for reason in state.reasons] == ["disk", "storage"]
+    assert not list(tmp_path.glob("**/*probe*"))
+    census.close()
+    store.close()
+
+
+def test_without_a_worker_it_is_not_ready(tmp_path: Path) -> None:
+    settings = Settings(data_dir=tmp_path, workers=1)
+    store = Store(settings)
+    census = Census(settings, Leases.of(settings, store))
+    assert Readiness(settings, census).state().reasons == ("no worker lives",)
+    census.close()
+    store.close()
+
+
+def test_a_database_that_is_gone_is_a_reason(tmp_path: Path) -> None:
+    postgres = Postgres()
+    try:
+        url = postgres.start().database()
+        settings = Settings(data_dir=tmp_path, database_url=url, workers=0)
+        store = Store(settings)
+        census = Census(settings, Leases.of(settings, store))
+        readiness = Readiness(settings, census)
+        assert readiness.state().ready
+        postgres.kill()
+        state = readiness.state()
+        assert state.reasons == ("the database does not answer: OperationalError",)
+        postgres.start()
+        assert readiness.state().ready
+        census.close()
+        store.close()
+    finally:
+        postgres.remove()
+
+
+def test_it_says_so_while_it_ends(service_with: Callable[..., Service]) -> None:
+    service = service_with(workers=0, leave_s=3).start()
+    assert service.process is not None
+    with httpx.Client(base_url=service.http.base_url) as other:
+        assert other.get("/ready").status_code == 200
+        service.process.send_signal(signal.SIGTERM)
+        while (answer := other.get("/ready")).status_code == 200:
+            time.sleep(0.02)
+        assert answer.status_code == 503
+        assert answer.json()["reasons"] == ["the service is ending"]
+        assert other.get("/health").status_code == 200
+    assert service.process.wait(60) == 0
