@@ -28,6 +28,8 @@ def find_now(app: Any, fold_id: str) -> Found | None:
         row = store.fold(fold_id)
     except LookupError:
         return None
+    if row is None:
+        return None
     store.looked(row)
     return Found(row, store.folders.shown(row))
 

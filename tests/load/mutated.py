@@ -47,7 +47,7 @@ def mutated_uploads(short: bool = False, *, first: int = 0) -> Section:
         ).start()
         try:
             sender = _Sender(checked(str(service.http.base_url)), answers, wrong)
-            warm = count // 10
+            warm = count // 3 if short else 1000
             begun = time.monotonic()
             asyncio.run(sender.send(range(first, first + warm)))
             before = _resident_mb(service)
