@@ -275,6 +275,8 @@ def faults(
         assert not site.processes(), f"goes on after the end: {site.processes()}"
     except (AssertionError, NotReadyError) as error:
         broken = str(error)
+    except KeyboardInterrupt:
+        broken = "stopped before its end"
     finally:
         if driver.witness._thread.is_alive():
             driver.witness.close()

@@ -19,7 +19,7 @@ TIMES = 1.8
 def workers(short: bool = False) -> Section:
     """Wall time and processor time of some folds."""
     section = Section(name="workers")
-    count = 3 if short else 20
+    count = 2 if short else 20
     found = {number: _folds(number, count, short) for number in (1, 2)}
     for number, (wall_s, cpu_s) in found.items():
         section.rows.append(
