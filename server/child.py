@@ -12,15 +12,21 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from fcntl import LOCK_EX, flock
 from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 from planner.errors import InputError
+from planner.files import settle
 from planner.progress import Progress
 from server.limits import memory_words
 
+PATIENT: Final = ("stages", "movies")
+"""Kinds of children that nobody waits for at every moment: pages go first."""
+FULL: Final = (errno.ENOSPC, errno.EDQUOT)
+FAILED: Final = (errno.EROFS, errno.EIO)
 Task = Callable[[str, Path, Callable[[Progress], None], Callable[[], bool]], dict[str, Any]]
 
 
@@ -94,6 +100,14 @@ def _limit(memory_bytes: int, cpu_s: float) -> None:
         ctypes.CDLL(None).prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0)
 
 
+def _step_back(niceness: int) -> None:
+    """Lets all others go first."""
+    os.nice(niceness)
+    # Where the sessions share the processor, that counts within one only; this is for all of it.
+    with suppress(OSError):
+        Path("/proc/self/autogroup").write_text(str(niceness))
+
+
 def _stages() -> Task:
     from planner.stages import run_stage
     from planner.warm_up import warm_up
@@ -110,7 +124,10 @@ def _stages() -> Task:
         # A child of a worker that was killed may still be ending: one at a time in a directory.
         with open(directory / ".lock", "w") as lock:
             flock(lock, LOCK_EX)
-            return dict(run_stage(stage, directory, progress=progress, cancelled=cancelled))
+            result = dict(run_stage(stage, directory, progress=progress, cancelled=cancelled))
+            # Once it is noted that a stage is over, its files must outlast a power cut, too.
+            settle(directory)
+            return result
 
     return run
 
@@ -179,6 +196,8 @@ def _movies() -> Task:
 def main() -> None:
     """Serves requests until the parent is gone."""
     kind, limits = sys.argv[1], json.loads(sys.argv[2])
+    if kind in PATIENT:
+        _step_back(int(limits["niceness"]))
     events = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints must not get between the events
     parent = _Parent(events)
@@ -208,11 +227,18 @@ def main() -> None:
             parent.tell("problem", code="memory-limit", detail=memory_words(limits["memory_bytes"]))
         except Exception as error:
             traceback.print_exc()
-            if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            if isinstance(error, OSError) and error.errno in FULL:
                 parent.tell(
                     "problem",
                     code="disk-full",
                     detail="the disk of the service is full; nothing else was lost. Try later.",
+                )
+            elif isinstance(error, OSError) and error.errno in FAILED:
+                parent.tell(
+                    "problem",
+                    code="disk-failed",
+                    detail=f"the disk of the service can't be written ({error.strerror}); nothing "
+                    "else was lost. Try later.",
                 )
             else:
                 parent.tell(

@@ -7,6 +7,7 @@ from typing import Any
 
 import sqlalchemy as sa
 from sqlalchemy import event
+from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 
@@ -176,3 +177,10 @@ def migrate(engine: sa.Engine) -> None:
         Schema.of(connection).check()
         alembic.attributes["connection"] = connection
         command.upgrade(alembic, "head")
+
+
+def passes(error: BaseException) -> bool:
+    """Whether an error may be over soon: the database is away, locked, or has no room."""
+    return isinstance(error, DBAPIError) and (
+        isinstance(error, OperationalError | InterfaceError) or error.connection_invalidated
+    )

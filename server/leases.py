@@ -17,7 +17,7 @@ import sqlalchemy as sa
 from server.database import WorkerRow
 from server.settings import Settings
 from server.slots import Slots
-from server.store import Store
+from server.store import Store, rows_of
 
 
 class Leases:
@@ -54,23 +54,20 @@ class Leases:
         """Says that a worker lives."""
         about = {"host": host, "pid": pid, "folds_at_once": folds_at_once}
         with self._store.changing() as session:
-            known = session.get(WorkerRow, name)
-            if known is None:
-                session.add(
-                    WorkerRow(
-                        name=name,
-                        beat=1,
-                        started_at=time.time(),
-                        version=version("foldback"),
-                        **about,
-                    )
+            again = sa.update(WorkerRow).where(WorkerRow.name == name, WorkerRow.pid == pid)
+            if rows_of(session.execute(again.values(beat=WorkerRow.beat + 1, **about))):
+                return
+            # It has just started, or was thought dead and taken out.
+            session.execute(sa.delete(WorkerRow).where(WorkerRow.name == name))
+            session.add(
+                WorkerRow(
+                    name=name,
+                    beat=1,
+                    started_at=time.time(),
+                    version=version("foldback"),
+                    **about,
                 )
-            else:
-                if known.pid != pid:
-                    known.started_at, known.version = time.time(), version("foldback")
-                for field, value in about.items():
-                    setattr(known, field, value)
-                known.beat += 1
+            )
 
     def leave(self, name: str) -> None:
         """Says that a worker has ended."""

@@ -15,15 +15,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChildLimits:
-    """What one computing process may use."""
+    """What one computing process may use, and how readily it lets others go first."""
 
     memory_bytes: int
     cpu_s: float
+    niceness: int = 0
 
     @classmethod
     def of(cls, settings: Settings) -> ChildLimits:
         """The limits that the settings say."""
-        return cls(memory_bytes=settings.child_memory_bytes, cpu_s=settings.stage_cpu_seconds)
+        return cls(
+            memory_bytes=settings.child_memory_bytes,
+            cpu_s=settings.stage_cpu_seconds,
+            niceness=settings.niceness,
+        )
 
 
 PR_SET_DUMPABLE: Final = 4

@@ -10,12 +10,13 @@ import time
 from collections.abc import Callable, Generator
 from typing import Any, Final, TypedDict, TypeVar
 
-from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.exc import DBAPIError
 
 from planner.errors import InputError, TimelineError
 from planner.timeline import Timeline, TimelineWriter
 from planner.unfolding import START_CHAIN
 from server.children import Child, ChildError, Children
+from server.database import passes
 from server.gallery import Gallery
 from server.limits import ChildLimits
 from server.settings import Settings
@@ -104,7 +105,7 @@ class Runner:
         """
         epoch = known
         try:
-            begun = self._patiently(lambda: self._store.begin(fold_id, stage, worker))
+            begun = self.patiently(lambda: self._store.begin(fold_id, stage, worker))
             if begun is None:
                 outcome = self._stopped(fold_id, None)
             else:
@@ -137,7 +138,7 @@ class Runner:
                 extra={"fold": fold_id},
             )
         if epoch != 0:
-            outcome["bytes"] = self._patiently(lambda: self._store.folders.keep(fold_id, epoch))
+            outcome["bytes"] = self.patiently(lambda: self._store.folders.keep(fold_id, epoch))
         return outcome
 
     def finish(self, fold_id: str, outcome: Outcome, worker: str) -> None:
@@ -145,7 +146,7 @@ class Runner:
         self._release(worker)
         if self._store.folders.storage is None:
             self._close(fold_id)
-        known = self._patiently(
+        known = self.patiently(
             lambda: self._store.finish(
                 fold_id,
                 outcome["status"],
@@ -157,19 +158,19 @@ class Runner:
             )
         )
         if known:
-            self._patiently(lambda: self._store.folders.leave(fold_id, outcome["epoch"]))
+            self.patiently(lambda: self._store.folders.leave(fold_id, outcome["epoch"]))
         else:
-            self._patiently(lambda: self._store.folders.remove(fold_id))
+            self.patiently(lambda: self._store.folders.remove(fold_id))
         self.prewarm()
 
-    def _patiently(self, do: Callable[[], Answer]) -> Answer:
+    def patiently(self, do: Callable[[], Answer]) -> Answer:
         """What it returns, once the database and the storage answer and the disk has room."""
         told = False
         while True:
             try:
                 return do()
             except (DBAPIError, StorageError, OSError) as error:
-                if isinstance(error, DBAPIError) and not _passes(error):
+                if isinstance(error, DBAPIError) and not passes(error):
                     raise
                 if not told:
                     log.warning("what is kept elsewhere does not answer, waiting: %s", error)
@@ -205,7 +206,7 @@ class Runner:
             child = self._taken[worker] = self._children.take()
         if stage == "certify":
             self.prewarm()  # by the time this fold is over, the next one's child is ready
-        directory = self._patiently(lambda: self._store.folders.bring(fold_id, known, epoch))
+        directory = self.patiently(lambda: self._store.folders.bring(fold_id, known, epoch))
         news = _News(self._store, fold_id, stage, epoch)
         with _keeping(self._store, fold_id, epoch):
             result = child.call(
@@ -216,10 +217,10 @@ class Runner:
                 cancelled=news.cancelled,
             )
         news.take_end()
-        if result.get("status") == "cancelled" or not self._patiently(news.last):
+        if result.get("status") == "cancelled" or not self.patiently(news.last):
             return self._stopped(fold_id, epoch)
         if stage == "read":
-            self._patiently(
+            self.patiently(
                 lambda: self._store.describe(
                     fold_id,
                     name=str(result["name"]),
@@ -248,7 +249,7 @@ class Runner:
     def _stopped(self, fold_id: str, epoch: int | None) -> Outcome:
         """The outcome of a fold that shall not go on here, and why."""
         try:
-            row = self._patiently(lambda: self._store.fold(fold_id))
+            row = self.patiently(lambda: self._store.fold(fold_id))
         except NoSuchFoldError:
             return _outcome("cancelled")
         if row.over:  # a step that is repeated after its end was noted
@@ -343,7 +344,7 @@ class _News:
             try:
                 self.last()
             except DBAPIError as error:
-                if not _passes(error):
+                if not passes(error):
                     raise
                 self._at = time.monotonic()  # it is computed on meanwhile
         return not self._going
@@ -357,8 +358,3 @@ class _News:
         self._waits = False
         self._at = time.monotonic()
         return self._going
-
-
-def _passes(error: DBAPIError) -> bool:
-    """Whether an error of the database may be over soon: it is away, locked or full."""
-    return isinstance(error, OperationalError | InterfaceError) or error.connection_invalidated

@@ -173,6 +173,12 @@ class Settings(BaseSettings):
     child_memory_bytes: int = Field(
         default=2048 * MIB, ge=128 * MIB, description="Memory of one fold."
     )
+    niceness: int = Field(
+        default=5,
+        ge=0,
+        le=19,
+        description="How readily computing lets pages go first, as of `nice`.",
+    )
 
     movies_waiting: int = Field(default=6, ge=1, description="Movies that may wait at once.")
     movies_waiting_of_visitor: int = Field(default=2, ge=1, description="Of them, of one.")

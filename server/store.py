@@ -19,7 +19,7 @@ from server.folders import Folders, NoSuchFoldError
 from server.settings import Settings
 from server.turns import expected_s, turn_of
 
-__all__ = ["FoldRow", "NoSuchFoldError", "Store", "hash_of", "new_id", "new_token"]
+__all__ = ["FoldRow", "NoSuchFoldError", "Store", "hash_of", "new_id", "new_token", "rows_of"]
 
 WAITING = ("queued", "running")
 LOOKED_EVERY_S: Final = 3600.0
@@ -359,7 +359,7 @@ class Store:
                 return session.scalar(sa.select(FoldRow.id).where(*going)) is not None
         with self.changing() as session:
             changed = session.execute(sa.update(FoldRow).where(*going).values(progress=progress))
-            return bool(_rows(changed))
+            return bool(rows_of(changed))
 
     def finish(
         self,
@@ -414,5 +414,6 @@ class Store:
             session.execute(sa.update(FoldRow).where(FoldRow.id == fold_id).values(**values))
 
 
-def _rows(result: sa.Result[Any]) -> int:
+def rows_of(result: sa.Result[Any]) -> int:
+    """How many rows a statement has changed."""
     return result.rowcount if isinstance(result, sa.CursorResult) else 0

@@ -24,6 +24,7 @@ from dbos import DBOS, DBOSConfig
 from dbos._dbos import _get_dbos_instance  # pyright: ignore[reportPrivateUsage]
 from dbos._utils import INTERNAL_QUEUE_NAME
 
+from server.database import passes
 from server.jobs import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, prepare
 from server.leases import Leases
 from server.logs import about, set_up_logs
@@ -75,26 +76,36 @@ class Active:
 def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> None:
     """Tells the job system what a fold is: one step a stage, then its end; and what a movie is."""
 
+    def computed(fold_id: str, worker: str) -> Outcome:
+        stage: str = STAGES[0]
+        epoch = 0
+        try:
+            while True:
+                outcome: Outcome = DBOS.run_step(
+                    {"name": stage}, runner.run, fold_id, stage, worker, epoch
+                )
+                epoch = outcome["epoch"]
+                if outcome["ended"] or outcome["following"] is None:
+                    return outcome
+                stage = outcome["following"]
+        except Exception as error:
+            if passes(error):
+                raise
+            log.exception("fold %s failed", fold_id)
+            return {**runner.failure(error, stage), "epoch": epoch}
+
     def fold(fold_id: str) -> str:
         # The job system sees to it that of several executions only the last one has results.
         worker = f"{name}:{secrets.token_hex(6)}"
-        stage: str = STAGES[0]
-        epoch = 0
         with about(fold=fold_id), active.working(fold_id):
             try:
-                while True:
-                    outcome: Outcome = DBOS.run_step(
-                        {"name": stage}, runner.run, fold_id, stage, worker, epoch
-                    )
-                    epoch = outcome["epoch"]
-                    if outcome["ended"] or outcome["following"] is None:
-                        break
-                    stage = outcome["following"]
+                outcome = computed(fold_id, worker)
+                DBOS.run_step({"name": "finish"}, runner.finish, fold_id, outcome, worker)
             except Exception as error:
-                log.exception("fold %s failed", fold_id, extra={"fold": fold_id})
-                outcome = runner.failure(error, stage)
-                outcome["epoch"] = epoch
-            DBOS.run_step({"name": "finish"}, runner.finish, fold_id, outcome, worker)
+                if passes(error):  # what was computed could not be noted: it is done again
+                    log.warning("fold %s waits for the database: %s", fold_id, error)
+                    runner.patiently(lambda: hand_back(fold_id, name))
+                raise
         return outcome["status"]
 
     def movie(fold_id: str, movie_id: str, job: str) -> None:

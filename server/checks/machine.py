@@ -94,7 +94,7 @@ def port(settings: Settings) -> Finding:
 
 
 def _foldback_answers(settings: Settings) -> bool:
-    anywhere = {"0.0.0.0": "127.0.0.1", "::": "::1"}
+    anywhere = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # nosec B104
     host = anywhere.get(settings.host, settings.host)
     shown = f"[{host}]" if ":" in host else host
     # Straight there, whatever proxy the environment names.

@@ -60,6 +60,19 @@ class FolderStore:
         del fold_id
         return self._directory
 
+    @property
+    def folders(self) -> FolderStore:
+        """Itself: its files are where they are."""
+        return self
+
+    def shown(self, row: FolderRow) -> Path:
+        """Where the files of its fold are."""
+        del row
+        return self._directory
+
+    def looked(self, row: FolderRow) -> None:
+        """Nothing here expires."""
+
 
 @dataclass(frozen=True, slots=True)
 class FolderContext:

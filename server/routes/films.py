@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-from pathlib import Path
 from typing import Annotated, Final
 
 from fastapi import APIRouter, Query, Request
@@ -17,12 +16,11 @@ from fastapi.responses import Response
 
 from planner.errors import TimelineError
 from server.routes.facts import RUNNING
-from server.routes.finding import find_fold
+from server.routes.finding import find_now
 from server.store import NoSuchFoldError
 from web.client import client
 from web.film import Film
-from web.kept import Kept
-from web.measured import curves_of, stretch_of
+from web.measured import kept_figures
 from web.reel import kept_reel
 from web.scenery import scenery_of
 
@@ -30,7 +28,6 @@ router = APIRouter(include_in_schema=False)
 
 LOOK_EVERY_S: Final = 0.1
 LONGEST_WAIT_S: Final = 2.0
-_CURVES: Final[Kept[bytes]] = Kept(32 * 2**20)
 BINARY: Final = "application/octet-stream"
 
 
@@ -52,11 +49,12 @@ async def view(request: Request) -> Response:
 @router.get("/folds/{fold_id}/scenery")
 async def scenery(request: Request, fold_id: str) -> Response:
     """What is known of a fold's chain and its scene; the id is that of the timeline."""
-    film = await _film(request, fold_id)
-    if film is None:
-        return _nothing()
-    data = await asyncio.to_thread(scenery_of, film.chain)
-    return _binary(request, data, film)
+
+    def answer() -> Response:
+        film = _film(request, fold_id)
+        return _nothing() if film is None else _binary(request, scenery_of(film.chain), film)
+
+    return await asyncio.to_thread(answer)
 
 
 @router.get("/folds/{fold_id}/reel")
@@ -69,19 +67,31 @@ async def reel(
     wait: Annotated[float, Query(ge=0, le=LONGEST_WAIT_S)] = 0.0,
 ) -> Response:
     """Frames of a fold's timeline; with ``wait``, seconds, not before there are any from there."""
-    film = await _film(request, fold_id)
-    if film is None:
-        return _nothing()
+
+    def answer(film: Film | None = None) -> Response | Film:
+        """In one go, for threads are few and a slider asks often; the film, where one waits."""
+        waited = film is not None
+        film = film or _film(request, fold_id)
+        if film is None:
+            return _nothing()
+        if wait and not waited and start >= len(film) and film.growing:
+            return film
+        try:
+            return _binary(request, kept_reel(film, start, stop, stride), film)
+        except TimelineError:
+            return _nothing()  # it is being replaced just now
+
+    found = await asyncio.to_thread(answer)
+    if isinstance(found, Response):
+        return found
     loop = asyncio.get_running_loop()
     until = loop.time() + wait
-    while start >= len(film) and film.growing and loop.time() < until:
+    while start >= len(found) and found.growing and loop.time() < until:
         await asyncio.sleep(LOOK_EVERY_S)
-        await asyncio.to_thread(film.refresh)
-    try:
-        data = await asyncio.to_thread(kept_reel, film, start, stop, stride)
-    except TimelineError:
-        return _nothing()  # it is being replaced just now
-    return _binary(request, data, film)
+        await asyncio.to_thread(found.refresh)
+    made = await asyncio.to_thread(answer, found)
+    assert isinstance(made, Response)
+    return made
 
 
 @router.get("/folds/{fold_id}/figures")
@@ -91,34 +101,29 @@ async def figures(
     part: Annotated[int | None, Query(ge=0, le=1_000_000)] = None,
 ) -> Response:
     """Figures of a fold that is over: curves of all frames, or everything of one stretch."""
-    found = await find_fold(request.app, fold_id)
-    if found is None:
-        raise NoSuchFoldError(fold_id)
-    if found.row.status in RUNNING:
-        return _nothing()
-    try:
-        data = await asyncio.to_thread(_figures, found.directory, part)
-    except (TimelineError, OSError):
-        return _nothing()
-    return Response(data, media_type=BINARY, headers={"Cache-Control": "private, no-cache"})
 
+    def answer() -> Response:
+        found = find_now(request.app, fold_id)
+        if found is None:
+            raise NoSuchFoldError(fold_id)
+        if found.row.status in RUNNING:
+            return _nothing()
+        try:
+            return _kept(request, kept_figures(found.directory, part))
+        except (TimelineError, OSError):
+            return _nothing()
 
-def _figures(directory: Path, part: int | None) -> bytes:
-    if part is not None:
-        return stretch_of(directory, part)
-    # Samples of the whole fold go into them; a fold that is over keeps them.
-    path = directory / "figures.zarr" / "zarr.json"
-    key = (path, path.stat().st_mtime_ns)
-    curves = _CURVES.get(key)
-    if curves is None:
-        curves = curves_of(directory)
-        _CURVES.keep(key, curves, len(curves))
-    return curves
+    return await asyncio.to_thread(answer)
 
 
 def _binary(request: Request, data: bytes, film: Film) -> Response:
     if film.growing:
         return Response(data, media_type=BINARY, headers={"Cache-Control": "no-store"})
+    return _kept(request, data)
+
+
+def _kept(request: Request, data: bytes) -> Response:
+    """What browsers keep, and ask whether it is still the same."""
     headers = {
         "Cache-Control": "private, no-cache",
         "ETag": f'"{hashlib.sha256(data).hexdigest()[:20]}"',
@@ -133,10 +138,9 @@ def _nothing() -> Response:
     return Response(status_code=204, headers={"Cache-Control": "no-store"})
 
 
-async def _film(request: Request, fold_id: str) -> Film | None:
-    found = await find_fold(request.app, fold_id)
+def _film(request: Request, fold_id: str) -> Film | None:
+    found = find_now(request.app, fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)
-    films = request.app.state.context.films
-    film = await asyncio.to_thread(films.get, found.directory / "timeline.zarr")
+    film = request.app.state.context.films.get(found.directory / "timeline.zarr")
     return film if film is not None and len(film) else None

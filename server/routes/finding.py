@@ -19,18 +19,21 @@ class Found:
     directory: Path
 
 
-async def find_fold(app: Any, fold_id: str) -> Found | None:
-    """The fold of that id, or None."""
+def find_now(app: Any, fold_id: str) -> Found | None:
+    """The fold of that id, or None; asks the database, so not for the event loop's own thread."""
     if not FOLD_ID.fullmatch(fold_id):
         return None
     store = app.state.context.store
+    try:
+        row = store.fold(fold_id)
+    except LookupError:
+        return None
+    if row is None:
+        return None
+    store.looked(row)
+    return Found(row, store.folders.shown(row))
 
-    def look() -> Found | None:
-        try:
-            row = store.fold(fold_id)
-        except LookupError:
-            return None
-        store.looked(row)
-        return Found(row, store.folders.shown(row))
 
-    return await asyncio.to_thread(look)
+async def find_fold(app: Any, fold_id: str) -> Found | None:
+    """The fold of that id, or None."""
+    return await asyncio.to_thread(find_now, app, fold_id)

@@ -23,7 +23,7 @@ from server.cards import cards, selected
 from server.problems import Problem
 from server.quantities import sentence
 from server.routes.facts import fold_facts
-from server.routes.finding import Found, find_fold
+from server.routes.finding import Found, find_now
 from server.routes.pictures import picture_answer
 from web.isometric import isometric_svg
 from web.isometric_modules import chain_svg
@@ -139,18 +139,21 @@ async def drawing_of_shape(request: Request, name: str) -> Response:
 @router.get("/folds/{fold_id}", response_class=HTMLResponse)
 async def fold_page(request: Request, fold_id: str) -> Response:
     """The page of a fold."""
-    found = await find_fold(request.app, fold_id)
+    return await asyncio.to_thread(_fold_page, request, fold_id)
+
+
+def _fold_page(request: Request, fold_id: str) -> Response:
+    found = find_now(request.app, fold_id)
     if found is None:
         return not_found_page(
             "There is no such fold", "The link may be incomplete, or the fold was deleted."
         )
-    facts = await asyncio.to_thread(_facts, request, found)
-    drawing = await asyncio.to_thread(_drawing, found)
+    facts = _facts(request, found)
     return page(
         "fold.html",
         facts=facts,
         facts_json=script_json(facts),
-        drawing=drawing,
+        drawing=_drawing(found),
         details=True,
         origin=_origin(request),
     )
@@ -159,11 +162,14 @@ async def fold_page(request: Request, fold_id: str) -> Response:
 @router.get("/folds/{fold_id}/facts")
 async def facts_of_fold(request: Request, fold_id: str) -> Response:
     """What the page says about the fold, for a page that is open when it ends."""
-    found = await find_fold(request.app, fold_id)
-    if found is None:
-        return JSONResponse({"detail": "There is no such fold."}, status_code=404)
-    facts = await asyncio.to_thread(_facts, request, found)
-    return JSONResponse(facts, headers={"Cache-Control": "no-store"})
+
+    def answer() -> Response:
+        found = find_now(request.app, fold_id)
+        if found is None:
+            return JSONResponse({"detail": "There is no such fold."}, status_code=404)
+        return JSONResponse(_facts(request, found), headers={"Cache-Control": "no-store"})
+
+    return await asyncio.to_thread(answer)
 
 
 @router.get("/static/{name}")

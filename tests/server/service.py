@@ -39,6 +39,8 @@ class Service:
             **{k: v for k, v in os.environ.items() if not k.startswith("FOLDBACK_")},
             "FOLDBACK_DATA_DIR": str(data_dir),
             "FOLDBACK_PORT": "0",
+            # A machine that runs tests is busy with them: folds would wait for all the rest.
+            "FOLDBACK_NICENESS": "0",
             **{f"FOLDBACK_{name.upper()}": str(value) for name, value in settings.items()},
             **(environment or {}),
         }

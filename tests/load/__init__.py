@@ -1,0 +1,1 @@
+"""Load and faults: what the service holds, and what it survives."""

@@ -1,0 +1,172 @@
+"""Mutations: valid files of every format, and what strangers make of them."""
+
+from __future__ import annotations
+
+import io
+import json
+import random
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import trimesh
+
+from planner.chain import Chain
+from planner.formats import write_chain, write_path, write_shape
+from planner.paths import Path
+from planner.shapes import Shape
+from tests.planner.solids_made import MESH_KINDS, as_binvox, as_grid, as_vox, exported, zipped
+from tests.planner.test_readers_fuzz import SPICE, mutated
+
+CELLS: Final = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [1, 1, 1]])
+BLOCK: Final = np.argwhere(np.ones((2, 3, 2)))
+NAMES: Final = (
+    *("a.stl", "a.obj", "a.ply", "a.json", "a.3mf", "a.glb", "a.vox", "a.npy", "a.csv", "", "a"),
+    *("../../etc/passwd", "a\x00.stl", "a.stl\r\nX: y", "é" * 300, "CON", ".", "a.png", "a.zip"),
+)
+TYPES: Final = (
+    *("application/json", "text/html", "image/svg+xml", "model/stl", "application/zip"),
+    *("multipart/form-data", "x" * 300, "text/plain; charset=utf-16", ""),
+)
+NUMBERS: Final = (b"1e308", b"-1e308", b"9" * 400, b"1e-320", b"0x10", b"NaN", b"-0", b"2147483648")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Upload:
+    """One file as it is sent."""
+
+    data: bytes
+    filename: str
+    media_type: str
+
+
+def valid() -> dict[str, bytes]:
+    """One small file of every format, by the ending of its name."""
+    mesh = trimesh.creation.box((2, 3, 2))
+    path = Path.from_cells([tuple(cell) for cell in CELLS.tolist()])
+    chain = Chain.from_path(path)
+    rows = CELLS.tolist()
+    return {
+        **{kind: exported(kind, mesh) for kind in MESH_KINDS},
+        "vox": as_vox(BLOCK),
+        "binvox": as_binvox(BLOCK),
+        "npy": as_grid(BLOCK),
+        "cells_npy": _saved(CELLS),
+        "voxels_json": write_shape(Shape.from_cells(BLOCK)),
+        "path_json": write_path(path),
+        "chain_json": write_chain(chain),
+        "list_json": json.dumps(rows).encode(),
+        "csv": b"x,y,z\n" + b"".join(b"%d,%d,%d\n" % tuple(row) for row in rows),
+        "xyz": b"".join(b"%d %d %d\n" % tuple(row) for row in rows),
+        "angles_txt": b"0 - + 0 - +",
+    }
+
+
+def _saved(array: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+def made(seed: int, files: dict[str, bytes]) -> Upload:
+    """The upload of a seed: the same each time."""
+    rng = random.Random(seed)
+    kind = rng.choice(list(files))
+    data = rng.choices(CHANGES, WEIGHTS)[0](files[kind], rng)
+    name = f"a.{kind.rpartition('_')[2] if kind not in MESH_KINDS else kind.partition('_')[0]}"
+    return Upload(
+        data=data,
+        filename=rng.choice(NAMES) if rng.random() < 0.2 else name,
+        media_type=rng.choice(TYPES) if rng.random() < 0.2 else "application/octet-stream",
+    )
+
+
+def _bits(data: bytes, rng: random.Random) -> bytes:
+    changed = bytearray(data)
+    for _ in range(rng.randint(1, 12)):
+        changed[rng.randrange(len(changed))] ^= 1 << rng.randrange(8)
+    return bytes(changed)
+
+
+def _cut(data: bytes, rng: random.Random) -> bytes:
+    return data[: rng.randrange(len(data))]
+
+
+def _doubled(data: bytes, rng: random.Random) -> bytes:
+    start = rng.randrange(len(data))
+    part = data[start : start + rng.randint(1, len(data))]
+    return data[:start] + part * rng.choice([2, 3, 50, 1000 if len(data) < 2000 else 2]) + data
+
+
+def _swapped(data: bytes, rng: random.Random) -> bytes:
+    a, b, c = sorted(rng.randrange(len(data) + 1) for _ in range(3))
+    return data[:a] + data[b:c] + data[a:b] + data[c:]
+
+
+def _huge(data: bytes, rng: random.Random) -> bytes:
+    """Puts a number where one stands, or the like."""
+    digits = [k for k, byte in enumerate(data) if 48 <= byte < 58] or [rng.randrange(len(data))]
+    at = rng.choice(digits)
+    return data[:at] + rng.choice((*NUMBERS, *SPICE)) + data[at + 1 :]
+
+
+def _nested(data: bytes, rng: random.Random) -> bytes:
+    depth = rng.choice([50, 1000, 100_000])
+    opening, closing = rng.choice([(b"[", b"]"), (b'{"a":', b"}"), (b'{"cells":[', b"]}")])
+    inner = data if data[:1] in b"[{" else b"1"
+    return opening * depth + inner + (closing * depth if rng.random() < 0.7 else b"")
+
+
+def _bomb(data: bytes, rng: random.Random) -> bytes:
+    """A little that unpacks to a lot."""
+    size = rng.choice([2**20, 2**26, 2**28])
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        name = rng.choice(["3D/3dmodel.model", "a.stl", "../../a", "[Content_Types].xml"])
+        with archive.open(name, "w", force_zip64=True) as file:
+            file.write(rng.choice([b"", b"<model>", b"solid a\n"]))
+            for _ in range(size // 2**20):
+                file.write(bytes(2**20))
+    del data
+    return stream.getvalue()
+
+
+def _entities(data: bytes, rng: random.Random) -> bytes:
+    """Text that grows when it is parsed, and what names other files."""
+    del data
+    grow = b"".join(
+        b'<!ENTITY e%d "%s">' % (k + 1, b"&e%d;" % k * 10) for k in range(rng.randint(2, 9))
+    )
+    outside = b'<!ENTITY e0 SYSTEM "file:///etc/passwd">'
+    xml = b'<?xml version="1.0"?><!DOCTYPE model [%s%s]><model>&e2;</model>' % (outside, grow)
+    return zipped(**{"3D__3dmodel_model": xml})
+
+
+def _polluted(data: bytes, rng: random.Random) -> bytes:
+    """Keys and values of the wrong kind in JSON; else noise behind a signature."""
+    try:
+        value = json.loads(data)
+    except ValueError:
+        return data[: rng.randint(1, 16)] + rng.randbytes(rng.randint(1, 400))
+    wrong = rng.choice(
+        [None, True, -1, 1e300, "x" * 1000, [], {}, [[]], {"__proto__": 1}, "\ud800"]
+    )
+    if isinstance(value, dict):
+        value[rng.choice([*value, "modules", "name", "format"])] = wrong
+    else:
+        value[rng.randrange(len(value))] = wrong
+    return json.dumps(value).encode()
+
+
+def _spiced(data: bytes, rng: random.Random) -> bytes:
+    return mutated(data, rng)
+
+
+Change = Callable[[bytes, random.Random], bytes]
+CHANGES: Final[tuple[Change, ...]] = (
+    *(_bits, _cut, _doubled, _swapped, _huge, _nested, _bomb, _entities, _polluted, _spiced),
+)
+WEIGHTS: Final = (4, 3, 2, 3, 5, 1, 0.03, 0.3, 3, 6)
+"""Bombs take long to make and to refuse: a few dozen in ten thousand."""

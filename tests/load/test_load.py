@@ -1,0 +1,47 @@
+"""The short forms of `make load`: that nothing fails, not how quick it is."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.load.loopback import NotHereError, checked
+from tests.load.mutated import mutated_uploads
+from tests.load.scrubbing import scrubbing
+from tests.load.uploads import uploads
+from tests.load.viewers import viewers
+from tests.load.workers import workers
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize("address", ["http://192.0.2.1", "http://[2001:db8::1]:80", "http://", ""])
+def test_load_goes_to_this_machine_alone(address: str) -> None:
+    with pytest.raises(NotHereError, match="expected a service on 127.0.0.1"):
+        checked(address)
+    assert checked("http://127.0.0.1:8000") == "http://127.0.0.1:8000"
+
+
+@pytest.mark.parametrize(
+    "section", [scrubbing, uploads, mutated_uploads, viewers, workers], ids=lambda s: s.__name__
+)
+def test_in_short(section) -> None:
+    found = section(True)
+    missed = [figure for figure in found.figures if figure.met is False]
+    assert not missed, missed
+    assert any(figure.met for figure in found.figures) or found.rows
+
+
+def test_faults_in_short(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "tests.load", "--only", "faults", "--short"),
+            *("--out", str(tmp_path / "load.json")),
+        ],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -1,0 +1,207 @@
+"""Witness: looks at folds all the time, and tells when one is lost, half-shown or done twice."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import random
+import threading
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import httpx
+import numpy as np
+
+from tests.server.service import over
+
+LOOK_EVERY_S: Final = 0.05
+FILES: Final = ("plan.json", "plan.npz", "certificate.json", "model.xml")
+
+
+@dataclass(slots=True, kw_only=True)
+class Seen:
+    """What was seen of one acknowledged fold.
+
+    Attributes:
+        id: The fold's.
+        faults: What happened while it was not over.
+        statuses: All that it was seen in, without repetitions.
+        end: How it ended: status, summary and error.
+        digest: Of its plan.
+    """
+
+    id: str
+    faults: set[str] = field(default_factory=set)
+    statuses: list[str] = field(default_factory=list)
+    end: dict[str, Any] | None = None
+    digest: str | None = None
+
+
+class Witness:
+    """See the module's description. Looks from a thread of its own."""
+
+    def __init__(self, address: Any) -> None:
+        self._address = address
+        self._lock = threading.Lock()
+        self._stopping = threading.Event()
+        self._rng = random.Random(0)
+        self.folds: dict[str, Seen] = {}
+        self.problems: list[str] = []
+        self.errors: Counter[str] = Counter()
+        """Answers of 500 and above, by what was wrong with the machine then."""
+        self.condition = ""
+        self.looks = 0
+        self._thread = threading.Thread(target=self._watch, name="witness", daemon=True)
+        self._thread.start()
+
+    def acknowledged(self, fold_id: str) -> None:
+        """A fold was accepted: from now on it has to be there."""
+        with self._lock:
+            self.folds.setdefault(fold_id, Seen(id=fold_id))
+
+    def happens(self, fault: str) -> None:
+        """Something happens to all folds that are not over."""
+        with self._lock:
+            for seen in self.folds.values():
+                if seen.end is None:
+                    seen.faults.add(fault)
+
+    def waiting(self) -> list[Seen]:
+        """Folds whose end was not seen and looked into yet."""
+        with self._lock:
+            return [seen for seen in self.folds.values() if seen.digest is None]
+
+    def close(self) -> None:
+        """Looks no more."""
+        self._stopping.set()
+        self._thread.join()
+
+    def look_again(self) -> None:
+        """At everything once more, the files too."""
+        with httpx.Client(base_url=self._address(), timeout=60.0) as http:
+            for seen in list(self.folds.values()):
+                self._look(http, seen)
+                before, seen.digest = seen.digest, None
+                if seen.end is not None:
+                    self._look_into(http, seen)
+                if before is not None and seen.digest != before:
+                    self._tell(seen, "its plan has changed after its end")
+
+    def _watch(self) -> None:
+        http: httpx.Client | None = None
+        address = ""
+        while not self._stopping.wait(LOOK_EVERY_S):
+            now = self._address()
+            if now != address or http is None:
+                if http is not None:
+                    http.close()
+                http, address = httpx.Client(base_url=now, timeout=30.0), now
+            looked_at = self.waiting()
+            with self._lock:
+                ended = [seen for seen in self.folds.values() if seen.digest is not None]
+            looked_at += self._rng.sample(ended, min(2, len(ended)))
+            for seen in looked_at:
+                try:
+                    self._look(http, seen)
+                    if seen.end is not None and seen.digest is None:
+                        self._look_into(http, seen)
+                except (httpx.HTTPError, httpx.InvalidURL):
+                    time.sleep(LOOK_EVERY_S)  # it was killed; or the port is another one's now
+                    break
+        if http is not None:
+            http.close()
+
+    def _look(self, http: httpx.Client, seen: Seen) -> None:
+        answer = http.get(f"/api/folds/{seen.id}")
+        self.looks += 1
+        if answer.status_code >= 500:
+            self._failed(seen, answer)
+            return
+        if answer.status_code != 200:
+            self._tell(seen, f"was acknowledged and is lost: {answer.text[:200]}")
+            return
+        state = answer.json()
+        status = state["status"]
+        if not seen.statuses or seen.statuses[-1] != status:
+            seen.statuses.append(status)
+        if not over(state):
+            if seen.end is not None:
+                self._tell(seen, f"was over and goes on: {' → '.join(seen.statuses)}")
+            return
+        end = {key: state[key] for key in ("status", "summary", "error")}
+        if seen.end is None:
+            seen.end = end
+        elif end != seen.end:
+            self._tell(seen, f"ended twice, as {_short(seen.end)} and as {_short(end)}")
+
+    def _look_into(self, http: httpx.Client, seen: Seen) -> None:
+        """Takes what a visitor would of a fold that is over."""
+        assert seen.end is not None
+        page = http.get(f"/folds/{seen.id}")
+        if page.status_code != 200:
+            self._tell(seen, f"its page is answered with {page.status_code}")
+        if seen.end["status"] != "verified":
+            seen.digest = "none"
+            return
+        digest = hashlib.sha256()
+        files: dict[str, bytes] = {}
+        for name in FILES:
+            answer = http.get(f"/api/folds/{seen.id}/{name}")
+            if answer.status_code >= 500 and self.condition:
+                self._failed(seen, answer)
+                return
+            if answer.status_code != 200:
+                self._tell(seen, f"is verified, and {name} is answered with {answer.text[:200]}")
+                seen.digest = "none"
+                return
+            files[name] = answer.content
+            digest.update(answer.content)
+        frames = http.get(f"/api/folds/{seen.id}/frames")
+        reel = http.get(f"/folds/{seen.id}/reel")
+        try:
+            if problem := _disagreement(files, frames, reel):
+                self._tell(seen, problem)
+        except (ValueError, KeyError, IndexError, OSError, EOFError) as error:
+            self._tell(seen, f"is verified, and a part of it can't be read: {error!r}")
+        seen.digest = digest.hexdigest()
+
+    def _failed(self, seen: Seen, answer: httpx.Response) -> None:
+        self.errors[f"{answer.status_code} {self.condition}".strip()] += 1
+        if not self.condition:
+            self._tell(seen, f"is answered with {answer.status_code}: {answer.text[:200]}")
+
+    def _tell(self, seen: Seen, what: str) -> None:
+        told = f"{seen.id} ({', '.join(sorted(seen.faults)) or 'nothing'} happened): {what}"
+        if told not in self.problems:
+            self.problems.append(told)
+
+
+def _disagreement(
+    files: dict[str, bytes], frames: httpx.Response, reel: httpx.Response
+) -> str | None:
+    """What is not as it should be with the parts of a verified fold."""
+    if frames.status_code != 200 or reel.status_code != 200:
+        return f"is verified, and its timeline is answered with {frames.text[:200]}"
+    told, plan = frames.json(), json.loads(files["plan.json"])
+    if told["status"] != "complete":
+        return f"is verified, and its timeline is {told['status']}"
+    with np.load(io.BytesIO(files["plan.npz"]), allow_pickle=False) as arrays:
+        angles = arrays["joint_angles_rad"]
+        lengths = {len(arrays[name]) for name in ("time_s", "root_position", "root_wxyz")}
+    shown = [k for k, phase in enumerate(told["phase"]) if told["phases"][phase] == "playback"]
+    if lengths != {len(angles)} or len(plan["time_s"]) != len(angles):
+        return f"plan.json has {len(plan['time_s'])} frames, plan.npz {len(angles)} and {lengths}"
+    if len(told["phase"]) == told["total"] and len(shown) != len(angles):
+        return f"its plan has {len(angles)} frames and its timeline {len(shown)}"
+    if shown and not np.allclose(told["joint_angles_rad"][shown[-1]], angles[-1], atol=1e-3):
+        return "its timeline ends elsewhere than its plan"
+    if json.loads(files["certificate.json"])["verdict"] != "verified":
+        return "is verified, and its certificate is not"
+    return None
+
+
+def _short(end: dict[str, Any]) -> str:
+    return f"{end['status']} {json.dumps(end['error'] or end['summary'])[:300]}"
