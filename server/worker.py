@@ -32,6 +32,7 @@ from server.movie_jobs import MovieJobs
 from server.runner import STAGES, Outcome, Runner
 from server.settings import Settings
 from server.slots import Slots
+from server.starting import starting
 from server.store import Store
 from server.sweeper import Sweeper
 from server.tracing import send_rest, tracing
@@ -223,9 +224,13 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         leashed: End when standard input ends.
     """
     set_up_logs(settings)
-    store = Store(settings)
-    runner = Runner(settings, store)
-    runner.prewarm()
+    with starting("worker"):
+        store = Store(settings)
+        runner = Runner(settings, store)
+        runner.prewarm()
+        slot = Slots(settings).take()
+        set_up_logs(settings, worker=slot.name)
+        prepare(settings)
     told = threading.Semaphore(0)
 
     def tell(number: int = 0, frame: FrameType | None = None) -> None:
@@ -238,9 +243,6 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     signal.signal(signal.SIGINT, tell)
     if leashed:
         _hold_leash(end)
-    slot = Slots(settings).take()
-    set_up_logs(settings, worker=slot.name)
-    prepare(settings)
     config: DBOSConfig = {
         "name": APPLICATION,
         "system_database_url": settings.queue_url,

@@ -13,6 +13,7 @@ import typer
 from server.limits import keep_secrets
 from server.logs import set_up_logs
 from server.settings import Settings
+from server.starting import starting
 
 LARGEST_HEAD_BYTES: Final = 32 * 1024
 """Of a request's first line and headers."""
@@ -44,7 +45,8 @@ def serve(
     # Workers first: they warm up on the other core while the web process imports.
     from server.supervisor import Supervisor
 
-    settings.make_directories()
+    with starting("service"):
+        settings.make_directories()
     supervisor = Supervisor(settings)
     supervisor.start()
     # uvicorn ends in good order on these and raises them once more; by then all is done.
@@ -64,16 +66,15 @@ def _run(settings: Settings, first_shape: str | None) -> None:
     from server.app import create_app
     from server.connections import protocol_of
     from server.database import engine_for, migrate
-    from server.schema import NewerSchemaError
+    from server.storage import open_storage
 
-    engine = engine_for(settings.store_url)
-    try:
-        migrate(engine)
-    except NewerSchemaError as error:
-        typer.echo(f"The service does not start: {error}", err=True)
-        raise typer.Exit(1) from None
-    finally:
-        engine.dispose()
+    with starting("service"):
+        open_storage(settings)
+        engine = engine_for(settings.store_url)
+        try:
+            migrate(engine)
+        finally:
+            engine.dispose()
     app = create_app(settings)
     _allow_files(2 * settings.max_connections)
 
