@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from tests.server.bucket import Bucket
 from tests.server.postgres import Postgres
 from tests.server.service import SNAKE, Service
 
@@ -34,6 +35,16 @@ def postgres() -> Iterator[Postgres]:
         yield made.start()
     finally:
         made.remove()
+
+
+@pytest.fixture(scope="session")
+def bucket() -> Iterator[Bucket]:
+    """A server of buckets; `bucket.bucket()` makes an empty one in it."""
+    made = Bucket().start()
+    try:
+        yield made
+    finally:
+        made.stop()
 
 
 @pytest.fixture(scope="session")

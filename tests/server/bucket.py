@@ -1,0 +1,106 @@
+"""A real S3-compatible server for tests, moto's, in a process of its own on a free port."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import time
+import uuid
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+
+PATIENCE_S = 60.0
+REGION = "us-east-1"
+
+
+class Bucket:
+    """Starts and ends one server; `bucket` makes an empty bucket in it.
+
+    It holds everything in memory: what was kept is gone with the process. An outage that loses
+    nothing is `silent`.
+
+    Args:
+        log: Where it writes its log; nowhere when None.
+    """
+
+    def __init__(self, log: Path | None = None) -> None:
+        self._log = log
+        self._process: subprocess.Popen[bytes] | None = None
+        self.port = 0
+
+    @property
+    def endpoint(self) -> str:
+        """Where it answers."""
+        return f"http://127.0.0.1:{self.port}"
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """What a program needs to know in order to reach it."""
+        return {
+            "AWS_ENDPOINT_URL": self.endpoint,
+            "AWS_ACCESS_KEY_ID": "test",
+            "AWS_SECRET_ACCESS_KEY": "test",
+            "AWS_REGION": REGION,
+            "AWS_ALLOW_HTTP": "true",
+        }
+
+    def start(self) -> Bucket:
+        """Starts it, on the port it had before if it had one."""
+        self.port = self.port or _free_port()
+        with open(self._log or "/dev/null", "ab") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "moto.server", "-H", "127.0.0.1"]
+                + ["-p", str(self.port)],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+            )
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            assert self._process.poll() is None, "the server of buckets has ended"
+            try:
+                httpx.get(f"{self.endpoint}/moto-api/", timeout=PATIENCE_S)
+                return self
+            except httpx.TransportError:
+                assert time.monotonic() < deadline, "the server of buckets does not answer"
+                time.sleep(0.05)
+
+    def bucket(self) -> str:
+        """The URL of a new, empty bucket."""
+        name = f"test-{uuid.uuid4().hex[:12]}"
+        httpx.put(f"{self.endpoint}/{name}", timeout=PATIENCE_S).raise_for_status()
+        return f"s3://{name}"
+
+    @contextmanager
+    def silent(self) -> Generator[None]:
+        """It takes calls and answers none."""
+        assert self._process is not None
+        self._process.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self._process.send_signal(signal.SIGCONT)
+
+    def stop(self) -> None:
+        """Ends it."""
+        self._end(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """Ends it without a word to anybody."""
+        self._end(signal.SIGKILL)
+
+    def _end(self, number: int) -> None:
+        if self._process is not None and self._process.poll() is None:
+            self._process.send_signal(number)
+            self._process.wait(PATIENCE_S)
+        self._process = None
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return free.getsockname()[1]
