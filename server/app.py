@@ -149,7 +149,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         shutil.rmtree(left, ignore_errors=True)
     jobs = Jobs(settings)
     jobs.reconcile(store)
-    previews = Previews(settings)
+    previews = Previews(settings, store.folders.storage)
     leases = Leases.of(settings, store)
     workshop = Workshop(store, min_free_disk_bytes=settings.min_free_disk_bytes)
     return Context(
