@@ -13,7 +13,11 @@ NETWORK_BITS: Final = 64
 
 def address_of(connection: HTTPConnection) -> str:
     """The address that a request comes from; one for all that a single visitor may use."""
-    host = connection.client.host if connection.client else "unknown"
+    return visitor_at(connection.client.host if connection.client else "unknown")
+
+
+def visitor_at(host: str) -> str:
+    """One address for all that a single visitor may use."""
     try:
         found = ipaddress.ip_address(host.partition("%")[0])
     except ValueError:

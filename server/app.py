@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import secrets
-import shutil
 import threading
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
@@ -21,6 +20,7 @@ from server.children import Reader
 from server.context import Context
 from server.exports import Exports
 from server.gallery import Gallery
+from server.gates import Gate
 from server.jobs import Jobs
 from server.leases import Leases
 from server.limits import ChildLimits
@@ -44,12 +44,20 @@ from server.routes import (
     shapes,
     sharing,
 )
-from server.security import AllowedHosts, BodyLimit, SameOrigin, SecurityHeaders, hosts_of
+from server.security import (
+    AllowedHosts,
+    BodyLimit,
+    PrintingAddresses,
+    SameOrigin,
+    SecurityHeaders,
+    hosts_of,
+)
 from server.settings import Settings
 from server.storage import StorageError
 from server.store import NoSuchFoldError, Store
 from server.streams import Streams
 from server.trajectories import Trajectories
+from server.uploads import Uploads, UploadsAtOnce
 from server.watch import Watch
 from server.workshop import Workshop
 from web.films import Films
@@ -82,7 +90,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         context = await asyncio.to_thread(_open, settings, metrics)
         app.state.context = context
         census = app.state.census = Census(settings, context.leases)
-        app.state.readiness = Readiness(settings, census)
+        app.state.readiness = Readiness(settings, census, context.store.folders.check)
         # In a thread: starting a process takes a moment that the first answer need not wait for.
         threading.Thread(target=context.reader.start, daemon=True).start()
         threading.Thread(target=context.preparer.start, daemon=True).start()
@@ -95,6 +103,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             context.jobs.close()
             context.store.close()
             census.close()
+            context.uploads.close()
 
     app = FastAPI(
         title="foldback",
@@ -106,7 +115,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         docs_url=None,
         redoc_url=None,
     )
-    problems.install(app)
+    problems.install(app, pages.problem_page)
 
     async def on_no_such_fold(request: Request, error: Exception) -> Response:
         return problems.no_such_fold().response()
@@ -134,8 +143,15 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.include_router(module.router)
     app.include_router(robot.schemas)
 
-    app.add_middleware(BodyLimit, most_bytes=settings.max_upload_bytes)
+    app.add_middleware(
+        BodyLimit,
+        most_bytes=settings.max_upload_bytes,
+        seconds=settings.upload_seconds,
+        idle_s=settings.upload_idle_s,
+    )
+    app.add_middleware(UploadsAtOnce, settings=settings)
     app.add_middleware(SameOrigin, origins=settings.origins)
+    app.add_middleware(PrintingAddresses)
     app.add_middleware(AllowedHosts, hosts=hosts_of(settings.host, settings.allowed_hosts))
     app.add_middleware(SecurityHeaders)
     app.add_middleware(Access, metrics=metrics)
@@ -144,14 +160,22 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
 def _open(settings: Settings, metrics: Metrics) -> Context:
     store = Store(settings)
-    # What was being uploaded when the service was last ended was never acknowledged.
-    for left in settings.uploads_dir.iterdir():
-        shutil.rmtree(left, ignore_errors=True)
     jobs = Jobs(settings)
     jobs.reconcile(store)
     previews = Previews(settings, store.folders.storage)
     leases = Leases.of(settings, store)
-    workshop = Workshop(store, min_free_disk_bytes=settings.min_free_disk_bytes)
+    workshop = Workshop(
+        store,
+        min_free_disk_bytes=settings.min_free_disk_bytes,
+        most=settings.files_waiting,
+        most_of_visitor=settings.files_waiting_of_visitor,
+    )
+    answers = Gate(
+        "answers",
+        at_once=2,
+        most=settings.answers_waiting,
+        most_of_visitor=settings.answers_waiting_of_visitor,
+    )
     return Context(
         settings=settings,
         store=store,
@@ -159,7 +183,9 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         films=Films(),
         streams=Streams(settings.max_streams, settings.max_streams_of_visitor),
         robots=Streams(settings.max_robots, settings.max_robots_of_visitor, "robots"),
-        trajectories=Trajectories(),
+        trajectories=Trajectories(answers),
+        answers=answers,
+        uploads=Uploads(settings),
         reader=Reader(ChildLimits.of(settings), wall_s=settings.read_seconds),
         preparer=Reader(ChildLimits.of(settings), wall_s=settings.preview_seconds, kind="preparer"),
         previews=previews,

@@ -16,7 +16,11 @@ from server.leases import Leases
 from server.settings import Settings
 
 KEPT_S: Final = 2.0
+SUM_KEPT_S: Final = 60.0
+"""Of the one figure for which all rows have to be read."""
 LATELY_S: Final = 3600.0
+LONGEST_S: Final = 86400.0
+"""From asking for a fold to its end, for finding those that ended lately by an index."""
 MOST_ENDED: Final = 500
 
 
@@ -47,7 +51,7 @@ class Census:
     It has a connection of its own: when a crowd holds all others, operators want to see it.
 
     Args:
-        settings: The settings.
+        settings: Say where the rows are.
         leases: Knows the workers.
     """
 
@@ -56,6 +60,7 @@ class Census:
         self._engine = engine_for(settings.store_url)
         self._lock = threading.Lock()
         self._kept: tuple[float, Figures] | None = None
+        self._bytes: tuple[float, int] | None = None
 
     def close(self) -> None:
         """Lets go of the connection."""
@@ -86,13 +91,11 @@ class Census:
         took = FoldRow.ended_at - FoldRow.started_at
         with Session(self._engine) as session:
             folds = session.execute(
-                sa.select(
-                    FoldRow.status,
-                    sa.func.count(),
-                    sa.func.min(FoldRow.created_at),
-                    sa.func.sum(FoldRow.bytes),
-                ).group_by(FoldRow.status)
+                sa.select(FoldRow.status, sa.func.count()).group_by(FoldRow.status)
             ).all()
+            oldest = session.scalar(
+                sa.select(sa.func.min(FoldRow.created_at)).where(FoldRow.status == "queued")
+            )
             movies = session.execute(
                 sa.select(MovieRow.status, sa.func.count()).group_by(MovieRow.status)
             ).all()
@@ -100,18 +103,25 @@ class Census:
                 sa.select(took)
                 .where(
                     FoldRow.status.in_(ENDED),
+                    FoldRow.created_at > now - LATELY_S - LONGEST_S,
                     FoldRow.started_at.is_not(None),
                     FoldRow.ended_at > now - LATELY_S,
                 )
                 .order_by(FoldRow.ended_at.desc())
                 .limit(MOST_ENDED)
             ).all()
-        oldest = min((at for status, _, at, _ in folds if status == "queued"), default=now)
+            taken = self._taken(session)
         return Figures(
-            folds=dict.fromkeys(STATUSES, 0) | {status: count for status, count, _, _ in folds},
+            folds=dict.fromkeys(STATUSES, 0) | {status: count for status, count in folds},
             movies={status: count for status, count in movies},
-            oldest_queued_s=max(0.0, now - oldest),
-            storage_bytes=sum(int(taken or 0) for _, _, _, taken in folds),
+            oldest_queued_s=0.0 if oldest is None else max(0.0, now - oldest),
+            storage_bytes=taken,
             workers=self.workers(),
             computed_s=tuple(sorted(float(seconds or 0.0) for seconds in ended)),
         )
+
+    def _taken(self, session: Session) -> int:
+        now = time.monotonic()
+        if self._bytes is None or now - self._bytes[0] >= SUM_KEPT_S:
+            self._bytes = (now, int(session.scalar(sa.select(sa.func.sum(FoldRow.bytes))) or 0))
+        return self._bytes[1]

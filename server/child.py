@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import json
 import os
@@ -14,7 +15,7 @@ from collections.abc import Callable
 from fcntl import LOCK_EX, flock
 from importlib import import_module
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Final
 
 from planner.errors import InputError
 from planner.progress import Progress
@@ -70,12 +71,27 @@ class _Parent:
         os._exit(1)
 
 
+MOST_FILES: Final = 512
+LARGEST_FILE_BYTES: Final = 8 * 2**30
+PR_SET_NO_NEW_PRIVS: Final = 38
+
+
 def _limit(memory_bytes: int, cpu_s: float) -> None:
     seconds = int(cpu_s) + 1
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     # What is resident is watched by the parent; this stops one huge request for memory.
     resource.setrlimit(resource.RLIMIT_DATA, (2 * memory_bytes, 2 * memory_bytes))
+    for name, most in (
+        (resource.RLIMIT_FSIZE, LARGEST_FILE_BYTES),
+        (resource.RLIMIT_NOFILE, MOST_FILES),
+    ):
+        hard = resource.getrlimit(name)[1]
+        most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        resource.setrlimit(name, (most, most))
+    if sys.platform == "linux":
+        # No program that it may start gets more rights than it has.
+        ctypes.CDLL(None).prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0)
 
 
 def _stages() -> Task:

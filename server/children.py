@@ -23,7 +23,7 @@ from typing import Any, Final, Literal
 import psutil
 
 from planner.errors import InputError
-from server.limits import ChildLimits, memory_words
+from server.limits import ChildLimits, environment_of_child, memory_words
 
 Kind = Literal["stages", "reader", "preparer", "movies"]
 POLL_S: Final = 0.05
@@ -59,7 +59,7 @@ class Child:
             [sys.executable, "-P", "-m", "server.child", kind, json.dumps(asdict(limits))],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env={**os.environ, **threads, **(environment or {})},
+            env={**environment_of_child(os.environ), **threads, **(environment or {})},
             start_new_session=True,
         )
         self._ready = False

@@ -21,6 +21,8 @@ COMMANDS: Final = (
     "export",
     "movie",
     "retime",
+    "doctor",
+    "admin",
 )
 
 
@@ -38,7 +40,11 @@ def application(commands: Iterable[str] = COMMANDS) -> typer.Typer:
 
     del foldback
     for name in commands:
-        app.command(name)(getattr(import_module(f"server.commands.{name}"), name))
+        command = getattr(import_module(f"server.commands.{name}"), name)
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, name=name)
+        else:
+            app.command(name)(command)
     return app
 
 

@@ -13,6 +13,7 @@ from server.addresses import address_of
 from server.children import Reader
 from server.exports import Exports
 from server.gallery import Gallery
+from server.gates import Gate
 from server.jobs import Jobs
 from server.leases import Leases
 from server.metrics import Metrics
@@ -23,6 +24,7 @@ from server.settings import Settings
 from server.store import Store
 from server.streams import Streams
 from server.trajectories import Trajectories
+from server.uploads import Uploads
 from server.watch import Watch
 from server.workshop import Workshop
 
@@ -50,6 +52,8 @@ class Context:
     streams: Streams
     robots: Streams
     trajectories: Trajectories
+    answers: Gate
+    uploads: Uploads
     metrics: Metrics
     leases: Leases
     secret: bytes

@@ -33,20 +33,24 @@ class Exports:
         self._store = store
         self._workshop = workshop
 
-    async def file(self, fold_id: str, export: Export) -> Path:
+    async def file(self, fold_id: str, export: Export, *, visitor: str | None = None) -> Path:
         """Where the export of a fold that is over is; made unless it is there.
 
         Raises:
             NoSuchFoldError: When this is not an id.
             Problem: When the plan has no such export (404) or is too large to make it here (413),
-                too many are being made (503), or the disk is full (507).
+                too many are being made (429, 503), or the disk is full (507).
         """
         directory = await asyncio.to_thread(self._store.directory, fold_id)
         kept = directory / export.filename
         if await asyncio.to_thread(kept.is_file):
             return kept  # the fold's own stages have written it
         return await self._workshop.file(
-            fold_id, export.filename, lambda: _written(directory / PLAN, export), of=PLAN
+            fold_id,
+            export.filename,
+            lambda: _written(directory / PLAN, export),
+            of=PLAN,
+            visitor=visitor,
         )
 
 

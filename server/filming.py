@@ -36,7 +36,7 @@ def film(
         ChildError: When there is no OpenGL (``no-gl``), or something went wrong.
     """
     said: list[str] = []
-    for backend in _backends():
+    for backend in backends():
         child = Child("movies", limits, environment={GL_SETTING: backend})
         try:
             result = child.call(
@@ -57,7 +57,7 @@ def film(
     raise ChildError("no-gl", f"{NO_GL}. Found: {found}.")
 
 
-def _backends() -> tuple[str, ...]:
+def backends() -> tuple[str, ...]:
     """Those to try: the one that the operator has set, or all."""
     chosen = os.environ.get(GL_SETTING, "").lower().strip()
     if chosen in OFF:

@@ -62,13 +62,14 @@ def _alone(url: str) -> Generator[None]:
     if not url.startswith("postgresql"):
         yield
         return
-    engine = sa.create_engine(url)
+    # Not in a transaction: indexes that are made concurrently would wait for its end.
+    engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
     try:
-        with engine.begin() as connection:
-            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(PREPARING)))
+        with engine.connect() as connection:
+            connection.execute(sa.select(sa.func.pg_advisory_lock(PREPARING)))
             yield
     finally:
-        engine.dispose()
+        engine.dispose()  # and with the connection goes the lock
 
 
 def _client(settings: Settings) -> DBOSClient:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
+import re
+import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from server.settings import Settings
@@ -20,6 +24,32 @@ class ChildLimits:
     def of(cls, settings: Settings) -> ChildLimits:
         """The limits that the settings say."""
         return cls(memory_bytes=settings.child_memory_bytes, cpu_s=settings.stage_cpu_seconds)
+
+
+PR_SET_DUMPABLE: Final = 4
+CHILD_VARIABLES: Final = re.compile(
+    r"PATH|HOME|USER|LOGNAME|LANG|LANGUAGE|LC_[A-Z]+|TZ|TMPDIR|TEMP|TMP|VIRTUAL_ENV|DISPLAY"
+    r"|(PYTHON|LD|DYLD|XDG|CONDA|NUMBA|MUJOCO|MESA|LIBGL|GALLIUM|EGL|GBM|IMAGEIO|FFMPEG"
+    r"|COVERAGE)_?[A-Z0-9_]*"
+)
+"""Names of environment variables that a computing process gets to see."""
+
+
+def environment_of_child(environment: Mapping[str, str]) -> dict[str, str]:
+    """What a computing process needs of an environment.
+
+    It reads strangers' files, so that it gets no keys of databases and storage to see.
+    """
+    return {name: value for name, value in environment.items() if CHILD_VARIABLES.fullmatch(name)}
+
+
+def keep_secrets() -> None:
+    """Has the kernel keep other processes of the same user from looking into this one.
+
+    Without it a computing process could read in ``/proc`` what its environment was cleared of.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_DUMPABLE, 0, 0, 0, 0)
 
 
 def memory_words(limit_bytes: int) -> str:

@@ -13,10 +13,10 @@ import re
 import shutil
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 from planner.errors import InputError
 from planner.modules import CUBE
@@ -26,6 +26,7 @@ from server.problems import Problem
 from server.settings import Settings
 from server.storage import Storage
 from server.store import new_id
+from server.uploads import Upload, no_room
 
 KEY: Final = re.compile(r"[0-9a-f]{24}")
 MOST_WISHES: Final = 400
@@ -78,25 +79,24 @@ class Previews:
         self._lock = threading.Lock()
         self._swept = 0.0
 
-    def add(self, data: bytes, filename: str | None) -> str:
-        """Keeps an upload; its id, which nobody can guess.
+    def add(self, upload: Upload) -> str:
+        """Moves an upload here; its id, which nobody can guess.
 
         Raises:
             Problem: When the disk has no room for it.
         """
-        self._sweep(len(data))
+        self._sweep(upload.size)
         preview_id = new_id()
-        directory = self._root / preview_id
         try:
-            if shutil.disk_usage(self._root).free < self._settings.min_free_disk_bytes + len(data):
-                raise Problem(507, "no-room", "The disk of the service is nearly full; try later.")
-            directory.mkdir()
-            (directory / "input").write_bytes(data)
-            (directory / "upload.json").write_text(json.dumps({"filename": filename}))
+            about = json.dumps({"filename": upload.filename})
+            (upload.directory / "upload.json").write_text(about)
+            os.rename(upload.directory, self._root / preview_id)
         except OSError as error:
-            shutil.rmtree(directory, ignore_errors=True)
             raise Problem(
-                507, "no-room", f"The upload could not be stored ({error.strerror}); try later."
+                507,
+                "no-room",
+                f"The upload could not be stored ({error.strerror}); try later.",
+                headers={"Retry-After": "60"},
             ) from error
         self._elsewhere.keep(preview_id, self._root / preview_id)
         return preview_id
@@ -129,15 +129,15 @@ class Previews:
             self._elsewhere.fetch_report(place)
         return place
 
-    def upload(self, preview_id: str) -> tuple[bytes, str | None]:
-        """The bytes that were uploaded, and what they were called.
+    def upload(self, preview_id: str) -> tuple[BinaryIO, str | None]:
+        """What was uploaded, open, and what it was called.
 
         Raises:
             NoSuchPreviewError: When there is none.
         """
         filename = self.filename(preview_id)
         try:
-            return (self.directory(preview_id) / "input").read_bytes(), filename
+            return open(self.directory(preview_id) / "input", "rb"), filename
         except OSError as error:  # swept away this very moment
             raise NoSuchPreviewError(preview_id) from error
 
@@ -182,7 +182,15 @@ class Previews:
         if (known := read_report(place)) is not None:
             return known
         if sum(1 for _ in directory.iterdir()) > MOST_WISHES:
-            raise Problem(429, "too-many-previews", "Too many previews of one file; send it again.")
+            raise Problem(
+                429,
+                "too-many-previews",
+                "Too many previews of one file; send it again.",
+                headers={"Retry-After": "60"},
+            )
+        self._sweep()  # reports may be much larger than what they tell of
+        if shutil.disk_usage(self._root).free < self._settings.min_free_disk_bytes:
+            raise no_room()
         place.mkdir(exist_ok=True)
         request = {"filename": self.filename(preview_id), **asdict(wishes)}
         request["time_limit_s"] = self._settings.preview_search_seconds
@@ -210,7 +218,7 @@ class Previews:
         report = read_report(self.place(preview_id, wishes.key))
         return report["cells"] if report is not None and report["module"] == CUBE.name else None
 
-    def _sweep(self, coming: int) -> None:
+    def _sweep(self, coming: int = 0) -> None:
         """Forgets what is old, and the oldest while there is too much."""
         self._elsewhere.sweep_soon()
         with self._lock:
@@ -219,9 +227,9 @@ class Previews:
                 return
             self._swept = now
             found = sorted(
-                (entry.stat().st_mtime, _size(entry), entry)
+                (touched, size, entry)
                 for entry in self._root.iterdir()
-                if entry.is_dir()
+                for touched, size in _kept(entry)
             )
             total = coming + sum(size for _, size, _ in found)
             for touched, size, entry in found:
@@ -239,8 +247,13 @@ def read_report(place: Path) -> dict[str, Any] | None:
         return None
 
 
-def _size(directory: Path) -> int:
-    return sum(f.stat().st_size for f in directory.rglob("*") if f.is_file())
+def _kept(directory: Path) -> Generator[tuple[float, int]]:
+    """When a directory was last touched, and its bytes; nothing when another process swept it."""
+    try:
+        size = sum(f.stat().st_size for f in directory.rglob("*") if f.is_file())
+        yield directory.stat().st_mtime, size
+    except OSError:
+        return
 
 
 def _problem(error: ChildError, seconds: float) -> Problem:

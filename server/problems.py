@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import errno
+import logging
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from typing import Any, Final
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, Response
+from sqlalchemy.exc import (
+    DataError,
+    DBAPIError,
+    IntegrityError,
+    OperationalError,
+    ProgrammingError,
+    SQLAlchemyError,
+)
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.exceptions import HTTPException
 
 from planner.errors import InputError
@@ -16,6 +27,10 @@ from planner.request import Request as Asked
 from server.access import request_id_of
 
 MEDIA_TYPE: Final = "application/problem+json"
+DISK_ERRORS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG})
+DATABASE_RETRY_S: Final = 5
+DISK_RETRY_S: Final = 60
+log = logging.getLogger("foldback.web")
 CODES: Final = {404: "not-found", 408: "too-slow", 413: "too-large"}
 
 
@@ -88,38 +103,86 @@ def no_such_movie() -> Problem:
     )
 
 
-def install(app: FastAPI) -> None:
-    """Makes the application answer every error as a problem."""
+def of_trouble(error: BaseException | None) -> Problem | None:
+    """The problem that the database does not answer or the disk is full, if it is one."""
+    if isinstance(error, OperationalError) and "disk is full" in str(error.orig):
+        return _disk()
+    fault = isinstance(error, DataError | IntegrityError | ProgrammingError)
+    if isinstance(error, DBAPIError | PoolTimeoutError) and not fault:
+        return Problem(
+            503,
+            "no-database",
+            f"The database does not answer; nothing was lost. Try again in {DATABASE_RETRY_S} s.",
+            headers={"Retry-After": str(DATABASE_RETRY_S)},
+        )
+    if isinstance(error, OSError) and error.errno in DISK_ERRORS:
+        return _disk()
+    return None
 
-    async def on_problem(request: Request, error: Exception) -> JSONResponse:
+
+def _disk() -> Problem:
+    return Problem(
+        507,
+        "no-room",
+        "The disk of the service takes nothing any more; nothing was lost. Try again later.",
+        headers={"Retry-After": str(DISK_RETRY_S)},
+    )
+
+
+def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
+    """Makes the application answer every error as a problem.
+
+    Args:
+        app: The application.
+        page: Makes a page of one, for people who asked for a page.
+    """
+
+    def answer(request: Request, problem: Problem) -> Response:
+        asked = request.headers.get("accept", "")
+        if request.url.path.startswith("/api/") or "text/html" not in asked:
+            return problem.response()
+        return page(problem)
+
+    async def on_problem(request: Request, error: Exception) -> Response:
         assert isinstance(error, Problem)
-        return error.response()
+        return answer(request, error)
 
-    async def on_http(request: Request, error: Exception) -> JSONResponse:
+    async def on_http(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
+        if (trouble := of_trouble(error.__cause__)) is not None:  # while a form came in
+            log.error("%s: %r", trouble.code, error.__cause__)
+            return answer(request, trouble)
         phrase = HTTPStatus(error.status_code).phrase
         code = CODES.get(error.status_code, phrase.lower().replace(" ", "-"))
-        return Problem(error.status_code, code, str(error.detail), headers=error.headers).response()
+        problem = Problem(error.status_code, code, str(error.detail), headers=error.headers)
+        return answer(request, problem)
 
-    async def on_validation(request: Request, error: Exception) -> JSONResponse:
+    async def on_validation(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)
         first = error.errors()[0]
         if (refusal := _refusal(first)) is not None:
-            return Problem.of_input(refusal).response()
+            return answer(request, Problem.of_input(refusal))
         where = ".".join(str(part) for part in first["loc"])
-        return Problem(422, "bad-request", f"{first['msg']}.", where=where).response()
+        problem = Problem(422, "bad-request", f"{first['msg']}.", where=where)
+        return answer(request, problem)
 
-    async def on_anything(request: Request, error: Exception) -> JSONResponse:
-        return Problem(
-            500,
-            "internal",
-            "Something went wrong inside the service; nothing was lost. Try again.",
-            headers=request_id_of(request.scope),
-        ).response()
+    async def on_trouble(request: Request, error: Exception) -> Response:
+        trouble = of_trouble(error)
+        if trouble is None:
+            raise error
+        log.error("%s: %r", trouble.code, error)
+        return answer(request, trouble)
+
+    async def on_anything(request: Request, error: Exception) -> Response:
+        words = "Something went wrong inside the service; nothing was lost. Try again."
+        headers = request_id_of(request.scope)
+        return answer(request, Problem(500, "internal", words, headers=headers))
 
     app.add_exception_handler(Problem, on_problem)
     app.add_exception_handler(HTTPException, on_http)
     app.add_exception_handler(RequestValidationError, on_validation)
+    app.add_exception_handler(SQLAlchemyError, on_trouble)
+    app.add_exception_handler(OSError, on_trouble)
     app.add_exception_handler(Exception, on_anything)
 
 

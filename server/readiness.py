@@ -10,13 +10,13 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
 from server.census import Census
 from server.settings import Settings
+from server.storage import StorageError
 
 KEPT_S: Final = 2.0
 OK: Final = "ok"
@@ -44,9 +44,13 @@ class Readiness:
     Args:
         settings: The settings.
         census: Knows the workers.
+        storage: Raises when files that are kept elsewhere cannot be reached.
     """
 
-    def __init__(self, settings: Settings, census: Census) -> None:
+    def __init__(
+        self, settings: Settings, census: Census, storage: Callable[[], None] = lambda: None
+    ) -> None:
+        self._storage = storage
         self._settings = settings
         self._census = census
         self._lock = threading.Lock()
@@ -82,8 +86,18 @@ class Readiness:
         with self._lock:
             now = time.monotonic()
             if self._kept is None or now - self._kept[0] >= KEPT_S:
-                self._kept = (now, disk_says(self._settings), storage_says(self._settings))
+                self._kept = (now, disk_says(self._settings), self._storage_says())
             return self._kept[1:]
+
+    def _storage_says(self) -> str:
+        try:
+            if self._settings.storage_url is None:
+                check_folder(self._settings)
+            else:
+                self._storage()
+        except (OSError, StorageError) as error:
+            return f"cannot be used: {type(error).__name__}"
+        return OK
 
 
 def disk_says(settings: Settings) -> str:
@@ -100,31 +114,12 @@ def disk_says(settings: Settings) -> str:
     return OK
 
 
-def storage_says(settings: Settings) -> str:
-    """``ok`` when the files of folds can be kept and found again, or what is wrong."""
-    try:
-        check_storage(settings)
-    except Exception as error:  # each kind of storage has its own kinds of error
-        return f"cannot be used: {type(error).__name__}"
-    return OK
-
-
-def check_storage(settings: Settings) -> None:
-    """Writes, reads, lists and deletes a probe where the files of folds are kept.
+def check_folder(settings: Settings) -> None:
+    """Writes, reads, lists and deletes a probe where the files of folds are kept on this machine.
 
     Raises:
-        Exception: When that does not work; which one depends on the kind of storage.
+        OSError: When that does not work.
     """
-    if settings.storage_url is None:
-        _check_folder(settings)
-        return
-    storage: Callable[[Settings], object] = import_module("server.storage").open_storage
-    opened = storage(settings)
-    check: Callable[[], None] = opened.check  # type: ignore[attr-defined]
-    check()
-
-
-def _check_folder(settings: Settings) -> None:
     folder = settings.folds_dir
     handle, name = tempfile.mkstemp(prefix=".probe-", dir=folder)
     try:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Iterable
 from typing import Final
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
@@ -37,12 +38,15 @@ HEADERS: Final = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
 }
+UNPRINTED: Final = re.compile(r"[\x00-\x1f\x7f]")
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
 FORM_OVERHEAD_BYTES: Final = 64 * 1024
+SMALL_BODY_BYTES: Final = 64 * 1024
+"""Of what is no form with a file, for that is held in memory."""
 LISTENED_BYTES: Final = 64 * 2**20
 """Of a refused upload, which are counted and forgotten."""
-UPLOAD_SECONDS: Final = 120.0
+LISTENED_S: Final = 10.0
 
 
 class SecurityHeaders:
@@ -63,6 +67,8 @@ class SecurityHeaders:
                 for name, value in HEADERS.items():
                     headers.setdefault(name, value)
                 headers.setdefault("Content-Security-Policy", PAGE_POLICY)
+                # Links are secrets: what is behind them is nothing for caches that many share.
+                headers.setdefault("Cache-Control", "private, no-cache")
             await send(message)
 
         await self._app(scope, receive, send_with_headers)
@@ -106,6 +112,30 @@ class AllowedHosts:
             "adds names with FOLDBACK_ALLOWED_HOSTS.",
         )
         await problem.response()(scope, receive, send)
+
+
+class PrintingAddresses:
+    """Refuses paths and queries with characters that do not print, which no link of ours has.
+
+    Databases and file systems choke on some of them, logs are garbled by others.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handles one request."""
+        if scope["type"] == "http" and UNPRINTED.search(scope["path"] + _query(scope)):
+            problem = Problem(
+                400, "bad-address", "got an address with characters that do not print."
+            )
+            await problem.response()(scope, receive, send)
+            return
+        await self._app(scope, receive, send)
+
+
+def _query(scope: Scope) -> str:
+    return unquote(scope["query_string"].decode("latin-1"))
 
 
 def host_name(host: str) -> str:
@@ -170,31 +200,46 @@ class SameOrigin:
 
 
 class BodyLimit:
-    """Counts what comes in, and refuses more than the limit before it fills memory or disk."""
+    """Counts what comes in, and refuses more than the limit before it fills memory or disk.
 
-    def __init__(self, app: ASGIApp, *, most_bytes: int) -> None:
+    Args:
+        app: What is behind it.
+        most_bytes: Of an upload.
+        seconds: How long it may take to come in.
+        idle_s: How long nothing of it may come.
+    """
+
+    def __init__(
+        self, app: ASGIApp, *, most_bytes: int, seconds: float = 120.0, idle_s: float = 15.0
+    ) -> None:
         self._app = app
-        self._most = most_bytes + FORM_OVERHEAD_BYTES
-        self._words = (
-            f"the upload is larger than the {megabytes(most_bytes)} that are accepted; "
-            "use a coarser or shorter file."
-        )
+        self._most_bytes = most_bytes
+        self._seconds = seconds
+        self._idle_s = idle_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handles one request."""
         if scope["type"] != "http" or scope["method"] in SAFE_METHODS:
             await self._app(scope, receive, send)
             return
+        headers = Headers(scope=scope)
+        upload = headers.get("content-type", "").lower().startswith("multipart/form-data")
+        most = self._most_bytes if upload else min(self._most_bytes, SMALL_BODY_BYTES)
+        words = (
+            f"the upload is larger than the {megabytes(most)} that are accepted; "
+            "use a coarser or shorter file."
+        )
         got = 0
         more = True
         loop = asyncio.get_running_loop()
-        deadline = loop.time() + UPLOAD_SECONDS
+        deadline = loop.time() + self._seconds
 
         async def receive_counted() -> Message:
             nonlocal got, more
             if not more:  # what comes after the body is only the end of the connection
                 return await receive()
-            message = await asyncio.wait_for(receive(), max(0.0, deadline - loop.time()))
+            left = min(self._idle_s, deadline - loop.time())
+            message = await asyncio.wait_for(receive(), max(0.0, left))
             if message["type"] == "http.request":
                 got += len(message.get("body", b""))
                 more = message.get("more_body", False)
@@ -203,13 +248,29 @@ class BodyLimit:
         async def receive_bounded() -> Message:
             try:
                 message = await receive_counted()
-                if got > self._most:
-                    # Clients read the answer only when they could send; listen on for a while.
-                    while more and got <= self._most + LISTENED_BYTES:
-                        await receive_counted()
-                    raise HTTPException(413, self._words)
+                if got > most + FORM_OVERHEAD_BYTES:
+                    if more:
+                        await forget(receive)
+                    raise HTTPException(413, words)
             except TimeoutError:
                 raise HTTPException(408, "the upload took too long; try again.") from None
             return message
 
         await self._app(scope, receive_bounded, send)
+
+
+async def forget(receive: Receive) -> None:
+    """Takes in the rest of a body that is refused, for a while.
+
+    Clients read the answer only when they could send.
+    """
+    got = 0
+    try:
+        async with asyncio.timeout(LISTENED_S):
+            while got <= LISTENED_BYTES:
+                message = await receive()
+                got += len(message.get("body", b""))
+                if not message.get("more_body", False):
+                    return
+    except TimeoutError:
+        return

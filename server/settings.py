@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from functools import cached_property
+from ipaddress import ip_network
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -88,6 +89,11 @@ class Settings(BaseSettings):
         description="Where workers send traces of folds by OpenTelemetry (OTLP over HTTP), as "
         "http://host:4318/v1/traces; needs the extra `foldback[otel]`.",
     )
+    trusted_proxies: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=("127.0.0.0/8", "::1"),
+        description="Addresses or networks, with commas between, whose X-Forwarded-For and "
+        "X-Forwarded-Proto are believed; of all others they are ignored.",
+    )
 
     workers: int = Field(
         default=1, ge=0, le=64, description="Worker processes that `serve` looks after."
@@ -112,6 +118,28 @@ class Settings(BaseSettings):
     )
 
     max_upload_bytes: int = Field(default=64 * MIB, ge=1024, description="Largest upload.")
+    max_uploads: int = Field(
+        default=24, ge=1, description="Forms that may come in or be worked on at once, in all."
+    )
+    max_uploads_of_visitor: int = Field(default=6, ge=1, description="Of them, of one.")
+    upload_seconds: float = Field(
+        default=120.0, gt=0, description="Time that an upload may take to come in."
+    )
+    upload_idle_s: float = Field(
+        default=15.0, gt=0, description="An upload of which nothing comes for so long is over."
+    )
+    header_seconds: float = Field(
+        default=20.0, gt=0, description="Time that a connection may take to say what it wants."
+    )
+    unread_seconds: float = Field(
+        default=60.0, gt=0, description="A connection that takes nothing for so long is ended."
+    )
+    max_connections: int = Field(
+        default=2000, ge=1, description="Connections that may be open at once."
+    )
+    max_connections_of_visitor: int = Field(
+        default=256, ge=1, description="Of them, of one; a trusted proxy may have all."
+    )
     max_modules: int = Field(default=4096, ge=3, description="Longest chain that is accepted.")
     min_free_disk_bytes: int = Field(
         default=64 * MIB, ge=0, description="Refuse uploads below this."
@@ -121,6 +149,16 @@ class Settings(BaseSettings):
     preview_search_seconds: float = Field(
         default=4.0, gt=0, description="Of it, for searching a path through exact cells."
     )
+    files_waiting: int = Field(
+        default=8, ge=1, description="Files to take away and pictures that may be made at once."
+    )
+    files_waiting_of_visitor: int = Field(default=3, ge=1, description="Of them, of one.")
+    answers_waiting: int = Field(
+        default=12,
+        ge=1,
+        description="Large answers (frames, trajectories, motors) that may be made or waited for.",
+    )
+    answers_waiting_of_visitor: int = Field(default=4, ge=1, description="Of them, of one.")
     previews_waiting: int = Field(default=8, ge=1, description="Previews that may wait at once.")
     preview_keep_s: float = Field(
         default=86400.0, gt=0, description="A preview untouched for so long is forgotten."
@@ -168,7 +206,7 @@ class Settings(BaseSettings):
     def _lower(cls, value: Any) -> Any:
         return value.lower() if isinstance(value, str) else value
 
-    @field_validator("allowed_hosts", "embed_origins", mode="before")
+    @field_validator("allowed_hosts", "embed_origins", "trusted_proxies", mode="before")
     @classmethod
     def _split(cls, value: Any) -> Any:
         if not isinstance(value, str):
@@ -176,6 +214,18 @@ class Settings(BaseSettings):
         if value.lstrip().startswith("["):
             return json.loads(value)
         return tuple(name.strip() for name in value.split(",") if name.strip())
+
+    @field_validator("trusted_proxies")
+    @classmethod
+    def _networks(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        for name in value:
+            try:
+                ip_network(name, strict=False)
+            except ValueError:
+                raise ValueError(
+                    f"got {name!r}, expected an address or a network such as 10.0.0.0/8."
+                ) from None
+        return value
 
     @cached_property
     def root(self) -> Path:

@@ -10,7 +10,7 @@ import time
 from dataclasses import dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
 from planner.errors import InputError
 from planner.request import Request
@@ -23,6 +23,7 @@ from server.previews import ShapeWishes
 from server.problems import Problem
 from server.reading import LARGEST_DRAWING
 from server.store import new_id, new_token
+from server.uploads import Upload, no_room
 
 RETRY_AFTER_S: Final = 30
 
@@ -31,8 +32,7 @@ RETRY_AFTER_S: Final = 30
 class Submission:
     """What somebody wants folded."""
 
-    data: bytes
-    filename: str | None
+    upload: Upload
     shape: str | None
     preset: str
     seed: int
@@ -65,7 +65,7 @@ class Submission:
             "preset": self.preset,
             "seed": self.seed,
             "module_size": self.module_size,
-            "content": hashlib.sha256(self.data).hexdigest(),
+            "content": self.upload.digest,
             **self.wishes.changed(),
             **({} if self.beginning is None else {"refold": self.beginning.digest}),
         }
@@ -92,7 +92,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
         return known
     _check_room(context, submission)
     fold_id = new_id()
-    aside = context.settings.uploads_dir / fold_id
+    aside = submission.upload.directory
     try:
         _write(aside, submission)
         found = _read(context, aside, submission.beginning)
@@ -136,15 +136,15 @@ def submit(context: Context, submission: Submission) -> Receipt:
     return Receipt(row=row, token=token, existing=False)
 
 
-def input_noted(directory: Path) -> tuple[bytes, str | None]:
-    """What a fold was made of: the bytes of its input, and what they were called.
+def input_noted(directory: Path) -> tuple[BinaryIO, str | None]:
+    """What a fold was made of: its input, open, and what it was called.
 
     Raises:
         Problem: When they are not there any more.
     """
     try:
         request = json.loads((directory / "request.json").read_bytes())
-        return (directory / "input").read_bytes(), request["filename"]
+        return open(directory / "input", "rb"), request["filename"]
     except (OSError, ValueError) as error:
         raise Problem(
             404, "no-input", "The input of this fold is not there any more; send the file again."
@@ -210,13 +210,12 @@ def _check_room(context: Context, submission: Submission) -> None:
                 headers={"Retry-After": str(RETRY_AFTER_S)},
             )
     if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
-        raise Problem(507, "no-room", "The disk of the service is nearly full; try again later.")
+        raise no_room()
 
 
 def _write(directory: Path, submission: Submission) -> None:
-    directory.mkdir()
     request = {
-        "filename": submission.filename,
+        "filename": submission.upload.filename,
         "preset": submission.preset,
         "seed": submission.seed,
         "module_size": submission.module_size,
@@ -227,14 +226,10 @@ def _write(directory: Path, submission: Submission) -> None:
         submission.beginning.copy(directory)
         for name in (START_CHAIN, START_PLAN):
             _sync(directory / name)
-    for name, data in (
-        ("input", submission.data),
-        ("request.json", json.dumps(request).encode()),
-    ):
-        with open(directory / name, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
+    with open(directory / "request.json", "w") as file:
+        json.dump(request, file)
+        file.flush()
+        os.fsync(file.fileno())
     _sync(directory)
 
 

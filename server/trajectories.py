@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from planner.readers.limits import megabytes
+from server.gates import Gate
 from server.problems import Problem
 
 if TYPE_CHECKING:
@@ -18,10 +18,8 @@ if TYPE_CHECKING:
     from planner.retiming import Trajectory
 
 KEPT: Final = 4
-AT_ONCE: Final = 2
 STREAMS: Final = 4
 """Trajectories that are being sent, which may take those who take them a while."""
-PATIENCE_S: Final = 10.0
 LARGEST_PLAN: Final = 64 * 2**20
 """Bytes of a plan that is retimed here; a larger one is for the command line."""
 
@@ -35,19 +33,23 @@ class Retimed:
 
 
 class Trajectories:
-    """Retimes plans. Used from many threads."""
+    """Retimes plans. Used from many threads.
 
-    def __init__(self) -> None:
+    Args:
+        gate: Whom to let compute.
+    """
+
+    def __init__(self, gate: Gate) -> None:
+        self.gate = gate
         self._lock = threading.Lock()
-        self._turns = threading.BoundedSemaphore(AT_ONCE)
         self._streams = threading.BoundedSemaphore(STREAMS)
         self._kept: OrderedDict[tuple[Path, int, float, float], Retimed] = OrderedDict()
 
-    def of(self, path: Path, max_speed: float, max_acceleration: float) -> Retimed:
+    def of(self, path: Path, max_speed: float, max_acceleration: float, visitor: str) -> Retimed:
         """The plan in a file, within bounds on its joints' speed and acceleration.
 
         Raises:
-            Problem: When it is too large (413), or too many wait (503).
+            Problem: When it is too large (413), or too many wait (429, 503).
             InputError: When it cannot be retimed.
         """
         from planner.plan import Plan
@@ -66,7 +68,7 @@ class Trajectories:
             if key in self._kept:
                 self._kept.move_to_end(key)
                 return self._kept[key]
-        with self.turn():
+        with self.gate.passed(visitor):
             plan = Plan.load(path)
             made = Retimed(plan=plan, trajectory=retime(plan, max_speed, max_acceleration))
         with self._lock:
@@ -75,20 +77,6 @@ class Trajectories:
                 self._kept.popitem(last=False)
         return made
 
-    @contextmanager
-    def turn(self) -> Generator[None]:
-        """Waits for one's turn to compute.
-
-        Raises:
-            Problem: When that takes too long (503).
-        """
-        if not self._turns.acquire(timeout=PATIENCE_S):
-            raise _busy("Others are computing motions")
-        try:
-            yield
-        finally:
-            self._turns.release()
-
     def stream(self) -> Callable[[], None]:
         """Begins to send a trajectory; what comes back is to be called once at the end.
 
@@ -96,9 +84,10 @@ class Trajectories:
             Problem: When too many are being sent (503).
         """
         if not self._streams.acquire(blocking=False):
-            raise _busy("Others are being sent motions")
+            raise Problem(
+                503,
+                "busy",
+                "Others are being sent motions; try again in a moment.",
+                headers={"Retry-After": "5"},
+            )
         return self._streams.release
-
-
-def _busy(why: str) -> Problem:
-    return Problem(503, "busy", f"{why}; try again in a moment.", headers={"Retry-After": "5"})

@@ -41,42 +41,53 @@ class Workshop:
     Args:
         store: Where the folds are.
         min_free_disk_bytes: What must be left of the disk.
+        most: How many things may be made or wait for it.
+        most_of_visitor: Of them, of one visitor.
         folder: Where files are kept; in a folder beside those of their fold when None.
     """
 
     def __init__(
-        self, store: Folds, *, min_free_disk_bytes: int = 0, folder: Path | None = None
+        self,
+        store: Folds,
+        *,
+        min_free_disk_bytes: int = 0,
+        folder: Path | None = None,
+        most: int = MOST_WAITING,
+        most_of_visitor: int = MOST_WAITING,
     ) -> None:
         self._store = store
         self._min_free_disk_bytes = min_free_disk_bytes
         self._folder = folder
         self._threads = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="workshop")
         self._making: dict[Hashable, asyncio.Future[Any]] = {}
+        self._most = most
+        self._most_of_visitor = most_of_visitor
+        self._visitors: dict[Hashable, str] = {}
+        """Who had each of the things made."""
 
     def close(self) -> None:
         """Begins nothing any more."""
         self._threads.shutdown(wait=False, cancel_futures=True)
 
-    async def made(self, key: Hashable, make: Callable[[], Thing]) -> Thing:
+    async def made(
+        self, key: Hashable, make: Callable[[], Thing], *, visitor: str | None = None
+    ) -> Thing:
         """What ``make`` returns; whoever asks for the same key meanwhile gets the same.
 
         Raises:
-            Problem: When too many wait (503).
+            Problem: When too many of the visitor's wait (429), or of all (503).
         """
         making = self._making.get(key)
         if making is None:
-            if len(self._making) >= MOST_WAITING:
-                raise Problem(
-                    503,
-                    "busy",
-                    f"{len(self._making)} other files are being made; try again in a moment.",
-                    headers={"Retry-After": "3"},
-                )
+            self._check(visitor)
+            if visitor is not None:
+                self._visitors[key] = visitor
             making = asyncio.get_running_loop().run_in_executor(self._threads, make)
             self._making[key] = making
 
             def done(making: asyncio.Future[Any]) -> None:
                 del self._making[key]
+                self._visitors.pop(key, None)
                 if not making.cancelled():
                     making.exception()  # whoever waited was told; nobody may be left
 
@@ -84,8 +95,32 @@ class Workshop:
         # Who goes away does not take it from the others that wait for it.
         return await asyncio.shield(making)
 
+    def _check(self, visitor: str | None) -> None:
+        own = list(self._visitors.values()).count(visitor) if visitor is not None else 0
+        if own >= self._most_of_visitor:
+            raise Problem(
+                429,
+                "busy",
+                f"{own} other files of yours are being made; try again in a moment.",
+                headers={"Retry-After": "3"},
+            )
+        if len(self._making) >= self._most:
+            raise Problem(
+                503,
+                "busy",
+                f"{len(self._making)} other files are being made; try again in a moment.",
+                headers={"Retry-After": "3"},
+            )
+
     async def file(
-        self, fold_id: str, name: str, make: Callable[[], bytes], *, of: str, edition: str = ""
+        self,
+        fold_id: str,
+        name: str,
+        make: Callable[[], bytes],
+        *,
+        of: str,
+        edition: str = "",
+        visitor: str | None = None,
     ) -> Path:
         """Where a file of a fold is; made unless it is there.
 
@@ -95,10 +130,11 @@ class Workshop:
             make: Makes its bytes, in a thread.
             of: The fold's file that it is made of; it is made anew when that is newer.
             edition: Letters and digits for all else that it is made of; the last one is kept.
+            visitor: Who asks.
 
         Raises:
             NoSuchFoldError: When there is no such fold.
-            Problem: When too many wait (503), or the disk is full (507).
+            Problem: When too many wait (429, 503), or the disk is full (507).
         """
         directory = await asyncio.to_thread(self._store.directory, fold_id)
         plain = (self._folder or directory / FOLDER) / name
@@ -112,7 +148,7 @@ class Workshop:
                         other.unlink(missing_ok=True)
 
         if not await asyncio.to_thread(newer, path, directory / of):
-            await self.made(path, keep)
+            await self.made(path, keep, visitor=visitor)
         return path
 
     def _keep(self, fold_id: str, path: Path, data: bytes) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Final
-from xml.etree import ElementTree
+from xml.etree import ElementTree  # nosec B405 (it writes, and reads nothing)
 
 import numpy as np
 from numpy.typing import NDArray

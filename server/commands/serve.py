@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import logging
+import resource
 import signal
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from server.limits import keep_secrets
 from server.logs import set_up_logs
 from server.settings import Settings
 
+LARGEST_HEAD_BYTES: Final = 32 * 1024
+"""Of a request's first line and headers."""
 log = logging.getLogger("foldback.serve")
 
 if TYPE_CHECKING:
@@ -33,6 +37,7 @@ def serve(
     ] = None,
 ) -> None:
     """Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR, …)."""
+    keep_secrets()
     settings = settings_of(host=host, port=port, data_dir=data_dir, workers=workers)
     set_up_logs(settings)
 
@@ -57,6 +62,7 @@ def _run(settings: Settings, first_shape: str | None) -> None:
     import uvicorn
 
     from server.app import create_app
+    from server.connections import protocol_of
     from server.database import engine_for, migrate
     from server.schema import NewerSchemaError
 
@@ -69,6 +75,7 @@ def _run(settings: Settings, first_shape: str | None) -> None:
     finally:
         engine.dispose()
     app = create_app(settings)
+    _allow_files(2 * settings.max_connections)
 
     class Server(uvicorn.Server):
         """Says where it is once it listens, and lets its followers go before it ends."""
@@ -102,6 +109,10 @@ def _run(settings: Settings, first_shape: str | None) -> None:
             log_level="warning",
             log_config=None,
             access_log=False,
+            http=protocol_of(settings),
+            h11_max_incomplete_event_size=LARGEST_HEAD_BYTES,
+            limit_concurrency=settings.max_connections,
+            forwarded_allow_ips=list(settings.trusted_proxies),
             ws_max_size=2**20,
             # The views carry arrays that hardly shrink, many times a second.
             ws_per_message_deflate=False,
@@ -115,23 +126,33 @@ def _run(settings: Settings, first_shape: str | None) -> None:
         raise typer.Exit(1) from None
 
 
+def _allow_files(count: int) -> None:
+    """Lets the process have as many files and connections open, as far as it may."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    most = count if hard == resource.RLIM_INFINITY else min(count, hard)
+    if soft != resource.RLIM_INFINITY and soft < most:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+
+
 def _fold_first(context: Context, name: str) -> str:
+    from io import BytesIO
+
     from server.submissions import Submission, submit
 
     shape = context.gallery.shape(name)
     if shape is None:
         names = ", ".join(s.name for s in context.gallery.shapes())
         raise typer.BadParameter(f"got the shape {name!r}, expected one of {names}.")
-    receipt = submit(
-        context,
-        Submission(
-            data=shape.data,
-            filename=shape.filename,
-            shape=name,
-            preset="default",
-            seed=0,
-            module_size=None,
-            visitor="the service itself",
-        ),
-    )
+    with context.uploads.kept(BytesIO(shape.data), shape.filename) as upload:
+        receipt = submit(
+            context,
+            Submission(
+                upload=upload,
+                shape=name,
+                preset="default",
+                seed=0,
+                module_size=None,
+                visitor="the service itself",
+            ),
+        )
     return receipt.row.id

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from server.commands.serve import settings_of
+from server.limits import keep_secrets
 
 
 def worker(
@@ -16,4 +17,5 @@ def worker(
     """Compute folds for a service that runs on the same data."""
     from server.worker import work
 
+    keep_secrets()
     work(settings_of(data_dir=data_dir))

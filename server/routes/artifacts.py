@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, Response
 
 from planner.errors import InputError
 from planner.exports import EXPORTS, export_named, exports_of
+from server.addresses import address_of
 from server.context import Context
 from server.problems import Problem
 from server.routes.facts import has_motion
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
+SMALL_ANSWER: Final = 100_000
+"""Numbers in an answer that is made at once, without waiting for one's turn."""
 MEDIA_TYPES: Final = {
     "plan.json": "application/json",
     "plan.npz": "application/octet-stream",
@@ -33,9 +37,10 @@ MEDIA_TYPES: Final = {
     "/frames",
     summary="Frames of the timeline",
     response_model=FramesBody,
-    responses=problems(404, 409, 422),
+    responses=problems(404, 409, 422, 429, 503),
 )
 def get_frames(
+    request: Request,
     fold_id: str,
     context: Here,
     start: Annotated[int, Query(alias="from", ge=0, description="First frame.")] = 0,
@@ -66,33 +71,36 @@ def get_frames(
     settings = context.settings
     most = max(1, min(settings.frames_per_answer, settings.numbers_per_answer // numbers))
     until = min(end, start + most * stride)
-    frames = timeline.frames(start, until, stride)
-    positions = wxyzs = None
-    if poses:
-        found = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
-        positions, wxyzs = _short(found.positions), _short(found.wxyzs)
     rest = f"/api/folds/{fold_id}/frames?from={until}&to={end}&stride={stride}"
     if poses:
         rest += "&poses=true"
-    body = FramesBody(
-        status=timeline.status,
-        total=total,
-        start=start,
-        stop=until,
-        stride=stride,
-        next=rest if until < end else None,
-        phases=list(PHASES),
-        joint_names=list(chain.joint_names),
-        time_s=_short(frames.time_s),
-        phase=frames.phase.tolist(),
-        joint_angles_rad=_short(frames.joint_angles_rad),
-        root_position=_short(frames.root_position),
-        root_wxyz=_short(frames.root_wxyz),
-        max_error_rad=_largest(frames.joint_error_rad),
-        positions=positions,
-        wxyzs=wxyzs,
-    )
-    return Response(body.model_dump_json(by_alias=True), media_type="application/json")
+    large = numbers * ((until - start) // stride) > SMALL_ANSWER
+    with context.answers.passed(address_of(request)) if large else nullcontext():
+        frames = timeline.frames(start, until, stride)
+        positions = wxyzs = None
+        if poses:
+            found = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
+            positions, wxyzs = _short(found.positions), _short(found.wxyzs)
+        body = FramesBody(
+            status=timeline.status,
+            total=total,
+            start=start,
+            stop=until,
+            stride=stride,
+            next=rest if until < end else None,
+            phases=list(PHASES),
+            joint_names=list(chain.joint_names),
+            time_s=_short(frames.time_s),
+            phase=frames.phase.tolist(),
+            joint_angles_rad=_short(frames.joint_angles_rad),
+            root_position=_short(frames.root_position),
+            root_wxyz=_short(frames.root_wxyz),
+            max_error_rad=_largest(frames.joint_error_rad),
+            positions=positions,
+            wxyzs=wxyzs,
+        )
+        data = body.model_dump_json(by_alias=True)
+    return Response(data, media_type="application/json")
 
 
 @router.get(
@@ -118,17 +126,17 @@ def get_exports(fold_id: str, context: Here) -> ExportList:
             "description": "The file; made when it is first asked for.",
             "content": {export.media_type: {} for export in EXPORTS},
         },
-        **problems(404, 409, 413, 503, 507),
+        **problems(404, 409, 413, 429, 503, 507),
     },
 )
-async def get_export(fold_id: str, name: str, context: Here) -> FileResponse:
+async def get_export(request: Request, fold_id: str, name: str, context: Here) -> FileResponse:
     """A file in one of the formats that the list names."""
     row = await asyncio.to_thread(_finished, context, fold_id)
     try:
         export = export_named(name)
     except InputError as error:
         raise Problem(404, "no-such-export", error.detail) from error
-    path = await context.exports.file(fold_id, export)
+    path = await context.exports.file(fold_id, export, visitor=address_of(request))
     return FileResponse(
         path,
         media_type=export.media_type,

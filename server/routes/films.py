@@ -21,6 +21,7 @@ from server.routes.finding import find_fold
 from server.store import NoSuchFoldError
 from web.client import client
 from web.film import Film
+from web.kept import Kept
 from web.measured import curves_of, stretch_of
 from web.reel import kept_reel
 from web.scenery import scenery_of
@@ -29,6 +30,7 @@ router = APIRouter(include_in_schema=False)
 
 LOOK_EVERY_S: Final = 0.1
 LONGEST_WAIT_S: Final = 2.0
+_CURVES: Final[Kept[bytes]] = Kept(32 * 2**20)
 BINARY: Final = "application/octet-stream"
 
 
@@ -84,7 +86,9 @@ async def reel(
 
 @router.get("/folds/{fold_id}/figures")
 async def figures(
-    request: Request, fold_id: str, part: Annotated[int | None, Query(ge=0)] = None
+    request: Request,
+    fold_id: str,
+    part: Annotated[int | None, Query(ge=0, le=1_000_000)] = None,
 ) -> Response:
     """Figures of a fold that is over: curves of all frames, or everything of one stretch."""
     found = await find_fold(request.app, fold_id)
@@ -100,7 +104,16 @@ async def figures(
 
 
 def _figures(directory: Path, part: int | None) -> bytes:
-    return curves_of(directory) if part is None else stretch_of(directory, part)
+    if part is not None:
+        return stretch_of(directory, part)
+    # Samples of the whole fold go into them; a fold that is over keeps them.
+    path = directory / "figures.zarr" / "zarr.json"
+    key = (path, path.stat().st_mtime_ns)
+    curves = _CURVES.get(key)
+    if curves is None:
+        curves = curves_of(directory)
+        _CURVES.keep(key, curves, len(curves))
+    return curves
 
 
 def _binary(request: Request, data: bytes, film: Film) -> Response:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from io import BytesIO
+from typing import Annotated, Any, BinaryIO, Final, Literal
 
 from fastapi import APIRouter, Depends, File, Form, Request, UploadFile
 from fastapi.responses import Response, StreamingResponse
@@ -21,8 +22,10 @@ from server.previews import ShapeWishes
 from server.problems import Problem
 from server.schemas import Accepted, Fold, Folds, Links, ProblemBody, Shape, Shapes
 from server.submissions import Submission, input_noted, noted, submit
+from server.uploads import FormRoute
 
-router = APIRouter(prefix="/api/folds", tags=["folds"])
+router = APIRouter(prefix="/api/folds", tags=["folds"], route_class=FormRoute)
+ID: Final = "^[A-Za-z0-9_-]*$"
 bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
 
 Here = Annotated[Context, Depends(context_of)]
@@ -98,16 +101,24 @@ def post_fold(
         UploadFile | None, File(description="A mesh, voxels, a path or a chain.")
     ] = None,
     shape: Annotated[str | None, Form(description="Or the name of a gallery shape.")] = None,
-    preview: Annotated[str | None, Form(description="Or the id of a preview.")] = None,
+    preview: Annotated[
+        str | None, Form(max_length=64, pattern=ID, description="Or the id of a preview.")
+    ] = None,
     fold: Annotated[
         str | None,
-        Form(description="Or the id of a fold: its input once more, and its wishes for the shape."),
+        Form(
+            max_length=64,
+            pattern=ID,
+            description="Or the id of a fold: its input once more, and its wishes for the shape.",
+        ),
     ] = None,
     refold: Annotated[
         str | None,
         Form(
+            max_length=64,
+            pattern=ID,
             description="The id of a finished fold: its chain goes from there over straight to the "
-            "shape, which must have as many modules of the same kind."
+            "shape, which must have as many modules of the same kind.",
         ),
     ] = None,
     preset: Annotated[
@@ -121,35 +132,37 @@ def post_fold(
     ] = None,
 ) -> Accepted:
     """Accepts it and puts it into the queue. The same upload again gives the same fold."""
-    data, filename = input_of(context, file, shape, preview, fold)
-    cells = _previewed(context, preview, replace(wishes, seed=seed))
-    if fold is not None:
-        shape = context.store.fold(fold).shape
-        wishes, cells = noted(context.store.directory(fold))
-    beginning = None
-    if refold is not None:
-        beginning = beginning_of(context, refold)
-        if file is not None or preview is not None:  # others know what they are made of
-            modules = wishes.modules or beginning.modules
-            wishes = replace(wishes, module=beginning.module, modules=modules)
-    elif fold is not None:
-        beginning = beginning_noted(context.store.directory(fold), context.store.fold(fold).refold)
-    receipt = submit(
-        context,
-        Submission(
-            data=data,
-            filename=filename,
-            shape=shape,
-            preset=preset,
-            seed=seed,
-            module_size=module_size,
-            visitor=context.visitor(request),
-            token=_token(credentials),
-            wishes=wishes,
-            cells=cells,
-            beginning=beginning,
-        ),
-    )
+    source, filename = input_of(context, file, shape, preview, fold)
+    with source:
+        cells = _previewed(context, preview, replace(wishes, seed=seed))
+        if fold is not None:
+            shape = context.store.fold(fold).shape
+            wishes, cells = noted(context.store.directory(fold))
+        beginning = None
+        if refold is not None:
+            beginning = beginning_of(context, refold)
+            if file is not None or preview is not None:  # others know what they are made of
+                modules = wishes.modules or beginning.modules
+                wishes = replace(wishes, module=beginning.module, modules=modules)
+        elif fold is not None:
+            row = context.store.fold(fold)
+            beginning = beginning_noted(context.store.directory(fold), row.refold)
+        with context.uploads.kept(source, filename) as upload:
+            receipt = submit(
+                context,
+                Submission(
+                    upload=upload,
+                    shape=shape,
+                    preset=preset,
+                    seed=seed,
+                    module_size=module_size,
+                    visitor=context.visitor(request),
+                    token=_token(credentials),
+                    wishes=wishes,
+                    cells=cells,
+                    beginning=beginning,
+                ),
+            )
     return Accepted(
         id=receipt.row.id,
         owner_token=receipt.token,
@@ -239,8 +252,8 @@ def input_of(
     shape: str | None,
     preview: str | None,
     fold: str | None = None,
-) -> tuple[bytes, str | None]:
-    """The bytes and the name of what a form brings: a file, or what the service has already.
+) -> tuple[BinaryIO, str | None]:
+    """What a form brings, open, and its name: a file, or what the service has already.
 
     Raises:
         NoSuchFoldError: When there is no such fold.
@@ -265,7 +278,7 @@ def input_of(
             "and 'fold', expected one of them.",
         )
     if file is not None:
-        return file.file.read(), clean_filename(file.filename)
+        return file.file, clean_filename(file.filename)
     if preview is not None:
         return context.previews.upload(preview)
     if fold is not None:
@@ -279,7 +292,7 @@ def input_of(
             f"got the shape {quote(shape)!r}, expected one of "
             f"{context.gallery.nearest((shape or '')[:100])}; GET /api/shapes lists them.",
         )
-    return found.data, found.filename
+    return BytesIO(found.data), found.filename
 
 
 def _previewed(

@@ -20,6 +20,8 @@ from planner.errors import PlannerError
 from planner.readers import read
 from planner.timeline import chain_from_attributes
 from server.cards import cards, selected
+from server.problems import Problem
+from server.quantities import sentence
 from server.routes.facts import fold_facts
 from server.routes.finding import Found, find_fold
 from server.routes.pictures import picture_answer
@@ -49,6 +51,12 @@ POLICY: Final = "; ".join(
         "frame-ancestors 'self'",
     )
 )
+HEADINGS: Final = {
+    404: "There is nothing here",
+    429: "This is a little too much at once",
+    503: "Not just now",
+    507: "There is no room just now",
+}
 PAWN: Final = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1))
 
 
@@ -175,6 +183,14 @@ def not_found_page(heading: str, text: str, *, status_code: int = 404) -> Respon
     """A page that says in words why there is nothing to see."""
     drawing = isometric_svg(PAWN)
     return page("message.html", status_code, heading=heading, text=text, drawing=drawing)
+
+
+def problem_page(problem: Problem) -> Response:
+    """The same for whatever went wrong."""
+    heading = HEADINGS.get(problem.status, "This did not work")
+    answer = not_found_page(heading, sentence(problem.detail), status_code=problem.status)
+    answer.headers.update(problem.headers)
+    return answer
 
 
 def page(template: str, status_code: int = 200, /, **values: Any) -> Response:

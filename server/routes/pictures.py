@@ -14,6 +14,7 @@ from fastapi.responses import Response
 from planner.errors import PlannerError
 from planner.files import write_whole
 from planner.timeline import chain_from_attributes
+from server.addresses import address_of
 from server.routes.facts import RUNNING
 from server.routes.finding import find_fold
 from server.workshop import newer
@@ -37,7 +38,9 @@ async def picture_of_fold(request: Request, fold_id: str) -> Response:
     if data is None:
         # A crowd that comes with a link waits for the first one's.
         workshop = request.app.state.context.workshop
-        data = await workshop.made((path, over), lambda: _drawn(path, keep=over))
+        data = await workshop.made(
+            (path, over), lambda: _drawn(path, keep=over), visitor=address_of(request)
+        )
     if data is None:
         return _no_picture()
     # While it computes, another of the candidates may take the place of this one.

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
 
 import msgspec
-from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, Query, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import JSONResponse, Response, StreamingResponse
 
 from planner.errors import InputError
@@ -89,6 +89,7 @@ Form = Literal["csv", "json"]
     },
 )
 def get_trajectory(
+    request: Request,
     fold_id: str,
     context: Here,
     max_speed: Speed = 1.0,
@@ -102,7 +103,8 @@ def get_trajectory(
     """The fastest motion along the plan within the bounds, at rest at both ends."""
     from planner.exports.trajectory import export
 
-    found = _retimed(context, fold_id, max_speed, max_acceleration)
+    visitor = address_of(request)
+    found = _retimed(context, fold_id, max_speed, max_acceleration, visitor)
     trajectory, plan = found.trajectory, found.plan
     moments = len(trajectory.time_s) if rate is None else rate * trajectory.duration_s + 2
     numbers = 2.0 * moments * len(trajectory.joint_names)
@@ -141,6 +143,7 @@ def get_trajectory(
     },
 )
 def get_motors(
+    request: Request,
     fold_id: str,
     context: Here,
     module_mass: Annotated[float, Query(gt=0, le=1e6, description="Of a module, in kg.")],
@@ -163,7 +166,8 @@ def get_motors(
     """By inverse dynamics over the motion that `trajectory` gives for the same bounds."""
     from planner.motors import Build, motor_table
 
-    found = _retimed(context, fold_id, max_speed, max_acceleration)
+    visitor = address_of(request)
+    found = _retimed(context, fold_id, max_speed, max_acceleration, visitor)
     chain = found.plan.chain
     if len(chain) > MOST_MODULES:
         raise Problem(
@@ -178,7 +182,7 @@ def get_motors(
         held=not floating,
     )
     try:
-        with context.trajectories.turn():
+        with context.answers.passed(visitor):
             table = motor_table(chain, found.trajectory, build, motor_torque_nm=motor_torque)
     except InputError as error:
         raise Problem.of_input(error) from error
@@ -216,8 +220,9 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
     await websocket.accept()
     try:
         ask = msgspec.convert(dict(websocket.query_params), Ask, strict=False)
-        with context.robots.opened(address_of(websocket)):
-            found = await asyncio.to_thread(_playable, context, fold_id, ask)
+        visitor = address_of(websocket)
+        with context.robots.opened(visitor):
+            found = await asyncio.to_thread(_playable, context, fold_id, ask, visitor)
             await _Hand(websocket, found, ask, fold_id).play()
             await _close(websocket, DONE)
     except msgspec.ValidationError as error:
@@ -251,24 +256,26 @@ class _Stream(StreamingResponse):
             self._ends()
 
 
-def _retimed(context: Context, fold_id: str, max_speed: float, max_acceleration: float) -> Retimed:
+def _retimed(
+    context: Context, fold_id: str, max_speed: float, max_acceleration: float, visitor: str
+) -> Retimed:
     """The plan of a finished fold, retimed."""
     row = context.store.fold(fold_id)
     path: Path = context.store.directory(fold_id) / "plan.npz"
     if not row.over or not path.is_file():
         raise not_there(row, "plan")
     try:
-        return context.trajectories.of(path, max_speed, max_acceleration)
+        return context.trajectories.of(path, max_speed, max_acceleration, visitor)
     except InputError as error:
         raise Problem.of_input(error) from error
 
 
-def _playable(context: Context, fold_id: str, ask: Ask) -> Retimed:
+def _playable(context: Context, fold_id: str, ask: Ask, visitor: str) -> Retimed:
     """The same for a robot, which gets verified plans alone."""
     try:
         if not FOLD_ID.fullmatch(fold_id):
             raise NoSuchFoldError(fold_id)
-        found = _retimed(context, fold_id, ask.max_speed, ask.max_acceleration)
+        found = _retimed(context, fold_id, ask.max_speed, ask.max_acceleration, visitor)
     except NoSuchFoldError:
         raise Problem(404, "no-such-fold", "There is no fold at this address.") from None
     if not found.plan.verified:

@@ -15,10 +15,11 @@ from fastapi.responses import Response
 
 from planner.request import LARGEST_SEED
 from server.problems import Problem
-from server.routes.folds import Here, Wishes, input_of, problems
+from server.routes.folds import ID, Here, Wishes, input_of, problems
 from server.schemas import Preview, Shape, Shapes
+from server.uploads import FormRoute
 
-router = APIRouter(prefix="/api/shapes", tags=["shapes"])
+router = APIRouter(prefix="/api/shapes", tags=["shapes"], route_class=FormRoute)
 LOOK_EVERY_S: Final = 0.1
 
 
@@ -42,7 +43,12 @@ async def post_preview(
     ] = None,
     shape: Annotated[str | None, Form(description="Or the name of a gallery shape.")] = None,
     preview: Annotated[
-        str | None, Form(description="Or the id of an earlier preview, with other wishes.")
+        str | None,
+        Form(
+            max_length=64,
+            pattern=ID,
+            description="Or the id of an earlier preview, with other wishes.",
+        ),
     ] = None,
     seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
     full: Annotated[
@@ -62,9 +68,9 @@ async def post_preview(
     def reported(gone: Callable[[], bool]) -> tuple[str, dict[str, Any]]:
         known = preview
         if known is None or file is not None or shape is not None:
-            data, filename = input_of(context, file, shape, preview)
-            known = context.previews.add(data, filename)
-            del data  # it is on disk; many may wait for their previews
+            source, filename = input_of(context, file, shape, preview)
+            with source, context.uploads.kept(source, filename) as upload:
+                known = context.previews.add(upload)
         waiting = settings.previews_waiting
         return known, context.previews.report(
             known, wishes, context.preparer, most_waiting=waiting, gone=gone

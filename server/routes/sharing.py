@@ -14,6 +14,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, HTMLResponse, Response
 
 from planner.errors import TimelineError
+from server.addresses import address_of
 from server.problems import Problem
 from server.routes.facts import RUNNING, fold_facts
 from server.routes.finding import Found, find_fold
@@ -88,6 +89,7 @@ async def standalone(request: Request, fold_id: str) -> Response:
         _of_film(found, lambda film: _standalone(found.directory, film, facts)),
         of=OF,
         edition=await asyncio.to_thread(_edition, facts),
+        visitor=address_of(request),
     )
     return _file(path, facts["name"], "html", "text/html")
 
@@ -97,7 +99,11 @@ async def recording(request: Request, fold_id: str) -> Response:
     """The fold as viser's own client plays it; made once."""
     found = await _finished(request, fold_id)
     path = await request.app.state.context.workshop.file(
-        fold_id, "recording.viser", _of_film(found, recording_of), of=OF
+        fold_id,
+        "recording.viser",
+        _of_film(found, recording_of),
+        of=OF,
+        visitor=address_of(request),
     )
     return _file(path, found.row.name, "viser", "application/octet-stream")
 

@@ -8,7 +8,7 @@ import pytest
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SCRIPTS = sorted(EXAMPLES.glob("[0-9][0-9]_*.py"))
-WITH_A_SERVICE = {"06_drive_a_robot"}
+WITH_A_SERVICE = {"06_drive_a_robot", "07_fold_by_api"}
 """These talk to a running service; tests/server runs them."""
 ALONE = [script for script in SCRIPTS if script.stem not in WITH_A_SERVICE]
 

@@ -37,12 +37,12 @@ class Service:
     ) -> None:
         self.data_dir = data_dir
         self.log = data_dir.parent / f"{data_dir.name}.log"
-        self._environment = {
+        self.environment = {
             **{k: v for k, v in os.environ.items() if not k.startswith("FOLDBACK_")},
             "FOLDBACK_DATA_DIR": str(data_dir),
             "FOLDBACK_PORT": "0",
-            **(environment or {}),
             **{f"FOLDBACK_{name.upper()}": str(value) for name, value in settings.items()},
+            **(environment or {}),
         }
         self.process: subprocess.Popen[str] | None = None
         self.http = httpx.Client()
@@ -51,7 +51,7 @@ class Service:
         with open(self.log, "a") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "server.command_line", "serve", *arguments],
-                env=self._environment,
+                env=self.environment,
                 stdout=subprocess.PIPE,
                 stderr=log,
                 text=True,
@@ -94,7 +94,7 @@ class Service:
         with open(self.log, "a") as log:
             worker = subprocess.Popen(
                 [sys.executable, "-P", "-m", "server.command_line", "worker"],
-                env=self._environment,
+                env=self.environment,
                 stderr=log,
             )
         try:

@@ -136,7 +136,7 @@ def test_the_first_schema_comes_up_with_all_its_rows(
             assert store.owns(row.id, TOKEN)
             assert not store.owns(row.id, "another")
             assert (row.refold, row.worker, row.seen_at) == (None, None, None)
-            assert (row.turn, row.cost_s, row.claim, row.kept, row.bytes) == (0, 0.0, 0, 0, 0)
+            assert (row.turn, row.cost_s, row.epoch, row.kept, row.bytes) == (0, 0.0, 0, 0, 0)
             assert row.pinned is False
         assert store.counts() == dict.fromkeys(STATUSES, 1)
         assert [row.shape for row in store.list_public()] == ["mallet-64"]

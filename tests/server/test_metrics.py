@@ -114,7 +114,7 @@ def test_reading_them_often_asks_the_database_seldom(tmp_path: Path) -> None:
         once = asked
         for _ in range(100):
             census.figures()
-        assert 0 < once <= 8  # four of them are about the connection itself
+        assert 0 < once <= 10  # a few of them are about the connection itself
         assert asked <= 2 * once
     finally:
         sa.event.remove(sa.Engine, "before_cursor_execute", count)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import io
 import json
 import shutil
 import struct
@@ -19,6 +20,7 @@ from server.preview_scenes import MOST_AT_ONCE, PreviewScenes
 from server.previews import NoSuchPreviewError, Previews
 from server.problems import Problem
 from server.settings import Settings
+from server.uploads import Uploads
 from tests.server.service import SNAKE, Service
 from web.columns import decode
 from web.isometric import isometric_svg
@@ -185,9 +187,13 @@ def test_what_came_of_it_is_shown_in_3d(desk: Service, module: str) -> None:
 def test_scenes_are_made_a_few_at_once_and_each_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    previews = Previews(Settings(data_dir=tmp_path))
+    settings = Settings(data_dir=tmp_path)
+    previews = Previews(settings)
     scenes = PreviewScenes(previews)
-    preview_id = previews.add(b"", "thing.bin")
+    uploads = Uploads(settings)
+    with uploads.kept(io.BytesIO(b""), "thing.bin") as upload:
+        preview_id = previews.add(upload)
+    uploads.close()
     keys = [f"{k:024x}" for k in range(MOST_AT_ONCE + 1)]
     for key in keys[:-1]:
         place = previews.directory(preview_id) / key

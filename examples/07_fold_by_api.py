@@ -1,0 +1,42 @@
+"""Has a running service fold a shape, follows it, and takes the plan and the last frame away."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from foldback_client import Client, Progress
+
+
+def show(progress: Progress) -> None:
+    where = f"{progress.stage or progress.status}, {progress.fraction:.0%}"
+    print(f"{where}, {progress.frames} frames", flush=True)
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--url", default="http://127.0.0.1:8000")
+    options.add_argument("--shape", default="box-4x4x4", help="of the service's gallery")
+    options.add_argument("--file", type=Path, help="or a file: a mesh, voxels, a path or a chain")
+    options.add_argument("--modules", type=int, help="about how many, for a mesh or voxels")
+    options.add_argument("--out", type=Path, default=Path("."), help="a directory that is there")
+    given = options.parse_args()
+    with Client(given.url) as client:
+        size = {} if given.modules is None else {"modules": given.modules}
+        if given.file is not None:
+            fold = client.fold(given.file, **size)
+        else:
+            fold = client.fold(shape=given.shape, **size)
+        print(f"{fold.page}, owner token {fold.token}")
+        fold.wait(on_progress=show)
+        if not fold.verified:
+            raise SystemExit(f"{fold.status}: {fold.state['error']}")
+        print(f"clearance {fold.summary['certificate']['min_clearance']:.3f} pitches")
+        for name in ("plan.npz", "urdf"):
+            print(f"written: {fold.download(name, given.out)}")
+        page = next(fold.frames(start=fold.state["progress"]["frames"] - 1))
+        print(f"{len(page.joint_names)} joints, folded: {page.joint_angles_rad[-1]}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,15 @@
+"""A client of foldback's HTTP interface that needs nothing but httpx.
+
+>>> with Client("http://127.0.0.1:8000") as client:             # doctest: +SKIP
+...     fold = client.fold("part.stl", modules=240).wait()
+...     fold.download("plan.npz", "plan.npz")
+"""
+
+from foldback_client.client import Client
+from foldback_client.fold import Fold
+from foldback_client.frames import Frames
+from foldback_client.problem import Problem
+from foldback_client.progress import Progress
+from foldback_client.retries import Retries
+
+__all__ = ["Client", "Fold", "Frames", "Problem", "Progress", "Retries"]

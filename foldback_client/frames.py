@@ -1,0 +1,86 @@
+"""Frames: a stretch of a fold's timeline."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+ARRAYS: Final = (
+    "time_s",
+    "phase",
+    "joint_angles_rad",
+    "root_position",
+    "root_wxyz",
+    "max_error_rad",
+    "positions",
+    "wxyzs",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frames:
+    """Frames of F moments, J hinges and n modules; lengths in pitches.
+
+    Values are NumPy arrays where NumPy is installed, else lists; what is not known is NaN or None.
+
+    Attributes:
+        status: Of the timeline: ``growing``, ``complete`` or ``failed``.
+        total: Frames that the timeline has.
+        start: The first of these.
+        stop: Past the last.
+        stride: Every so many-th.
+        phases: What the numbers in ``phase`` stand for.
+        joint_names: Of the J hinges.
+        time_s: (F,)
+        phase: (F,)
+        joint_angles_rad: (F, J)
+        root_position: (F, 3)
+        root_wxyz: (F, 4)
+        max_error_rad: (F,)
+        positions: (F, n, 3), or None when they were not asked for.
+        wxyzs: (F, n, 4), likewise.
+    """
+
+    status: str
+    total: int
+    start: int
+    stop: int
+    stride: int
+    phases: tuple[str, ...]
+    joint_names: tuple[str, ...]
+    time_s: Any
+    phase: Any
+    joint_angles_rad: Any
+    root_position: Any
+    root_wxyz: Any
+    max_error_rad: Any
+    positions: Any
+    wxyzs: Any
+
+    @classmethod
+    def of(cls, told: Mapping[str, Any]) -> Frames:
+        """What an answer says."""
+        return cls(
+            status=told["status"],
+            total=told["total"],
+            start=told["from"],
+            stop=told["to"],
+            stride=told["stride"],
+            phases=tuple(told["phases"]),
+            joint_names=tuple(told["joint_names"]),
+            **{name: _array(name, told[name]) for name in ARRAYS},
+        )
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+
+def _array(name: str, values: Any) -> Any:
+    if values is None:
+        return None
+    try:
+        import numpy as np
+    except ImportError:
+        return values
+    return np.asarray(values, dtype=np.int64 if name == "phase" else np.float64)

@@ -1,0 +1,62 @@
+"""Problem: the service's word that something is wrong."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import httpx
+
+
+class Problem(Exception):
+    """An answer that is a problem (RFC 9457), or a job that ended as one.
+
+    Attributes:
+        status: The HTTP status; None when a job ended so.
+        code: Short stable word for programs.
+        detail: What was found, what was expected, what to do.
+        where: Where in the input, or None.
+        retry_after: Seconds after which to try again, when the service says so.
+    """
+
+    def __init__(
+        self,
+        code: str,
+        detail: str,
+        *,
+        status: int | None = None,
+        where: str | None = None,
+        retry_after: float | None = None,
+    ) -> None:
+        super().__init__(f"{code}: {where + ': ' if where else ''}{detail}")
+        self.status = status
+        self.code = code
+        self.detail = detail
+        self.where = where
+        self.retry_after = retry_after
+
+    @classmethod
+    def of(cls, answer: httpx.Response) -> Problem:
+        """The problem in an answer that was read; something in between may have written it."""
+        try:
+            body: Any = answer.json()
+        except ValueError:
+            body = None
+        told: dict[str, Any] = body if isinstance(body, dict) else {}
+        plain = f"got the HTTP status {answer.status_code}"
+        if answer.has_redirect_location:
+            plain += f" and the address {answer.headers['location']}; use that one"
+        return cls(
+            str(told.get("code") or f"http-{answer.status_code}"),
+            str(told.get("detail") or plain),
+            status=answer.status_code,
+            where=told.get("where"),
+            retry_after=_seconds(answer.headers.get("retry-after")),
+        )
+
+
+def _seconds(text: str | None) -> float | None:
+    try:
+        found = float(text or "")
+    except ValueError:
+        return None
+    return found if 0.0 <= found < float("inf") else None

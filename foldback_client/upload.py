@@ -1,0 +1,116 @@
+"""Upload: what a fold is made of, as bytes with a name."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import IO, Any, Literal, Protocol, TypedDict
+
+
+class Array(Protocol):
+    """As NumPy has it, which need not be installed."""
+
+    @property
+    def ndim(self) -> int:
+        """How many dimensions it has."""
+        ...
+
+    def tolist(self) -> Any:
+        """Its numbers."""
+        ...
+
+
+Source = str | os.PathLike[str] | bytes | IO[bytes] | Sequence[Sequence[int]] | Array
+"""A file's path, its bytes, an open file, cells as (n, 3) numbers, or a solid as a 3D array."""
+
+
+class Wishes(TypedDict, total=False):
+    """How a shape is to become a chain; what is not said is as the service has it."""
+
+    module: Literal["cube", "tetrahedron"]
+    modules: int
+    method: Literal["auto", "blocks", "exact", "snake"]
+    repair: bool
+    ends: Literal["any", "surface"]
+    as_voxels: bool
+    start: tuple[int, int, int]
+    seed: int
+    preview: str
+
+
+class FoldWishes(Wishes, total=False):
+    """How it is to be folded, too."""
+
+    fold: str
+    refold: str
+    preset: Literal["default", "paper", "direct"]
+    module_size: float
+
+
+class MovieWishes(TypedDict, total=False):
+    """What a movie is to be."""
+
+    format: Literal["mp4", "gif"]
+    width: int
+    height: int
+    fps: int
+    seconds: float
+    azimuth_deg: float
+    elevation_deg: float
+    turn_deg: float
+    theme: Literal["light", "dark"]
+    first_frame: int
+    last_frame: int
+
+
+def form_of(wishes: Any, known: type[Any], shape: str | None) -> dict[str, str]:
+    """The fields of a form.
+
+    Raises:
+        TypeError: When a wish is not known; the service would not notice.
+    """
+    if unknown := set(wishes) - set(known.__annotations__):
+        raise TypeError(f"got {sorted(unknown)}, expected some of {sorted(known.__annotations__)}.")
+    found = {**wishes, "shape": shape}
+    return {name: _text(value) for name, value in found.items() if value is not None}
+
+
+def file_of(source: Source, filename: str | None) -> tuple[str, bytes]:
+    """The name and the bytes of a source.
+
+    Raises:
+        OSError: When a file cannot be read.
+        ValueError: When an array is neither cells nor a solid.
+    """
+    given: Any = source
+    if isinstance(source, str | os.PathLike):
+        path = Path(source)
+        return filename or path.name, path.read_bytes()
+    if isinstance(source, bytes):
+        return filename or "upload", source
+    if hasattr(given, "read"):
+        return filename or Path(str(getattr(given, "name", "upload"))).name, given.read()
+    dimensions = getattr(given, "ndim", 2)
+    if dimensions == 3:
+        import numpy as np
+
+        file = BytesIO()
+        np.save(file, given, allow_pickle=False)
+        return filename or "solid.npy", file.getvalue()
+    if dimensions != 2:
+        raise ValueError(
+            f"got an array of {dimensions} dimensions, expected cells (n, 3) or a solid (x, y, z)."
+        )
+    cells = given.tolist() if hasattr(given, "tolist") else [list(cell) for cell in given]
+    return filename or "cells.json", json.dumps(cells).encode()
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple | list):
+        return ",".join(str(int(each)) for each in value)
+    return str(value)

@@ -1,0 +1,53 @@
+"""Finding: what a check has found, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from server.settings import Settings
+
+Verdict = Literal["ok", "warning", "problem"]
+Check = Callable[[Settings], "Finding"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One line of the doctor.
+
+    Attributes:
+        name: What was looked at.
+        verdict: ``problem`` keeps the service from working, ``warning`` does not.
+        found: What was found, in a few words.
+        remedy: What to do, or None when all is well.
+    """
+
+    name: str
+    verdict: Verdict
+    found: str
+    remedy: str | None = None
+
+    @property
+    def line(self) -> str:
+        """It as one line."""
+        words = f"{self.verdict:<8} {self.name}: {self.found}"
+        return words if self.remedy is None else f"{words}. {self.remedy}"
+
+
+def examine(checks: Sequence[tuple[str, Check]], settings: Settings) -> list[Finding]:
+    """Runs checks; one that goes wrong itself is a problem and keeps no other from running."""
+    found: list[Finding] = []
+    for name, check in checks:
+        try:
+            found.append(check(settings))
+        except Exception as error:
+            found.append(
+                Finding(
+                    name=name,
+                    verdict="problem",
+                    found=f"the check itself failed ({type(error).__name__}: {error})",
+                    remedy="Please report this.",
+                )
+            )
+    return found

@@ -1,0 +1,87 @@
+"""A real proxy for tests: Caddy with deploy/Caddyfile and a certificate of its own."""
+
+from __future__ import annotations
+
+import os
+import socket
+import ssl
+import subprocess
+import time
+from pathlib import Path
+
+import httpx
+
+from tests.deploy.ensure_tools import ensure
+from tests.server.service import PATIENCE_S
+
+CADDYFILE = Path(__file__).parents[2] / "deploy" / "Caddyfile"
+
+
+def free_ports(count: int) -> list[int]:
+    held = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
+    ports = [each.getsockname()[1] for each in held]
+    for each in held:
+        each.close()
+    return ports
+
+
+class Proxy:
+    """Caddy in front of web processes; `http` talks to it."""
+
+    def __init__(self, place: Path, *upstreams: object, max_body: str) -> None:
+        self.log = place / "caddy.log"
+        self.port, self.plain_port, health = free_ports(3)
+        addresses = " ".join(str(each).removeprefix("http://").rstrip("/") for each in upstreams)
+        environment = {
+            "PATH": os.environ["PATH"],
+            "HOME": str(place),
+            "XDG_DATA_HOME": str(place),
+            "XDG_CONFIG_HOME": str(place),
+            "SITE": "localhost",
+            "HTTPS_PORT": str(self.port),
+            "HTTP_PORT": str(self.plain_port),
+            "HEALTH_PORT": str(health),
+            "UPSTREAMS": f"to {addresses}",
+            "MAX_BODY": max_body,
+        }
+        command = [ensure("caddy"), "run", "--config", str(CADDYFILE), "--adapter", "caddyfile"]
+        with open(self.log, "w") as log:
+            self.process = subprocess.Popen(command, env=environment, stderr=log, stdout=log)
+        self._wait(f"http://127.0.0.1:{health}/")
+        root = place / "caddy" / "pki" / "authorities" / "local" / "root.crt"
+        self.trusts = ssl.create_default_context(cafile=str(root))
+        self.address = f"https://localhost:{self.port}"
+        self.http = self.client()
+
+    def client(self, comes_from: str | None = None) -> httpx.Client:
+        """Someone else's, when told an address of this machine to come from."""
+        transport = httpx.HTTPTransport(verify=self.trusts, local_address=comes_from)
+        return httpx.Client(base_url=self.address, transport=transport, timeout=60)
+
+    def raw(self, target: str) -> bytes:
+        """What is answered to a target that no client would send so."""
+        with (
+            socket.create_connection(("127.0.0.1", self.port), timeout=60) as plain,
+            self.trusts.wrap_socket(plain, server_hostname="localhost") as tls,
+        ):
+            host = f"localhost:{self.port}"
+            tls.sendall(
+                f"GET {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n".encode()
+            )
+            return b"".join(iter(lambda: tls.recv(65536), b""))
+
+    def _wait(self, address: str) -> None:
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                if httpx.get(address).is_success:
+                    return
+            except httpx.TransportError:
+                assert self.process.poll() is None, self.log.read_text()
+                assert time.monotonic() < deadline, self.log.read_text()
+                time.sleep(0.05)
+
+    def stop(self) -> None:
+        self.http.close()
+        self.process.terminate()
+        self.process.wait(PATIENCE_S)

@@ -1,0 +1,141 @@
+"""deploy/compose.yaml against the compose specification, and against what it is meant to be."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from compose_spec import PyCompose
+
+from tests.deploy.files import DEPLOY
+
+TEXT = (DEPLOY / "compose.yaml").read_text()
+ENVIRONMENT = dict(
+    line.split("=", 1)
+    for line in (DEPLOY / "example.env").read_text().splitlines()
+    if line and not line.startswith("#")
+)
+
+
+def filled_in(text: str) -> str:
+    """With the variables of the example, as compose does it."""
+
+    def value(found: re.Match[str]) -> str:
+        name, way, default = found.groups()
+        if name in ENVIRONMENT:
+            return ENVIRONMENT[name]
+        assert way == ":-", f"{name} is not in example.env"
+        return default
+
+    return re.sub(r"\$\{([A-Z0-9_]+)(?:(:-|:\?)([^}]*))?\}", value, text)
+
+
+COMPOSE: dict[str, Any] = yaml.safe_load(filled_in(TEXT))
+SERVICES: dict[str, dict[str, Any]] = COMPOSE["services"]
+
+
+def plain() -> dict[str, Any]:
+    """Without what only helps to write it; merges are applied already."""
+    return {name: value for name, value in COMPOSE.items() if not name.startswith("x-")}
+
+
+def test_it_is_as_the_specification_says() -> None:
+    compose = PyCompose.from_yaml(yaml.safe_dump(plain()))
+    compose.validate()
+    assert set(compose.service_names()) == {"proxy", "web", "worker", "database", "storage"}
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"restart": "sometimes"},
+        {"networks": ["nowhere"]},
+        {"expose": "8000"},
+        {"read_onli": True},
+    ],
+    ids=str,
+)
+def test_what_is_not_so_is_found(wrong: dict[str, Any]) -> None:
+    broken = {**plain(), "services": {**SERVICES, "web": {**SERVICES["web"], **wrong}}}
+    with pytest.raises(Exception, match=r"\w"):
+        PyCompose.from_yaml(yaml.safe_dump(broken)).validate()
+
+
+def test_what_services_name_is_there() -> None:
+    for service in SERVICES.values():
+        named = {v.partition(":")[0] for v in service.get("volumes", []) if ":" in v}
+        assert {name for name in named if name[0] != "."} <= set(COMPOSE["volumes"])
+        assert set(service.get("depends_on", {})) <= set(SERVICES)
+
+
+def test_every_variable_is_in_the_example_and_the_other_way_round() -> None:
+    assert set(re.findall(r"\$\{([A-Z0-9_]+)", TEXT)) == set(ENVIRONMENT)
+    assert {name for name, value in ENVIRONMENT.items() if value == "change-me"} == {
+        "POSTGRES_PASSWORD",
+        "S3_SECRET_KEY",
+    }
+
+
+@pytest.mark.parametrize("name", SERVICES)
+def test_every_container_is_shut_in(name: str) -> None:
+    service = SERVICES[name]
+    assert service["read_only"] is True
+    assert service["cap_drop"] == ["ALL"]
+    assert service.get("cap_add", []) == (["NET_BIND_SERVICE"] if name == "proxy" else [])
+    assert "no-new-privileges:true" in service["security_opt"]
+    assert service["restart"] == "unless-stopped"
+    assert {"cpus", "memory", "pids"} <= set(service["deploy"]["resources"]["limits"])
+    assert ("ports" in service) == (name == "proxy")
+    assert "privileged" not in service
+    # An image has to be one version, not whatever is the latest.
+    assert re.search(r":[\w.-]+$", service["image"]) and ":latest" not in service["image"]
+
+
+@pytest.mark.parametrize("name", SERVICES)
+def test_it_is_known_whether_it_is_well(name: str) -> None:
+    check = SERVICES[name].get("healthcheck")
+    if name == "web":  # its image has one
+        assert check is None and "HEALTHCHECK" in (DEPLOY / "Dockerfile").read_text()
+    else:
+        assert check == {"disable": True} if name == "worker" else check["test"][0] == "CMD"
+
+
+def test_nothing_but_the_proxy_is_in_the_world() -> None:
+    inner = {name for name, network in COMPOSE["networks"].items() if network}
+    assert all(COMPOSE["networks"][name]["internal"] for name in inner)
+    for name, service in SERVICES.items():
+        assert (set(service["networks"]) <= inner) == (name != "proxy")
+    assert not set(SERVICES["proxy"]["networks"]) & set(SERVICES["database"]["networks"])
+
+
+def test_the_proxy_alone_says_who_a_visitor_is() -> None:
+    front = COMPOSE["networks"]["front"]["ipam"]["config"][0]
+    address = SERVICES["proxy"]["networks"]["front"]["ipv4_address"]
+    assert SERVICES["web"]["environment"]["FOLDBACK_TRUSTED_PROXIES"] == address
+    assert ipaddress.ip_address(address) in ipaddress.ip_network(front["subnet"])
+    # No other container can be given that address.
+    assert ipaddress.ip_address(address) not in ipaddress.ip_network(front["ip_range"])
+
+
+def test_folds_that_are_nearly_done_are_finished() -> None:
+    worker = SERVICES["worker"]
+    grace = int(worker["stop_grace_period"].removesuffix("s"))
+    assert grace >= int(worker["environment"]["FOLDBACK_DRAIN_S"]) + 15
+
+
+def test_files_that_are_mounted_are_there() -> None:
+    binds = [v for s in SERVICES.values() for v in s.get("volumes", []) if v.startswith(".")]
+    assert binds and all((Path(DEPLOY) / v.partition(":")[0]).is_file() for v in binds)
+    build = SERVICES["web"]["build"]
+    assert (DEPLOY / build["context"] / build["dockerfile"]).resolve() == DEPLOY / "Dockerfile"
+
+
+def test_the_proxy_lets_in_what_the_service_does() -> None:
+    body = int(ENVIRONMENT["MAX_BODY"].removesuffix("MiB")) * 2**20
+    upload = int(ENVIRONMENT["FOLDBACK_MAX_UPLOAD_BYTES"])
+    assert upload + 64 * 1024 <= body <= 1.1 * upload
+    assert "MAX_BODY:65MiB" in (DEPLOY / "Caddyfile").read_text()

@@ -1,0 +1,164 @@
+"""deploy/Caddyfile in a real Caddy, in front of two web processes on the same folds."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from foldback_client import Client
+from tests.deploy.ensure_tools import ensure
+from tests.deploy.proxy import CADDYFILE, Proxy, free_ports
+from tests.server.service import SNAKE, Service
+
+SETTINGS = {
+    "workers": 0,
+    "max_upload_bytes": 200_000,
+    "max_streams_of_visitor": 1,
+    "allowed_hosts": "localhost",
+}
+
+
+@pytest.fixture(scope="module")
+def webs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Service]]:
+    data = tmp_path_factory.mktemp("behind") / "data"
+    made = [Service(data, port=port, **SETTINGS).start() for port in free_ports(2)]
+    yield made
+    assert [service.stop() for service in made] == [0, 0]
+
+
+@pytest.fixture(scope="module")
+def proxy(webs: list[Service], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
+    addresses = [service.http.base_url for service in webs]
+    made = Proxy(tmp_path_factory.mktemp("proxy"), *addresses, max_body="400KiB")
+    yield made
+    made.stop()
+
+
+@pytest.mark.parametrize("upstreams", ["to 10.0.0.5:8000 10.0.0.6:8000", "dynamic a web 8000"])
+def test_caddy_takes_the_file(upstreams: str, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [ensure("caddy"), "validate", "--config", str(CADDYFILE), "--adapter", "caddyfile"],
+        env={
+            "PATH": os.environ["PATH"],
+            "HOME": str(tmp_path),
+            "UPSTREAMS": upstreams,
+            "SITE": "fold.example.org",
+        },
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Valid configuration" in done.stdout + done.stderr
+    assert "not formatted" not in done.stderr
+
+
+def test_pages_come_over_tls(proxy: Proxy) -> None:
+    page = proxy.http.get("/")
+    assert page.status_code == 200 and "foldback" in page.text
+    assert page.headers["content-encoding"] == "gzip"
+    assert page.headers["strict-transport-security"].startswith("max-age=")
+    assert page.headers["x-content-type-options"] == "nosniff"
+    assert "server" not in page.headers
+    plain = httpx.get(f"http://localhost:{proxy.plain_port}/", follow_redirects=False)
+    assert plain.status_code == 308 and plain.headers["location"].startswith("https://")
+
+
+def test_events_arrive_one_by_one(proxy: Proxy) -> None:
+    with Client(proxy.address, verify=proxy.trusts) as client:
+        fold = client.fold(SNAKE, seed=1)
+        with proxy.http.stream("GET", f"/api/folds/{fold.id}/events") as stream:
+            assert stream.headers["content-type"].startswith("text/event-stream")
+            assert "content-encoding" not in stream.headers
+            lines = stream.iter_lines()
+            told = [line for line in (next(lines) for _ in range(2)) if line]
+            # The first is here while the fold still waits; then the rest comes.
+            assert told[0] == "event: progress" and '"queued"' in told[1]
+            assert fold.cancel().status == "cancelled"
+            rest = "\n".join(lines)
+    assert "event: done" in rest and '"cancelled"' in rest
+
+
+def test_sockets_go_through(proxy: Proxy) -> None:
+    with Client(proxy.address, verify=proxy.trusts) as client:
+        fold = client.fold(SNAKE, seed=2)
+    address = f"wss://localhost:{proxy.port}/api/folds/{fold.id}/play"
+    with connect(address, ssl=proxy.trusts, origin=None) as socket:
+        said = json.loads(socket.recv(timeout=60))
+    # The handshake was made and a message came; no robot is driven along a fold that waits.
+    assert said["is"] == "problem" and said["code"]
+    with connect(address, ssl=proxy.trusts, origin=f"https://localhost:{proxy.port}") as socket:  # type: ignore[arg-type]
+        assert json.loads(socket.recv(timeout=60))["is"] == "problem"
+    with pytest.raises(InvalidStatus):
+        connect(address, ssl=proxy.trusts, origin="https://evil.example")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("size", [300_000, 5_000_000])
+def test_large_bodies_are_refused(proxy: Proxy, size: int) -> None:
+    answer = proxy.http.post("/api/folds", files={"file": ("large.stl", b"x" * size)})
+    assert answer.status_code == 413
+    # Within the proxy's bound, the service itself says what is wrong.
+    assert (answer.headers.get("content-type") == "application/problem+json") == (size < 400_000)
+
+
+@pytest.mark.parametrize("name", ["metrics", "ready"])
+def test_what_is_for_operators_is_closed(proxy: Proxy, webs: list[Service], name: str) -> None:
+    inside = webs[0].http.get(f"/{name}")
+    assert inside.status_code in (200, 503) and inside.text
+    ways = [
+        f"/{name}",
+        f"/{name}/",
+        f"/{name}?a=b",
+        f"//{name}",
+        f"/./{name}",
+        f"/api/../{name}",
+        f"/%{ord(name[0]):02x}{name[1:]}",
+        f"/%2e/{name}",
+        f"/api%2f..%2f{name}",
+        f"/{name.upper()}",
+        f"https://localhost/{name}",
+    ]
+    for way in ways:
+        answer = proxy.raw(way)
+        status = int(answer.split(b" ", 2)[1])
+        assert status in (400, 404) or 300 <= status < 400, (way, answer[:300])
+        assert b"foldback_" not in answer and b'"database"' not in answer, way
+    # Under another name there is nothing at all.
+    assert proxy.raw(f"http://127.0.0.1:8000/{name}").endswith(b"\r\n\r\n")
+    assert proxy.raw("/health").startswith(b"HTTP/1.1 200")
+
+
+def test_nobody_can_say_to_be_another(proxy: Proxy, webs: list[Service]) -> None:
+    with Client(proxy.address, verify=proxy.trusts) as client:
+        events = f"/api/folds/{client.fold(SNAKE, seed=3).id}/events"
+    webs[1].stop()  # each process counts by itself
+    try:
+        with proxy.client("127.0.0.1") as mine, mine.stream("GET", events) as first:
+            assert first.status_code == 200
+            for header in ("X-Forwarded-For", "X-Real-IP", "Forwarded", "X-Client-IP"):
+                for told in ("203.0.113.7", "203.0.113.7, 127.0.0.1", "for=203.0.113.7"):
+                    with mine.stream("GET", events, headers={header: told}) as again:
+                        assert again.status_code == 429, (header, told)
+            # Another visitor is another one, so the service does know who asks.
+            with proxy.client("127.0.0.2") as other, other.stream("GET", events) as theirs:
+                assert theirs.status_code == 200
+    finally:
+        webs[1].start()
+
+
+def test_any_of_them_serves_any_fold(proxy: Proxy, webs: list[Service]) -> None:
+    with Client(proxy.address, verify=proxy.trusts) as client:
+        fold = client.fold(SNAKE, seed=4)
+        assert {web.state(fold.id)["status"] for web in webs} == {"queued"}
+        webs[1].kill()
+        assert all(client.get(fold.id).status == "queued" for _ in range(6))
+        webs[1].start()
+        assert webs[1].state(fold.id)["status"] == "queued"

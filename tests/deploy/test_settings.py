@@ -1,0 +1,30 @@
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from server.settings import Settings
+from tests.deploy.files import DEPLOY, EXAMPLES, settings_named
+
+
+@pytest.mark.parametrize("name", [*EXAMPLES, "../docs/deploy.md"])
+def test_settings_that_are_named_exist(name: str) -> None:
+    known = {name.upper() for name in Settings.model_fields}
+    assert settings_named((DEPLOY / name).read_text()) <= known
+
+
+@pytest.mark.parametrize("name", ["example.env", "systemd/foldback.env"])
+def test_the_settings_of_examples_are_taken(name: str) -> None:
+    lines = (DEPLOY / name).read_text().splitlines()
+    # Those that are commented out are examples as well.
+    found = [re.fullmatch(r"#?FOLDBACK_([A-Z_]+)=(\S+)", line) for line in lines]
+    given = [(one[1].lower(), one[2]) for one in found if one]
+    assert len(given) >= 5
+    for setting, value in given:
+        Settings(**{setting: value})  # pyright: ignore[reportArgumentType]
+
+
+def test_all_files_are_looked_at() -> None:
+    there = {str(p.relative_to(DEPLOY)) for p in DEPLOY.rglob("*") if p.is_file()}
+    assert there - {"systemd/foldback.sysusers"} == set(EXAMPLES)

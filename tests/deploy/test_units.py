@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.deploy.ensure_tools import ensure
+from tests.deploy.files import DEPLOY
+
+UNITS = ("foldback-web.service", "foldback-worker@.service")
+MOST_EXPOSED = 20
+"""In tenths; 1.4 is what is left: the network, and compiled kernels."""
+
+
+@pytest.fixture
+def units(tmp_path: Path) -> list[Path]:
+    """The units as they are, but for the program, which is not at its place here."""
+    found: list[Path] = []
+    for name in UNITS:
+        path = tmp_path / name.replace("@", "@1")
+        text = (DEPLOY / "systemd" / name).read_text()
+        path.write_text(text.replace("/opt/foldback/bin/foldback", sys.executable))
+        found.append(path)
+    return found
+
+
+def analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [ensure("systemd-analyze"), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_systemd_takes_the_units(units: list[Path]) -> None:
+    done = analyze("verify", "--man=no", *units)
+    assert done.returncode == 0 and not done.stderr, done.stderr
+
+
+def test_systemd_says_what_is_wrong(units: list[Path]) -> None:
+    units[0].write_text(units[0].read_text().replace("KillMode=mixed", "KilMode=mixed"))
+    assert "KilMode" in analyze("verify", "--man=no", units[0]).stderr
+
+
+def test_the_units_are_shut_in(units: list[Path]) -> None:
+    done = analyze("security", "--offline=true", f"--threshold={MOST_EXPOSED}", *units)
+    assert done.returncode == 0, done.stdout[-400:]
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_a_worker_may_finish_before_it_is_killed(name: str) -> None:
+    text = (DEPLOY / "systemd" / name).read_text()
+    drain_s = re.search(r"FOLDBACK_DRAIN_S=(\d+)", text)
+    stop_s = re.search(r"TimeoutStopSec=(\d+)", text)
+    assert drain_s and stop_s and int(stop_s[1]) >= int(drain_s[1]) + 15
+
+
+def test_both_units_are_shut_in_alike() -> None:
+    def hardening(name: str) -> str:
+        return (DEPLOY / "systemd" / name).read_text().partition("# Shut in")[2]
+
+    assert hardening(UNITS[0]) == hardening(UNITS[1])
+
+
+def test_the_user_is_made(tmp_path: Path) -> None:
+    place = tmp_path / "usr" / "lib" / "sysusers.d"
+    place.mkdir(parents=True)
+    shutil.copy(DEPLOY / "systemd" / "foldback.sysusers", place / "foldback.conf")
+    (tmp_path / "etc").mkdir()
+    ensure("systemd-analyze")
+    done = subprocess.run(
+        ["systemd-sysusers", f"--root={tmp_path}"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "foldback" in (tmp_path / "etc" / "passwd").read_text()

@@ -1,0 +1,84 @@
+"""Several hosts on this machine: each has a directory of its own and shares nothing with others
+but a real PostgreSQL and a real S3 server."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import obstore
+import obstore.store
+
+from tests.server.bucket import Bucket
+from tests.server.postgres import Postgres
+from tests.server.service import PATIENCE_S, Service
+
+
+class Hosts:
+    """Makes services without workers, and workers without a service, that belong together."""
+
+    def __init__(self, place: Path, postgres: Postgres, bucket: Bucket, **settings: object) -> None:
+        self._place = place
+        self._count = 0
+        self._bucket = bucket
+        self._services: list[Service] = []
+        self._environment = bucket.environment
+        self.storage_url = bucket.bucket()
+        self._settings: dict[str, object] = {
+            "database_url": postgres.database(),
+            "storage_url": self.storage_url,
+            "workers": 0,
+            **settings,
+        }
+
+    def web(self) -> Service:
+        """A started service on a host of its own."""
+        service = self._host()
+        self._services.append(service)
+        return service.start()
+
+    @contextmanager
+    def worker(self) -> Iterator[subprocess.Popen[bytes]]:
+        """A worker on a host of its own; it may be dead already at the end."""
+        host = self._host()
+        with open(host.log, "a") as log:
+            worker = subprocess.Popen(
+                [sys.executable, "-P", "-m", "server.command_line", "worker"],
+                env=host.environment,
+                stderr=log,
+            )
+        try:
+            yield worker
+        finally:
+            worker.terminate()
+            worker.wait(PATIENCE_S)
+
+    def kept(self) -> list[str]:
+        """The names of all that is in the storage."""
+        name = self.storage_url.removeprefix("s3://")
+        store = obstore.store.S3Store(
+            name,
+            endpoint=self._bucket.endpoint,
+            access_key_id="test",
+            secret_access_key="test",
+            client_options={"allow_http": True},
+        )
+        return [str(meta["path"]) for batch in obstore.list(store) for meta in batch]
+
+    def close(self) -> None:
+        """Stops the services."""
+        for service in self._services:
+            service.stop()
+
+    def logs(self) -> str:
+        """What all hosts had to say."""
+        return "\n".join(log.read_text() for log in sorted(self._place.glob("host-*.log")))
+
+    def _host(self) -> Service:
+        self._count += 1
+        return Service(
+            self._place / f"host-{self._count}", environment=self._environment, **self._settings
+        )

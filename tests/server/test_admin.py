@@ -1,0 +1,189 @@
+"""Administration: an operator sees, forgets, keeps and repeats folds, and nothing else happens."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import sqlalchemy as sa
+from click.testing import Result
+from typer.testing import CliRunner
+
+from server.commands.admin import admin
+from server.database import FoldRow
+from server.jobs import prepare
+from server.settings import Settings
+from server.store import Store
+from server.upkeep import Upkeep
+from tests.server.rows import a_fold
+from tests.server.service import SNAKE, Service, over, owner
+
+DAY_S = 86400.0
+TOKEN = "a-token-that-must-not-be-seen"
+
+
+def run(place: Path, *arguments: str, answer: str | None = None) -> Result:
+    return CliRunner().invoke(admin, [*arguments, "--data-dir", str(place)], input=answer)
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Iterator[Path]:
+    """A data directory with a few folds and their files; no service runs on it."""
+    settings = Settings(data_dir=tmp_path)
+    prepare(settings)
+    store = Store(settings)
+    now = time.time()
+    for fold_id, values in {
+        "young": {"status": "verified", "created_at": now - 60.0, "bytes": 1234},
+        "old": {"status": "failed", "created_at": now - 9 * DAY_S},
+        "looked": {"created_at": now - 9 * DAY_S, "seen_at": now - 60.0},
+        "pinned": {"created_at": now - 9 * DAY_S, "pinned": True},
+        "shown": {"created_at": now - 9 * DAY_S, "public": True, "shape": "mallet-64"},
+        "waits": {"status": "queued", "created_at": now - 30.0, "name": "x\n\x1b[31m"},
+    }.items():
+        store.add(a_fold(fold_id, **values), TOKEN)
+        (tmp_path / "folds" / fold_id).mkdir()
+        (tmp_path / "folds" / fold_id / "input").touch()
+    store.close()
+    yield tmp_path
+
+
+def ids(place: Path, *arguments: str) -> list[str]:
+    found = run(place, "list", "--json", *arguments)
+    assert found.exit_code == 0, found.output
+    return [row["id"] for row in json.loads(found.stdout)]
+
+
+def test_folds_are_listed_the_oldest_first(place: Path) -> None:
+    assert set(ids(place)[:4]) == {"old", "looked", "pinned", "shown"}
+    assert ids(place)[4:] == ["young", "waits"]
+    assert ids(place, "--status", "queued") == ["waits"]
+    assert set(ids(place, "--older", "5")) == {"old", "pinned", "shown"}
+    table = run(place, "list").stdout.splitlines()
+    assert table[0].split()[:3] == ["id", "status", "stage"]
+    assert next(line for line in table if line.startswith("pinned")).endswith("pinned")
+    assert next(line for line in table if line.startswith("old")).split()[3:5] == ["9", "d"]
+    assert "0123456789abcdef" not in "".join(table), "of a visitor only a few letters are shown"
+    assert run(place, "list", "--status", "nonsense").exit_code == 2
+
+
+def test_a_fold_is_shown_without_what_lets_its_reader_in(place: Path) -> None:
+    found = run(place, "show", "waits")
+    assert found.exit_code == 0
+    assert all(line.isprintable() for line in found.stdout.splitlines())
+    shown = json.loads(run(place, "show", "waits", "--json").stdout)
+    assert (shown["status"], shown["owners"], shown["job"]) == ("queued", 1, None)
+    assert shown["name"] == "x\n\x1b[31m"
+    assert len(shown["visitor"]) == 8
+    assert TOKEN not in found.stdout and "token" not in shown
+    missing = run(place, "show", "nowhere")
+    assert missing.exit_code == 1 and "There is no fold" in missing.stderr
+
+
+def test_what_is_old_is_forgotten_and_what_shall_stay_stays(place: Path) -> None:
+    assert run(place, "expire", "--older", "5", answer="n\n").exit_code == 1
+    assert "old" in ids(place)
+    done = run(place, "expire", "--older", "5", answer="y\n")
+    assert done.exit_code == 0, done.output
+    assert set(ids(place)) == {"looked", "pinned", "shown", "young", "waits"}
+    assert not (place / "folds" / "old").exists()
+    assert run(place, "expire", "--older", "5", "--yes").stdout == "Nothing to forget.\n"
+    assert run(place, "expire").exit_code == 2
+    assert run(place, "expire", "young", "--older", "1").exit_code == 2
+
+
+def test_one_that_is_refused_does_not_keep_the_others(place: Path) -> None:
+    done = run(place, "expire", "--yes", "pinned", "nowhere", "shown", "young")
+    assert done.exit_code == 1
+    assert "pinned is pinned and stays" in done.stderr
+    assert "belongs to the gallery" in done.stderr
+    assert "no fold 'nowhere'" in done.stderr
+    assert "young is forgotten" in done.stdout
+    assert {"pinned", "shown"} <= set(ids(place))
+    assert run(place, "expire", "--yes", "--force", "pinned").exit_code == 0
+    assert not (place / "folds" / "pinned").exists()
+
+
+def test_what_is_pinned_can_be_let_go(place: Path) -> None:
+    assert run(place, "pin", "old").exit_code == 0
+    assert "old" in set(ids(place, "--older", "5"))
+    assert run(place, "expire", "old", "--yes").exit_code == 1
+    assert run(place, "unpin", "old").exit_code == 0
+    assert run(place, "expire", "old", "--yes").exit_code == 0
+    assert run(place, "pin", "old").exit_code == 1
+
+
+def test_ids_never_become_paths(place: Path) -> None:
+    beside = place / "beside"
+    beside.mkdir()
+    for fold_id in ("../beside", "..", "/etc"):
+        assert run(place, "expire", "--yes", "--force", fold_id).exit_code == 1
+    assert beside.exists()
+
+
+def test_a_fold_is_queued_again_and_begins_anew(place: Path) -> None:
+    (place / "folds" / "old" / "request.json").write_text("{}")
+    (place / "folds" / "old" / "timeline.zarr").mkdir()
+    (place / "folds" / "old" / "plan.json").touch()
+    done = run(place, "requeue", "old")
+    assert done.exit_code == 0, done.output
+    shown = json.loads(run(place, "show", "old", "--json").stdout)
+    assert (shown["status"], shown["epoch"], shown["job"]) == ("queued", 1, "ENQUEUED")
+    assert (shown["error"], shown["ended_at"], shown["stage"]) == (None, None, None)
+    assert {p.name for p in (place / "folds" / "old").iterdir()} == {"input", "request.json"}
+    again = run(place, "requeue", "old")
+    assert again.exit_code == 1 and "waits in the queue" in again.stderr
+    refused = run(place, "requeue", "young")
+    assert refused.exit_code == 1 and "is verified" in refused.stderr
+    # A fold whose job was lost in a crash is stuck; this one lost its request, too.
+    lost = run(place, "requeue", "waits")
+    assert lost.exit_code == 1 and "no input any more" in lost.stderr
+
+
+def test_no_worker_lives_where_none_was_started(place: Path) -> None:
+    assert run(place, "workers").stdout == "No worker lives.\n"
+    assert json.loads(run(place, "workers", "--json").stdout) == []
+
+
+def test_where_no_service_was_nothing_is_made(tmp_path: Path) -> None:
+    found = run(tmp_path / "nowhere", "list")
+    assert found.exit_code == 1
+    assert "no database" in found.stderr
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_tables_of_another_version_are_left_alone(place: Path) -> None:
+    engine = sa.create_engine(f"sqlite:///{place / 'foldback.db'}")
+    with engine.begin() as connection:
+        connection.execute(sa.text("UPDATE alembic_version SET version_num = '0002'"))
+    engine.dispose()
+    found = run(place, "list")
+    assert found.exit_code == 1
+    assert "version 0002, expected 0003" in found.stderr
+    (place / "foldback.db").write_bytes(b"garbage\n" * 1000)
+    found = run(place, "list")
+    assert found.exit_code == 1 and "foldback doctor" in found.stderr
+
+
+def test_a_cancelled_fold_is_computed_after_all(service: Service) -> None:
+    fold = service.fold(SNAKE, seed="4711")
+    service.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
+    cancelled = service.wait(fold["id"], over)
+    upkeep = Upkeep(Settings(data_dir=service.data_dir))
+    try:
+        deadline = time.monotonic() + 60
+        while upkeep.job(fold["id"]) in ("PENDING", "ENQUEUED"):  # its last step is being noted
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        before = upkeep.fold(fold["id"]).epoch
+        upkeep.requeue(fold["id"], force=cancelled["status"] == "verified")
+        assert service.wait(fold["id"], over)["status"] == "verified"
+        row: FoldRow = upkeep.fold(fold["id"])
+        assert row.epoch >= before + 2
+        assert upkeep.owners(fold["id"]) == 1
+        assert [worker.pid for worker in upkeep.workers()]
+    finally:
+        upkeep.close()

@@ -1,0 +1,87 @@
+"""What costs much is made a few at once, and nobody alone takes all the places."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from server.gates import Gate
+from server.problems import Problem
+from server.settings import Settings
+from server.store import Store
+from server.workshop import Workshop
+
+
+def test_one_visitor_cannot_take_all_places() -> None:
+    gate = Gate("answers", at_once=1, most=3, most_of_visitor=2, patience_s=30.0)
+    go_on, inside = threading.Event(), threading.Semaphore(0)
+
+    def work(visitor: str) -> None:
+        with gate.passed(visitor):
+            inside.release()
+            go_on.wait(30.0)
+
+    with ThreadPoolExecutor(4) as threads:
+        first = threads.submit(work, "a")
+        inside.acquire()
+        others = [threads.submit(work, "a")]
+        while gate.waiting < 2:
+            pass
+        with pytest.raises(Problem) as refused, gate.passed("a"):
+            pass
+        assert (refused.value.status, refused.value.headers["Retry-After"]) == (429, "5")
+        others.append(threads.submit(work, "b"))
+        while gate.waiting < 3:
+            pass
+        with pytest.raises(Problem) as refused, gate.passed("c"):
+            pass
+        assert (refused.value.status, refused.value.code) == (503, "busy")
+        go_on.set()
+        for done in (first, *others):
+            done.result(30.0)
+    assert gate.waiting == 0
+    with gate.passed("a"):
+        assert gate.waiting == 1
+
+
+def test_nobody_waits_for_ever() -> None:
+    gate = Gate("answers", at_once=1, most=3, most_of_visitor=2, patience_s=0.01)
+    with gate.passed("a"), pytest.raises(Problem) as refused, gate.passed("b"):
+        pass
+    assert refused.value.status == 503
+    assert gate.waiting == 0
+
+
+def test_one_visitor_cannot_fill_the_workshop(tmp_path: Path) -> None:
+    store = Store(Settings(data_dir=tmp_path))
+
+    async def ask() -> None:
+        shop = Workshop(store, most=3, most_of_visitor=2)
+        go_on = threading.Event()
+
+        def make() -> bool:
+            return go_on.wait(30.0)
+
+        asked = [asyncio.create_task(shop.made(k, make, visitor="a")) for k in range(2)]
+        await asyncio.sleep(0)
+        with pytest.raises(Problem) as refused:
+            await shop.made(2, make, visitor="a")
+        assert (refused.value.status, refused.value.headers["Retry-After"]) == (429, "3")
+        # What is being made already costs nothing more.
+        asked.append(asyncio.create_task(shop.made(0, make, visitor="a")))
+        asked.append(asyncio.create_task(shop.made(3, make, visitor="b")))
+        await asyncio.sleep(0)
+        with pytest.raises(Problem) as refused:
+            await shop.made(4, make, visitor="c")
+        assert refused.value.status == 503
+        go_on.set()
+        assert all(await asyncio.gather(*asked))
+        assert await shop.made(5, make, visitor="a")
+        shop.close()
+
+    asyncio.run(ask())
+    store.close()

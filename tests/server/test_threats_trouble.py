@@ -1,0 +1,205 @@
+"""Attacks by circumstances: a database that fails, a disk that takes nothing any more."""
+
+from __future__ import annotations
+
+import resource
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+
+import pytest
+from sqlalchemy import exc
+
+from server.children import Child
+from server.limits import ChildLimits, environment_of_child
+from server.problems import of_trouble
+from tests.server.service import SNAKE, Service
+
+ServiceWith = Callable[..., Service]
+PAGE = {"Accept": "text/html,application/xhtml+xml"}
+
+
+@pytest.fixture(scope="module")
+def broken(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, str]]:
+    """A service whose database has lost its tables, and the id of a fold that it had."""
+    service = Service(tmp_path_factory.mktemp("broken") / "data", workers=0).start()
+    fold_id = service.fold(SNAKE)["id"]
+    with sqlite3.connect(service.data_dir / "foldback.db", timeout=60) as database:
+        for table in ("folds", "owners"):
+            database.execute(f"ALTER TABLE {table} RENAME TO gone_{table}")
+    database.close()
+    yield service, fold_id
+    assert service.stop() == 0
+
+
+ROUTES = (
+    "",
+    "/events",
+    "/frames",
+    "/exports",
+    "/exports/plan.csv",
+    "/plan.json",
+    "/trajectory",
+    "/motors?module_mass=1",
+    "/refolds",
+    "/movies/abc",
+)
+
+
+@pytest.mark.parametrize("route", ROUTES)
+def test_without_a_database_every_route_says_when_to_try_again(
+    broken: tuple[Service, str], route: str
+) -> None:
+    service, fold_id = broken
+    answer = service.http.get(f"/api/folds/{fold_id}{route}", headers=PAGE)
+    assert answer.status_code == 503, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert int(answer.headers["retry-after"]) > 0
+    assert answer.json()["code"] == "no-database"
+    assert "sqlite" not in answer.text.lower()
+
+
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [
+        ("POST", "/api/folds"),
+        ("GET", "/api/folds"),
+        ("POST", "/api/folds/{}/cancel"),
+        ("DELETE", "/api/folds/{}"),
+        ("POST", "/api/folds/{}/movies"),
+        ("GET", "/metrics"),
+    ],
+)
+def test_nor_does_anything_change_without_one(
+    broken: tuple[Service, str], method: str, path: str
+) -> None:
+    service, fold_id = broken
+    more = {"json": {}} if "movies" in path else {"data": {"shape": "mallet-64"}}
+    token = {"Authorization": "Bearer " + "a" * 32}
+    answer = service.http.request(
+        method, path.format(fold_id), headers=token, **(more if method == "POST" else {})
+    )
+    assert (answer.status_code, answer.json()["code"]) == (503, "no-database"), answer.text
+
+
+@pytest.mark.parametrize("page", ["/", "/gallery", "/folds/{}", "/compare?a={}&b={}"])
+def test_without_a_database_pages_say_so_in_words(broken: tuple[Service, str], page: str) -> None:
+    service, fold_id = broken
+    answer = service.http.get(page.format(fold_id, fold_id), headers=PAGE)
+    assert answer.status_code == 503
+    assert answer.headers["content-type"].startswith("text/html")
+    assert "default-src 'none'" in answer.headers["content-security-policy"]
+    assert int(answer.headers["retry-after"]) > 0
+    assert "Not just now" in answer.text and "The database does not answer" in answer.text
+
+
+def test_it_is_alive_without_a_database(broken: tuple[Service, str]) -> None:
+    service, _ = broken
+    assert service.http.get("/health").status_code == 200
+    assert service.http.get("/static/page.css").status_code in (200, 404)
+
+
+def test_a_disk_that_takes_nothing_refuses_uploads_and_nothing_else(
+    service_with: ServiceWith,
+) -> None:
+    service = service_with(workers=0).start()
+    assert service.process is not None
+    fold_id = service.fold(SNAKE)["id"]
+    before = resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, (1000, before[1]))
+    for data in (b"[" * 3_000_000, b"[" * 10_000):  # while it comes in, and when it is kept
+        for path in ("/api/folds", "/api/shapes/preview"):
+            answer = service.http.post(path, files={"file": ("a.json", data)})
+            assert answer.status_code == 507, answer.text
+            assert answer.headers["content-type"] == "application/problem+json"
+            assert int(answer.headers["retry-after"]) > 0
+            assert answer.json()["code"] == "no-room"
+    assert service.state(fold_id)["status"] == "queued"
+    assert service.http.get(f"/folds/{fold_id}").status_code == 200
+    resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, before)
+    assert not service.fold(SNAKE, seed="1")["existing"]
+    assert [p.name for p in service.data_dir.glob("uploads/*/*")] == ["lock"]
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (exc.OperationalError("x", {}, Exception("connection refused")), 503),
+        (exc.OperationalError("x", {}, Exception("database or disk is full")), 507),
+        (exc.DatabaseError("x", {}, Exception("file is not a database")), 503),
+        (exc.InterfaceError("x", {}, Exception("closed")), 503),
+        (exc.TimeoutError("QueuePool limit reached"), 503),
+        (OSError(28, "No space left on device"), 507),
+        (OSError(30, "Read-only file system"), 507),
+        (OSError(122, "Disk quota exceeded"), 507),
+        (exc.DataError("x", {}, Exception("a fault of ours")), None),
+        (exc.IntegrityError("x", {}, Exception("a fault of ours")), None),
+        (OSError(2, "No such file or directory"), None),
+        (ValueError("x"), None),
+    ],
+)
+def test_what_is_trouble_and_what_is_a_fault(error: Exception, status: int | None) -> None:
+    problem = of_trouble(error)
+    assert (problem and problem.status) == status
+    assert problem is None or int(problem.headers["Retry-After"]) > 0
+
+
+def test_who_reads_strangers_files_knows_no_secrets() -> None:
+    ours = {
+        "PATH": "/bin",
+        "HOME": "/home/us",
+        "LC_ALL": "C.UTF-8",
+        "PYTHONPATH": "/x",
+        "NUMBA_CACHE_DIR": "/y",
+        "LD_LIBRARY_PATH": "/z",
+        "MUJOCO_GL": "egl",
+    }
+    secrets = {
+        "FOLDBACK_DATABASE_URL": "postgresql://us:secret@db/folds",
+        "FOLDBACK_JOBS_URL": "postgresql://us:secret@db/jobs",
+        "AWS_SECRET_ACCESS_KEY": "secret",
+        "AWS_SESSION_TOKEN": "secret",
+        "PGPASSWORD": "secret",
+        "SOME_API_KEY": "secret",
+        "OTEL_EXPORTER_OTLP_HEADERS": "secret",
+    }
+    assert environment_of_child({**ours, **secrets}) == ours
+
+
+def test_a_computing_process_has_limits_and_no_secrets(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "a-secret")
+    monkeypatch.setenv("FOLDBACK_DATABASE_URL", "postgresql://us:a-secret@db/folds")
+    child = Child("reader", ChildLimits(memory_bytes=2**30, cpu_s=60.0))
+    try:
+        assert child._wait_ready(None)
+        limits = {
+            name: resource.prlimit(child.pid, getattr(resource, f"RLIMIT_{name}"))
+            for name in ("CPU", "CORE", "DATA", "FSIZE", "NOFILE")
+        }
+        with open(f"/proc/{child.pid}/environ", "rb") as file:
+            environment = file.read()
+        with open(f"/proc/{child.pid}/status") as file:
+            status = dict(line.split(":\t", 1) for line in file.read().splitlines())
+    finally:
+        child.close()
+    assert limits["CORE"] == (0, 0)
+    assert limits["CPU"] == (61, 66)
+    assert limits["DATA"] == (2**31, 2**31)
+    assert limits["FSIZE"][0] == limits["FSIZE"][1] != resource.RLIM_INFINITY
+    assert limits["NOFILE"][0] == limits["NOFILE"][1] <= 512
+    assert status["NoNewPrivs"] == "1"
+    assert b"a-secret" not in environment
+    assert b"PATH=" in environment
+
+
+def test_nobody_looks_into_the_service() -> None:
+    """A process that a parser has taken over finds no keys in its parent's environment."""
+    words = (
+        "import ctypes, server.limits as l; get = lambda: ctypes.CDLL(None).prctl(3, 0, 0, 0, 0);"
+        "before = get(); l.keep_secrets(); print(before, get())"
+    )
+    found = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True)
+    assert found.stdout.split() == ["1", "0"], found.stderr

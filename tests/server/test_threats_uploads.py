@@ -1,0 +1,454 @@
+"""Attacks by what is sent: too much, too slowly, too many at once, and lies about sizes."""
+
+from __future__ import annotations
+
+import io
+import json
+import socket
+import struct
+import threading
+import time
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from fcntl import LOCK_EX, flock
+from pathlib import Path
+
+import httpx
+import numpy as np
+import psutil
+import pytest
+
+from server.settings import Settings
+from server.uploads import Uploads
+from tests.server.service import PATIENCE_S, SNAKE, Service
+
+ServiceWith = Callable[..., Service]
+MIB = 2**20
+HEAD = (
+    b"POST %b HTTP/1.1\r\nHost: localhost\r\nX-Forwarded-For: %b\r\n"
+    b"Content-Type: multipart/form-data; boundary=x\r\n%b\r\n\r\n"
+)
+PART = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a.bin"\r\n\r\n'
+END = b"\r\n--x--\r\n"
+
+
+@contextmanager
+def connected(service: Service) -> Iterator[socket.socket]:
+    url = service.http.base_url
+    with socket.create_connection((url.host, url.port or 80), timeout=PATIENCE_S) as client:
+        yield client
+
+
+def answer_of(client: socket.socket) -> tuple[int, dict[str, str], bytes]:
+    """Status, headers and body, until the other side hangs up or all is there."""
+    data = b""
+    while b"\r\n\r\n" not in data:
+        piece = client.recv(65536)
+        if not piece:
+            return 0, {}, data
+        data += piece
+    head, _, body = data.partition(b"\r\n\r\n")
+    lines = head.decode("latin-1").split("\r\n")
+    headers = {k.lower(): v for k, _, v in (line.partition(": ") for line in lines[1:])}
+    while len(body) < int(headers.get("content-length", "0")):
+        body += client.recv(65536)
+    return int(lines[0].split()[1]), headers, body
+
+
+def head(visitor: str, more: bytes, path: bytes = b"/api/folds") -> bytes:
+    return HEAD % (path, visitor.encode(), more)
+
+
+def length(size: int) -> bytes:
+    return b"Content-Length: %d" % (len(PART) + size + len(END))
+
+
+@pytest.mark.slow
+def test_twenty_large_uploads_at_once_fit_into_little_memory(service_with: ServiceWith) -> None:
+    service = service_with(workers=0).start()
+    assert service.process is not None
+    web = psutil.Process(service.process.pid)
+    service.http.post("/api/folds", files={"file": ("a.bin", b"\x89PNG" * MIB)})
+    before, most = web.memory_info().rss, 0
+    stop = threading.Event()
+
+    def watch() -> None:
+        nonlocal most
+        while not stop.wait(0.02):
+            most = max(most, web.memory_info().rss)
+
+    watching = threading.Thread(target=watch)
+    watching.start()
+    piece, size = b"\x89PNG" * (MIB // 4), 60
+    clients = [connected(service) for _ in range(20)]
+    sockets = [client.__enter__() for client in clients]
+    try:
+        for k, client in enumerate(sockets):
+            client.sendall(head(f"203.0.113.{k}", length(size * MIB)) + PART)
+        for _ in range(size):
+            for client in sockets:
+                client.sendall(piece)
+        assert sum(1 for _ in service.data_dir.glob("uploads/*/")) == 1
+        for client in sockets[:3]:  # read, counted, copied, and refused by the reader
+            client.sendall(END)
+            status, _, body = answer_of(client)
+            assert (status, json.loads(body)["code"]) == (422, "wrong-kind")
+    finally:
+        for client in clients:
+            client.__exit__(None, None, None)
+        stop.set()
+        watching.join()
+    assert most - before < 64 * MIB, f"grew by {(most - before) / MIB:.0f} MiB"
+
+
+def test_a_visitor_has_few_uploads_at_once_and_all_have_not_many(
+    service_with: ServiceWith,
+) -> None:
+    service = service_with(workers=0, max_uploads=2, max_uploads_of_visitor=1).start()
+
+    def refused(visitor: str, whose: str) -> None:
+        answer = service.http.post(
+            "/api/folds", data={"shape": "mallet-64"}, headers={"X-Forwarded-For": visitor}
+        )
+        assert answer.status_code == 429, answer.text
+        assert answer.headers["content-type"] == "application/problem+json"
+        assert int(answer.headers["retry-after"]) > 0
+        assert answer.json()["code"] == "too-many-uploads"
+        assert whose in answer.json()["detail"]
+
+    with connected(service) as first, connected(service) as second:
+        first.sendall(head("203.0.113.1", length(10)) + PART)
+        _until(lambda: _status(service, "203.0.113.1") == 429)
+        refused("203.0.113.1", "of yours")
+        # Of the addresses of version 6 one has many, but they are all of one visitor.
+        second.sendall(head("2001:db8::1", length(10)) + PART)
+        _until(lambda: _status(service, "2001:db8::ffff:2") == 429)
+        refused("2001:db8:0:0:1:2:3:4", "of yours")
+        refused("203.0.113.3", "in all")
+    _until(lambda: _status(service, "203.0.113.1") == 202)
+
+
+def _status(service: Service, visitor: str) -> int:
+    answer = service.http.post(
+        "/api/folds", data={"shape": "mallet-64"}, headers={"X-Forwarded-For": visitor}
+    )
+    return answer.status_code
+
+
+def _until(what: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not what():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+@pytest.fixture(scope="module")
+def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """A service that waits for nobody."""
+    service = Service(
+        tmp_path_factory.mktemp("hasty") / "data",
+        workers=0,
+        upload_idle_s=0.5,
+        header_seconds=0.5,
+        unread_seconds=0.5,
+        max_connections_of_visitor=8,
+        trusted_proxies="192.0.2.0/24",
+    ).start()
+    yield service
+    assert service.stop() == 0
+
+
+def test_an_upload_of_which_nothing_comes_is_over(hasty: Service) -> None:
+    with connected(hasty) as client:
+        client.sendall(head("x", b"Content-Length: 1000") + PART)
+        status, _, body = answer_of(client)
+    assert (status, json.loads(body)["code"]) == (408, "too-slow")
+
+
+def test_an_upload_that_trickles_is_over_at_last(service_with: ServiceWith) -> None:
+    service = service_with(workers=0, upload_seconds=1.0).start()
+    with connected(service) as client:
+        client.sendall(head("x", b"Content-Length: 100000") + PART)
+        client.settimeout(0.1)
+        for _ in range(1000):
+            client.sendall(b"[")
+            try:
+                status, _, body = answer_of(client)
+                break
+            except TimeoutError:
+                continue
+    assert (status, json.loads(body)["code"]) == (408, "too-slow")
+
+
+@pytest.mark.parametrize("begun", [b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: localhost\r\nX: "])
+def test_who_does_not_say_what_he_wants_is_hung_up_on(hasty: Service, begun: bytes) -> None:
+    with connected(hasty) as client:
+        client.sendall(begun)
+        with pytest.raises(ConnectionResetError):
+            client.recv(1)
+            raise ConnectionResetError  # an end without a reset is one, too
+
+
+def test_an_endless_head_is_refused(hasty: Service) -> None:
+    with connected(hasty) as client:
+        client.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + b"y" * 60_000)
+        assert answer_of(client)[0] == 400
+    with connected(hasty) as client:
+        client.sendall(b"GET /" + b"y" * 60_000)
+        assert answer_of(client)[0] == 400
+
+
+def test_who_takes_nothing_is_hung_up_on(hasty: Service) -> None:
+    url = hasty.http.base_url
+    with socket.socket() as client:
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        client.settimeout(PATIENCE_S)
+        client.connect((url.host, url.port or 80))
+        # Asked for over and over and never read, until the buffers are full.
+        ask = b"GET /view HTTP/1.1\r\nHost: localhost\r\n\r\n" * 50
+        with pytest.raises(ConnectionError):
+            for _ in range(1000):
+                client.sendall(ask)
+                time.sleep(0.1)
+
+
+def test_one_address_has_a_few_connections(hasty: Service) -> None:
+    clients = [connected(hasty) for _ in range(12)]
+    open_ones = [client.__enter__() for client in clients]
+    try:
+        assert sum(_alive(client) for client in open_ones) <= 8
+    finally:
+        for client in clients:
+            client.__exit__(None, None, None)
+    _until(lambda: _answers(hasty))
+
+
+def _alive(client: socket.socket) -> bool:
+    try:
+        client.sendall(b"GET /health HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        return answer_of(client)[0] == 200
+    except ConnectionError:
+        return False
+
+
+def _answers(service: Service) -> bool:
+    try:
+        return service.http.get("/health").status_code == 200
+    except httpx.TransportError:
+        return False
+
+
+@pytest.mark.parametrize(
+    ("told", "body"),
+    [
+        (b"Content-Length: 999999999999", PART + b"[[0,0,0]]" + END),
+        (b"Content-Length: 18446744073709551617", PART),
+        (b"Content-Length: 30", PART + b"[" * 1000 + END),
+        (b"Content-Length: -1", PART),
+        (b"Content-Length: 10\r\nContent-Length: 20", PART),
+        (b"Transfer-Encoding: chunked", b"fffffffffffffffff\r\nabc"),
+        (b"Transfer-Encoding: chunked\r\nContent-Length: 5", b"0\r\n\r\nGET /health"),
+        (b"Transfer-Encoding: chunked", b"5\r\n--x\r\n\r\n0\r\n\r\n"),
+    ],
+)
+def test_lies_about_lengths_are_refused(hasty: Service, told: bytes, body: bytes) -> None:
+    with connected(hasty) as client:
+        client.sendall(head("x", told) + body)
+        status = answer_of(client)[0]
+    assert status == 0 or 400 <= status < 500 or status == 507
+    assert hasty.http.get("/health").status_code == 200
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        b"".join(
+            b'--x\r\nContent-Disposition: form-data; name="f%d"; filename="a"\r\n\r\n1\r\n' % k
+            for k in range(100)
+        )
+        + b"--x--\r\n",
+        b"".join(
+            b'--x\r\nContent-Disposition: form-data; name="seed"\r\n\r\n%d\r\n' % k
+            for k in range(200)
+        )
+        + b"--x--\r\n",
+        b'--x\r\nContent-Disposition: form-data; name="shape"\r\n\r\n' + b"a" * 100_000 + END,
+        b'--x\r\nContent-Disposition: form-data; name="file"; x="' + b"a" * 100_000 + b'"\r\n',
+        b"--x\r\n" + b"A: b\r\n" * 10_000,
+    ],
+    ids=["files", "fields", "long field", "long header", "many headers"],
+)
+def test_a_form_has_few_and_small_parts(desk: Service, form: bytes) -> None:
+    answer = desk.http.post(
+        "/api/folds",
+        content=form,
+        headers={"Content-Type": "multipart/form-data; boundary=x"},
+    )
+    assert 400 <= answer.status_code < 500, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+@pytest.mark.parametrize("kind", ["application/json", "application/x-www-form-urlencoded", ""])
+def test_what_is_no_upload_is_small(desk: Service, kind: str) -> None:
+    data = b"shape=" + b"a" * 180_000
+    for path in ("/api/folds", "/api/folds/nosuch/movies", "/api/shapes/preview"):
+        answer = desk.http.post(path, content=data, headers={"Content-Type": kind})
+        assert 400 <= answer.status_code < 500, answer.text
+    answer = desk.http.post("/api/folds", content=data, headers={"Content-Type": FORM})
+    assert answer.status_code == 413
+
+
+FORM = "application/x-www-form-urlencoded"
+
+
+def bomb(name: str, inside: bytes = b"") -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        archive.writestr("[Content_Types].xml", "<Types/>")
+        archive.writestr(name, inside or bytes(80 * MIB))
+    return file.getvalue()
+
+
+def nested(times: int) -> bytes:
+    data = bomb("inner.zip", bytes(20 * MIB))
+    for _ in range(times):
+        data = bomb("3D/3dmodel.model", data)
+    return data
+
+
+def lying_zip() -> bytes:
+    """One whose directory says that a bomb is small."""
+    data = bytearray(bomb("3D/3dmodel.model"))
+    at = data.rfind(b"PK\x01\x02")
+    data[at + 24 : at + 28] = struct.pack("<I", 10)
+    return bytes(data)
+
+
+def glb(promised: int) -> bytes:
+    about = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": promised}],
+        "bufferViews": [{"buffer": 0, "byteLength": promised}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": promised // 12, "type": "VEC3"}
+        ],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "nodes": [{"mesh": 0, "children": [0]}],
+        "scenes": [{"nodes": [0]}],
+        "scene": 0,
+    }
+    text = json.dumps(about).encode()
+    text += b" " * (-len(text) % 4)
+    size = 12 + 8 + len(text)
+    return b"glTF" + struct.pack("<IIII", 2, size, len(text), 0x4E4F534A) + text
+
+
+def npy_promising(shape: str) -> bytes:
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".encode()
+    header += b" " * (63 - (len(header) + 10) % 64) + b"\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header
+
+
+def npz(array: object) -> bytes:
+    file = io.BytesIO()
+    np.savez_compressed(file, joint_angles_rad=np.asarray(array))
+    return file.getvalue()
+
+
+PLY = (
+    "ply\nformat {} 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
+)
+FACES = "element face {}\nproperty list uchar uint vertex_indices\nend_header\n"
+HOSTILE: dict[str, bytes] = {
+    "bomb.3mf": bomb("3D/3dmodel.model"),
+    "nested.3mf": nested(3),
+    "lying.3mf": lying_zip(),
+    "laughs.3mf": bomb(
+        "3D/3dmodel.model",
+        b'<!DOCTYPE m [<!ENTITY a "aaaaaaaaaa">'
+        + b"".join(b'<!ENTITY %c "%b">' % (98 + k, b"&%c;" % (97 + k) * 10) for k in range(9))
+        + b"]><model>&j;</model>",
+    ),
+    "foreign.3mf": bomb(
+        "3D/3dmodel.model",
+        b'<!DOCTYPE m [<!ENTITY a SYSTEM "file:///etc/passwd">]><model>&a;</model>',
+    ),
+    "bomb.npz": npz(np.zeros(9 * MIB)),
+    "promise.glb": glb(2**32 - 4),
+    "huge.npy": npy_promising("(4294967296, 3)"),
+    "long.npy": npy_promising("(99999999999999999999999, 3)"),
+    "negative.npy": npy_promising("(-1, 3)"),
+    "promise.stl": bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(50),
+    "promise.ply": (PLY.format("binary_little_endian", 2**32) + FACES.format(2**32)).encode(),
+    "text.ply": (PLY.format("ascii", 10**30) + FACES.format(10**30)).encode() + b"0 0 0\n",
+    "list.ply": (PLY.format("binary_little_endian", 0) + FACES.format(1)).encode()
+    + b"\xff"
+    + b"\xff" * 1020,
+    "promise.off": b"OFF\n4294967296 4294967296 0\n0 0 0\n",
+    "huge.off": b"OFF\n" + b"9" * 10_000 + b" 1 0\n",
+    "promise.vox": b"VOX " + struct.pack("<I", 150) + b"MAIN" + struct.pack("<II", 0, 2**32 - 1),
+    "promise.binvox": b"#binvox 1\ndim 65535 65535 65535\ntranslate 0 0 0\nscale 1\ndata\n\x01\xff",
+    "deep.json": b"[" * 100_000 + b"]" * 90_000,
+    "deep object.json": b'{"a":' * 30_000 + b"1" + b"}" * 30_000,
+    "huge integer.json": b"[[0,0," + b"9" * 100_000 + b"],[0,0,1]]",
+    "large.json": b"[[1e308,0,0],[1e309,0,0],[-1e309,0,0]]",
+    "infinite.json": b"[[Infinity,0,0],[NaN,0,0],[-Infinity,0,1]]",
+    "path.obj": b"v 0 0 0\nmtllib /etc/passwd\nf 1/1/1 99999999999999999999 -5\n",
+    "huge.obj": b"v 1e999 nan inf\n" * 1000 + b"f 1 2 3\n",
+    "regular.csv": b"0," + b" " * 50_000 + b"x," * 10_000,
+    "regular.txt": b"90 " + b"-" * 50_000 + b" " * 50_000 + b"!",
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_files_are_refused(desk: Service, name: str) -> None:
+    data = HOSTILE[name]
+    assert len(data) < 250_000, len(data)
+    answer = desk.http.post("/api/folds", files={"file": (name, data)})
+    assert answer.status_code == 422, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert "passwd" not in answer.text and "root:" not in answer.text
+    assert answer.json()["code"] not in ("internal", "crashed"), answer.text
+
+
+def test_what_another_process_takes_in_is_left_alone(tmp_path: Path) -> None:
+    settings = Settings(data_dir=tmp_path)
+    first = Uploads(settings)
+    with first.kept(io.BytesIO(b"abc"), "a") as upload:
+        dead = settings.uploads_dir / "1-dead"
+        dead.mkdir()
+        (dead / "lock").touch()
+        (dead / "input").write_text("never acknowledged")
+        (settings.uploads_dir / "old").write_text("from a version before")
+        outside = tmp_path / "outside"
+        outside.mkdir()
+        (settings.uploads_dir / "link").symlink_to(outside)
+        second = Uploads(settings)
+        assert upload.directory.is_dir() and not dead.exists() and outside.is_dir()
+        assert {p.name for p in settings.uploads_dir.iterdir()} == {
+            first.place.name,
+            second.place.name,
+        }
+        with open(second.place / "lock") as lock, pytest.raises(BlockingIOError):
+            flock(lock, LOCK_EX | 4)
+    assert not upload.directory.exists()
+    second.close()
+    first.close()
+    assert not list(settings.uploads_dir.iterdir())
+
+
+def test_an_upload_is_counted_and_its_digest_told(tmp_path: Path) -> None:
+    uploads = Uploads(Settings(data_dir=tmp_path))
+    with uploads.kept(io.BytesIO(b"abc" * 1_000_000), None) as upload:
+        assert upload.size == 3_000_000
+        assert (upload.directory / "input").stat().st_size == 3_000_000
+        assert upload.digest.startswith("f4096a13")
+    uploads.close()
+
+
+def test_an_upload_that_breaks_off_leaves_nothing(hasty: Service) -> None:
+    with connected(hasty) as client:
+        client.sendall(head("x", length(8 * MIB)) + PART + bytes(4 * MIB))
+    _until(lambda: hasty.fold(SNAKE)["id"] is not None)
+    _until(lambda: [p.name for p in hasty.data_dir.glob("uploads/*/*")] == ["lock"])
