@@ -186,7 +186,7 @@ class _News:
         return self._going
 
 
-def _making(job: str) -> sa.Select[tuple[str]]:
+def _making(job: str) -> sa.Select[str]:
     return sa.select(MovieRow.id).where(MovieRow.job == job, MovieRow.status.in_(MAKING))
 
 
