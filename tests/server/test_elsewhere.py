@@ -87,7 +87,7 @@ def test_what_one_web_process_was_asked_for_all_have(
         for path in (
             f"/api/folds/{fold_id}/plan.json",
             f"/api/folds/{fold_id}/plan.npz",
-            f"/api/folds/{fold_id}/model.urdf",
+            f"/api/folds/{fold_id}/exports/urdf",
             f"/folds/{fold_id}/picture.png",
             f"/folds/{fold_id}/standalone.html",
         ):
