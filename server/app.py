@@ -162,7 +162,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
     store = Store(settings)
     jobs = Jobs(settings)
     jobs.reconcile(store)
-    previews = Previews(settings)
+    previews = Previews(settings, store.folders.storage)
     leases = Leases.of(settings, store)
     workshop = Workshop(
         store,

@@ -110,8 +110,10 @@ class WorkerRow(Base):
 class MovieRow(Base):
     """A movie of a fold that somebody asked for.
 
-    ``id`` is the key of its wishes, ``status`` one of ``queued``, ``running``, ``ready`` and
-    ``failed``, ``problem`` the ``code``, ``detail``, ``where`` of what went wrong.
+    ``id`` is the key of its wishes, ``job`` the name of what makes it, whose end is that of its
+    file, ``status`` one of ``queued``, ``running``, ``ready`` and ``failed``, ``problem`` the
+    ``code``, ``detail``, ``where`` of what went wrong. ``bytes`` are those of its file, which count
+    as the fold's.
     """
 
     __tablename__ = "movies"
@@ -128,6 +130,21 @@ class MovieRow(Base):
     frames_done: Mapped[int]
     problem: Mapped[dict[str, Any] | None]
     created_at: Mapped[float]
+    bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
+
+    @property
+    def file(self) -> str:
+        """What its file is called."""
+        return movie_file(self.job)
+
+
+MAKING = ("queued", "running")
+"""What a movie is until it is ready or has failed."""
+
+
+def movie_file(job: str) -> str:
+    """What the file is called that a job makes: no other job's has the same name."""
+    return job.partition(".")[2]
 
 
 class SecretRow(Base):

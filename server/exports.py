@@ -41,7 +41,7 @@ class Exports:
             Problem: When the plan has no such export (404) or is too large to make it here (413),
                 too many are being made (429, 503), or the disk is full (507).
         """
-        directory = self._store.directory(fold_id)
+        directory = await asyncio.to_thread(self._store.directory, fold_id)
         kept = directory / export.filename
         if await asyncio.to_thread(kept.is_file):
             return kept  # the fold's own stages have written it

@@ -26,6 +26,7 @@ LOOK_EVERY_S: Final = 0.4
 TIDY_EVERY_S: Final = 60.0
 IN_USE_S: Final = 600.0
 EPOCH: Final = ".epoch"
+MOVIES: Final = "movies"
 
 
 class NoSuchFoldError(LookupError):
@@ -88,13 +89,32 @@ class Folders:
         with self._lock_of(copy.name):
             at, whole = self._looked.get(copy.name, (-LOOK_EVERY_S, False))
             now = time.monotonic()
-            if not ((whole and (copy / INDEX).is_file()) or now - at < LOOK_EVERY_S):
+            if not ((whole or now - at < LOOK_EVERY_S) and (copy / INDEX).is_file()):
                 self.storage.fetch(_key(row.id, row.kept), copy)
                 self._looked[copy.name] = (now, row.over)
             with suppress(OSError):
                 os.utime(copy)
         self._tidy()
         return copy
+
+    def movie(self, fold_id: str, name: str) -> Path | None:
+        """The file of a movie, brought here if it is kept elsewhere; None when there is none.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        if self.storage is None:
+            path = self.place(fold_id) / MOVIES / name
+            return path if path.is_file() else None
+        copy = self._settings.cache_dir / f"{self.place(fold_id).name}-{name}"
+        path = copy / name
+        with self._lock_of(copy.name):
+            if not path.is_file() and not self.storage.fetch_file(_movie_key(fold_id, name), path):
+                return None
+            with suppress(OSError):
+                os.utime(copy)
+        self._tidy()
+        return path
 
     # For who takes an upload in
 
@@ -126,6 +146,45 @@ class Folders:
             self.storage.remove(f"movies/{fold_id}")
             for copy in self._settings.cache_dir.glob(f"{fold_id}-*"):
                 shutil.rmtree(copy, ignore_errors=True)
+
+    # For who makes a movie of it
+
+    def keep_movie(self, fold_id: str, name: str, path: Path) -> None:
+        """Puts a file that is whole to where readers find it.
+
+        Raises:
+            NoSuchFoldError: When there is no such fold any more.
+            OSError: When there is no room.
+            StorageError: When the storage does not answer.
+        """
+        if self.storage is not None:
+            self.storage.keep_file(_movie_key(fold_id, name), path)
+            return
+        place = self.place(fold_id)
+        if not place.is_dir():
+            raise NoSuchFoldError(fold_id)
+        movies = place / MOVIES
+        aside = movies / f"{name}.partial"
+        try:
+            movies.mkdir(exist_ok=True)
+            shutil.copyfile(path, aside)
+            sync(aside)
+            aside.replace(movies / name)
+        finally:
+            with suppress(OSError):
+                aside.unlink(missing_ok=True)
+
+    def remove_movie(self, fold_id: str, name: str) -> None:
+        """Removes the file of a movie, if there is one.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        with suppress(OSError):
+            (self.place(fold_id) / MOVIES / name).unlink(missing_ok=True)
+        if self.storage is not None:
+            self.storage.remove_file(_movie_key(fold_id, name))
+            shutil.rmtree(self._settings.cache_dir / f"{fold_id}-{name}", ignore_errors=True)
 
     # For who computes it
 
@@ -185,11 +244,12 @@ class Folders:
             if 0 <= now - self._tidied < TIDY_EVERY_S:
                 return
             self._tidied = now
-        copies = sorted(
-            (copy.stat().st_mtime, size_of(copy), copy)
-            for copy in self._settings.cache_dir.iterdir()
-            if copy.is_dir()
-        )
+        copies: list[tuple[float, int, Path]] = []
+        for copy in self._settings.cache_dir.iterdir():
+            with suppress(OSError):  # another process drops it just now
+                if copy.is_dir():
+                    copies.append((copy.stat().st_mtime, size_of(copy), copy))
+        copies.sort()
         total = sum(size for _, size, _ in copies)
         for used, size, copy in copies:
             if total <= self._settings.cache_bytes:
@@ -221,6 +281,10 @@ def sync(path: Path) -> None:
 
 def _key(fold_id: str, epoch: int) -> str:
     return f"folds/{fold_id}/{epoch}"
+
+
+def _movie_key(fold_id: str, name: str) -> str:
+    return f"movies/{fold_id}/{name}"
 
 
 def _epoch_of(place: Path) -> int | None:

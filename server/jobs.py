@@ -25,6 +25,7 @@ QUEUE: Final = "folds"
 WORKFLOW: Final = "fold"
 MOVIES_QUEUE: Final = "movies"
 MOVIE_WORKFLOW: Final = "movie"
+GOING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
 POLL_S: Final = 0.1
 PREPARING: Final = 0x666F6C64
 """PostgreSQL's number for the lock under which tables are made."""
@@ -115,10 +116,10 @@ class Jobs:
         }
         self._client.enqueue(options, fold_id, movie_id, job)
 
-    def movies(self) -> list[str]:
-        """Names of the movies that wait or are being made."""
-        found = self._client.list_queued_workflows(queue_name=MOVIES_QUEUE, load_input=False)
-        return [str(job.workflow_id) for job in found]
+    def going(self, jobs: list[str]) -> dict[str, bool]:
+        """Which of some jobs wait or are being done; those that nobody knows are left out."""
+        found = self._client.list_workflows(workflow_ids=jobs, load_input=False, load_output=False)
+        return {str(job.workflow_id): job.status in GOING for job in found}
 
     def reconcile(self, store: Store) -> int:
         """Enqueues folds that have a row and no job, after a crash between the two."""

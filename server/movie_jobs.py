@@ -1,4 +1,8 @@
-"""Movie jobs: the worker's end of movies."""
+"""Movie jobs: the worker's end of movies.
+
+A job may be done again by another worker when the first is gone, and even while it is not: what it
+makes has a name of its own, is put in its place whole, and its row turns ``ready`` once, last.
+"""
 
 from __future__ import annotations
 
@@ -6,21 +10,30 @@ import contextlib
 import json
 import logging
 import os
-import shutil
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
+
+import sqlalchemy as sa
+from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.orm import Session
 
 from planner.errors import InputError
-from planner.files import write_whole
 from server.children import ChildError
+from server.database import MAKING, MovieRow, movie_file
 from server.filming import film
 from server.limits import ChildLimits
-from server.movies import MovieRequest, file_of, request_of
+from server.scratch import Scratch
 from server.settings import Settings
+from server.storage import StorageError
 from server.store import NoSuchFoldError, Store
+from web.movie import Movie
 
 REPORT_EVERY_S: Final = 0.2
+TRY_AGAIN_S: Final = 0.5
+PART: Final = "movie"
+Answer = TypeVar("Answer")
 log = logging.getLogger("foldback.worker")
 
 
@@ -30,66 +43,174 @@ class MovieJobs:
     def __init__(self, settings: Settings, store: Store) -> None:
         self._settings = settings
         self._store = store
+        self._scratch = Scratch(settings.scratch_dir)
+        self._scratch.sweep()
 
     def make(self, fold_id: str, movie_id: str, job: str) -> None:
-        """Makes one movie. What goes wrong is written beside it; nothing is raised."""
+        """Makes one movie. What goes wrong is noted in its row; nothing is raised."""
+        about = {"fold": fold_id, "movie": movie_id}
         try:
-            place = self._store.directory(fold_id) / "movies" / movie_id
-        except NoSuchFoldError:
-            return
-        request = request_of(place)
-        if request is None or request.job != job:
-            return  # nobody wants it any more
-        try:
-            self._make(place, request)
+            self._make(fold_id, job, about)
         except (InputError, ChildError) as error:
             where = error.where if isinstance(error, InputError) else None
-            self._fail(place, request, error.code, error.detail, where)
+            self._fail(job, error.code, error.detail, where, about)
+        except NoSuchFoldError:
+            log.info("a movie's fold was deleted", extra=about)
         except Exception as error:
-            about = {"fold": fold_id, "movie": movie_id}
             log.exception("movie %s of fold %s failed", movie_id, fold_id, extra=about)
             words = f"something went wrong inside the service ({type(error).__name__}); try again."
-            self._fail(place, request, "internal", words, None)
-        finally:
-            (place / request.part).unlink(missing_ok=True)
-            if not (place / "request.json").exists():
-                shutil.rmtree(place, ignore_errors=True)
+            self._fail(job, "internal", words, None, about)
+        self._clear_up(fold_id, job)
 
-    def _make(self, place: Path, request: MovieRequest) -> None:
-        at = 0.0
+    def _make(self, fold_id: str, job: str, about: dict[str, str]) -> None:
+        row = _patiently(lambda: self._row(job))
+        if row is None or row.status not in MAKING:
+            return  # nobody wants it any more, or it was made before
+        movie = Movie.of(row.wishes)
+        with self._scratch.directory() as place:
+            news = _News(self._store, job)
+            if not _patiently(news.last):
+                return
+            files = _patiently(lambda: self._store.directory(fold_id))
+            timeline = files / "timeline.zarr"
+            request = {"movie": row.wishes, "timeline": str(timeline), "part": PART}
+            (place / "request.json").write_text(json.dumps(request))
 
-        def report(event: dict[str, Any]) -> None:
-            nonlocal at
-            if time.monotonic() - at >= REPORT_EVERY_S:
-                at = time.monotonic()
-                _write(place, request, "progress.json", {"frames_done": event["steps"]})
+            def take(event: dict[str, Any]) -> None:
+                news.take(event)
+                with contextlib.suppress(OSError):
+                    os.utime(files)  # a copy that is in use is not dropped
 
-        _write(place, request, "progress.json", {"frames_done": 0})
-        whole = film(
-            place,
-            ChildLimits.of(self._settings),
-            wall_s=self._settings.movie_seconds,
-            on_progress=report,
-            cancelled=lambda: not _wanted(place, request),
-        )
-        if whole and _wanted(place, request):
-            os.replace(place / request.part, file_of(place, request.movie))
-            log.info("a movie of %d pictures is made", request.movie.count)
+            whole = film(
+                place,
+                ChildLimits.of(self._settings),
+                wall_s=self._settings.movie_seconds,
+                on_progress=take,
+                cancelled=news.cancelled,
+            )
+            if whole and self._kept(fold_id, job, movie, place / PART):
+                log.info("a movie of %d pictures is made", movie.count, extra=about)
+
+    def _row(self, job: str) -> MovieRow | None:
+        with self._store.reading() as session:
+            return session.scalar(sa.select(MovieRow).where(MovieRow.job == job))
+
+    def _kept(self, fold_id: str, job: str, movie: Movie, path: Path) -> bool:
+        """Puts a movie where readers find it, and says that it is there; False if unwanted."""
+        size = path.stat().st_size
+
+        def keep() -> bool:
+            with self._store.reading() as session:
+                if session.scalar(_making(job)) is None:
+                    return False
+            self._store.folders.keep_movie(fold_id, movie_file(job), path)
+            return True
+
+        def ready() -> bool:
+            with self._store.changing() as session:
+                done = _update(
+                    session, job, status="ready", frames_done=movie.count, bytes=size, problem=None
+                )
+                if done:
+                    self._store.grow(session, fold_id, size)
+                return done
+
+        return _patiently(keep) and _patiently(ready)
 
     def _fail(
-        self, place: Path, request: MovieRequest, code: str, detail: str, where: str | None
+        self, job: str, code: str, detail: str, where: str | None, about: dict[str, str]
     ) -> None:
-        log.warning("a movie failed: %s", detail)
+        log.warning("a movie failed: %s", detail, extra=about)
         problem = {"code": code, "detail": detail, "where": where}
-        _write(place, request, "problem.json", problem)
+
+        def fail() -> None:
+            with self._store.changing() as session:
+                _update(session, job, status="failed", problem=problem)
+
+        _patiently(fail)
+
+    def _clear_up(self, fold_id: str, job: str) -> None:
+        """Leaves nothing of a movie, or of a fold, that was deleted meanwhile."""
+
+        def clear() -> None:
+            if self._row(job) is not None:
+                return
+            try:
+                self._store.fold(fold_id)
+            except NoSuchFoldError:
+                with contextlib.suppress(NoSuchFoldError):
+                    self._store.folders.remove(fold_id)
+            else:
+                self._store.folders.remove_movie(fold_id, movie_file(job))
+
+        _patiently(clear)
 
 
-def _wanted(place: Path, request: MovieRequest) -> bool:
-    found = request_of(place)
-    return found is not None and found.job == request.job
+class _News:
+    """Carries progress to the row, and that nobody wants it back, both at a bounded pace."""
+
+    def __init__(self, store: Store, job: str) -> None:
+        self._store = store
+        self._job = job
+        self._done = 0
+        self._told: int | None = None
+        self._going = True
+        self._at = 0.0
+
+    def take(self, event: dict[str, Any]) -> None:
+        """News from the child."""
+        self._done = int(event["steps"])
+
+    def cancelled(self) -> bool:
+        """Whether nobody wants the movie any more, as of the last report."""
+        if time.monotonic() - self._at >= REPORT_EVERY_S:
+            try:
+                self.last()
+            except DBAPIError as error:
+                if not _passes(error):
+                    raise
+                self._at = time.monotonic()  # it is made on meanwhile
+        return not self._going
+
+    def last(self) -> bool:
+        """Reports how far it is; False when nobody wants it any more."""
+        done = self._done
+        if done == self._told:
+            with self._store.reading() as session:
+                self._going = session.scalar(_making(self._job)) is not None
+        else:
+            with self._store.changing() as session:
+                self._going = _update(session, self._job, status="running", frames_done=done)
+            self._told = done
+        self._at = time.monotonic()
+        return self._going
 
 
-def _write(place: Path, request: MovieRequest, name: str, value: dict[str, Any]) -> None:
-    if _wanted(place, request):
-        with contextlib.suppress(OSError):  # deleted this very moment
-            write_whole(place / name, json.dumps(value).encode())
+def _making(job: str) -> sa.Select[str]:
+    return sa.select(MovieRow.id).where(MovieRow.job == job, MovieRow.status.in_(MAKING))
+
+
+def _update(session: Session, job: str, **values: Any) -> bool:
+    """Changes the row of a movie that is being made; False when there is none."""
+    changed = sa.update(MovieRow).where(MovieRow.job == job, MovieRow.status.in_(MAKING))
+    return session.scalar(changed.values(**values).returning(MovieRow.id)) is not None
+
+
+def _patiently(do: Callable[[], Answer]) -> Answer:
+    """What it returns, once the database and the storage answer."""
+    told = False
+    while True:
+        try:
+            return do()
+        except (DBAPIError, StorageError) as error:
+            if isinstance(error, DBAPIError) and not _passes(error):
+                raise
+            if not told:
+                log.warning("what is kept elsewhere does not answer, waiting: %s", error)
+            told = True
+        time.sleep(TRY_AGAIN_S)
+
+
+def _passes(error: DBAPIError) -> bool:
+    """Whether an error of the database may be over soon: it is away, locked or full."""
+    return isinstance(error, OperationalError | InterfaceError) or error.connection_invalidated

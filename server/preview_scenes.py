@@ -33,7 +33,7 @@ class PreviewScenes:
         """
         if not KEY.fullmatch(key):
             raise NoSuchPreviewError(preview_id)
-        place = await asyncio.to_thread(self._previews.directory, preview_id) / key
+        place = await asyncio.to_thread(self._previews.place, preview_id, key)
         if place in self._kept:
             self._kept.move_to_end(place)
             return self._kept[place]

@@ -21,8 +21,10 @@ from typing import Any, BinaryIO, Final
 from planner.errors import InputError
 from planner.modules import CUBE
 from server.children import ChildError, Reader
+from server.kept_previews import KeptPreviews
 from server.problems import Problem
 from server.settings import Settings
+from server.storage import Storage
 from server.store import new_id
 from server.uploads import Upload, no_room
 
@@ -62,10 +64,16 @@ class NoSuchPreviewError(LookupError):
 
 
 class Previews:
-    """Uploads under preview, on disk. Safe to use from many threads."""
+    """Uploads under preview, on disk. Safe to use from many threads.
 
-    def __init__(self, settings: Settings) -> None:
+    Args:
+        settings: The settings.
+        storage: Where other web processes find them; None when that is on this machine.
+    """
+
+    def __init__(self, settings: Settings, storage: Storage | None = None) -> None:
         self._settings = settings
+        self._elsewhere = KeptPreviews(settings, storage)
         self._root = settings.previews_dir
         self._root.mkdir(parents=True, exist_ok=True)
         self._lock = threading.Lock()
@@ -90,6 +98,7 @@ class Previews:
                 f"The upload could not be stored ({error.strerror}); try later.",
                 headers={"Retry-After": "60"},
             ) from error
+        self._elsewhere.keep(preview_id, self._root / preview_id)
         return preview_id
 
     def directory(self, preview_id: str) -> Path:
@@ -97,12 +106,28 @@ class Previews:
 
         Raises:
             NoSuchPreviewError: When there is none.
+            StorageError: When it would have to be brought here and the storage does not answer.
         """
-        safe = preview_id.isascii() and preview_id.isalnum() and len(preview_id) <= 32
-        directory = self._root / preview_id
-        if not safe or not (directory / "upload.json").is_file():
+        if not (preview_id.isascii() and preview_id.isalnum() and len(preview_id) <= 32):
             raise NoSuchPreviewError(preview_id)
+        directory = self._root / preview_id
+        if not (directory / "upload.json").is_file():
+            self._sweep(0)
+            if not self._elsewhere.fetch(preview_id, directory):
+                raise NoSuchPreviewError(preview_id)
         return directory
+
+    def place(self, preview_id: str, key: str) -> Path:
+        """Where what came of an upload with the wishes of a key is, if anything did.
+
+        Raises:
+            NoSuchPreviewError: When there is no such upload.
+            StorageError: When it would have to be brought here and the storage does not answer.
+        """
+        place = self.directory(preview_id) / key
+        if not (place / "report.json").is_file():
+            self._elsewhere.fetch_report(place)
+        return place
 
     def upload(self, preview_id: str) -> tuple[BinaryIO, str | None]:
         """What was uploaded, open, and what it was called.
@@ -150,9 +175,10 @@ class Previews:
             NoSuchPreviewError: When there is no such upload.
             Problem: When it cannot be used (422), took too long (504), or too many wait (503).
         """
-        directory = self.directory(preview_id)
+        place = self.place(preview_id, wishes.key)
+        directory = place.parent
         os.utime(directory)
-        place = directory / wishes.key
+        self._elsewhere.touch(directory)
         if (known := read_report(place)) is not None:
             return known
         if sum(1 for _ in directory.iterdir()) > MOST_WISHES:
@@ -180,6 +206,7 @@ class Previews:
             raise Problem(503, "gone", "Nobody waited for this preview any more.")
         if found is None:
             raise NoSuchPreviewError(preview_id)
+        self._elsewhere.keep_report(place)
         return found
 
     def cells(self, preview_id: str, wishes: ShapeWishes) -> list[list[int]] | None:
@@ -188,11 +215,12 @@ class Previews:
         Raises:
             NoSuchPreviewError: When there is no such upload.
         """
-        report = read_report(self.directory(preview_id) / wishes.key)
+        report = read_report(self.place(preview_id, wishes.key))
         return report["cells"] if report is not None and report["module"] == CUBE.name else None
 
     def _sweep(self, coming: int = 0) -> None:
         """Forgets what is old, and the oldest while there is too much."""
+        self._elsewhere.sweep_soon()
         with self._lock:
             now = time.time()
             if now - self._swept < SWEEP_EVERY_S and coming < 2**20:

@@ -259,6 +259,11 @@ class Settings(BaseSettings):
         return self.root / "cache"
 
     @property
+    def scratch_dir(self) -> Path:
+        """Holds what is being made, until it is whole."""
+        return self.root / "scratch"
+
+    @property
     def previews_dir(self) -> Path:
         """Holds uploads that somebody looks at before folding them."""
         return self.root / "previews"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import threading
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -129,7 +130,8 @@ class Storage:
                     break
             else:
                 raise StorageError(f"{key} in {self._name} changes faster than it can be read.")
-        if head is not None:
+        # One that is the same stays as old as it is: things that were made of it are so, too.
+        if head is not None and _read(directory / HEAD) != head:
             _write_whole(directory / HEAD, head)
         names = {file.name for file in listed}
         for name in [name for name in marks if name not in names]:
@@ -139,16 +141,26 @@ class Storage:
         return True
 
     def fetch_file(self, key: str, path: Path) -> bool:
-        """Brings one file here; False when there is none.
+        """Brings one file here, which may be large; False when there is none.
 
         Raises:
             StorageError: When the storage does not answer.
         """
+        aside = path.with_name(f".{path.name}.{os.getpid()}")
         with self._asking():
-            data = self._get(key)
-        if data is not None:
-            _write_whole(path, data)
-        return data is not None
+            try:
+                found = obstore.get(self._store, key)
+            except FileNotFoundError:
+                return False
+            path.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                with open(aside, "wb") as file:
+                    for chunk in found.stream():
+                        file.write(chunk)
+                aside.replace(path)
+            finally:
+                aside.unlink(missing_ok=True)
+        return True
 
     def keep_file(self, key: str, path: Path) -> None:
         """Keeps one file.
@@ -158,6 +170,15 @@ class Storage:
         """
         with self._asking():
             obstore.put(self._store, key, path)
+
+    def remove_file(self, key: str) -> None:
+        """Removes one file, if there is one.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        with self._asking():
+            self._delete(key)
 
     def remove(self, key: str, *, but: str | None = None) -> None:
         """Removes all below a key, without what is below another one.
@@ -184,6 +205,25 @@ class Storage:
         with self._asking():
             found = obstore.list_with_delimiter(self._store, f"{key}/")
         return [prefix.rstrip("/").rpartition("/")[2] for prefix in found["common_prefixes"]]
+
+    def ages(self, key: str) -> dict[str, tuple[float, int]]:
+        """What there is under each of the names below a key.
+
+        Returns:
+            By name: when it last changed, in seconds since 1970, and its bytes.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        found: dict[str, tuple[float, int]] = {}
+        with self._asking():
+            for batch in obstore.list(self._store, f"{key}/"):
+                for meta in batch:
+                    name = str(meta["path"]).removeprefix(f"{key}/").partition("/")[0]
+                    changed, size = found.get(name, (0.0, 0))
+                    newest = max(changed, meta["last_modified"].timestamp())
+                    found[name] = (newest, size + int(meta["size"]))
+        return found
 
     def close(self) -> None:
         """Ends its threads."""

@@ -294,6 +294,13 @@ class Store:
             session.execute(sa.delete(OwnerRow).where(OwnerRow.fold_id == fold_id))
             session.execute(sa.delete(FoldRow).where(FoldRow.id == fold_id))
 
+    @staticmethod
+    def grow(session: Session, fold_id: str, size: int) -> None:
+        """Counts so many bytes more, or less, as a fold's."""
+        session.execute(
+            sa.update(FoldRow).where(FoldRow.id == fold_id).values(bytes=FoldRow.bytes + size)
+        )
+
     # Writing, on the side of the workers
 
     def begin(self, fold_id: str, stage: str, worker: str) -> int | None:

@@ -136,7 +136,7 @@ class Workshop:
             NoSuchFoldError: When there is no such fold.
             Problem: When too many wait (429, 503), or the disk is full (507).
         """
-        directory = self._store.directory(fold_id)
+        directory = await asyncio.to_thread(self._store.directory, fold_id)
         plain = (self._folder or directory / FOLDER) / name
         path = plain.with_stem(f"{plain.stem}-{edition}") if edition else plain
 

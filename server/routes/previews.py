@@ -72,7 +72,7 @@ def _drawing(previews: Previews, preview_id: str, key: str) -> str | None:
     if not KEY.fullmatch(key):
         return None
     try:
-        return _drawing_at(previews.directory(preview_id) / key)
+        return _drawing_at(previews.place(preview_id, key))
     except (NoSuchPreviewError, LookupError, ValueError):
         return None
 

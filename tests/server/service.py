@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -24,14 +24,16 @@ SNAKE = [[x if y % 2 == 0 else 3 - x, y, 0] for y in range(4) for x in range(4)]
 
 
 class Service:
-    """Starts, kills and restarts one service; `http` talks to it."""
+    """Starts, kills and restarts one service; `http` talks to it.
+
+    Args:
+        data_dir: Where its data is.
+        environment: Variables that it sees besides its settings.
+        settings: What is not as usual.
+    """
 
     def __init__(
-        self,
-        data_dir: Path,
-        *,
-        environment: dict[str, str] | None = None,
-        **settings: object,
+        self, data_dir: Path, *, environment: Mapping[str, str] | None = None, **settings: object
     ) -> None:
         self.data_dir = data_dir
         self.log = data_dir.parent / f"{data_dir.name}.log"

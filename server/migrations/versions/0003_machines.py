@@ -49,6 +49,7 @@ def upgrade() -> None:
         sa.Column("frames_done", sa.Integer, nullable=False),
         sa.Column("problem", sa.JSON),
         sa.Column("created_at", sa.Double, nullable=False),
+        sa.Column("bytes", sa.BigInteger, nullable=False, server_default="0"),
     )
     op.create_index("ix_movies_status", "movies", ["status"])
     op.create_table(

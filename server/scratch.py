@@ -1,0 +1,63 @@
+"""Scratch: directories for what is being made; those of processes that died are swept."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager
+from fcntl import LOCK_EX, LOCK_NB, flock
+from pathlib import Path
+
+
+class Scratch:
+    """See the module's description. Several processes may share one.
+
+    Each directory is locked for as long as its process lives.
+
+    Args:
+        root: Holds them all, and nothing else.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        root.mkdir(parents=True, exist_ok=True)
+
+    @contextmanager
+    def directory(self) -> Generator[Path]:
+        """A new directory; removed in the end.
+
+        Raises:
+            OSError: When there is no room.
+        """
+        with _locked(self._root):
+            made = Path(tempfile.mkdtemp(dir=self._root))
+            lock = os.open(made, os.O_RDONLY)
+            flock(lock, LOCK_EX)
+        try:
+            yield made
+        finally:
+            shutil.rmtree(made, ignore_errors=True)
+            os.close(lock)
+
+    def sweep(self) -> None:
+        """Removes what processes have left that died."""
+        with _locked(self._root):
+            for left in list(self._root.iterdir()):
+                try:
+                    with _locked(left, at_once=True):
+                        shutil.rmtree(left, ignore_errors=True)
+                except OSError:  # it is in use, or just gone
+                    continue
+
+
+@contextmanager
+def _locked(path: Path, *, at_once: bool = False) -> Generator[None]:
+    """Holds the lock of a directory; BlockingIOError when another does and there is no waiting."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        flock(handle, LOCK_EX | (LOCK_NB if at_once else 0))
+        yield
+    finally:
+        os.close(handle)

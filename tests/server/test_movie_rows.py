@@ -1,0 +1,223 @@
+"""Movies as rows: asked for by many processes, made once, and what is left when things go wrong."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from server import movie_jobs
+from server.database import FoldRow, MovieRow
+from server.jobs import Jobs
+from server.movie_jobs import MovieJobs
+from server.movies import Movies, NoSuchMovieError
+from server.problems import Problem
+from server.settings import Settings
+from server.store import Store, new_token
+from tests.server.rows import a_fold
+from web.movie import Movie
+
+MOVIES = [Movie.of({"seconds": seconds}) for seconds in (1, 2, 3, 4)]
+
+
+class Process:
+    """What one web process and its worker have of their own."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.store = Store(settings)
+        self.jobs = Jobs(settings)
+        self.movies = Movies(settings, self.store, self.jobs)
+        self.worker = MovieJobs(settings, self.store)
+        self.settings = settings
+
+    def close(self) -> None:
+        self.jobs.close()
+        self.store.close()
+
+    def row(self, movie: Movie = MOVIES[0]) -> MovieRow:
+        with self.store.reading() as session:
+            row = session.get(MovieRow, ("a1", movie.key))
+        assert row is not None
+        return row
+
+    def make(self, movie: Movie = MOVIES[0]) -> None:
+        self.worker.make("a1", movie.key, self.row(movie).job)
+
+    def fold(self) -> FoldRow:
+        return self.store.fold("a1")
+
+
+@pytest.fixture
+def processes(tmp_path: Path) -> Iterator[Callable[..., list[Process]]]:
+    """Makes two processes with a fold that is over."""
+    made: list[Process] = []
+
+    def make(**settings: Any) -> list[Process]:
+        for _ in range(2):
+            made.append(Process(Settings(data_dir=tmp_path, **settings)))
+        store = made[0].store
+        store.add(a_fold("a1", bytes=1000), new_token())
+        timeline = store.directory("a1") / "timeline.zarr"
+        timeline.mkdir(parents=True)
+        (timeline / "zarr.json").write_text("{}")
+        return made
+
+    yield make
+    for process in made:
+        process.close()
+
+
+@pytest.fixture
+def filming(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], None]]:
+    """Films nothing and writes seven bytes, when ``meanwhile`` is over."""
+    acts: dict[str, Callable[[], None]] = {"meanwhile": lambda: None}
+
+    def film(place: Path, limits: object, *, cancelled: Callable[[], bool], **rest: Any) -> bool:
+        request = json.loads((place / "request.json").read_text())
+        assert Path(request["timeline"], "zarr.json").is_file()
+        acts["meanwhile"]()
+        (place / request["part"]).write_bytes(b"a movie")
+        return not cancelled()
+
+    monkeypatch.setattr(movie_jobs, "film", film)
+    monkeypatch.setattr(movie_jobs, "REPORT_EVERY_S", 0.0)
+    return acts
+
+
+def jobs_of(process: Process, change: str, *values: object) -> int:
+    with sqlite3.connect(process.settings.root / "jobs.db") as jobs:
+        count = jobs.execute(change, values).rowcount
+    jobs.close()
+    return count
+
+
+def left(process: Process) -> list[str]:
+    folder = process.settings.folds_dir / "a1" / "movies"
+    return [path.name for path in folder.iterdir()] if folder.is_dir() else []
+
+
+def test_asked_for_at_once_it_is_one_job(processes: Callable[..., list[Process]]) -> None:
+    both = processes()
+    ready = threading.Barrier(8)
+
+    def ask(process: Process) -> str | None:
+        ready.wait()
+        return process.movies.ask("a1", MOVIES[0], "somebody")[1]
+
+    with ThreadPoolExecutor(8) as threads:
+        tokens = list(threads.map(ask, both * 4))
+    assert len([token for token in tokens if token]) == 1
+    assert jobs_of(both[0], "UPDATE workflow_status SET name = name") == 1
+
+
+def test_the_bounds_hold_over_all_processes(processes: Callable[..., list[Process]]) -> None:
+    here, there = processes(movies_waiting_of_visitor=1, movies_waiting=2)
+    here.movies.ask("a1", MOVIES[0], "somebody")
+    with pytest.raises(Problem) as refused:
+        there.movies.ask("a1", MOVIES[1], "somebody")
+    assert (refused.value.status, refused.value.code) == (429, "too-many-movies")
+    there.movies.ask("a1", MOVIES[1], "another")
+    with pytest.raises(Problem) as refused:
+        here.movies.ask("a1", MOVIES[2], "a third")
+    assert (refused.value.status, refused.value.code) == (503, "busy")
+    # The same again is no other movie, and one whose job is lost is in nobody's way.
+    assert there.movies.ask("a1", MOVIES[0], "somebody")[1] is None
+    jobs_of(here, "UPDATE workflow_status SET status = 'ERROR'")
+    assert there.movies.ask("a1", MOVIES[2], "somebody")[1]
+
+
+def test_a_job_that_is_lost_fails_its_movie_and_may_be_asked_for_again(
+    processes: Callable[..., list[Process]],
+) -> None:
+    here, there = processes()
+    _, first = here.movies.ask("a1", MOVIES[0], "somebody")
+    jobs_of(here, "UPDATE workflow_status SET status = 'ERROR'")
+    state = there.movies.state("a1", MOVIES[0].key)
+    assert (state.status, state.problem and state.problem["code"]) == ("failed", "interrupted")
+    state, second = there.movies.ask("a1", MOVIES[0], "somebody")
+    assert state.status == "queued"
+    assert second and second != first
+    assert state.owned_by(second)
+
+
+def test_who_asked_died_before_the_job_was_in_the_queue(
+    processes: Callable[..., list[Process]],
+) -> None:
+    here, there = processes()
+    here.movies.ask("a1", MOVIES[0], "somebody")
+    assert jobs_of(here, "DELETE FROM workflow_status") == 1
+    assert there.movies.state("a1", MOVIES[0].key).status == "queued"
+    assert there.jobs.going([here.row().job]) == {here.row().job: True}
+
+
+def test_done_twice_it_counts_once(processes: Callable[..., list[Process]], filming: Any) -> None:
+    here, there = processes()
+    here.movies.ask("a1", MOVIES[0], "somebody")
+    filming["meanwhile"] = lambda: filming.update(meanwhile=lambda: None) or there.make()
+    here.make()  # another has taken it over meanwhile, and is quicker
+    there.make()
+    path = here.movies.file("a1", MOVIES[0].key)
+    assert path is not None and path.read_bytes() == b"a movie"
+    assert (here.fold().bytes, left(here)) == (1007, [path.name])
+    assert not list(here.settings.scratch_dir.iterdir())
+    there.movies.delete("a1", MOVIES[0].key)
+    assert (here.fold().bytes, left(here)) == (1000, [])
+
+
+def test_deleted_meanwhile_nothing_is_left(
+    processes: Callable[..., list[Process]], filming: Any
+) -> None:
+    here, there = processes()
+    here.movies.ask("a1", MOVIES[0], "somebody")
+    job = here.row().job
+    filming["meanwhile"] = lambda: there.movies.delete("a1", MOVIES[0].key)
+    here.make()
+    assert (left(here), here.fold().bytes) == ([], 1000)
+    with pytest.raises(NoSuchMovieError):
+        here.movies.state("a1", MOVIES[0].key)
+    here.movies.ask("a1", MOVIES[0], "somebody")
+    here.worker.make("a1", MOVIES[0].key, job)  # the old job is nobody's any more
+    assert here.row().status == "queued"
+
+    def delete_fold() -> None:
+        there.store.delete("a1")
+        there.store.folders.remove("a1")
+
+    filming["meanwhile"] = delete_fold
+    here.make()
+    assert not (here.settings.folds_dir / "a1").exists()
+
+
+def test_the_oldest_goes_first(processes: Callable[..., list[Process]], filming: Any) -> None:
+    here, there = processes(movies_of_fold=2)
+    for movie in MOVIES:
+        here.movies.ask("a1", movie, "somebody")
+        there.make(movie)
+    assert sorted(left(here)) == sorted(here.row(movie).file for movie in MOVIES[2:])
+    assert here.fold().bytes == 1014
+    # A file that went away is no movie any more, and can be made again.
+    there.store.folders.remove_movie("a1", here.row(MOVIES[3]).file)
+    assert here.movies.file("a1", MOVIES[3].key) is None
+    assert here.movies.state("a1", MOVIES[3].key).status == "failed"
+    assert here.fold().bytes == 1007
+    assert here.movies.ask("a1", MOVIES[3], "somebody")[1]
+
+
+def test_what_a_dead_worker_left_is_swept(tmp_path: Path) -> None:
+    settings = Settings(data_dir=tmp_path)
+    store = Store(settings)
+    halfway = settings.scratch_dir / "halfway"
+    halfway.mkdir(parents=True)
+    (halfway / "movie").write_bytes(b"half")
+    living = movie_jobs.Scratch(settings.scratch_dir)
+    with living.directory() as used:
+        MovieJobs(settings, store)
+        assert (used.exists(), halfway.exists()) == (True, False)
+    assert not used.exists()
+    store.close()
