@@ -11,12 +11,11 @@ import json
 import logging
 import os
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import sqlalchemy as sa
-from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 from planner.errors import InputError
@@ -24,16 +23,14 @@ from server.children import ChildError
 from server.database import MAKING, MovieRow, movie_file
 from server.filming import film
 from server.limits import ChildLimits
+from server.patience import patiently
 from server.scratch import Scratch
 from server.settings import Settings
-from server.storage import StorageError
 from server.store import NoSuchFoldError, Store
 from web.movie import Movie
 
 REPORT_EVERY_S: Final = 0.2
-TRY_AGAIN_S: Final = 0.5
 PART: Final = "movie"
-Answer = TypeVar("Answer")
 log = logging.getLogger("foldback.worker")
 
 
@@ -63,15 +60,15 @@ class MovieJobs:
         self._clear_up(fold_id, job)
 
     def _make(self, fold_id: str, job: str, about: dict[str, str]) -> None:
-        row = _patiently(lambda: self._row(job))
+        row = patiently(lambda: self._row(job))
         if row is None or row.status not in MAKING:
             return  # nobody wants it any more, or it was made before
         movie = Movie.of(row.wishes)
         with self._scratch.directory() as place:
             news = _News(self._store, job)
-            if not _patiently(news.last):
+            if not patiently(news.last):
                 return
-            files = _patiently(lambda: self._store.directory(fold_id))
+            files = patiently(lambda: self._store.directory(fold_id))
             timeline = files / "timeline.zarr"
             request = {"movie": row.wishes, "timeline": str(timeline), "part": PART}
             (place / "request.json").write_text(json.dumps(request))
@@ -115,7 +112,7 @@ class MovieJobs:
                     self._store.grow(session, fold_id, size)
                 return done
 
-        return _patiently(keep) and _patiently(ready)
+        return patiently(keep) and patiently(ready)
 
     def _fail(
         self, job: str, code: str, detail: str, where: str | None, about: dict[str, str]
@@ -127,7 +124,7 @@ class MovieJobs:
             with self._store.changing() as session:
                 _update(session, job, status="failed", problem=problem)
 
-        _patiently(fail)
+        patiently(fail)
 
     def _clear_up(self, fold_id: str, job: str) -> None:
         """Leaves nothing of a movie, or of a fold, that was deleted meanwhile."""
@@ -143,7 +140,7 @@ class MovieJobs:
             else:
                 self._store.folders.remove_movie(fold_id, movie_file(job))
 
-        _patiently(clear)
+        patiently(clear)
 
 
 class _News:
@@ -194,23 +191,3 @@ def _update(session: Session, job: str, **values: Any) -> bool:
     """Changes the row of a movie that is being made; False when there is none."""
     changed = sa.update(MovieRow).where(MovieRow.job == job, MovieRow.status.in_(MAKING))
     return session.scalar(changed.values(**values).returning(MovieRow.id)) is not None
-
-
-def _patiently(do: Callable[[], Answer]) -> Answer:
-    """What it returns, once the database and the storage answer."""
-    told = False
-    while True:
-        try:
-            return do()
-        except (DBAPIError, StorageError) as error:
-            if isinstance(error, DBAPIError) and not _passes(error):
-                raise
-            if not told:
-                log.warning("what is kept elsewhere does not answer, waiting: %s", error)
-            told = True
-        time.sleep(TRY_AGAIN_S)
-
-
-def _passes(error: DBAPIError) -> bool:
-    """Whether an error of the database may be over soon: it is away, locked or full."""
-    return isinstance(error, OperationalError | InterfaceError) or error.connection_invalidated

@@ -8,7 +8,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Generator
-from typing import Any, Final, TypedDict, TypeVar
+from typing import Any, Final, TypedDict
 
 from sqlalchemy.exc import DBAPIError
 
@@ -19,6 +19,7 @@ from server.children import Child, ChildError, Children
 from server.database import passes
 from server.gallery import Gallery
 from server.limits import ChildLimits
+from server.patience import Answer, patiently
 from server.settings import Settings
 from server.storage import StorageError
 from server.store import NoSuchFoldError, Store
@@ -28,8 +29,6 @@ STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 REPORT_EVERY_S: Final = 0.2
 KEEP_EVERY_S: Final = 0.7
 """How often what grows is kept elsewhere."""
-TRY_AGAIN_S: Final = 0.5
-Answer = TypeVar("Answer")
 log = logging.getLogger("foldback.worker")
 
 
@@ -164,19 +163,12 @@ class Runner:
         self.prewarm()
 
     def patiently(self, do: Callable[[], Answer]) -> Answer:
-        """What it returns, once the database and the storage answer and the disk has room."""
-        told = False
-        while True:
-            try:
-                return do()
-            except (DBAPIError, StorageError, OSError) as error:
-                if isinstance(error, DBAPIError) and not passes(error):
-                    raise
-                if not told:
-                    log.warning("what is kept elsewhere does not answer, waiting: %s", error)
-                told = True
-            self._stopping.wait(TRY_AGAIN_S)
-            self._halt()
+        """What it returns, once what it needs answers; never returns once the worker ends."""
+        return patiently(do, wait=self._wait)
+
+    def _wait(self, seconds: float) -> None:
+        self._stopping.wait(seconds)
+        self._halt()
 
     def _halt(self) -> None:
         """Never returns once the worker ends.

@@ -91,7 +91,7 @@ class Site:
     def _service(self, name: str, **settings: object) -> Service:
         service = Service(self.disk.path / name, **{**self._settings, **settings})
         service.log = self.place / f"{name}.log"
-        service._environment.update(
+        service.environment.update(
             {**self.clock.environment, **self.setup.environment, MARK: self._mark}
         )
         return service
@@ -125,7 +125,7 @@ class Site:
         with open(self.place / f"host-{k}.log", "a") as log:
             return subprocess.Popen(
                 [sys.executable, "-P", "-m", "server.command_line", "worker"],
-                env=service._environment,
+                env=service.environment,
                 stderr=log,
             )
 

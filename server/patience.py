@@ -1,0 +1,37 @@
+"""Patience: what is to be noted or kept is so once the database and the storage answer again."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from typing import Final, TypeVar
+
+from sqlalchemy.exc import DBAPIError
+
+from server.database import passes
+from server.storage import StorageError
+
+TRY_AGAIN_S: Final = 0.5
+Answer = TypeVar("Answer")
+log = logging.getLogger("foldback.worker")
+
+
+def patiently(do: Callable[[], Answer], *, wait: Callable[[float], object] = time.sleep) -> Answer:
+    """What it returns, once the database and the storage answer and the disk has room.
+
+    Args:
+        do: May be done any number of times.
+        wait: Waits for so many seconds before the next try.
+    """
+    told = False
+    while True:
+        try:
+            return do()
+        except (DBAPIError, StorageError, OSError) as error:
+            if isinstance(error, DBAPIError) and not passes(error):
+                raise
+            if not told:
+                log.warning("what is noted elsewhere does not answer, waiting: %s", error)
+            told = True
+        wait(TRY_AGAIN_S)
