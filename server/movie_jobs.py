@@ -20,7 +20,7 @@ from sqlalchemy.orm import Session
 
 from planner.errors import InputError
 from server.children import ChildError
-from server.database import MAKING, MovieRow, movie_file
+from server.database import MAKING, MovieRow, movie_file, passes
 from server.filming import film
 from server.limits import ChildLimits
 from server.patience import patiently
@@ -164,7 +164,7 @@ class _News:
             try:
                 self.last()
             except DBAPIError as error:
-                if not _passes(error):
+                if not passes(error):
                     raise
                 self._at = time.monotonic()  # it is made on meanwhile
         return not self._going
