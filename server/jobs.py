@@ -7,6 +7,7 @@ the workers (``server/worker.py``) compute.
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import Generator
 from typing import TYPE_CHECKING, Final
 
@@ -16,6 +17,7 @@ from dbos import DBOS, DBOSClient, EnqueueOptions
 from server.settings import Settings
 
 if TYPE_CHECKING:
+    from server.database import FoldRow
     from server.store import Store
 
 APPLICATION: Final = "foldback"
@@ -27,6 +29,10 @@ MOVIES_QUEUE: Final = "movies"
 MOVIE_WORKFLOW: Final = "movie"
 GOING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
 POLL_S: Final = 0.1
+MOVIES_POLL_S: Final = 0.5
+AT_A_TIME: Final = 500
+# A job ends so when not even its end could be noted, or when it took its worker along every time.
+FAILED: Final = ("ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED")
 PREPARING: Final = 0x666F6C64
 """PostgreSQL's number for the lock under which tables are made."""
 
@@ -51,7 +57,9 @@ def _register(settings: Settings) -> None:
             QUEUE, worker_concurrency=settings.folds_per_worker, polling_interval_sec=POLL_S
         )
         # One at a time: software OpenGL and the encoder keep all cores of a small machine busy.
-        client.register_queue(MOVIES_QUEUE, worker_concurrency=1, polling_interval_sec=POLL_S)
+        client.register_queue(
+            MOVIES_QUEUE, worker_concurrency=1, polling_interval_sec=MOVIES_POLL_S
+        )
     finally:
         client.destroy()
 
@@ -121,9 +129,25 @@ class Jobs:
         found = self._client.list_workflows(workflow_ids=jobs, load_input=False, load_output=False)
         return {str(job.workflow_id): job.status in GOING for job in found}
 
-    def reconcile(self, store: Store) -> int:
-        """Enqueues folds that have a row and no job, after a crash between the two."""
+    def reconcile(self, store: Store, *, older_s: float = 0.0) -> list[FoldRow]:
+        """Enqueues folds that have a row and no job, after a crash between the two.
+
+        Args:
+            store: Where the rows are.
+            older_s: How old a row must be; one that is just being made has no job yet.
+
+        Returns:
+            Folds that are not over though their job is, which has failed without a word.
+        """
         rows = store.unfinished()
+        states: dict[str, str] = {}
+        for first in range(0, len(rows), AT_A_TIME):
+            some = [row.id for row in rows[first : first + AT_A_TIME]]
+            found = self._client.list_workflows(
+                workflow_ids=some, load_input=False, load_output=False
+            )
+            states.update({str(job.workflow_id): str(job.status) for job in found})
         for row in rows:
-            self.enqueue(row.id, row.turn)
-        return len(rows)
+            if row.id not in states and time.time() - row.created_at >= older_s:
+                self.enqueue(row.id, row.turn)
+        return [row for row in rows if states.get(row.id) in FAILED]

@@ -25,7 +25,7 @@ from dbos._dbos import _get_dbos_instance  # pyright: ignore[reportPrivateUsage]
 from dbos._utils import INTERNAL_QUEUE_NAME
 
 from server.database import passes
-from server.jobs import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, prepare
+from server.jobs import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, Jobs
 from server.leases import Leases
 from server.logs import about, set_up_logs
 from server.movie_jobs import MovieJobs
@@ -42,8 +42,8 @@ BEATS_A_LEASE: Final = 5
 STRAY_S: Final = 5.0
 """How long a job of ours that nothing here works on may be about to begin."""
 SWEEP_EVERY_S: Final = 60.0
-# A job ends so when not even its end could be noted, or when it took its worker along every time.
-FAILED_JOBS: Final = ("ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED")
+NO_JOB_S: Final = 30.0
+"""How long a fold may have no job, since it is just being accepted."""
 log = logging.getLogger("foldback.worker")
 
 
@@ -132,10 +132,17 @@ class _Caretaker:
     """Looks after the jobs of all workers: those of dead ones are taken over by living ones."""
 
     def __init__(
-        self, settings: Settings, store: Store, runner: Runner, name: str, active: Active
+        self,
+        settings: Settings,
+        store: Store,
+        jobs: Jobs,
+        runner: Runner,
+        name: str,
+        active: Active,
     ) -> None:
         self._settings = settings
         self._store = store
+        self._jobs = jobs
         self._runner = runner
         self._name = name
         self._active = active
@@ -167,15 +174,11 @@ class _Caretaker:
         self._hand_back_strays(
             [str(job.workflow_id) for job in running if job.executor_id == self._name]
         )
-        for row in self._store.unfinished():
-            job = DBOS.get_workflow_status(row.id)
-            if job is not None and job.status in FAILED_JOBS:
-                log.error(
-                    "fold %s: its job ended as %s", row.id, job.status, extra={"fold": row.id}
-                )
-                outcome = self._runner.failure(RuntimeError(job.status), row.stage)
-                outcome["epoch"] = row.kept
-                self._runner.finish(row.id, outcome, self._name)
+        for row in self._jobs.reconcile(self._store, older_s=NO_JOB_S):
+            log.error("fold %s: its job ended without a word", row.id, extra={"fold": row.id})
+            outcome = self._runner.failure(RuntimeError("job"), row.stage)
+            outcome["epoch"] = row.kept
+            self._runner.finish(row.id, outcome, self._name)
         if time.monotonic() - self._swept_at >= SWEEP_EVERY_S:
             self._swept_at = time.monotonic()
             self._sweeper.sweep()
@@ -230,7 +233,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         runner.prewarm()
         slot = Slots(settings).take()
         set_up_logs(settings, worker=slot.name)
-        prepare(settings)
+        jobs = Jobs(settings)
     told = threading.Semaphore(0)
 
     def tell(number: int = 0, frame: FrameType | None = None) -> None:
@@ -255,7 +258,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     active = Active()
     register(runner, MovieJobs(settings, store), slot.name, active)
     stopping = threading.Event()
-    caretaker = _Caretaker(settings, store, runner, slot.name, active)
+    caretaker = _Caretaker(settings, store, jobs, runner, slot.name, active)
     caretaker.beat()
     DBOS.launch()
     _repeat(stopping, settings.lease_s / BEATS_A_LEASE, caretaker.beat, "saying that we live")

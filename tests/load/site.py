@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import secrets
 import shutil
 import signal
@@ -186,9 +185,13 @@ class Site:
         shutil.rmtree(self.disk.path, ignore_errors=True)
 
     def left_uploads(self) -> list[str]:
-        """Names of what lies under its uploads."""
+        """Names of what lies under its uploads, but for the lock of the process that lives."""
         folder = self.data_dir / "uploads"
-        return sorted(os.listdir(folder)) if folder.exists() else []
+        return sorted(
+            path.relative_to(folder).as_posix()
+            for path in folder.rglob("*")
+            if path.is_file() and path.name != "lock"
+        )
 
     def answer(self, method: str, path: str, **more: Any) -> httpx.Response | None:
         """What it answers; None when it is not there."""
