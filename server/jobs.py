@@ -28,7 +28,7 @@ WORKFLOW: Final = "fold"
 MOVIES_QUEUE: Final = "movies"
 MOVIE_WORKFLOW: Final = "movie"
 GOING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
-POLL_S: Final = 0.1
+POLL_S: Final = 0.2
 MOVIES_POLL_S: Final = 0.5
 AT_A_TIME: Final = 500
 # A job ends so when not even its end could be noted, or when it took its worker along every time.
