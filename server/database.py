@@ -161,10 +161,23 @@ MIGRATING = 0x666F6C65
 
 
 def engine_for(url: str) -> sa.Engine:
-    """An engine; SQLite gets a write-ahead log, patience with locks, and foreign keys."""
+    """An engine; SQLite gets a write-ahead log, patience with locks, and foreign keys.
+
+    Its connections are enough for all threads of a web process where they cost little; those to a
+    server are fewer, and one that is silent is given up.
+    """
+    if url.startswith("postgresql"):
+        return sa.create_engine(
+            url,
+            pool_pre_ping=True,
+            pool_size=5,
+            max_overflow=15,
+            pool_timeout=10.0,
+            connect_args={"connect_timeout": 5, "keepalives_idle": 30, "tcp_user_timeout": 15000},
+        )
     if not url.startswith("sqlite"):
         return sa.create_engine(url, pool_pre_ping=True)
-    engine = sa.create_engine(url, connect_args={"timeout": 30.0})
+    engine = sa.create_engine(url, connect_args={"timeout": 30.0}, pool_size=10, max_overflow=50)
 
     @event.listens_for(engine, "connect")
     def on_connect(connection: Any, record: object) -> None:
