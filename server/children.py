@@ -29,6 +29,7 @@ Kind = Literal["stages", "reader", "preparer", "movies"]
 POLL_S: Final = 0.05
 CANCEL_GRACE_S: Final = 0.7
 START_S: Final = 180.0
+CALLS_A_CHILD: Final = 200
 
 
 class ChildError(Exception):
@@ -268,6 +269,7 @@ class Reader:
         self._lock = threading.Lock()
         self._counting = threading.Lock()
         self._waiting = 0
+        self._calls = 0
         self._child: Child | None = None
 
     def start(self) -> None:
@@ -330,6 +332,10 @@ class Reader:
         self, task: str, directory: Path, cancelled: Callable[[], bool] | None
     ) -> dict[str, Any]:
         child = self._child
+        self._calls += 1
+        if child is not None and self._calls % CALLS_A_CHILD == 0:
+            self._replace(child)  # its limit of processor time is for all that it ever read
+            child = None
         if child is None:
             child = self._child = self._children.take()
         elif not child.alive:

@@ -8,6 +8,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy import event
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 
@@ -147,6 +148,15 @@ def movie_file(job: str) -> str:
     return job.partition(".")[2]
 
 
+class CounterRow(Base):
+    """A number that all processes share: ``turn`` is the latest turn that has come."""
+
+    __tablename__ = "counters"
+
+    name: Mapped[str] = mapped_column(sa.String(32), primary_key=True)
+    value: Mapped[int] = mapped_column(sa.BigInteger)
+
+
 class SecretRow(Base):
     """What all processes of the service know and nobody else."""
 
@@ -173,11 +183,23 @@ def engine_for(url: str) -> sa.Engine:
             pool_size=5,
             max_overflow=15,
             pool_timeout=10.0,
-            connect_args={"connect_timeout": 5, "keepalives_idle": 30, "tcp_user_timeout": 15000},
+            connect_args={
+                "connect_timeout": 5,
+                "keepalives_idle": 30,
+                "tcp_user_timeout": 15000,
+                "options": "-c statement_timeout=20000",
+            },
+            hide_parameters=True,
         )
     if not url.startswith("sqlite"):
-        return sa.create_engine(url, pool_pre_ping=True)
-    engine = sa.create_engine(url, connect_args={"timeout": 30.0}, pool_size=10, max_overflow=50)
+        return sa.create_engine(url, pool_pre_ping=True, hide_parameters=True)
+    engine = sa.create_engine(
+        url,
+        connect_args={"timeout": 30.0},
+        pool_size=10,
+        max_overflow=50,
+        hide_parameters=True,
+    )
 
     @event.listens_for(engine, "connect")
     def on_connect(connection: Any, record: object) -> None:
@@ -203,6 +225,7 @@ def migrate(engine: sa.Engine) -> None:
         if engine.dialect.name == "sqlite":
             connection.exec_driver_sql("BEGIN IMMEDIATE")
         elif engine.dialect.name == "postgresql":
+            connection.exec_driver_sql("SET LOCAL statement_timeout = 0")
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(MIGRATING)))
         Schema.of(connection).check()
         alembic.attributes["connection"] = connection
@@ -211,6 +234,6 @@ def migrate(engine: sa.Engine) -> None:
 
 def passes(error: BaseException) -> bool:
     """Whether an error may be over soon: the database is away, locked, or has no room."""
-    return isinstance(error, DBAPIError) and (
-        isinstance(error, OperationalError | InterfaceError) or error.connection_invalidated
+    return isinstance(error, OperationalError | InterfaceError | PoolTimeoutError) or (
+        isinstance(error, DBAPIError) and error.connection_invalidated
     )

@@ -8,6 +8,7 @@ have copies of what the last epoch has kept.
 from __future__ import annotations
 
 import os
+import secrets
 import shutil
 import threading
 import time
@@ -26,6 +27,8 @@ LOOK_EVERY_S: Final = 0.4
 TIDY_EVERY_S: Final = 60.0
 IN_USE_S: Final = 600.0
 EPOCH: Final = ".epoch"
+GOING: Final = ".going-"
+"""Begins the names of copies that are being dropped."""
 MOVIES: Final = "movies"
 
 
@@ -145,7 +148,7 @@ class Folders:
             self.storage.remove(f"folds/{fold_id}")
             self.storage.remove(f"movies/{fold_id}")
             for copy in self._settings.cache_dir.glob(f"{fold_id}-*"):
-                shutil.rmtree(copy, ignore_errors=True)
+                self._drop(copy)
 
     # For who makes a movie of it
 
@@ -255,9 +258,17 @@ class Folders:
             if total <= self._settings.cache_bytes:
                 return
             if now - used > IN_USE_S:
-                self._looked.pop(copy.name, None)
-                shutil.rmtree(copy, ignore_errors=True)
+                self._drop(copy)
                 total -= size
+
+    def _drop(self, copy: Path) -> None:
+        """Drops a copy at once: nobody sees half of it, or brings files into what is going."""
+        going = copy.with_name(f"{GOING}{copy.name}-{secrets.token_hex(4)}")
+        with self._lock_of(copy.name):
+            self._looked.pop(copy.name, None)
+            with suppress(OSError):
+                copy.rename(going)
+        shutil.rmtree(going, ignore_errors=True)
 
 
 def size_of(directory: Path) -> int:

@@ -81,7 +81,12 @@ def _alone(url: str) -> Generator[None]:
 
 
 def _client(settings: Settings) -> DBOSClient:
-    return DBOSClient(system_database_url=settings.queue_url, application_name=APPLICATION)
+    # Who asks is told that the database is away; a job that got lost so is found by the workers.
+    return DBOSClient(
+        system_database_url=settings.queue_url,
+        application_name=APPLICATION,
+        retry_connection_errors=False,
+    )
 
 
 class Jobs:

@@ -44,6 +44,7 @@ class Leases:
         self._clock = clock
         self._lock = threading.Lock()
         self._seen: dict[str, tuple[int | None, float]] = {}
+        self._looked_at = clock()
 
     @classmethod
     def of(cls, settings: Settings, store: Store) -> Leases:
@@ -100,6 +101,10 @@ class Leases:
         now = self._clock()
         silent: set[str] = set()
         with self._lock:
+            if now - self._looked_at > self._lease_s / 3.0:
+                # Nobody looked for a while, or the database was away: silence begins anew.
+                self._seen = {name: (beat, now) for name, (beat, _) in self._seen.items()}
+            self._looked_at = now
             for name, beat in beats.items():
                 known = self._seen.get(name)
                 if known is None or known[0] != beat:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import sqlalchemy as sa
-from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from planner.errors import InputError
@@ -163,7 +163,7 @@ class _News:
         if time.monotonic() - self._at >= REPORT_EVERY_S:
             try:
                 self.last()
-            except DBAPIError as error:
+            except SQLAlchemyError as error:
                 if not passes(error):
                     raise
                 self._at = time.monotonic()  # it is made on meanwhile

@@ -7,6 +7,7 @@ stops the work (``server/movie_jobs.py``).
 from __future__ import annotations
 
 import hmac
+import logging
 import shutil
 import time
 from collections.abc import Iterable
@@ -22,6 +23,7 @@ from server.database import MAKING, MovieRow, movie_file
 from server.jobs import Jobs
 from server.problems import Problem
 from server.settings import Settings
+from server.storage import StorageError
 from server.store import Store, hash_of, new_id, new_token
 from web.movie import Movie
 
@@ -32,6 +34,8 @@ LOST: Final = {
     "detail": "making this movie was broken off; ask for it again.",
     "where": None,
 }
+
+log = logging.getLogger("foldback.web")
 
 
 class NoSuchMovieError(LookupError):
@@ -118,7 +122,6 @@ class Movies:
         except IntegrityError:  # another was quicker, or the fold was deleted
             self._store.fold(fold_id)
             return self.state(fold_id, movie.key), None
-        self._enqueue(wanted)
         return MovieState.of(wanted), token
 
     def state(self, fold_id: str, movie_id: str) -> MovieState:
@@ -193,7 +196,11 @@ class Movies:
                 .offset(self._settings.movies_of_fold - 1)
             ).all()
             gone = self._delete(session, MovieRow.job.in_(old))
-        self._clear([*failed, *gone])
+        self._enqueue(wanted)
+        try:
+            self._clear([*failed, *gone])
+        except StorageError as error:  # the movie that was asked for is on its way all the same
+            log.warning("what is left of older movies stays: %s", error)
 
     def _check_room(self, session: Session, visitor: str) -> None:
         """Counts what is being made, with what was just added."""

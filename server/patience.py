@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import time
 from collections.abc import Callable
 from typing import Final, TypeVar
 
-from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import SQLAlchemyError
 
 from server.database import passes
 from server.storage import StorageError
 
 TRY_AGAIN_S: Final = 0.5
+PASSING: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.ESTALE})
+"""Faults of a disk that somebody may mend."""
 Answer = TypeVar("Answer")
 log = logging.getLogger("foldback.worker")
 
@@ -28,8 +31,10 @@ def patiently(do: Callable[[], Answer], *, wait: Callable[[float], object] = tim
     while True:
         try:
             return do()
-        except (DBAPIError, StorageError, OSError) as error:
-            if isinstance(error, DBAPIError) and not passes(error):
+        except (SQLAlchemyError, StorageError, OSError) as error:
+            if isinstance(error, OSError) and error.errno not in PASSING:
+                raise
+            if isinstance(error, SQLAlchemyError) and not passes(error):
                 raise
             if not told:
                 log.warning("what is noted elsewhere does not answer, waiting: %s", error)

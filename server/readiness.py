@@ -83,11 +83,16 @@ class Readiness:
         )
 
     def _places(self) -> tuple[str, str]:
-        with self._lock:
-            now = time.monotonic()
-            if self._kept is None or now - self._kept[0] >= KEPT_S:
-                self._kept = (now, disk_says(self._settings), self._storage_says())
-            return self._kept[1:]
+        # One looks at a time; what it finds is for all, and nobody waits for a silent storage.
+        if self._lock.acquire(blocking=self._kept is None):
+            try:
+                now = time.monotonic()
+                if self._kept is None or now - self._kept[0] >= KEPT_S:
+                    self._kept = (now, disk_says(self._settings), self._storage_says())
+            finally:
+                self._lock.release()
+        assert self._kept is not None
+        return self._kept[1:]
 
     def _storage_says(self) -> str:
         try:

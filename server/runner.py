@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Generator
 from typing import Any, Final, TypedDict
 
-from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import SQLAlchemyError
 
 from planner.errors import InputError, TimelineError
 from planner.timeline import Timeline, TimelineWriter
@@ -69,6 +69,10 @@ def _outcome(
     }
 
 
+class TakenOverError(Exception):
+    """The fold has gone to another execution; what came out here is nobody's."""
+
+
 class Runner:
     """Holds one child for each fold that is being computed.
 
@@ -94,13 +98,16 @@ class Runner:
         self._children.close()
 
     def run(self, fold_id: str, stage: str, worker: str, known: int) -> Outcome:
-        """Computes one stage of a fold. Whatever goes wrong is an outcome, not an exception.
+        """Computes one stage of a fold. Whatever goes wrong with it is an outcome.
 
         Args:
             fold_id: The fold.
             stage: The stage.
             worker: Who computes it, by a name that each execution has for itself.
             known: The epoch under which the stage before was computed.
+
+        Raises:
+            TakenOverError: When it has gone to another execution meanwhile.
         """
         epoch = known
         try:
@@ -110,6 +117,9 @@ class Runner:
             else:
                 epoch = begun
                 outcome = self._run(fold_id, stage, worker, known, epoch)
+        except TakenOverError:
+            self._release(worker)
+            raise
         except InputError as error:
             error = self._advised(fold_id, error)
             outcome = _outcome(
@@ -247,10 +257,8 @@ class Runner:
         if row.over:  # a step that is repeated after its end was noted
             return _outcome(row.status, summary=row.summary, error=row.error)
         if epoch is not None and row.epoch != epoch and not row.cancel_requested:
-            # Whoever took it over goes on with it; the job system takes no result from here.
-            log.warning(
-                "fold %s was taken over by %s", fold_id, row.worker, extra={"fold": fold_id}
-            )
+            log.warning("fold %s was taken over by %s", fold_id, row.worker)
+            raise TakenOverError(fold_id)
         return _outcome("cancelled", repeatable=False)
 
     def _close(self, fold_id: str) -> None:
@@ -283,7 +291,7 @@ def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
                 if not shown:
                     store.show(fold_id, epoch)
                     shown = True
-            except (StorageError, DBAPIError, OSError) as error:
+            except (StorageError, SQLAlchemyError, OSError) as error:
                 log.warning(
                     "fold %s could not be kept just now: %s",
                     fold_id,
@@ -335,7 +343,7 @@ class _News:
         if time.monotonic() - self._at >= REPORT_EVERY_S:
             try:
                 self.last()
-            except DBAPIError as error:
+            except SQLAlchemyError as error:
                 if not passes(error):
                     raise
                 self._at = time.monotonic()  # it is computed on meanwhile

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import secrets
 import threading
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -71,11 +72,14 @@ class Storage:
             StorageError: When one of these fails.
         """
         with self._asking():
-            obstore.put(self._store, "check/probe", b"foldback")
-            if bytes(obstore.get(self._store, "check/probe").bytes()) != b"foldback":
-                raise StorageError(f"{self._name} gives back something else than it was given.")
-            list(self._list("check"))
-            obstore.delete(self._store, "check/probe")
+            name = f"check/{secrets.token_hex(8)}"
+            obstore.put(self._store, name, b"foldback")
+            try:
+                if bytes(obstore.get(self._store, name).bytes()) != b"foldback":
+                    raise StorageError(f"{self._name} gives back something else than it was given.")
+                list(self._list("check"))
+            finally:
+                obstore.delete(self._store, name)
 
     def keep(self, key: str, directory: Path) -> int:
         """Brings what changed in a directory since the last time to the storage.
@@ -122,7 +126,12 @@ class Storage:
                 if not listed:
                     return False
                 directory.mkdir(parents=True, exist_ok=True)
-                wanted = [f for f in listed if marks.get(f.name) != f.mark and f.name != HEAD]
+                wanted = [
+                    file
+                    for file in listed
+                    if file.name != HEAD
+                    and (marks.get(file.name) != file.mark or not (directory / file.name).exists())
+                ]
                 self._each(wanted, lambda file: self._write(key, file.name, directory))
                 marks.update({file.name: file.mark for file in wanted})
                 after = self._get(f"{key}/{HEAD}")

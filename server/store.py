@@ -6,15 +6,23 @@ import hashlib
 import secrets
 import time
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
 import sqlalchemy as sa
-from sqlalchemy.exc import IntegrityError
+from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session, sessionmaker
 
-from server.database import ENDED, FoldRow, OwnerRow, SecretRow, engine_for, migrate
+from server.database import (
+    ENDED,
+    CounterRow,
+    FoldRow,
+    OwnerRow,
+    SecretRow,
+    engine_for,
+    migrate,
+)
 from server.folders import Folders, NoSuchFoldError
 from server.settings import Settings
 from server.turns import expected_s, turn_of
@@ -24,6 +32,8 @@ __all__ = ["FoldRow", "NoSuchFoldError", "Store", "hash_of", "new_id", "new_toke
 WAITING = ("queued", "running")
 LOOKED_EVERY_S: Final = 3600.0
 """How exactly it is known when somebody last looked at a fold."""
+TURN: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
+DROPPED_S: Final = 3600.0
 PACE_OF: Final = 40
 """Folds that say how much longer folds take here than where they were measured."""
 
@@ -222,10 +232,27 @@ class Store:
     @staticmethod
     def _turn(session: Session, row: FoldRow) -> int:
         latest = sa.select(sa.func.max(FoldRow.turn))
-        own = latest.where(FoldRow.status.in_(WAITING), FoldRow.visitor == row.visitor)
-        now = session.scalar(latest.where(FoldRow.started_at.is_not(None))) or 0
-        last = session.scalar(own)
-        return turn_of(now=now, last_own=last, cost_s=row.cost_s, first=row.public)
+        if session.scalar(latest.where(FoldRow.status.in_(WAITING))) is None:
+            session.execute(TURN.values(value=0))  # nobody waits: it begins anew
+        now = session.scalar(sa.select(CounterRow.value).where(CounterRow.name == "turn")) or 0
+        last = session.scalar(
+            latest.where(FoldRow.status.in_(WAITING), FoldRow.visitor == row.visitor)
+        )
+        # Who cancels a fold of the gallery again and again does not go first again and again.
+        dropped = session.scalar(
+            sa.select(sa.func.count()).where(
+                FoldRow.public,
+                FoldRow.visitor == row.visitor,
+                FoldRow.status == "cancelled",
+                FoldRow.created_at > row.created_at - DROPPED_S,
+            )
+        )
+        return turn_of(
+            now=now,
+            last_own=last,
+            cost_s=row.cost_s,
+            first=bool(row.public) and not dropped,
+        )
 
     def secret(self, name: str, made: bytes) -> bytes:
         """A secret of the service; ``made`` becomes it when there is none yet."""
@@ -241,22 +268,31 @@ class Store:
         return known.value
 
     def looked(self, row: FoldRow) -> None:
-        """Notes that somebody looks at a fold, now and then."""
+        """Notes that somebody looks at a fold, now and then; no harm is done when it fails."""
         now = time.time()
         if abs(now - (row.seen_at or 0.0)) > LOOKED_EVERY_S:
-            self._change(row.id, seen_at=now)
+            with suppress(SQLAlchemyError):
+                self._change(row.id, seen_at=now)
 
-    def claim(self, fold_id: str, token: str) -> None:
-        """Gives one more visitor a claim on a fold."""
-        with self.changing() as session:
-            if session.get(OwnerRow, (fold_id, hash_of(token))) is None:
-                session.add(
-                    OwnerRow(fold_id=fold_id, token_hash=hash_of(token), created_at=time.time())
-                )
+    def claim(self, fold_id: str, token: str) -> bool:
+        """Gives one more visitor a claim on a fold; False when it is deleted or given up."""
+        try:
+            with self.changing() as session:
+                row = session.get(FoldRow, fold_id, with_for_update=True)
+                if row is None or row.cancel_requested or row.status == "cancelled":
+                    return False
+                if session.get(OwnerRow, (fold_id, hash_of(token))) is None:
+                    session.add(
+                        OwnerRow(fold_id=fold_id, token_hash=hash_of(token), created_at=time.time())
+                    )
+        except IntegrityError:  # it has just been deleted
+            return False
+        return True
 
     def release(self, fold_id: str, token: str) -> int:
         """Takes a visitor's claim back; how many others have one."""
         with self.changing() as session:
+            session.get(FoldRow, fold_id, with_for_update=True)  # one at a time
             session.execute(
                 sa.delete(OwnerRow).where(
                     OwnerRow.fold_id == fold_id, OwnerRow.token_hash == hash_of(token)
@@ -288,6 +324,23 @@ class Store:
             running = sa.update(FoldRow).where(FoldRow.id == fold_id, FoldRow.status == "running")
             session.execute(running.values(cancel_requested=True, content_key=None))
 
+    def expire(self, fold_id: str, seen: float) -> bool:
+        """Forgets a fold that nobody has looked at since, unless somebody wants it after all."""
+        with self.changing() as session:
+            return bool(
+                rows_of(
+                    session.execute(
+                        sa.delete(FoldRow).where(
+                            FoldRow.id == fold_id,
+                            FoldRow.pinned.is_(False),
+                            FoldRow.public.is_(False),
+                            FoldRow.status.in_(ENDED),
+                            seen_of() == seen,
+                        )
+                    )
+                )
+            )
+
     def delete(self, fold_id: str) -> None:
         """Forgets a fold; its directory is the caller's to remove."""
         with self.changing() as session:
@@ -316,7 +369,7 @@ class Store:
             The epoch in which it is computed; None when it is cancelled, over or deleted.
         """
         with self.changing() as session:
-            return session.scalar(
+            begun = session.execute(
                 sa.update(FoldRow)
                 .where(
                     FoldRow.id == fold_id,
@@ -332,8 +385,12 @@ class Store:
                     ),
                     worker=worker,
                 )
-                .returning(FoldRow.epoch)
-            )
+                .returning(FoldRow.epoch, FoldRow.turn)
+            ).first()
+            if begun is None:
+                return None
+            session.execute(TURN.where(CounterRow.value < begun[1]).values(value=begun[1]))
+            return begun[0]
 
     def show(self, fold_id: str, epoch: int) -> None:
         """Has readers see what was kept in an epoch, if it lasts."""
@@ -424,3 +481,8 @@ class Store:
 def rows_of(result: sa.Result[Any]) -> int:
     """How many rows a statement has changed."""
     return result.rowcount if isinstance(result, sa.CursorResult) else 0
+
+
+def seen_of() -> sa.ColumnElement[float]:
+    """When somebody last looked at a fold, as a column."""
+    return sa.func.coalesce(FoldRow.seen_at, FoldRow.ended_at, FoldRow.created_at)

@@ -192,7 +192,9 @@ def _known(context: Context, submission: Submission, token: str) -> Receipt | No
     title = _title(context, submission.shape)
     if submission.public and not row.public and submission.shape and title:
         context.store.publish(row.id, submission.shape, name=title)
-    context.store.claim(row.id, token)
+    if not context.store.claim(row.id, token):
+        return None
+    context.store.looked(row)
     if row.status == "queued":  # if its job was lost in a crash, this brings it back
         context.jobs.enqueue(row.id, row.turn)
     return Receipt(row=row, token=token, existing=True)

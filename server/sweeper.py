@@ -16,9 +16,11 @@ import sqlalchemy as sa
 
 from server.database import ENDED, FoldRow
 from server.settings import Settings
-from server.store import Store
+from server.store import Store, seen_of
 
 DAY_S: Final = 86400.0
+FRESH_S: Final = 3600.0
+"""Whatever room there is, what somebody has looked at since stays."""
 ORPHANS_EVERY_S: Final = 3600.0
 ORPHAN_AGE_S: Final = 3600.0
 """An upload that is being accepted has files before it has a row."""
@@ -64,7 +66,7 @@ class Sweeper:
                     FoldRow.id,
                     FoldRow.visitor,
                     FoldRow.bytes,
-                    sa.func.coalesce(FoldRow.seen_at, FoldRow.ended_at, FoldRow.created_at),
+                    seen_of(),
                     sa.or_(FoldRow.pinned, FoldRow.public, FoldRow.status.not_in(sorted(ENDED))),
                 )
             ).all()
@@ -85,9 +87,10 @@ class Sweeper:
                 settings.storage_of_visitor_bytes is not None
                 and of_visitor[visitor] > settings.storage_of_visitor_bytes
             )
-            if not stays and (unseen or too_much or too_much_of_visitor):
+            fresh = self._clock() - seen < FRESH_S
+            wanted = stays or not (unseen or (not fresh and (too_much or too_much_of_visitor)))
+            if not wanted and self._store.expire(fold_id, seen):
                 log.info("fold %s expires", fold_id, extra={"fold": fold_id})
-                self._store.delete(fold_id)
                 self._store.folders.remove(fold_id)
                 total -= size
                 of_visitor[visitor] -= size

@@ -21,11 +21,16 @@ def expected_s(modules: int) -> float:
     return min(SLOWEST, 1.0 + 0.006 * modules + 1.4 * (modules / 160.0) ** 2.6)
 
 
+def ticks(cost_s: float) -> int:
+    """Virtual time that a fold of some cost takes."""
+    return max(1, round(TICKS_A_SECOND * cost_s))
+
+
 def turn_of(*, now: int, last_own: int | None, cost_s: float, first: bool) -> int:
     """The turn of a fold that somebody asks for.
 
     Args:
-        now: Virtual time, which is the latest turn that has come.
+        now: Virtual time, which is the latest turn that has come since nobody waited.
         last_own: The latest turn of the same visitor's folds that wait, if there are some.
         cost_s: What computing it is expected to take.
         first: Whether it goes before all others, as those of the gallery do.
@@ -33,7 +38,7 @@ def turn_of(*, now: int, last_own: int | None, cost_s: float, first: bool) -> in
     if first:
         return now
     begin = now if last_own is None else max(now, last_own)
-    return min(LATEST, begin + max(1, round(TICKS_A_SECOND * cost_s)))
+    return min(LATEST, begin + ticks(cost_s))
 
 
 def wait_s(*, ahead_s: float, running_s: float, at_once: int) -> float | None:

@@ -16,20 +16,23 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Final
 
 from dbos import DBOS, DBOSConfig
+from dbos._context import current_owner_xid
 from dbos._dbos import _get_dbos_instance  # pyright: ignore[reportPrivateUsage]
+from dbos._error import DBOSWorkflowConflictIDError
 from dbos._utils import INTERNAL_QUEUE_NAME
 
 from server.database import passes
 from server.jobs import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, Jobs
 from server.leases import Leases
+from server.limits import keep_secrets
 from server.logs import about, set_up_logs
 from server.movie_jobs import MovieJobs
-from server.runner import STAGES, Outcome, Runner
+from server.runner import STAGES, Outcome, Runner, TakenOverError
 from server.settings import Settings
 from server.slots import Slots
 from server.starting import starting
@@ -90,7 +93,7 @@ def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> No
                     return outcome
                 stage = outcome["following"]
         except Exception as error:
-            if passes(error):
+            if passes(error) or isinstance(error, TakenOverError):
                 raise
             log.exception("fold %s failed", fold_id)
             return {**runner.failure(error, stage), "epoch": epoch}
@@ -103,9 +106,12 @@ def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> No
                 outcome = computed(fold_id, worker)
                 DBOS.run_step({"name": "finish"}, runner.finish, fold_id, outcome, worker)
             except Exception as error:
-                if passes(error):  # what was computed could not be noted: it is done again
-                    log.warning("fold %s waits for the database: %s", fold_id, error)
-                    runner.patiently(lambda: hand_back(fold_id, name))
+                # What was computed could not be noted, or another execution has come in between:
+                # if the job is still ours it is done again.
+                if passes(error) or isinstance(error, TakenOverError):
+                    log.warning("fold %s is not over here: %s", fold_id, error)
+                    with suppress(DBOSWorkflowConflictIDError):
+                        runner.patiently(lambda: hand_back(fold_id, name))
                 raise
         return outcome["status"]
 
@@ -198,8 +204,15 @@ class _Caretaker:
 
 
 def hand_back(job: str, worker: str) -> None:
-    """Puts one job of a worker back into its queue."""
+    """Puts one job of a worker back into its queue.
+
+    Raises:
+        DBOSWorkflowConflictIDError: When the execution that asks has lost the job to another.
+    """
     system = _get_dbos_instance()._sys_db  # pyright: ignore[reportPrivateUsage]
+    if (owner := current_owner_xid(job)) is not None:
+        with system.engine.begin() as connection:
+            system._check_owner_txn(connection, job, owner)  # pyright: ignore[reportPrivateUsage]
     system.reenqueue_for_recovery(job, [worker], INTERNAL_QUEUE_NAME)
 
 
@@ -226,6 +239,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         settings: The settings.
         leashed: End when standard input ends.
     """
+    keep_secrets()
     set_up_logs(settings)
     with starting("worker"):
         store = Store(settings)

@@ -171,6 +171,7 @@ for _name in MEDIA_TYPES:
 def _finished(context: Context, fold_id: str) -> FoldRow:
     """The row of a fold that has a plan."""
     row = context.store.fold(fold_id)
+    context.store.looked(row)
     if not row.over or not (context.store.directory(fold_id) / "plan.npz").is_file():
         raise not_there(row, "plan")
     return row

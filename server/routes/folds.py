@@ -184,7 +184,9 @@ def get_folds(context: Here, credentials: Bearer) -> Folds:
 @router.get("/{fold_id}", summary="The state of a fold", responses=problems(404))
 def get_fold(fold_id: str, context: Here) -> Fold:
     """What is known of it now."""
-    return Fold.of(context.store.fold(fold_id), context.store, context.leases)
+    row = context.store.fold(fold_id)
+    context.store.looked(row)
+    return Fold.of(row, context.store, context.leases)
 
 
 @router.get(

@@ -20,7 +20,7 @@ PASSED_ON = ("forwarded", "x-forwarded-for", "x-real-ip", "via")
 
 
 @router.get("/health", summary="Is it alive?")
-def get_health() -> dict[str, str]:
+async def get_health() -> dict[str, str]:
     """Answers whenever the web process runs."""
     return {"status": "ok"}
 

@@ -14,7 +14,7 @@ import pytest
 from server.routes.pages import script_json
 from server.settings import Settings
 from server.store import new_id, new_token
-from tests.server.service import Service, owner
+from tests.server.service import SNAKE, Service, owner
 
 ServiceWith = Callable[..., Service]
 PAGE = {"Accept": "text/html"}
@@ -70,7 +70,8 @@ def test_a_hostile_name_stays_a_name(desk: Service, number: int) -> None:
 
 def test_what_is_taken_away_of_a_hostile_name_is_harmless(service: Service) -> None:
     name = '=1+1"</script><script>alert(1)</script>&\r\nX: y'
-    answer = service.http.post("/api/folds", files={"file": ("a.json", path_file(name, 0))})
+    path = {**json.loads(path_file(name, 0)), "cells": SNAKE}
+    answer = service.http.post("/api/folds", files={"file": ("a.json", json.dumps(path))})
     accepted = answer.json()
     service.wait_over(accepted["id"])
     where = f"/folds/{accepted['id']}"
