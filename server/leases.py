@@ -83,13 +83,21 @@ class Leases:
         return [row for row in rows if row.name not in silent]
 
     def dead(self, holders: Iterable[str]) -> set[str]:
-        """The workers that are gone: of those with a row, and of ``holders``, who hold folds."""
+        """The workers that are gone: of those with a row, and of ``holders``, who hold folds.
+
+        It must be asked several times a lease: after a longer pause, as when the database was away
+        and nobody's beat could reach it, silence begins anew.
+        """
         with self._store.reading() as session:
-            beats: dict[str, int | None] = dict(
-                session.execute(sa.select(WorkerRow.name, WorkerRow.beat)).tuples().all()
-            )
+            rows = session.execute(sa.select(WorkerRow.name, WorkerRow.beat)).all()
+        beats: dict[str, int | None] = {row.name: row.beat for row in rows}
         for name in holders:
             beats.setdefault(name, None)
+        now = self._clock()
+        with self._lock:
+            if now - self._looked_at > self._lease_s / 2.0:
+                self._seen = {name: (beat, now) for name, (beat, _) in self._seen.items()}
+            self._looked_at = now
         return self._silent(beats)
 
     def at_once(self) -> int:
@@ -101,10 +109,6 @@ class Leases:
         now = self._clock()
         silent: set[str] = set()
         with self._lock:
-            if now - self._looked_at > self._lease_s / 3.0:
-                # Nobody looked for a while, or the database was away: silence begins anew.
-                self._seen = {name: (beat, now) for name, (beat, _) in self._seen.items()}
-            self._looked_at = now
             for name, beat in beats.items():
                 known = self._seen.get(name)
                 if known is None or known[0] != beat:

@@ -66,6 +66,10 @@ class Slot:
         self.name = name
         self._lock = lock
 
+    def close(self) -> None:
+        """Gives the name back."""
+        self._lock.close()
+
 
 def _lock(path: Path) -> IO[str] | None:
     file = open(path, "w")  # noqa: SIM115 (a slot's lock is held for the life of the process)

@@ -42,6 +42,7 @@ from server.tracing import send_rest, tracing
 
 LOOK_EVERY_S: Final = 2.0
 BEATS_A_LEASE: Final = 5
+LOOKS_A_LEASE: Final = 8
 STRAY_S: Final = 5.0
 """How long a job of ours that nothing here works on may be about to begin."""
 SWEEP_EVERY_S: Final = 60.0
@@ -276,7 +277,8 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     caretaker.beat()
     DBOS.launch()
     _repeat(stopping, settings.lease_s / BEATS_A_LEASE, caretaker.beat, "saying that we live")
-    _repeat(stopping, LOOK_EVERY_S, caretaker.look, "looking after folds")
+    look_every_s = min(LOOK_EVERY_S, settings.lease_s / LOOKS_A_LEASE)
+    _repeat(stopping, look_every_s, caretaker.look, "looking after folds")
     log.info("worker %s is ready", slot.name)
     told.acquire()
     # Nothing new from here on.

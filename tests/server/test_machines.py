@@ -93,7 +93,7 @@ def test_a_worker_that_wakes_up_again_does_no_harm(hosts_with: Any) -> None:
     hosts = hosts_with(lease_s=2)
     web = hosts.web()
     with hosts.worker() as sleeper:
-        fold_id = web.fold(shape="wrench-160", preset="paper")["id"]
+        fold_id = web.fold(shape="wrench-160")["id"]
         web.wait_exploding(fold_id)
         sleeper.send_signal(signal.SIGSTOP)
         try:

@@ -1,0 +1,101 @@
+"""Who lives: told by beats that are counted, not by dates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from server.leases import Leases
+from server.settings import Settings
+from server.slots import Slots
+from server.store import Store
+
+LEASE_S = 15.0
+
+
+class Clock:
+    """Seconds that pass when told to."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    store = Store(Settings(data_dir=tmp_path))
+    yield store
+    store.close()
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def leases(store: Store, tmp_path: Path, clock: Clock) -> Leases:
+    return Leases(store, Slots(Settings(data_dir=tmp_path)), LEASE_S, clock=clock)
+
+
+def beat(leases: Leases, name: str, pid: int = 1) -> None:
+    leases.beat(name, host="far away", pid=pid, folds_at_once=2)
+
+
+def passing(leases: Leases, clock: Clock, seconds: float, *living: str) -> set[str]:
+    """Who is dead in the end, when somebody looks every second."""
+    dead: set[str] = set()
+    for _ in range(int(seconds)):
+        clock.now += 1.0
+        for name in living:
+            beat(leases, name)
+        dead = leases.dead(())
+    return dead
+
+
+def test_silence_for_a_lease_is_death(leases: Leases, clock: Clock) -> None:
+    for name in ("a/x/0", "b/x/0"):
+        beat(leases, name)
+    assert leases.dead(()) == set()
+    assert passing(leases, clock, LEASE_S - 1, "b/x/0") == set()
+    assert passing(leases, clock, 2, "b/x/0") == {"a/x/0"}
+    assert [row.name for row in leases.workers()] == ["b/x/0"]
+    assert leases.at_once() == 2
+
+
+def test_who_holds_folds_and_has_no_row_is_given_a_lease_too(leases: Leases, clock: Clock) -> None:
+    for _ in range(int(LEASE_S)):
+        assert leases.dead(["unknown/x/3"]) == set()
+        clock.now += 1.0
+    assert leases.dead(["unknown/x/3"]) == {"unknown/x/3"}
+
+
+def test_nobody_dies_of_a_database_that_was_away(leases: Leases, clock: Clock) -> None:
+    beat(leases, "a/x/0")
+    assert leases.dead(()) == set()
+    clock.now += 10 * LEASE_S  # nobody could beat, and nobody could look
+    assert leases.dead(()) == set()
+    assert passing(leases, clock, LEASE_S, "a/x/0") == set()
+
+
+def test_who_was_thought_dead_comes_back(leases: Leases, clock: Clock) -> None:
+    beat(leases, "a/x/0")
+    leases.dead(())
+    assert passing(leases, clock, LEASE_S + 1) == {"a/x/0"}
+    leases.leave("a/x/0")
+    assert leases.workers() == []
+    beat(leases, "a/x/0")
+    assert leases.dead(()) == set()
+    assert [row.name for row in leases.workers()] == ["a/x/0"]
+
+
+def test_on_this_machine_a_lock_tells_at_once(leases: Leases, tmp_path: Path, clock: Clock) -> None:
+    slot = Slots(Settings(data_dir=tmp_path)).take()
+    beat(leases, slot.name)
+    assert leases.dead(()) == set()
+    slot.close()
+    assert len(leases.dead(())) == 1
