@@ -12,7 +12,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test load audit deploy-check lint format bench constraints clean chromium tools
+.PHONY: help run test test-long load audit deploy-check lint format bench constraints clean chromium tools
 
 help: ## What there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -49,6 +49,9 @@ lint: $(STAMP) ## Style and types
 format: $(STAMP) ## Let ruff put the code in order
 	@$(BIN)/ruff check --fix --quiet .
 	@$(BIN)/ruff format .
+
+test-long: $(STAMP) tools ## Tests that take many seconds each
+	@$(BIN)/python -m pytest -q -m long
 
 load: $(STAMP) tools ## Crowds, attacks and faults: a table, and JSON in out/
 	@$(BIN)/python -m tests.load

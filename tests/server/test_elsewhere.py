@@ -55,6 +55,7 @@ def wait(
     return found
 
 
+@pytest.mark.long
 def test_what_one_web_process_was_asked_for_all_have(
     machines: tuple[Callable[[str], Service], str],
 ) -> None:

@@ -89,6 +89,7 @@ def test_the_folds_of_a_host_that_is_gone_are_taken_over(hosts_with: Any) -> Non
             web.wait_workers(1)
 
 
+@pytest.mark.long
 def test_a_worker_that_wakes_up_again_does_no_harm(hosts_with: Any) -> None:
     hosts = hosts_with(lease_s=2)
     web = hosts.web()
@@ -112,6 +113,7 @@ def test_a_worker_that_wakes_up_again_does_no_harm(hosts_with: Any) -> None:
         assert web.state(fold_id) == ended
 
 
+@pytest.mark.long
 def test_a_worker_that_ends_hands_back_at_once(hosts_with: Any) -> None:
     hosts = hosts_with(lease_s=3600)  # nobody would notice that it is gone
     web = hosts.web()
@@ -126,6 +128,7 @@ def test_a_worker_that_ends_hands_back_at_once(hosts_with: Any) -> None:
             web.wait_workers(1)
 
 
+@pytest.mark.long
 def test_a_worker_may_finish_what_it_has_begun(hosts_with: Any) -> None:
     hosts = hosts_with(drain_s=PATIENCE_S)
     web = hosts.web()
@@ -139,6 +142,7 @@ def test_a_worker_may_finish_what_it_has_begun(hosts_with: Any) -> None:
         assert web.state(waiting)["status"] == "queued"
 
 
+@pytest.mark.long
 def test_a_database_that_is_away_for_a_while_costs_nothing(tmp_path: Path, bucket: Bucket) -> None:
     postgres = Postgres().start()
     hosts = Hosts(tmp_path, postgres, bucket)
@@ -159,6 +163,7 @@ def test_a_database_that_is_away_for_a_while_costs_nothing(tmp_path: Path, bucke
         postgres.remove()
 
 
+@pytest.mark.long
 def test_a_storage_that_is_away_for_a_while_costs_nothing(
     tmp_path: Path, postgres: Postgres
 ) -> None:
@@ -181,6 +186,7 @@ def test_a_storage_that_is_away_for_a_while_costs_nothing(
         bucket.stop()
 
 
+@pytest.mark.long
 def test_cancelling_frees_the_core(hosts_with: Any) -> None:
     hosts = hosts_with()
     first, second = hosts.web(), hosts.web()
