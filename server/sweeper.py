@@ -51,7 +51,7 @@ class Sweeper:
         now = time.monotonic()
         if now - self._orphans_at >= ORPHANS_EVERY_S:
             self._orphans_at = now
-            self._sweep_orphans()
+            self.sweep_orphans()
         return gone
 
     def _expire(self) -> int:
@@ -97,7 +97,7 @@ class Sweeper:
                 gone += 1
         return gone
 
-    def _sweep_orphans(self) -> None:
+    def sweep_orphans(self) -> None:
         """Removes files of folds that have no row, seen so twice."""
         folders, settings = self._store.folders, self._settings
         found: set[str] = set()

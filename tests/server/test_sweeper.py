@@ -1,0 +1,140 @@
+"""What is forgotten, and what stays."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from server.database import FoldRow
+from server.settings import Settings
+from server.store import NoSuchFoldError, Store, new_id, new_token
+from server.sweeper import DAY_S, ORPHAN_AGE_S, Sweeper
+
+MIB = 2**20
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    store = Store(Settings(data_dir=tmp_path))
+    yield store
+    store.close()
+
+
+def sweeper(tmp_path: Path, store: Store, **settings: object) -> Sweeper:
+    return Sweeper(Settings(data_dir=tmp_path, **settings), store)  # pyright: ignore
+
+
+def fold(store: Store, *, days: float, size: int = MIB, **more: object) -> str:
+    """A fold that is over and was last looked at so many days ago; its id."""
+    then = time.time() - days * DAY_S
+    values: dict[str, object] = {
+        "id": new_id(),
+        "name": "snake",
+        "status": "verified",
+        "created_at": then,
+        "ended_at": then,
+        "seen_at": then,
+        "modules": 16,
+        "module": "cube",
+        "public": False,
+        "preset": "default",
+        "seed": 0,
+        "visitor": "somebody",
+        "bytes": size,
+        "progress": {},
+        "summary": {},
+    }
+    row = FoldRow(**{**values, **more})
+    store.add(row, new_token())
+    place = store.folders.place(row.id)
+    place.mkdir()
+    (place / "plan.json").write_text("{}")
+    return row.id
+
+
+def left(store: Store, *folds: str) -> list[bool]:
+    """Which are still there, with their files; none is there in part."""
+    found: list[bool] = []
+    for fold_id in folds:
+        try:
+            store.fold(fold_id)
+            found.append(True)
+        except NoSuchFoldError:
+            found.append(False)
+        assert store.folders.place(fold_id).exists() == found[-1]
+    return found
+
+
+def test_nothing_is_forgotten_unless_it_is_asked_for(tmp_path: Path, store: Store) -> None:
+    old = fold(store, days=5000, size=10**12)
+    assert sweeper(tmp_path, store).sweep() == 0
+    assert left(store, old) == [True]
+
+
+def test_what_nobody_looks_at_expires(tmp_path: Path, store: Store) -> None:
+    folds = [
+        fold(store, days=31),
+        fold(store, days=29),
+        fold(store, days=31, pinned=True),
+        fold(store, days=31, public=True),
+        fold(store, days=31, status="queued", ended_at=None),
+        fold(store, days=31, status="running", ended_at=None),
+    ]
+    assert sweeper(tmp_path, store, keep_days=30).sweep() == 1
+    assert left(store, *folds) == [False, True, True, True, True, True]
+
+
+def test_looking_at_a_fold_keeps_it(tmp_path: Path, store: Store) -> None:
+    seen = fold(store, days=31)
+    store.looked(store.fold(seen))
+    assert sweeper(tmp_path, store, keep_days=30).sweep() == 0
+    assert left(store, seen) == [True]
+
+
+def test_the_longest_unseen_make_room(tmp_path: Path, store: Store) -> None:
+    folds = [fold(store, days=days) for days in (4, 3, 2, 0)]
+    pinned = fold(store, days=9, pinned=True)
+    assert sweeper(tmp_path, store, storage_bytes=3 * MIB).sweep() == 2
+    assert left(store, *folds, pinned) == [False, False, True, True, True]
+
+
+def test_what_somebody_has_just_looked_at_stays(tmp_path: Path, store: Store) -> None:
+    folds = [fold(store, days=0), fold(store, days=0)]
+    assert sweeper(tmp_path, store, storage_bytes=MIB).sweep() == 0
+    assert left(store, *folds) == [True, True]
+
+
+def test_a_visitor_has_a_bound_of_his_own(tmp_path: Path, store: Store) -> None:
+    greedy = [fold(store, days=days, visitor="greedy") for days in (3, 2, 1)]
+    modest = fold(store, days=9, visitor="modest")
+    assert sweeper(tmp_path, store, storage_of_visitor_bytes=2 * MIB).sweep() == 1
+    assert left(store, *greedy, modest) == [False, True, True, True]
+
+
+def test_who_wants_it_after_all_is_in_time(store: Store) -> None:
+    late = fold(store, days=31)
+    seen = store.fold(late).seen_at
+    assert seen is not None
+    store.looked(store.fold(late))
+    assert not store.expire(late, seen)
+    assert left(store, late) == [True]
+
+
+def test_files_of_no_fold_go_when_they_were_seen_twice(tmp_path: Path, store: Store) -> None:
+    kept, orphan, fresh = fold(store, days=1), new_id(), new_id()
+    for name in (orphan, fresh):
+        store.folders.place(name).mkdir()
+    before = time.time() - 2 * ORPHAN_AGE_S
+    for name in (kept, orphan):
+        os.utime(store.folders.place(name), (before, before))
+    sweeping = sweeper(tmp_path, store)
+    sweeping.sweep_orphans()
+    assert store.folders.place(orphan).exists()
+    sweeping.sweep_orphans()
+    assert not store.folders.place(orphan).exists()
+    assert store.folders.place(fresh).exists()
+    assert left(store, kept) == [True]
