@@ -13,7 +13,7 @@ from playwright.sync_api import Page, expect
 from tests.server.service import Service, owner
 from tests.server.test_preview import stl
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
+pytestmark = [pytest.mark.browser, pytest.mark.long]
 Visit = Callable[..., Page]
 
 SIZES = {"phone": (390, 844), "laptop": (1440, 900)}

@@ -21,12 +21,12 @@ from tests.load.uploads import uploads
 from tests.load.viewers import viewers
 from tests.load.workers import workers
 
-SHORT_FAULTS = ("worker killed", "server killed", "child killed", "disk full", "clock jumped")
+SHORT_FAULTS = ("worker killed", "server killed", "disk full")
 
 
 def _faults(short: bool, rounds: int | None, seed: int, only: list[str]) -> Section:
     named = tuple(only) or (SHORT_FAULTS if short else tuple(FAULTS))
-    return faults(rounds or (6 if short else 120), seed=seed, only=named)
+    return faults(rounds or (3 if short else 120), seed=seed, only=named)
 
 
 SECTIONS: dict[str, Callable[[bool], Section]] = {

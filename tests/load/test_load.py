@@ -26,7 +26,15 @@ def test_load_goes_to_this_machine_alone(address: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "section", [scrubbing, uploads, mutated_uploads, viewers, workers], ids=lambda s: s.__name__
+    "section",
+    [
+        scrubbing,
+        uploads,
+        pytest.param(mutated_uploads, marks=pytest.mark.long),
+        pytest.param(viewers, marks=pytest.mark.long),
+        pytest.param(workers, marks=pytest.mark.long),
+    ],
+    ids=lambda s: s.__name__,
 )
 def test_in_short(section) -> None:
     found = section(True)

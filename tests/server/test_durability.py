@@ -21,6 +21,7 @@ def check_finished(service: Service, fold_id: str) -> None:
     assert service.http.get(f"/api/folds/{fold_id}/plan.json").status_code == 200
 
 
+@pytest.mark.long
 def test_a_worker_killed_in_mid_explosion(service_with) -> None:
     service = service_with().start()
     fold_id = service.fold(shape="wrench-160")["id"]
@@ -49,6 +50,7 @@ def test_a_server_killed_in_mid_explosion(service_with) -> None:
     assert read.stat().st_mtime_ns == made, "a step that was completed was repeated"
 
 
+@pytest.mark.long
 def test_an_orderly_stop_keeps_the_fold_for_the_next_start(service_with) -> None:
     service = service_with().start()
     fold_id = service.fold(shape="wrench-160")["id"]

@@ -72,6 +72,7 @@ def test_what_one_takes_in_another_computes_and_a_third_shows(hosts_with: Any) -
         assert not any(fold_id in name for name in hosts.kept())
 
 
+@pytest.mark.long
 def test_the_folds_of_a_host_that_is_gone_are_taken_over(hosts_with: Any) -> None:
     hosts = hosts_with(lease_s=2)
     web = hosts.web()
