@@ -14,7 +14,7 @@ from tests.browser.test_preview import choose, settled
 from tests.server.service import Service
 from tests.server.test_preview import stl
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
+pytestmark = [pytest.mark.browser, pytest.mark.long]
 Visit = Callable[..., Page]
 RING = "- - - + - - - + - - -"
 

@@ -26,6 +26,9 @@ SETTINGS = {
 }
 
 
+pytestmark = pytest.mark.long
+
+
 @pytest.fixture(scope="module")
 def webs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Service]]:
     data = tmp_path_factory.mktemp("behind") / "data"
