@@ -4,7 +4,6 @@ but a real PostgreSQL and a real S3 server."""
 from __future__ import annotations
 
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +13,7 @@ import obstore.store
 
 from tests.server.bucket import Bucket
 from tests.server.postgres import Postgres
-from tests.server.service import PATIENCE_S, Service
+from tests.server.service import Service
 
 
 class Hosts:
@@ -43,18 +42,8 @@ class Hosts:
     @contextmanager
     def worker(self) -> Iterator[subprocess.Popen[bytes]]:
         """A worker on a host of its own; it may be dead already at the end."""
-        host = self._host()
-        with open(host.log, "a") as log:
-            worker = subprocess.Popen(
-                [sys.executable, "-P", "-m", "server.command_line", "worker"],
-                env=host.environment,
-                stderr=log,
-            )
-        try:
+        with self._host().worker() as worker:
             yield worker
-        finally:
-            worker.terminate()
-            worker.wait(PATIENCE_S)
 
     def kept(self) -> list[str]:
         """The names of all that is in the storage."""
