@@ -119,6 +119,13 @@ class Folders:
         self._tidy()
         return path
 
+    def copied(self) -> set[str]:
+        """The folds of whose files there are copies on this machine."""
+        if self.storage is None:
+            return set()
+        names = {copy.name for copy in self._settings.cache_dir.iterdir()}
+        return {name.partition("-")[0] for name in names if not name.startswith(".")}
+
     # For who takes an upload in
 
     def adopt(self, aside: Path, fold_id: str) -> None:

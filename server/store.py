@@ -347,9 +347,14 @@ class Store:
             session.execute(sa.delete(OwnerRow).where(OwnerRow.fold_id == fold_id))
             session.execute(sa.delete(FoldRow).where(FoldRow.id == fold_id))
 
+    def add_bytes(self, fold_id: str, size: int) -> None:
+        """Counts so many bytes more, or less, as a fold's."""
+        with self.changing() as session:
+            self.grow(session, fold_id, size)
+
     @staticmethod
     def grow(session: Session, fold_id: str, size: int) -> None:
-        """Counts so many bytes more, or less, as a fold's."""
+        """The same, together with other changes."""
         session.execute(
             sa.update(FoldRow).where(FoldRow.id == fold_id).values(bytes=FoldRow.bytes + size)
         )

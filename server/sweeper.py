@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Final
 
 import sqlalchemy as sa
@@ -105,8 +106,10 @@ class Sweeper:
             found |= set(folders.storage.below("folds")) | set(folders.storage.below("movies"))
         for directory in (settings.folds_dir, settings.work_dir):
             for entry in directory.iterdir() if directory.is_dir() else ():
-                if time.time() - entry.stat().st_mtime > ORPHAN_AGE_S:
-                    found.add(entry.name)
+                with suppress(OSError):  # somebody else removes it just now
+                    if time.time() - entry.stat().st_mtime > ORPHAN_AGE_S:
+                        found.add(entry.name)
+        found |= folders.copied()  # of folds that were forgotten on another machine
         orphans = found - self._known(found)
         for fold_id in orphans & self._suspects:
             if not (fold_id.isascii() and fold_id.isalnum()):

@@ -10,11 +10,13 @@ from typing import Any, Final
 
 import sqlalchemy as sa
 from dbos import DBOSClient
+from sqlalchemy.orm import Session
 
 from planner.unfolding import START_CHAIN, START_PLAN
-from server.database import ENDED, FoldRow, WorkerRow, engine_for
+from server.database import ENDED, FoldRow, MovieRow, WorkerRow, engine_for
 from server.jobs import APPLICATION, Jobs
 from server.schema import Schema
+from server.scratch import Scratch
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store
 
@@ -157,37 +159,44 @@ class Upkeep:
         if job in MOVING:
             what = "waits in the queue" if row.status == "queued" else "is being computed"
             raise UpkeepError(f"{fold_id} {what} (its job is {job}); leave it, or expire it.")
+        self._check_inputs(row)
+        # Whoever may still hold it loses it first; after a crash it is one to be queued again.
+        self._change(fold_id, status="cancelled", worker=None, epoch=FoldRow.epoch + 1)
         self._strip(row)
         if job is not None:
             with self._client() as client:
                 client.delete_workflow(fold_id)
         # After a crash between the two the service puts it into the queue when it starts.
-        self._change(
-            fold_id,
-            status="queued",
-            stage=None,
-            started_at=None,
-            ended_at=None,
-            cancel_requested=False,
-            progress={},
-            summary={},
-            error=sa.null(),
-            worker=None,
-            kept=0,
-            bytes=0,
-            epoch=FoldRow.epoch + 1,
-        )
+        with self._store.changing() as session:
+            session.execute(sa.delete(MovieRow).where(MovieRow.fold_id == fold_id))
+            self._set(
+                session,
+                fold_id,
+                status="queued",
+                stage=None,
+                started_at=None,
+                ended_at=None,
+                cancel_requested=False,
+                progress={},
+                summary={},
+                error=sa.null(),
+                kept=0,
+                bytes=0,
+            )
         jobs = Jobs(self._settings)
         try:
             jobs.enqueue(fold_id, row.turn)
         finally:
             jobs.close()
 
-    def _strip(self, row: FoldRow) -> None:
-        """Leaves of a fold's files what was there before anything was computed."""
+    def _check_inputs(self, row: FoldRow) -> None:
         shown = self._store.folders.shown(row)
         if not (shown / "input").exists() or not (shown / "request.json").exists():
             raise UpkeepError(f"{row.id} has no input any more; expire it, fold the file anew.")
+
+    def _strip(self, row: FoldRow) -> None:
+        """Leaves of a fold's files what was there before anything was computed."""
+        shown = self._store.folders.shown(row)
         if self._store.folders.storage is None:
             for path in shown.iterdir():
                 if path.is_dir():
@@ -195,21 +204,21 @@ class Upkeep:
                 elif path.name not in INPUTS:
                     path.unlink(missing_ok=True)
             return
-        aside = self._settings.uploads_dir / f"{row.id}-again"
-        try:
-            aside.mkdir(parents=True)
+        with Scratch(self._settings.scratch_dir).directory() as aside:
             for name in INPUTS:
                 if (shown / name).exists():
                     shutil.copy2(shown / name, aside / name)
             self._store.folders.adopt(aside, row.id)
-        finally:
-            shutil.rmtree(aside, ignore_errors=True)
 
     def _change(self, fold_id: str, **values: Any) -> None:
         with self._store.changing() as session:
-            if session.get(FoldRow, fold_id) is None:
-                raise NoSuchFoldError(fold_id)
-            session.execute(sa.update(FoldRow).where(FoldRow.id == fold_id).values(**values))
+            self._set(session, fold_id, **values)
+
+    @staticmethod
+    def _set(session: Session, fold_id: str, **values: Any) -> None:
+        if session.get(FoldRow, fold_id) is None:
+            raise NoSuchFoldError(fold_id)
+        session.execute(sa.update(FoldRow).where(FoldRow.id == fold_id).values(**values))
 
     @contextlib.contextmanager
     def _client(self) -> Generator[DBOSClient]:

@@ -41,6 +41,7 @@ class Workshop:
     Args:
         store: Where the folds are.
         min_free_disk_bytes: What must be left of the disk.
+        kept: Told how many bytes a file adds to those of its fold.
         most: How many things may be made or wait for it.
         most_of_visitor: Of them, of one visitor.
         folder: Where files are kept; in a folder beside those of their fold when None.
@@ -52,12 +53,14 @@ class Workshop:
         *,
         min_free_disk_bytes: int = 0,
         folder: Path | None = None,
+        kept: Callable[[str, int], None] | None = None,
         most: int = MOST_WAITING,
         most_of_visitor: int = MOST_WAITING,
     ) -> None:
         self._store = store
         self._min_free_disk_bytes = min_free_disk_bytes
         self._folder = folder
+        self._kept = kept
         self._threads = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="workshop")
         self._making: dict[Hashable, asyncio.Future[Any]] = {}
         self._most = most
@@ -141,11 +144,16 @@ class Workshop:
         path = plain.with_stem(f"{plain.stem}-{edition}") if edition else plain
 
         def keep() -> None:
-            self._keep(fold_id, path, make())
+            data = make()
+            before = _size(path)
+            self._keep(fold_id, path, data)
             if edition:
                 for other in plain.parent.glob(f"{plain.stem}-*{plain.suffix}"):
                     if other != path:
+                        before += _size(other)
                         other.unlink(missing_ok=True)
+            if self._kept is not None:
+                self._kept(fold_id, len(data) - before)
 
         if not await asyncio.to_thread(newer, path, directory / of):
             await self.made(path, keep, visitor=visitor)
@@ -170,6 +178,13 @@ class Workshop:
         except NoSuchFoldError:  # just now; nothing of it may be left
             shutil.rmtree(directory, ignore_errors=True)
             raise
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
 
 
 def newer(path: Path, than: Path) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from server.database import FoldRow
+from server.database import FoldRow, MovieRow
 
 
 def a_fold(fold_id: str, **values: Any) -> FoldRow:
@@ -32,3 +32,18 @@ def a_fold(fold_id: str, **values: Any) -> FoldRow:
         "error": None,
     }
     return FoldRow(id=fold_id, **usual | values)
+
+
+def a_movie(fold_id: str, movie_id: str, **values: Any) -> MovieRow:
+    """The same for a movie."""
+    usual: dict[str, Any] = {
+        "job": f"{fold_id}-{movie_id}",
+        "wishes": {},
+        "visitor": "0123456789abcdef0123456789abcdef",
+        "token_hash": "",
+        "status": "ready",
+        "frames_done": 1,
+        "problem": None,
+        "created_at": time.time(),
+    }
+    return MovieRow(fold_id=fold_id, id=movie_id, **usual | values)

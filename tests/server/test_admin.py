@@ -13,12 +13,12 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from server.commands.admin import admin
-from server.database import FoldRow
+from server.database import FoldRow, MovieRow
 from server.jobs import prepare
 from server.settings import Settings
 from server.store import Store
 from server.upkeep import Upkeep
-from tests.server.rows import a_fold
+from tests.server.rows import a_fold, a_movie
 from tests.server.service import SNAKE, Service, over, owner
 
 DAY_S = 86400.0
@@ -128,12 +128,18 @@ def test_a_fold_is_queued_again_and_begins_anew(place: Path) -> None:
     (place / "folds" / "old" / "request.json").write_text("{}")
     (place / "folds" / "old" / "timeline.zarr").mkdir()
     (place / "folds" / "old" / "plan.json").touch()
+    store = Store(Settings(data_dir=place))
+    with store.changing() as session:
+        session.add(a_movie("old", "m1"))
     done = run(place, "requeue", "old")
     assert done.exit_code == 0, done.output
     shown = json.loads(run(place, "show", "old", "--json").stdout)
     assert (shown["status"], shown["epoch"], shown["job"]) == ("queued", 1, "ENQUEUED")
     assert (shown["error"], shown["ended_at"], shown["stage"]) == (None, None, None)
     assert {p.name for p in (place / "folds" / "old").iterdir()} == {"input", "request.json"}
+    with store.reading() as session:
+        assert session.scalars(sa.select(MovieRow)).all() == []  # they were of what came out before
+    store.close()
     again = run(place, "requeue", "old")
     assert again.exit_code == 1 and "waits in the queue" in again.stderr
     refused = run(place, "requeue", "young")

@@ -35,11 +35,11 @@ def test_a_fold_is_asked_for_followed_and_taken_away(service: Service, tmp_path:
         assert [progress.status for progress in told][-1] == "verified"
         assert told[-1].frames == fold.state["progress"]["frames"] > 0
         pages = list(fold.frames(stride=7, poses=True))
-        plan = np.load(fold.download("plan.npz", tmp_path / "mine.npz"))
+        with np.load(fold.download("plan.npz", tmp_path / "mine.npz")) as plan:
+            folded = plan["joint_angles_rad"][-1]
         total = pages[0].total
         assert sum(len(page) for page in pages) == len(range(0, total, 7))
         last = next(fold.frames(start=total - 1))
-        folded = plan["joint_angles_rad"][-1]
         np.testing.assert_allclose(last.joint_angles_rad[-1], folded, atol=1e-8)
         assert pages[0].positions.shape == (len(pages[0]), 16, 3)
         assert last.positions is None and isinstance(last.phase[0], np.integer)

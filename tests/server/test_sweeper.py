@@ -13,6 +13,7 @@ from server.database import FoldRow
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store, new_id, new_token
 from server.sweeper import DAY_S, ORPHAN_AGE_S, Sweeper
+from tests.server.bucket import Bucket
 
 MIB = 2**20
 
@@ -138,3 +139,27 @@ def test_files_of_no_fold_go_when_they_were_seen_twice(tmp_path: Path, store: St
     assert not store.folders.place(orphan).exists()
     assert store.folders.place(fresh).exists()
     assert left(store, kept) == [True]
+
+
+def test_copies_of_folds_forgotten_elsewhere_go_too(
+    tmp_path: Path, bucket: Bucket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in bucket.environment.items():
+        monkeypatch.setenv(name, value)
+    settings = Settings(data_dir=tmp_path / "data", storage_url=bucket.bucket())
+    store = Store(settings)
+    try:
+        kept, orphan = fold(store, days=1), new_id()
+        copies = {name: settings.cache_dir / f"{name}-1" for name in (kept, orphan)}
+        for copy in copies.values():
+            copy.mkdir()
+        sweeping = Sweeper(settings, store)
+        sweeping.sweep_orphans()
+        assert copies[orphan].exists()
+        sweeping.sweep_orphans()
+        assert {name: copy.exists() for name, copy in copies.items()} == {
+            kept: True,
+            orphan: False,
+        }
+    finally:
+        store.close()

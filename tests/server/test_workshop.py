@@ -39,11 +39,14 @@ def test_only_the_last_edition_of_a_file_is_kept(store: Store, fold: FoldRow) ->
             made.append(edition)
             return edition.encode()
 
-        return await Workshop(store).file(fold.id, "page.html", make, of="plan", edition=edition)
+        shop = Workshop(store, kept=store.add_bytes)
+        return await shop.file(fold.id, "page.html", make, of="plan", edition=edition)
 
-    paths = [asyncio.run(ask(edition)) for edition in ("a1", "a1", "b2", "b2")]
-    assert made == ["a1", "b2"]
-    assert paths[-1].read_text() == "b2"
+    before = store.fold(fold.id).bytes
+    paths = [asyncio.run(ask(edition)) for edition in ("a1", "a1", "b02", "b02")]
+    assert made == ["a1", "b02"]
+    assert paths[-1].read_text() == "b02"
+    assert store.fold(fold.id).bytes == before + 3
     assert os.listdir(store.directory(fold.id) / FOLDER) == [paths[-1].name]
 
 
