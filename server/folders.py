@@ -239,9 +239,9 @@ class Folders:
             StorageError: When the storage does not answer.
         """
         if self.storage is not None:
+            shutil.rmtree(self.place(fold_id), ignore_errors=True)
             self.storage.remove(f"folds/{fold_id}", but=_key(fold_id, epoch))
             self.storage.forget(_key(fold_id, epoch))
-            shutil.rmtree(self.place(fold_id), ignore_errors=True)
 
     def _lock_of(self, name: str) -> threading.Lock:
         with self._lock:

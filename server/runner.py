@@ -73,6 +73,10 @@ class TakenOverError(Exception):
     """The fold has gone to another execution; what came out here is nobody's."""
 
 
+class UnwantedError(Exception):
+    """The fold was cancelled or taken over while something was waited for."""
+
+
 class Runner:
     """Holds one child for each fold that is being computed.
 
@@ -120,6 +124,10 @@ class Runner:
         except TakenOverError:
             self._release(worker)
             raise
+        except UnwantedError:
+            # What it has made so far is kept nowhere.
+            self._release(worker)
+            return {**self._stopped(fold_id, epoch), "epoch": known}
         except InputError as error:
             error = self._advised(fold_id, error)
             outcome = _outcome(
@@ -147,7 +155,13 @@ class Runner:
                 extra={"fold": fold_id},
             )
         if epoch != 0:
-            outcome["bytes"] = self.patiently(lambda: self._store.folders.keep(fold_id, epoch))
+            try:
+                outcome["bytes"] = self._patiently_for(
+                    fold_id, epoch, lambda: self._store.folders.keep(fold_id, epoch)
+                )
+            except UnwantedError:
+                self._release(worker)
+                return {**self._stopped(fold_id, epoch), "epoch": known}
         return outcome
 
     def finish(self, fold_id: str, outcome: Outcome, worker: str) -> None:
@@ -166,15 +180,34 @@ class Runner:
                 size=outcome["bytes"],
             )
         )
-        if known:
+        if not known:
+            self.patiently(lambda: self._store.folders.remove(fold_id))
+        elif outcome["status"] != "cancelled":
             self.patiently(lambda: self._store.folders.leave(fold_id, outcome["epoch"]))
         else:
-            self.patiently(lambda: self._store.folders.remove(fold_id))
+            # Who has cancelled it wants the worker for something else: no waiting.
+            with contextlib.suppress(StorageError):
+                self._store.folders.leave(fold_id, outcome["epoch"])
         self.prewarm()
 
     def patiently(self, do: Callable[[], Answer]) -> Answer:
         """What it returns, once what it needs answers; never returns once the worker ends."""
         return patiently(do, wait=self._wait)
+
+    def _patiently_for(self, fold_id: str, epoch: int, do: Callable[[], Answer]) -> Answer:
+        """The same, but nobody waits for what is not wanted any more.
+
+        Raises:
+            UnwantedError: When the fold was cancelled or taken over meanwhile.
+        """
+
+        def wait(seconds: float) -> None:
+            self._wait(seconds)
+            with contextlib.suppress(SQLAlchemyError):
+                if not self._store.report(fold_id, epoch):
+                    raise UnwantedError(fold_id)
+
+        return patiently(do, wait=wait)
 
     def _wait(self, seconds: float) -> None:
         self._stopping.wait(seconds)
@@ -208,7 +241,9 @@ class Runner:
             child = self._taken[worker] = self._children.take()
         if stage == "certify":
             self.prewarm()  # by the time this fold is over, the next one's child is ready
-        directory = self.patiently(lambda: self._store.folders.bring(fold_id, known, epoch))
+        directory = self._patiently_for(
+            fold_id, epoch, lambda: self._store.folders.bring(fold_id, known, epoch)
+        )
         news = _News(self._store, fold_id, stage, epoch)
         with _keeping(self._store, fold_id, epoch):
             result = child.call(

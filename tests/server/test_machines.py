@@ -181,6 +181,12 @@ def test_a_storage_that_is_away_for_a_while_costs_nothing(
                 assert answer.json()["code"] == "storage"
                 assert int(answer.headers["retry-after"]) > 0
             check_whole(web, fold_id)
+            cancelled = web.fold(shape="wrench-160", seed=5)
+            web.wait_exploding(cancelled["id"])
+            with bucket.silent():  # nobody waits for it on behalf of what is not wanted
+                path = f"/api/folds/{cancelled['id']}/cancel"
+                assert web.http.post(path, headers=owner(cancelled)).status_code == 202
+                assert web.wait_over(cancelled["id"])["status"] == "cancelled"
             check_whole(web, web.fold(SNAKE)["id"])
     finally:
         hosts.close()
