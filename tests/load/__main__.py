@@ -17,6 +17,7 @@ from tests.load.disks import inside
 from tests.load.faults import FAULTS, SEED, faults, signals
 from tests.load.mutated import mutated_uploads
 from tests.load.scrubbing import scrubbing
+from tests.load.several import several
 from tests.load.uploads import uploads
 from tests.load.viewers import viewers
 from tests.load.workers import workers
@@ -27,6 +28,13 @@ SHORT_FAULTS = ("worker killed", "server killed", "disk full")
 def _faults(short: bool, rounds: int | None, seed: int, only: list[str]) -> Section:
     named = tuple(only) or (SHORT_FAULTS if short else tuple(FAULTS))
     return faults(rounds or (3 if short else 120), seed=seed, only=named)
+
+
+def _several(short: bool, rounds: int | None, seed: int, only: list[str]) -> Section:
+    return several(rounds or (3 if short else 120), seed=seed, only=tuple(only))
+
+
+FAULTY = {"faults": _faults, "several": _several}
 
 
 SECTIONS: dict[str, Callable[[bool], Section]] = {
@@ -41,7 +49,7 @@ SECTIONS: dict[str, Callable[[bool], Section]] = {
 def main() -> int:
     """Runs the asked-for sections, one after the other; 1 when a bar is not met."""
     parser = argparse.ArgumentParser(description=__doc__)
-    names = [*SECTIONS, "faults"]
+    names = [*SECTIONS, *FAULTY]
     parser.add_argument("--only", nargs="*", choices=names, default=names)
     parser.add_argument("--short", action="store_true", help="as in `make test`")
     parser.add_argument("--rounds", type=int, help="of the faults")
@@ -49,7 +57,7 @@ def main() -> int:
     parser.add_argument("--faults", nargs="*", choices=list(FAULTS), default=[])
     parser.add_argument("--out", type=Path, default=Path("out/load.json"))
     arguments = parser.parse_args()
-    if "faults" in arguments.only:
+    if FAULTY.keys() & set(arguments.only):
         code = inside(["-m", "tests.load", *sys.argv[1:]])
         if code is not None:
             return code
@@ -61,8 +69,9 @@ def main() -> int:
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     met = True
     for name in arguments.only:
-        if name == "faults":
-            section = _faults(arguments.short, arguments.rounds, arguments.seed, arguments.faults)
+        if name in FAULTY:
+            faulty = FAULTY[name]
+            section = faulty(arguments.short, arguments.rounds, arguments.seed, arguments.faults)
         else:
             section = SECTIONS[name](arguments.short)
         section.show(console)

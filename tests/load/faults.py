@@ -208,6 +208,14 @@ def clock_jumped(driver: Driver) -> None:
     driver.site.clock.set(driver.rng.randint(-9, 9) * HOURS + driver.rng.randint(-1800, 1800))
 
 
+def _outage(driver: Driver, name: str) -> None:
+    """Something that all machines need does not answer for a while."""
+    with driver.site.setup.outages[name]():
+        _broken_storage(driver, f"during {name}")
+    time.sleep(1.0)  # what was asked meanwhile is answered
+    driver.witness.condition = ""
+
+
 FAULTS: Final[Mapping[str, Fault]] = {
     "worker killed": worker_killed,
     "server killed": server_killed,
@@ -293,7 +301,10 @@ def _round(driver: Driver, name: str, happened: Counter[str], harmed: Counter[st
     driver.moment()
     before = len(driver.witness.waiting())
     driver.witness.happens(name)
-    FAULTS[name](driver)
+    if name in FAULTS:
+        FAULTS[name](driver)
+    else:
+        _outage(driver, name)
     driver.witness.happens(name)  # to those, too, that came in meanwhile
     happened[name] += 1
     harmed[name] += before
@@ -329,11 +340,10 @@ def _tell(
         allowed = frozenset().union(*(WORDS.get(fault, frozenset()) for fault in seen.faults))
         if end["status"] != "verified" and word not in allowed:
             unclear.append(f"{seen.id}: {end} after {sorted(seen.faults)}")
-    for name in FAULTS:
-        if happened[name]:
-            section.rows.append(
-                {"fault": name, "times": happened[name], "folds under way": harmed[name]}
-            )
+    for name in sorted(happened):
+        section.rows.append(
+            {"fault": name, "times": happened[name], "folds under way": harmed[name]}
+        )
     lost = [problem for problem in witness.problems if "is lost" in problem]
     twice = [p for p in witness.problems if "twice" in p or "goes on" in p or "changed" in p]
     other = [p for p in witness.problems if p not in lost and p not in twice]

@@ -8,8 +8,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -38,6 +38,7 @@ class Setup:
         supervised: Workers that `serve` looks after; they end when it does.
         hosts: Workers that are started by themselves, and again when they have ended.
         apart: Whether those have data directories of their own, as on other machines.
+        outages: For how long something that it needs is away, by name.
     """
 
     name: str = "one machine"
@@ -46,6 +47,7 @@ class Setup:
     supervised: int = 1
     hosts: int = 1
     apart: bool = False
+    outages: Mapping[str, Callable[[], AbstractContextManager[None]]] = field(default_factory=dict)
 
 
 ONE_MACHINE: Final = Setup()

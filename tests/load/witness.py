@@ -141,6 +141,9 @@ class Witness:
         """Takes what a visitor would of a fold that is over."""
         assert seen.end is not None
         page = http.get(f"/folds/{seen.id}")
+        if page.status_code >= 500 and self.condition:
+            self._failed(seen, page)
+            return
         if page.status_code != 200:
             self._tell(seen, f"its page is answered with {page.status_code}")
         if seen.end["status"] != "verified":
@@ -161,6 +164,10 @@ class Witness:
             digest.update(answer.content)
         frames = http.get(f"/api/folds/{seen.id}/frames")
         reel = http.get(f"/folds/{seen.id}/reel")
+        for answer in (frames, reel):
+            if answer.status_code >= 500 and self.condition:
+                self._failed(seen, answer)
+                return
         try:
             if problem := _disagreement(files, frames, reel):
                 self._tell(seen, problem)
