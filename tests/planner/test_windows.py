@@ -1,0 +1,73 @@
+"""Windows hold what frames of all angles do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.chain import Chain
+from planner.paths import Path
+from planner.timeline import Frames
+from planner.windows import Windows
+
+CELLS = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
+
+
+@pytest.fixture
+def chain() -> Chain:
+    return Chain.from_path(Path.from_cells(CELLS, name="snake"))
+
+
+def frames_of(chain: Chain) -> Frames:
+    """Folded, three that are folded up to some hinge and straight from another on, straight."""
+    rng = np.random.default_rng(1)
+    count = len(chain.folded_rad)
+    angles = np.zeros((5, count))
+    angles[0] = chain.folded_rad
+    for k, (a, b) in enumerate([(14, count), (9, 20), (0, 7)], start=1):
+        angles[k, :a] = chain.folded_rad[:a]
+        angles[k, a:b] = rng.uniform(-1.5, 1.5, b - a)
+    angles = angles.astype(np.float32).astype(np.float64)
+    turns = rng.normal(size=(5, 4))
+    return Frames.of_phase(
+        "explosion",
+        time_s=np.arange(5.0),
+        joint_angles_rad=angles,
+        root_position=rng.normal(size=(5, 3)),
+        root_wxyz=turns / np.linalg.norm(turns, axis=1)[:, None],
+    )
+
+
+def test_frames_come_back_as_they_were(chain: Chain) -> None:
+    frames = frames_of(chain)
+    windows = Windows.of(chain, frames)
+    again = windows.dense(chain)
+    np.testing.assert_allclose(again.joint_angles_rad, frames.joint_angles_rad, atol=1e-7)
+    before = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
+    after = chain.poses(again.joint_angles_rad, again.root_position, again.root_wxyz)
+    np.testing.assert_allclose(after.positions, before.positions, atol=1e-5)
+    np.testing.assert_allclose(after.rotations, before.rotations, atol=1e-5)
+    np.testing.assert_array_equal(again.time_s, frames.time_s)
+
+
+def test_only_what_is_neither_folded_nor_straight_is_held(chain: Chain) -> None:
+    windows = Windows.of(chain, frames_of(chain))
+    count = len(chain.folded_rad)
+    # Hinges that are 0 when folded may be either; windows begin behind all that are folded.
+    assert windows.first.tolist()[0] == count
+    assert windows.first[1] >= 14 and windows.last[1] == count
+    assert windows.last.tolist()[2:4] == [20, 7]
+    straight = np.flatnonzero(chain.folded_rad)[0]
+    assert (windows.first[4], windows.last[4]) == (straight, straight)
+
+
+def test_some_of_them_and_all_in_a_row(chain: Chain) -> None:
+    windows = Windows.of(chain, frames_of(chain))
+    parts = [windows[:2], windows[2:3], windows[np.array([3, 4])]]
+    joined = Windows.joined(parts)
+    for name, values in windows.arrays().items():
+        np.testing.assert_array_equal(joined.arrays()[name], values)
+    np.testing.assert_array_equal(windows.angles(chain, 2, 4), windows[2:4].angles(chain))
+    assert len(Windows.from_arrays(windows.arrays())) == 5
+    assert len(windows[::-1]) == 5
+    np.testing.assert_array_equal(windows[::-1].angles(chain), windows.angles(chain)[::-1])
