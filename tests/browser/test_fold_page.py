@@ -209,7 +209,7 @@ def test_a_reload_and_a_link_show_what_was_seen(visit: Visit, service: Service) 
     expect(other.locator("#panel-module h2")).to_contain_text("Module 3")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", [pytest.param("light", marks=pytest.mark.long), "dark"])
 def test_on_a_phone(visit: Visit, service: Service, scheme: str) -> None:
     fold = service.fold(shape="wrench-24")
     service.wait_over(fold["id"])

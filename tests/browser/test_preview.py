@@ -222,7 +222,9 @@ def test_cells_in_no_order_are_shown_as_voxels(visit: Visit, service: Service) -
     page.wait_for_url(re.compile("/folds/"))
 
 
-@pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844)])
+@pytest.mark.parametrize(
+    ("width", "height"), [pytest.param(1440, 900, marks=pytest.mark.long), (390, 844)]
+)
 def test_the_chain_starts_in_the_module_that_is_clicked(
     visit: Visit, service: Service, width: int, height: int
 ) -> None:

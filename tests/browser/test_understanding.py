@@ -125,6 +125,7 @@ def test_a_module_tells_what_is_near_it(visit: Visit, fold: str, figures: Figure
     expect(page.locator("#panel-module h2")).to_contain_text(f"Module {figures.nearest[frame, 5]}")
 
 
+@pytest.mark.long
 def test_the_path_can_be_seen_through_the_modules(visit: Visit, fold: str) -> None:
     page = opened(visit, fold)
     seek(page, 0)

@@ -23,7 +23,7 @@ SCRUB_MS = 150
 def scrubbing(short: bool = False) -> Section:
     """Figures of pages, API and scrubs; in short, with fewer visitors for a few seconds."""
     section = Section(name="scrubbing")
-    together, apart, seconds = (15, 3, 3.0) if short else (100, 20, 45.0)
+    together, apart, seconds = (15, 3, 2.0) if short else (100, 20, 45.0)
     with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
         service = Service(Path(folder) / "data", workers=1 if short else 2, niceness=5).start()
         try:

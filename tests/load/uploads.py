@@ -22,7 +22,7 @@ LONGEST_S = 1800.0
 def uploads(short: bool = False) -> Section:
     """Answers to uploads, and what became of them."""
     section = Section(name="uploads")
-    count, seconds, queue = (10, 2.0, 2) if short else (200, 60.0, 64)
+    count, seconds, queue = (6, 1.0, 2) if short else (200, 60.0, 64)
     with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
         service = Service(
             Path(folder) / "data", workers=1, largest_queue=queue, largest_queue_of_visitor=4

@@ -66,6 +66,7 @@ def test_an_orderly_stop_keeps_the_fold_for_the_next_start(service_with) -> None
     check_finished(service, fold_id)
 
 
+@pytest.mark.long
 def test_a_living_worker_takes_over_from_one_that_stays_dead(service_with) -> None:
     service = service_with(workers=0).start()
     with service.worker() as first:
@@ -120,6 +121,7 @@ def test_a_fold_that_needs_too_much_memory_is_ended_with_a_clear_word(service_wi
     assert service.http.get("/health").status_code == 200
 
 
+@pytest.mark.long
 def test_a_fold_with_a_row_and_no_job_is_found_at_the_next_start(service_with) -> None:
     service = service_with(workers=0).start()
     fold_id = service.fold(SNAKE)["id"]
@@ -132,7 +134,10 @@ def test_a_fold_with_a_row_and_no_job_is_found_at_the_next_start(service_with) -
         check_finished(service, fold_id)
 
 
-@pytest.mark.parametrize("status", ["ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED"])
+@pytest.mark.parametrize(
+    "status",
+    ["ERROR", pytest.param("MAX_RECOVERY_ATTEMPTS_EXCEEDED", marks=pytest.mark.long)],
+)
 def test_a_job_that_failed_without_a_word_ends_its_fold(service_with, status: str) -> None:
     service = service_with(workers=0).start()
     fold_id = service.fold(SNAKE)["id"]
@@ -155,6 +160,7 @@ def test_what_was_being_uploaded_at_the_end_leaves_nothing(service_with) -> None
     assert service.http.get("/api/folds").json() == {"folds": []}
 
 
+@pytest.mark.long
 def test_asking_again_brings_a_lost_job_back(service_with) -> None:
     service = service_with(workers=0).start()
     fold_id = service.fold(SNAKE)["id"]

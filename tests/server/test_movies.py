@@ -163,6 +163,7 @@ def test_deleted_while_it_is_made_it_stops_within_a_second(
         time.sleep(0.05)
 
 
+@pytest.mark.long
 def test_as_many_as_there_may_be(service_with: Callable[..., Service]) -> None:
     service = service_with(movies_waiting=2, movies_waiting_of_visitor=1).start()
     accepted = service.fold(SNAKE)
