@@ -22,6 +22,7 @@ from server.exports import Exports
 from server.gallery import Gallery
 from server.gates import Gate
 from server.jobs import Jobs
+from server.lately import Lately
 from server.leases import Leases
 from server.limits import ChildLimits
 from server.metrics import Metrics
@@ -62,6 +63,7 @@ from server.watch import Watch
 from server.workshop import Workshop
 from web.films import Films
 
+WARM_AFTER_S: Final = 1.5
 log = logging.getLogger("foldback.web")
 
 ROUTERS: Final = (
@@ -94,9 +96,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         # In a thread: starting a process takes a moment that the first answer need not wait for.
         threading.Thread(target=context.reader.start, daemon=True).start()
         threading.Thread(target=context.preparer.start, daemon=True).start()
+        warming = asyncio.create_task(_warm_up(context))
         try:
             yield
         finally:
+            warming.cancel()
             context.reader.close()
             context.preparer.close()
             context.workshop.close()
@@ -143,6 +147,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.include_router(module.router)
     app.include_router(robot.schemas)
 
+    app.add_middleware(Lately)
     app.add_middleware(
         BodyLimit,
         most_bytes=settings.max_upload_bytes,
@@ -156,6 +161,12 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(SecurityHeaders)
     app.add_middleware(Access, metrics=metrics)
     return app
+
+
+async def _warm_up(context: Context) -> None:
+    """Loads what the first visitors would wait for, once the service has come to rest."""
+    await asyncio.sleep(WARM_AFTER_S)
+    await asyncio.to_thread(pages.warm_up, context.gallery)
 
 
 def _open(settings: Settings, metrics: Metrics) -> Context:

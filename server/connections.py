@@ -76,6 +76,7 @@ class _BoundedProtocol(H11Protocol):
             transport.abort()
             return
         self._since = self.loop.time()
+        self._answered: object = None
         self._unread = 0
         self._unread_since = self._since
         self._look()
@@ -101,8 +102,9 @@ class _BoundedProtocol(H11Protocol):
     def _look(self) -> None:
         settings, now = self.bounds.settings, self.loop.time()
         cycle = cast("Any", self.cycle)
-        if cycle is not None and not cycle.response_complete:
-            self._since = now
+        if cycle is not self._answered or not (cycle is None or cycle.response_complete):
+            # It has asked for something since the last look, however quickly that was answered.
+            self._since, self._answered = now, cycle
         elif now - self._since > settings.header_seconds:
             self.transport.abort()
             return

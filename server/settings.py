@@ -174,7 +174,7 @@ class Settings(BaseSettings):
         default=2048 * MIB, ge=128 * MIB, description="Memory of one fold."
     )
     niceness: int = Field(
-        default=5,
+        default=19,
         ge=0,
         le=19,
         description="How readily computing lets pages go first, as of `nice`.",

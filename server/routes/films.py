@@ -15,6 +15,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 
 from planner.errors import TimelineError
+from server.lately import mark
 from server.routes.facts import RUNNING
 from server.routes.finding import find_now
 from server.store import NoSuchFoldError
@@ -108,6 +109,7 @@ async def figures(
             raise NoSuchFoldError(fold_id)
         if found.row.status in RUNNING:
             return _nothing()
+        mark(request, found.row)
         try:
             return _kept(request, kept_figures(found.directory, part))
         except (TimelineError, OSError):
@@ -143,4 +145,6 @@ def _film(request: Request, fold_id: str) -> Film | None:
     if found is None:
         raise NoSuchFoldError(fold_id)
     film = request.app.state.context.films.get(found.directory / "timeline.zarr")
+    if film is not None and not film.growing:
+        mark(request, found.row)
     return film if film is not None and len(film) else None

@@ -18,6 +18,7 @@ from planner.wishes import MODULE_COUNTS
 from server.addresses import address_of
 from server.beginnings import beginning_noted, beginning_of
 from server.context import Context, context_of
+from server.lately import mark
 from server.previews import ShapeWishes
 from server.problems import Problem
 from server.schemas import Accepted, Fold, Folds, Links, ProblemBody, Shape, Shapes
@@ -182,10 +183,11 @@ def get_folds(context: Here, credentials: Bearer) -> Folds:
 
 
 @router.get("/{fold_id}", summary="The state of a fold", responses=problems(404))
-def get_fold(fold_id: str, context: Here) -> Fold:
+def get_fold(request: Request, fold_id: str, context: Here) -> Fold:
     """What is known of it now."""
     row = context.store.fold(fold_id)
     context.store.looked(row)
+    mark(request, row)
     return Fold.of(row, context.store, context.leases)
 
 

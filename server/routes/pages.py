@@ -20,6 +20,7 @@ from planner.errors import PlannerError
 from planner.readers import read
 from planner.timeline import chain_from_attributes
 from server.cards import cards, selected
+from server.lately import mark
 from server.problems import Problem
 from server.quantities import sentence
 from server.routes.facts import fold_facts
@@ -89,6 +90,14 @@ async def featured_picture(request: Request) -> Response:
     return picture_answer(await asyncio.to_thread(_social, request.app.state.context.gallery))
 
 
+def warm_up(gallery: Gallery) -> None:
+    """Draws the shape of the first page, which loads what all pages need."""
+    scenery_of(_featured_chain(gallery))
+    _still(gallery, FEATURED, 480)
+    for name in ("index.html", "fold.html", "gallery.html"):
+        _templates().get_template(name)
+
+
 @cache
 def _social(gallery: Gallery) -> bytes:
     # Drawing brings kernels along that the start of the server need not wait for.
@@ -148,6 +157,7 @@ def _fold_page(request: Request, fold_id: str) -> Response:
         return not_found_page(
             "There is no such fold", "The link may be incomplete, or the fold was deleted."
         )
+    mark(request, found.row)
     facts = _facts(request, found)
     return page(
         "fold.html",

@@ -25,7 +25,12 @@ def scrubbing(short: bool = False) -> Section:
     section = Section(name="scrubbing")
     together, apart, seconds = (15, 3, 2.0) if short else (100, 20, 45.0)
     with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
-        service = Service(Path(folder) / "data", workers=1 if short else 2, niceness=5).start()
+        service = Service(
+            Path(folder) / "data",
+            workers=1 if short else 2,
+            niceness=19,
+            largest_queue_of_visitor=apart + 5,
+        ).start()
         try:
             main = service.fold(shape="wrench-24" if short else SHAPE)["id"]
             count = 2 if short else apart
@@ -64,20 +69,20 @@ def scrubbing(short: bool = False) -> Section:
 def _tell(
     section: Section, where: str, found: dict[str, Any], web_cpu_s: float, *, judged: bool
 ) -> None:
+    for when in ("arriving", "times"):
+        for kind, values in sorted(found[f"{when}_s"].items()):
+            section.rows.append(
+                {
+                    "what": where,
+                    "kind": f"{kind}, as all come within 3 s" if when == "arriving" else kind,
+                    "requests": len(values),
+                    "p50, ms": percentile_ms(values, 50),
+                    "p95, ms": percentile_ms(values, 95),
+                    "p99, ms": percentile_ms(values, 99),
+                    "most, ms": percentile_ms(values, 100),
+                }
+            )
     times = found["times_s"]
-    for kind, values in sorted(times.items()):
-        section.rows.append(
-            {
-                "what": where,
-                "kind": kind,
-                "requests": len(values),
-                "a second": len(values) / found["wall_s"],
-                "p50, ms": percentile_ms(values, 50),
-                "p95, ms": percentile_ms(values, 95),
-                "p99, ms": percentile_ms(values, 99),
-                "most, ms": percentile_ms(values, 100),
-            }
-        )
     pages = percentile_ms(times.get("page", []) + times.get("API", []), 95)
     scrubs = percentile_ms(times.get("scrub", []) + times.get("reel", []), 95)
     for name, measured, bar in (("page and API", pages, PAGE_MS), ("scrub", scrubs, SCRUB_MS)):

@@ -1,0 +1,108 @@
+"""What was answered within the last second is answered again, and nothing else is."""
+
+from __future__ import annotations
+
+import asyncio
+from types import SimpleNamespace
+
+import httpx
+import pytest
+from fastapi import FastAPI, Request
+from fastapi.responses import Response
+
+from server.lately import KEPT_S, Lately, mark
+from tests.server.service import SNAKE, Service, owner
+
+
+class Desk:
+    """An application that counts what it is asked, with a clock of its own."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+        self.now = 0.0
+        self.status = "verified"
+        app = FastAPI()
+
+        @app.get("/folds/{fold_id}")
+        def get(request: Request, fold_id: str) -> Response:  # pyright: ignore
+            self.asked.append(fold_id)
+            mark(request, SimpleNamespace(id=fold_id, status=self.status))
+            return Response(f"{fold_id} {len(self.asked)}", headers={"ETag": '"1"'})
+
+        @app.delete("/folds/{fold_id}")
+        def delete(fold_id: str) -> None:  # pyright: ignore
+            pass
+
+        self._app = Lately(app, clock=lambda: self.now)
+
+    def get(self, path: str, **headers: str) -> httpx.Response:
+        return asyncio.run(self._ask("GET", path, headers))
+
+    def delete(self, path: str) -> httpx.Response:
+        return asyncio.run(self._ask("DELETE", path, {}))
+
+    async def _ask(self, method: str, path: str, headers: dict[str, str]) -> httpx.Response:
+        transport = httpx.ASGITransport(self._app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://here") as http:
+            return await http.request(method, path, headers=headers)
+
+
+@pytest.fixture
+def desk() -> Desk:
+    return Desk()
+
+
+def test_the_same_is_answered_for_a_second(desk: Desk) -> None:
+    first, second = desk.get("/folds/a"), desk.get("/folds/a")
+    assert first.text == second.text == "a 1"
+    assert first.headers == second.headers
+    desk.now = KEPT_S
+    assert desk.get("/folds/a").text == "a 2"
+
+
+def test_one_that_is_gone_elsewhere_is_told_of_to_the_next_and_all_after(desk: Desk) -> None:
+    desk.get("/folds/a")
+    desk.now, desk.status = KEPT_S, "deleted"
+    assert [desk.get("/folds/a").text for _ in range(2)] == ["a 2", "a 3"]
+
+
+def test_who_asks_otherwise_gets_another_answer(desk: Desk) -> None:
+    assert desk.get("/folds/a").text == "a 1"
+    assert desk.get("/folds/a?from=1").text == "a 2"
+    assert desk.get("/folds/a", Host="other").text == "a 3"
+    assert desk.get("/folds/b").text == "b 4"
+
+
+def test_who_has_it_already_is_told_so(desk: Desk) -> None:
+    desk.get("/folds/a")
+    known = desk.get("/folds/a", **{"If-None-Match": '"1"'})
+    assert (known.status_code, known.content) == (304, b"")
+    assert "content-length" not in known.headers
+    assert len(desk.asked) == 1
+
+
+@pytest.mark.parametrize("status", ["running", "failed", "cancelled"])
+def test_what_may_change_is_asked_for_each_time(desk: Desk, status: str) -> None:
+    desk.status = status
+    assert [desk.get("/folds/a").text for _ in range(2)] == ["a 1", "a 2"]
+
+
+def test_what_is_deleted_is_gone_at_once(desk: Desk) -> None:
+    desk.get("/folds/a"), desk.get("/folds/b")
+    desk.delete("/folds/a")
+    assert (desk.get("/folds/a").text, desk.get("/folds/b").text) == ("a 3", "b 2")
+
+
+def test_a_deleted_fold_is_gone_from_its_page_too(service: Service) -> None:
+    fold = service.fold(SNAKE, seed="77")
+    assert service.wait_over(fold["id"])["status"] == "verified"
+    places = [f"/folds/{fold['id']}", f"/folds/{fold['id']}/reel?to=4", f"/api/folds/{fold['id']}"]
+    before = [service.http.get(place) for place in places]
+    again = [service.http.get(place) for place in places]
+    for a, b in zip(before, again, strict=True):
+        assert (a.status_code, a.content) == (b.status_code, b.content) == (200, a.content)
+        assert a.headers["x-request-id"] != b.headers["x-request-id"]
+        for name in ("content-security-policy", "cache-control", "content-type"):
+            assert a.headers[name] == b.headers[name]
+    service.http.delete(f"/api/folds/{fold['id']}", headers=owner(fold))
+    assert [service.http.get(place).status_code for place in places] == [404, 404, 404]
