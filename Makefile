@@ -32,11 +32,11 @@ run: $(STAMP) ## Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_
 	@exec $(BIN)/foldback serve --first-shape wrench-160
 
 chromium: $(STAMP)
-	@$(BIN)/python tests/browser/ensure_chromium.py
+	@$(BIN)/python -m tests.browser.ensure_chromium
 
 tools: $(STAMP)
-	@$(BIN)/python tests/server/ensure_postgres.py
-	@$(BIN)/python tests/deploy/ensure_tools.py
+	@$(BIN)/python -m tests.server.ensure_postgres
+	@$(BIN)/python -m tests.deploy.ensure_tools
 
 test: $(STAMP) chromium tools ## Run all tests, the browser's too
 	@$(BIN)/python -m pytest -q

@@ -10,26 +10,24 @@ import contextlib
 import json
 import logging
 import os
-import time
 from pathlib import Path
 from typing import Any, Final
 
 import sqlalchemy as sa
-from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from planner.errors import InputError
 from server.children import ChildError
-from server.database import MAKING, MovieRow, movie_file, passes
+from server.database import MAKING, MovieRow, movie_file
 from server.filming import film
 from server.limits import ChildLimits
+from server.news import News
 from server.patience import patiently
 from server.scratch import Scratch
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store
 from web.movie import Movie
 
-REPORT_EVERY_S: Final = 0.2
 PART: Final = "movie"
 log = logging.getLogger("foldback.worker")
 
@@ -65,7 +63,8 @@ class MovieJobs:
             return  # nobody wants it any more, or it was made before
         movie = Movie.of(row.wishes)
         with self._scratch.directory() as place:
-            news = _News(self._store, job)
+            done = _Progress(self._store, job)
+            news = News(done.report)
             if not patiently(news.last):
                 return
             files = patiently(lambda: self._store.directory(fold_id))
@@ -74,7 +73,7 @@ class MovieJobs:
             (place / "request.json").write_text(json.dumps(request))
 
             def take(event: dict[str, Any]) -> None:
-                news.take(event)
+                done.take(event)
                 with contextlib.suppress(OSError):
                     os.utime(files)  # a copy that is in use is not dropped
 
@@ -143,44 +142,29 @@ class MovieJobs:
         patiently(clear)
 
 
-class _News:
-    """Carries progress to the row, and that nobody wants it back, both at a bounded pace."""
+class _Progress:
+    """How far a movie is, as its row shall have it."""
 
     def __init__(self, store: Store, job: str) -> None:
         self._store = store
         self._job = job
         self._done = 0
         self._told: int | None = None
-        self._going = True
-        self._at = 0.0
 
     def take(self, event: dict[str, Any]) -> None:
         """News from the child."""
         self._done = int(event["steps"])
 
-    def cancelled(self) -> bool:
-        """Whether nobody wants the movie any more, as of the last report."""
-        if time.monotonic() - self._at >= REPORT_EVERY_S:
-            try:
-                self.last()
-            except SQLAlchemyError as error:
-                if not passes(error):
-                    raise
-                self._at = time.monotonic()  # it is made on meanwhile
-        return not self._going
-
-    def last(self) -> bool:
+    def report(self) -> bool:
         """Reports how far it is; False when nobody wants it any more."""
         done = self._done
         if done == self._told:
             with self._store.reading() as session:
-                self._going = session.scalar(_making(self._job)) is not None
-        else:
-            with self._store.changing() as session:
-                self._going = _update(session, self._job, status="running", frames_done=done)
-            self._told = done
-        self._at = time.monotonic()
-        return self._going
+                return session.scalar(_making(self._job)) is not None
+        with self._store.changing() as session:
+            going = _update(session, self._job, status="running", frames_done=done)
+        self._told = done
+        return going
 
 
 def _making(job: str) -> sa.Select[str]:

@@ -6,7 +6,6 @@ import contextlib
 import json
 import logging
 import threading
-import time
 from collections.abc import Callable, Generator
 from typing import Any, Final, TypedDict
 
@@ -16,9 +15,9 @@ from planner.errors import InputError, TimelineError
 from planner.timeline import Timeline, TimelineWriter
 from planner.unfolding import START_CHAIN
 from server.children import Child, ChildError, Children
-from server.database import passes
 from server.gallery import Gallery
 from server.limits import ChildLimits
+from server.news import News
 from server.patience import Answer, patiently
 from server.settings import Settings
 from server.storage import StorageError
@@ -26,7 +25,6 @@ from server.store import NoSuchFoldError, Store
 from server.timelines import frames_promised
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
-REPORT_EVERY_S: Final = 0.2
 KEEP_EVERY_S: Final = 0.7
 """How often what grows is kept elsewhere."""
 log = logging.getLogger("foldback.worker")
@@ -244,16 +242,17 @@ class Runner:
         directory = self._patiently_for(
             fold_id, epoch, lambda: self._store.folders.bring(fold_id, known, epoch)
         )
-        news = _News(self._store, fold_id, stage, epoch)
+        done = _Progress(self._store, fold_id, stage, epoch)
+        news = News(done.report)
         with _keeping(self._store, fold_id, epoch):
             result = child.call(
                 stage,
                 directory,
                 wall_s=self._settings.stage_seconds,
-                on_progress=news.take,
+                on_progress=done.take,
                 cancelled=news.cancelled,
             )
-        news.take_end()
+        done.take_end()
         if result.get("status") == "cancelled" or not self.patiently(news.last):
             return self._stopped(fold_id, epoch)
         if stage == "read":
@@ -345,8 +344,8 @@ def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
         thread.join()
 
 
-class _News:
-    """Carries progress to the row, and the wish to cancel back, both at a bounded pace."""
+class _Progress:
+    """How far a stage is, as its row shall have it."""
 
     def __init__(self, store: Store, fold_id: str, stage: str, epoch: int) -> None:
         self._store = store
@@ -361,8 +360,6 @@ class _News:
             "message": "getting ready" if stage == STAGES[0] else "",
         }
         self._waits = True
-        self._going = True
-        self._at = 0.0
 
     def take(self, event: dict[str, Any]) -> None:
         """News from the child."""
@@ -373,23 +370,9 @@ class _News:
         """The child is done: what it has made is reported once more."""
         self._waits = True
 
-    def cancelled(self) -> bool:
-        """Whether the fold is not wanted any more, as of the last report."""
-        if time.monotonic() - self._at >= REPORT_EVERY_S:
-            try:
-                self.last()
-            except SQLAlchemyError as error:
-                if not passes(error):
-                    raise
-                self._at = time.monotonic()  # it is computed on meanwhile
-        return not self._going
-
-    def last(self) -> bool:
+    def report(self) -> bool:
         """Reports what waits; False when the fold is not wanted any more."""
         progress = {**self._progress, "frames": frames_promised(self._place)}
-        self._going = self._store.report(
-            self._fold_id, self._epoch, progress if self._waits else None
-        )
+        going = self._store.report(self._fold_id, self._epoch, progress if self._waits else None)
         self._waits = False
-        self._at = time.monotonic()
-        return self._going
+        return going

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 import resource
-import sys
 import signal
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 

@@ -13,6 +13,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.debian import install
+
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
 
@@ -69,16 +71,7 @@ def ensure() -> str:
 
 
 def _by_apt() -> bool:
-    """Installs Debian's package; False where that can't be tried."""
-    if os.geteuid() != 0 or not shutil.which("apt-get"):
-        return False
-    environment = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
-    for command in (
-        ["apt-get", "update", "-qq"],
-        ["apt-get", "install", "-qq", "--yes", "--no-install-recommends", "chromium"],
-    ):
-        subprocess.run(command, env=environment, stdout=sys.stderr, check=False)
-    return True
+    return install("chromium")
 
 
 def _by_playwright() -> bool:

@@ -5,10 +5,10 @@ When one can't be got it says so and fails: these tests are never skipped.
 
 from __future__ import annotations
 
-import os
 import shutil
-import subprocess
 import sys
+
+from tests.debian import install
 
 PACKAGES = {"caddy": "caddy", "systemd-analyze": "systemd"}
 
@@ -23,7 +23,7 @@ def ensure(name: str) -> str:
     Raises:
         NoToolError: Saying what to do.
     """
-    if not (path := shutil.which(name)) and _by_apt(PACKAGES[name]):
+    if not (path := shutil.which(name)) and install(PACKAGES[name]):
         path = shutil.which(name)
     if not path:
         raise NoToolError(
@@ -31,19 +31,6 @@ def ensure(name: str) -> str:
             f"Install Debian's package {PACKAGES[name]!r}."
         )
     return path
-
-
-def _by_apt(package: str) -> bool:
-    """Installs a package; False where that can't be tried."""
-    if os.geteuid() != 0 or not shutil.which("apt-get"):
-        return False
-    environment = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
-    for command in (
-        ["apt-get", "update", "-qq"],
-        ["apt-get", "install", "-qq", "--yes", "--no-install-recommends", package],
-    ):
-        subprocess.run(command, env=environment, stdout=sys.stderr, check=False)
-    return True
 
 
 if __name__ == "__main__":

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
+
+from tests.debian import install
 
 PROGRAMS = ("initdb", "postgres")
 DEBIAN = Path("/usr/lib/postgresql")
@@ -43,15 +44,8 @@ def ensure() -> Path:
     """
     if found := find():
         return found
-    if os.geteuid() == 0 and shutil.which("apt-get"):
-        environment = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
-        for command in (
-            ["apt-get", "update", "-qq"],
-            ["apt-get", "install", "-qq", "--yes", "--no-install-recommends", "postgresql"],
-        ):
-            subprocess.run(command, env=environment, stdout=sys.stderr, check=False)
-        if found := find():
-            return found
+    if install("postgresql") and (found := find()):
+        return found
     raise NoPostgresError(
         "The tests of many machines need a PostgreSQL; found none. Install the package "
         "'postgresql', or name the directory with its programs in FOLDBACK_POSTGRES."

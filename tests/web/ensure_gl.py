@@ -7,9 +7,10 @@ nothing works it says so and fails: tests of movies are never skipped.
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
+
+from tests.debian import install
 
 BACKENDS = ("egl", "osmesa")
 PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri")
@@ -45,15 +46,8 @@ def ensure() -> str:
     """
     if found := find():
         return found
-    if os.geteuid() == 0 and shutil.which("apt-get"):
-        environment = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
-        for command in (
-            ["apt-get", "update", "-qq"],
-            ["apt-get", "install", "-qq", "--yes", "--no-install-recommends", *PACKAGES],
-        ):
-            subprocess.run(command, env=environment, stdout=sys.stderr, check=False)
-        if found := find():
-            return found
+    if install(*PACKAGES) and (found := find()):
+        return found
     raise NoUsableGLError(
         "The tests of movies need an OpenGL that draws without a screen; found none. Install the "
         f"packages {', '.join(PACKAGES)}."
