@@ -210,6 +210,7 @@ def clock_jumped(driver: Driver) -> None:
 
 def _outage(driver: Driver, name: str) -> None:
     """Something that all machines need does not answer for a while."""
+    driver.witness.condition = f"during {name}"
     with driver.site.setup.outages[name]():
         _broken_storage(driver, f"during {name}")
     time.sleep(1.0)  # what was asked meanwhile is answered
