@@ -227,7 +227,10 @@ def migrate(engine: sa.Engine) -> None:
         elif engine.dialect.name == "postgresql":
             connection.exec_driver_sql("SET LOCAL statement_timeout = 0")
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(MIGRATING)))
-        Schema.of(connection).check()
+        schema = Schema.of(connection)
+        schema.check()
+        if not schema.behind:
+            return
         alembic.attributes["connection"] = connection
         command.upgrade(alembic, "head")
 
