@@ -182,7 +182,7 @@ def disk_full(driver: Driver) -> None:
     driver.site.disk.fill()
     _broken_storage(driver, "the disk was full")
     driver.site.disk.free()
-    driver.witness.condition = ""
+    _mended(driver)
 
 
 def disk_failed(driver: Driver) -> None:
@@ -194,7 +194,7 @@ def disk_failed(driver: Driver) -> None:
     driver.witness.condition = "the disk was read-only"
     driver.site.kill_everything()
     driver.site.disk.come_back()
-    driver.witness.condition = ""
+    _mended(driver)
 
 
 def _broken_storage(driver: Driver, condition: str) -> None:
@@ -202,6 +202,11 @@ def _broken_storage(driver: Driver, condition: str) -> None:
     driver.submit(1)
     time.sleep(driver.rng.uniform(0.5, 2.5))
     driver.submit(1)
+
+
+def _mended(driver: Driver) -> None:
+    time.sleep(1.0)  # what was asked meanwhile is answered
+    driver.witness.condition = ""
 
 
 def clock_jumped(driver: Driver) -> None:
@@ -213,8 +218,7 @@ def _outage(driver: Driver, name: str) -> None:
     driver.witness.condition = f"during {name}"
     with driver.site.setup.outages[name]():
         _broken_storage(driver, f"during {name}")
-    time.sleep(1.0)  # what was asked meanwhile is answered
-    driver.witness.condition = ""
+    _mended(driver)
 
 
 FAULTS: Final[Mapping[str, Fault]] = {
