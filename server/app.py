@@ -183,6 +183,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         most=settings.files_waiting,
         most_of_visitor=settings.files_waiting_of_visitor,
     )
+    awaited = ChildLimits.of(settings, awaited=True)
     answers = Gate(
         "answers",
         at_once=2,
@@ -199,8 +200,8 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         trajectories=Trajectories(answers),
         answers=answers,
         uploads=Uploads(settings),
-        reader=Reader(ChildLimits.of(settings), wall_s=settings.read_seconds),
-        preparer=Reader(ChildLimits.of(settings), wall_s=settings.preview_seconds, kind="preparer"),
+        reader=Reader(awaited, wall_s=settings.read_seconds),
+        preparer=Reader(awaited, wall_s=settings.preview_seconds, kind="preparer"),
         previews=previews,
         preview_scenes=PreviewScenes(previews),
         workshop=workshop,

@@ -28,7 +28,9 @@ from server.limits import ChildLimits, environment_of_child, memory_words
 Kind = Literal["stages", "reader", "preparer", "movies"]
 POLL_S: Final = 0.05
 CANCEL_GRACE_S: Final = 0.7
-START_S: Final = 180.0
+START_CPU_S: Final = 240.0
+START_S: Final = 3600.0
+"""A child that may start gets what is left of the processor: on a busy machine its time counts."""
 CALLS_A_CHILD: Final = 200
 
 
@@ -156,13 +158,20 @@ class Child:
             event = self._next(2 * POLL_S)
             if event is not None and event["event"] == "ready":
                 self._ready = True
-            elif event is not None or time.monotonic() > deadline:
+            elif event is not None or time.monotonic() > deadline or self._cpu_s() > START_CPU_S:
                 detail = "took too long" if event is None else str(event["detail"])
                 self.kill()
                 raise ChildError("no-start", f"a computing process did not start: {detail}")
             elif cancelled is not None and cancelled():
                 return False
         return True
+
+    def _cpu_s(self) -> float:
+        try:
+            times = psutil.Process(self._process.pid).cpu_times()
+        except psutil.Error:  # whoever waits for its events learns of its end
+            return 0.0
+        return times.user + times.system
 
     def _send(self, message: dict[str, Any]) -> None:
         assert self._process.stdin is not None

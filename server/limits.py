@@ -22,15 +22,21 @@ class ChildLimits:
     niceness: int = 0
 
     @classmethod
-    def of(cls, settings: Settings) -> ChildLimits:
-        """The limits that the settings say."""
+    def of(cls, settings: Settings, *, awaited: bool = False) -> ChildLimits:
+        """The limits that the settings say.
+
+        Args:
+            settings: The settings.
+            awaited: Somebody looks at a page until it is done: it goes before folds.
+        """
         return cls(
             memory_bytes=settings.child_memory_bytes,
             cpu_s=settings.stage_cpu_seconds,
-            niceness=settings.niceness,
+            niceness=min(settings.niceness, AWAITED_NICENESS) if awaited else settings.niceness,
         )
 
 
+AWAITED_NICENESS: Final = 5
 PR_SET_DUMPABLE: Final = 4
 CHILD_VARIABLES: Final = re.compile(
     r"PATH|HOME|USER|LOGNAME|LANG|LANGUAGE|LC_[A-Z]+|TZ|TMPDIR|TEMP|TMP|VIRTUAL_ENV|DISPLAY"

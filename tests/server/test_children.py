@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from planner.errors import InputError
+from server import children
 from server.children import Child, ChildError, Reader
 from server.limits import ChildLimits
 from server.runner import STAGES
@@ -78,6 +79,18 @@ def test_time_is_limited(child: Child, directory: Path) -> None:
         child.call("check", directory, wall_s=0.1)
     assert late.value.code == "time-limit"
     assert not child.alive
+
+
+def test_a_start_is_limited_by_what_it_takes_of_the_processor(
+    directory: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(children, "START_S", 0.0)
+    with pytest.raises(ChildError, match="did not start: took too long"):
+        Child("reader", LIMITS).call("check", directory, wall_s=60)
+    monkeypatch.setattr(children, "START_S", 600.0)
+    monkeypatch.setattr(children, "START_CPU_S", 0.1)
+    with pytest.raises(ChildError, match="did not start: took too long"):
+        Child("reader", LIMITS).call("check", directory, wall_s=60)
 
 
 def test_who_does_not_heed_a_cancel_is_ended(child: Child, directory: Path) -> None:

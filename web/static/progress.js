@@ -3,6 +3,8 @@ import { STAGES, duration, whole } from "./words.js";
 
 const RETRY_MS = 10000;
 const CANCEL_MS = 10000;
+const LONG_MS = 4000;
+const READY = "getting ready";
 const OVER = ["verified", "failed", "cancelled"];
 const get = (id) => document.getElementById(id);
 
@@ -32,6 +34,7 @@ export class Progress {
   }
 
   show(now) {
+    if (now.message !== READY) clearTimeout(this.waiting);
     if (OVER.includes(now.status)) return; // the verdict follows
     let text = STAGES[now.stage] ?? "Waiting";
     if (this.cancelling) text = "Cancelling…";
@@ -39,6 +42,9 @@ export class Progress {
       text = now.queue_position > 0 ? `In the queue, place ${now.queue_position}` : "In the queue";
       if (now.wait_s != null) text += ` · ${duration(now.wait_s)}`;
       else if (now.queue_position > 0) text += " · no worker is running just now";
+    } else if (now.message === READY) {
+      text = "Getting ready";
+      this.waiting ??= setTimeout(() => this.say(`${text} · the first fold takes a minute longer`), LONG_MS);
     } else {
       const parts = [`${text} ${Math.floor(100 * (now.fraction ?? 0))} %`];
       if (now.steps) parts.push(`${whole(now.steps)} steps`);
