@@ -81,16 +81,13 @@ def test_time_is_limited(child: Child, directory: Path) -> None:
     assert not child.alive
 
 
-def test_a_start_is_limited_by_what_it_takes_of_the_processor(
-    directory: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("limit", "value"), [("START_S", 0.0), ("START_CPU_S", 0.1)])
+def test_a_start_is_limited(
+    child: Child, directory: Path, monkeypatch: pytest.MonkeyPatch, limit: str, value: float
 ) -> None:
-    monkeypatch.setattr(children, "START_S", 0.0)
+    monkeypatch.setattr(children, limit, value)
     with pytest.raises(ChildError, match="did not start: took too long"):
-        Child("reader", LIMITS).call("check", directory, wall_s=60)
-    monkeypatch.setattr(children, "START_S", 600.0)
-    monkeypatch.setattr(children, "START_CPU_S", 0.1)
-    with pytest.raises(ChildError, match="did not start: took too long"):
-        Child("reader", LIMITS).call("check", directory, wall_s=60)
+        child.call("check", directory, wall_s=60)
 
 
 def test_who_does_not_heed_a_cancel_is_ended(child: Child, directory: Path) -> None:
