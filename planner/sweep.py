@@ -136,9 +136,7 @@ def _swept(
     )
 
 
-def _in_turn(
-    part: Callable[[int], Found], starts: range, cancelled: Cancelled
-) -> Iterator[Found]:
+def _in_turn(part: Callable[[int], Found], starts: range, cancelled: Cancelled) -> Iterator[Found]:
     """Results of all parts in their order, some of them at the same time, until cancelled."""
     threads = min(MOST_THREADS, len(starts), os.cpu_count() or 1)
     waiting: deque[Future[Found]] = deque()
@@ -254,7 +252,7 @@ def _shape(chain: Chain, size: float, at_rest: _AtRest | None) -> Shape:
         size=float(size),
         apart=module.apart,
         root=chain.root if at_rest is None else -1,
-        folded=chain.folded_rad,
+        folded=chain.folded_rad.copy(),
         core=core,
         boxes=np.hstack(
             [np.minimum.accumulate(centres, axis=0), np.maximum.accumulate(centres, axis=0)]
