@@ -149,7 +149,7 @@ def _outwards(
             for at in range(hinges):
                 k = at if step > 0 else hinges - 1 - at
                 rate = rates[joint * hinges + k]
-                angle = angles[joint * hinges + k]
+                angle = float(angles[joint * hinges + k])
                 if rate != 0.0:
                     x = frame[0, 0] * axes[k, 0] + frame[0, 1] * axes[k, 1]
                     y = frame[1, 0] * axes[k, 0] + frame[1, 1] * axes[k, 1]

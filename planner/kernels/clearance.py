@@ -118,10 +118,9 @@ def _is_box(vertices: Array, normals: Array, edges: Array) -> bool:
     """Whether the hull is a box along its own axes, about its centre."""
     if vertices.shape[0] != 8 or normals.shape[0] != 3 or edges.shape[0] != 3:
         return False
-    for k in range(3):
-        if normals[k, k] != 1.0 or vertices[0, k] != -vertices[7, k]:
-            return False
-    return True
+    upright = normals[0, 0] == 1.0 and normals[1, 1] == 1.0 and normals[2, 2] == 1.0
+    off = np.abs(vertices[0] + vertices[7]).max()
+    return upright and off == 0.0
 
 
 @njit(cache=True)

@@ -1,7 +1,7 @@
 """The clearance of many frames of a motion and of all between them, compiled.
 
-A frame has a *core* of folded modules that stay, a *stretch* whose hinges move, and a straight *rod*
-that is rigid with the stretch's last module. Without windows the stretch is the whole chain.
+A frame has a *core* of folded modules that stay, a *stretch* whose hinges move, and a straight
+*rod* that is rigid with the stretch's last module. Without windows the stretch is the whole chain.
 """
 # pyright: reportUntypedFunctionDecorator=false
 
@@ -31,7 +31,11 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 MOST_HALVINGS = 16
 WILD = 1.0
-"""When something goes farther than this, the while is halved before pairs are looked at."""
+"""When something goes farther than this, the while is halved before pairs are bounded."""
+MOST_TAMINGS = 12
+"""So often for that."""
+ROUNDING = 1e-9
+"""A pair passes when it keeps more than this."""
 
 
 class Shape(NamedTuple):
@@ -46,8 +50,8 @@ class Shape(NamedTuple):
         folded: (J,) hinge angles of the core.
         core: (n, WIDTH) the folded modules as bodies at rest.
         boxes: (n, 6) corners of the box around the centres of the folded modules up to each.
-        origin, width, cells, starts, members: A grid of the folded centres: its corner, how wide its
-            cells are and how many there are along x, y and z; cell c holds
+        origin, width, cells, starts, members: A grid of the folded centres: its corner, how wide
+            its cells are and how many there are along x, y and z; cell c holds
             ``members[starts[c]:starts[c + 1]]``, and c counts along z first.
         places, rotations: (n, 3), (n, 3, 3) modules of a rod as seen from the one it starts at.
     """
@@ -331,7 +335,7 @@ def _look(
             second = j
         if half > 0.0 and separation < bound + lose:
             keeps = separation - loss_along(work[0], axis, half, radius)
-            if keeps <= 0.0:
+            if keeps <= ROUNDING:
                 left = _append(left, count, i, j)
                 count += 1
             else:
@@ -368,7 +372,7 @@ def rigid_clearances(
             normals,
             edges,
             size,
-            least[j],
+            float(least[j]),
         )
         if separation < least[j]:
             least[j] = separation
@@ -379,6 +383,94 @@ def rigid_clearances(
             least[j] = least[j - 1]
             who[j] = who[j - 1]
     return least, who
+
+
+@njit(cache=True)
+def _between(
+    shape: Shape,
+    origin: Array,
+    rates: Array,
+    rigid: int,
+    root: int,
+    low: int,
+    bodies: Array,
+    points: Array,
+    cap: float,
+) -> tuple[float, float, int, int, float, int]:
+    """Looks at all between two frames, of which the first is no closer than ``cap`` anywhere.
+
+    Args:
+        shape: The chain.
+        origin, rates: Angles of the stretch's joints in the first frame, and how far they go.
+        rigid: Links at the stretch's start without a joint.
+        root: The body that is held still; its pose is given.
+        low: The stretch's first module.
+        bodies, points: (m, WIDTH), (m, 3) scratch for the modules of the stretch.
+        cap: Pairs that stay this far apart are not looked at.
+
+    Returns:
+        Least clearance found, when that is, its pair (−1 when none is below ``cap``), the bound,
+        and how many moments were looked at.
+    """
+    high = low + bodies.shape[0] - 1
+    reach = 2.0 * shape.radius * shape.size
+    joint = (rigid, shape.anchor, shape.axes, shape.turn, shape.offset, root)
+    work = np.empty((2, WIDTH))
+    turned = np.empty((3, 3))
+    pairs = np.empty((1024, 2), dtype=np.int64)
+    left = np.empty((64, 2), dtype=np.int64)
+    whiles = np.empty((2 * MOST_HALVINGS + 2, 2))
+    ranges = np.empty((2 * MOST_HALVINGS + 2, 3), dtype=np.int64)
+    found, where, first, second = cap, 0.5, -1, -1
+    bound = cap
+    moments = 0
+    held = 0
+    whiles[0, 0], whiles[0, 1] = 0.5, 0.5
+    ranges[0, 0], ranges[0, 1], ranges[0, 2] = -1, 0, 0
+    depth = 1
+    while depth > 0:
+        depth -= 1
+        middle, half = whiles[depth, 0], whiles[depth, 1]
+        begins, ends, halvings = ranges[depth, 0], ranges[depth, 1], ranges[depth, 2]
+        angles = origin + middle * rates
+        move_bodies(angles, rates, half, *joint, bodies)
+        moments += 1
+        wild = False
+        who = left
+        if begins < 0:
+            pairs, ends, wild = _near(
+                shape, bodies, points, half, low, high, reach + cap, work[1], turned, pairs
+            )
+            begins = 0
+            who = pairs
+        if wild:
+            # Only whether it collides right now: then there is nothing to be proved.
+            move_bodies(angles, rates, 0.0, *joint, bodies)
+            pairs, ends, _ = _near(
+                shape, bodies, points, 0.0, low, high, reach, work[1], turned, pairs
+            )
+            who = pairs
+            half = 0.0
+        value, i, j, keeps, left, now = _look(
+            shape, bodies, half, low, high, who, begins, ends, cap, work, turned, left, held
+        )
+        if value < found:
+            found, where, first, second = value, middle, i, j
+        if not wild:
+            bound = min(bound, keeps)
+            if now == held:
+                continue
+        if value <= 0.0 or halvings == (MOST_TAMINGS if wild else MOST_HALVINGS):
+            bound = min(bound, 0.0)
+            continue
+        quarter = 0.5 * whiles[depth, 1]
+        for side in (1.0, -1.0):
+            whiles[depth, 0], whiles[depth, 1] = middle + side * quarter, quarter
+            ranges[depth, 0] = -1 if wild else held
+            ranges[depth, 1], ranges[depth, 2] = now, halvings + 1
+            depth += 1
+        held = now
+    return found, where, first, second, bound, moments
 
 
 @njit(cache=True, nogil=True)
@@ -404,23 +496,19 @@ def sweep_frames(
     frames = angles.first.shape[0]
     modules = shape.core.shape[0]
     hinges = shape.axes.shape[0]
-    outer = 2.0 * shape.radius * shape.size
+    reach = 2.0 * shape.radius * shape.size
     found, where, one, other = enough, float(start), -1, -1
     bound = enough
     in_betweens = 0
     pairs = np.empty((4096, 2), dtype=np.int64)
-    stack = np.empty((256, 2), dtype=np.int64)
-    whiles = np.empty((256, 2))
-    ranges = np.empty((256, 3), dtype=np.int64)
+    none = np.empty((1, 2), dtype=np.int64)
     work = np.empty((2, WIDTH))
     turned = np.empty((3, 3))
     room = np.empty((modules, WIDTH))
     place = np.empty((modules, 3))
     joint = (shape.anchor, shape.axes, shape.turn, shape.offset)
     for k in range(start, stop):
-        ahead = k + 1 if k + 1 < frames else k
-        for between in range(1 + ahead - k):
-            to = ahead if between else k
+        for to in range(k, min(k + 2, frames)):
             low, high = _stretch(
                 shape,
                 min(angles.first[k], angles.first[to]),
@@ -430,104 +518,36 @@ def sweep_frames(
                 ),
                 modules,
             )
-            # Modules below the first joint move as one with the first.
+            # The first links of a chain have no joint.
             rigid = max(0, shape.rigid - low)
-            begin = max(0, low - shape.rigid) * hinges
-            root = shape.root if shape.root >= 0 else 0
-            bodies = room[: high - low + 1]
-            points = place[: high - low + 1]
+            root = max(0, shape.root)
+            bodies, points = room[: high - low + 1], place[: high - low + 1]
             bodies[root] = shape.core[low + root]
-            count = max(0, high - low - rigid) * hinges
-            origin = np.empty(count)
-            rates = np.empty(count)
+            begin = max(0, low - shape.rigid) * hinges
+            origin = np.empty(max(0, high - low - rigid) * hinges)
+            rates = np.empty_like(origin)
             _fill(shape, angles, k, begin, origin)
             _fill(shape, angles, to, begin, rates)
-            for h in range(count):
-                rates[h] -= origin[h]
-            if not between:
+            rates -= origin
+            if to == k:
                 move_bodies(origin, rates, 0.0, rigid, *joint, root, bodies)
                 cap = min(enough, known[k])
                 pairs, many, _ = _near(
-                    shape, bodies, points, 0.0, low, high, outer + cap, work[1], turned, pairs
+                    shape, bodies, points, 0.0, low, high, reach + cap, work[1], turned, pairs
                 )
                 value, i, j, _, _, _ = _look(
-                    shape, bodies, 0.0, low, high, pairs, 0, many, cap, work, turned, stack, 0
+                    shape, bodies, 0.0, low, high, pairs, 0, many, cap, work, turned, none, 0
                 )
                 per_frame[k] = value
-                if value < found:
-                    found, where, one, other = value, float(k), i, j
-                continue
-            # Pairs farther apart than the closest of a frame change neither figure.
-            cap = per_frame[k]
-            bound = min(bound, cap)
-            depth = 1
-            held = 0
-            whiles[0, 0], whiles[0, 1] = 0.5, 0.5
-            ranges[0, 0], ranges[0, 1], ranges[0, 2] = -1, 0, 0
-            while depth > 0:
-                depth -= 1
-                middle, half = whiles[depth, 0], whiles[depth, 1]
-                begins, ends, halvings = ranges[depth, 0], ranges[depth, 1], ranges[depth, 2]
-                move_bodies(origin + middle * rates, rates, half, rigid, *joint, root, bodies)
-                in_betweens += 1
-                value, keeps, i, j, now = cap, cap, -1, -1, held
-                if begins < 0:
-                    pairs, many, wild = _near(
-                        shape, bodies, points, half, low, high, outer + cap, work[1], turned, pairs
-                    )
-                    if not wild:
-                        value, i, j, keeps, stack, now = _look(
-                            shape,
-                            bodies,
-                            half,
-                            low,
-                            high,
-                            pairs,
-                            0,
-                            many,
-                            cap,
-                            work,
-                            turned,
-                            stack,
-                            held,
-                        )
-                else:
-                    wild = False
-                    value, i, j, keeps, stack, now = _look(
-                        shape,
-                        bodies,
-                        half,
-                        low,
-                        high,
-                        stack,
-                        begins,
-                        ends,
-                        cap,
-                        work,
-                        turned,
-                        stack,
-                        held,
-                    )
-                if wild:
-                    lost = halvings == MOST_HALVINGS
-                    children = -1, held
-                else:
-                    bound = min(bound, keeps)
-                    if value < found:
-                        found, where, one, other = value, k + middle, i, j
-                    if now == held:
-                        continue
-                    lost = value <= 0.0 or halvings == MOST_HALVINGS
-                    children = held, now
-                if lost:
-                    bound = min(bound, 0.0)
-                    continue
-                if not wild:
-                    held = now
-                for side in (0.5, -0.5):
-                    whiles[depth, 0] = middle + side * half
-                    whiles[depth, 1] = 0.5 * half
-                    ranges[depth, 0], ranges[depth, 1] = children
-                    ranges[depth, 2] = halvings + 1
-                    depth += 1
+                at = float(k)
+            else:
+                # Pairs farther apart than the closest of a frame change neither figure.
+                value, middle, i, j, keeps, moments = _between(
+                    shape, origin, rates, rigid, root, low, bodies, points, per_frame[k]
+                )
+                at = k + middle
+                bound = min(bound, keeps)
+                in_betweens += moments
+            if value < found:
+                found, where, one, other = value, at, i, j
     return Found(found, where, one, other, min(bound, found), in_betweens)
