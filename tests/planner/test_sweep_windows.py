@@ -67,20 +67,20 @@ def test_wild_windows_are_swept_as_their_frames_are(seed: int, step: float, tetr
         [begun[first[0] : last[0]], ended[first[1] : last[1]]],
     )
     size = 0.9
-    found = sweep(chain, windows, size=size)
     angles = windows.angles(chain)
     alone = np.array([brute(chain, row, size) for row in angles])
-    np.testing.assert_allclose(np.minimum(found.per_frame, ENOUGH), alone, atol=1e-9)
-    between = [
+    between = min(
         brute(chain, (1 - s) * angles[0] + s * angles[1], size) for s in np.linspace(0, 1, 13)
-    ]
-    if min(between) < -1e-6:
-        assert found.clearance < 0.0 or found.bound <= 0.0
-    if found.clearance >= 0.0:
-        assert found.bound <= min(between) + 1e-9
-    if found.modules is not None and found.clearance < ENOUGH:
-        at = (1.0 - found.frame) * angles[0] + found.frame * angles[1]
-        assert brute(chain, at, size) == pytest.approx(found.clearance, abs=1e-9)
+    )
+    for found in (sweep(chain, windows, size=size), sweep(chain, angles, size=size)):
+        np.testing.assert_allclose(np.minimum(found.per_frame, ENOUGH), alone, atol=1e-9)
+        if between < -1e-6:
+            assert found.clearance < 0.0 or found.bound <= 0.0
+        if found.clearance >= 0.0:
+            assert found.bound <= between + 1e-9
+        if found.modules is not None and found.clearance < ENOUGH:
+            at = (1.0 - found.frame) * angles[0] + found.frame * angles[1]
+            assert brute(chain, at, size) == pytest.approx(found.clearance, abs=1e-9)
 
 
 def snail() -> Chain:
