@@ -112,7 +112,8 @@ def _swept(
         if isinstance(motion, Windows):
             values = motion.angles_rad[begins:ends].astype(np.float64)
         else:
-            values = np.ascontiguousarray(motion[start : stop + 1], dtype=np.float64).reshape(-1)
+            # A copy: a read-only array would be another type, for which all is compiled anew.
+            values = np.array(motion[start : stop + 1], dtype=np.float64).reshape(-1)
         angles = Angles(first=first, offsets=offsets, shift=begins, values=values)
         return sweep_frames(shape, angles, start, stop, enough, known, per_frame)
 
