@@ -1,12 +1,31 @@
 """Sweep: the clearance of a whole motion, at its frames and everywhere between them.
 
 Between two frames the hinge angles run evenly. Each interval is looked at in its middle; a pair of
-modules passes when its clearance there is more than it can lose on the way to either end, measured
-by the pair's own relative motion. Intervals with pairs that don't pass are halved.
+modules passes when its clearance there is more than it can lose on the way to either end. What it
+can lose is bounded by Taylor from the middle: exact velocity and acceleration of the pair against
+each other, and a bound of their change (``planner.kernels.bodies``, ``planner.kernels.approach``).
+Intervals with pairs that don't pass are halved.
+
+What is never looked at, and why that is safe:
+
+* Pairs fewer links apart than ``Module.apart``: the joint's nature.
+* Pairs whose balls stay farther apart than the least clearance of the frame before: their
+  clearance is more than that, so they change no figure.
+* Of ``Windows``, pairs of modules that are rigid with each other from one frame to the next:
+  below both windows all are folded, above both all are straight. The folded shape is looked at
+  once with all its pairs, and so is a straight rod; a frame has the clearance of its own part of
+  either.
+* Of a rod, modules that can't come near the box around everything else. Along the rod the distance
+  to that box and the way a module goes change by at most a known amount a link, so that most of
+  the rod is passed over in leaps. A rod that swings too far for that has its interval halved first.
 """
 
 from __future__ import annotations
 
+import os
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,14 +33,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain import Chain
-from planner.kernels.clearance import between, least_separation
+from planner.errors import InputError
+from planner.kernels.bodies import ROTATION, VELOCITY, WIDTH
 from planner.kernels.pairs import near_pairs
+from planner.kernels.sweep import Angles, Found, Shape, rigid_clearances, sweep_frames
 from planner.kinematics import forward_kinematics
 from planner.progress import Cancelled, never
+from planner.windows import Windows
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 CHUNK: Final = 64
-MOST_HALVINGS: Final = 10
+MOST_THREADS: Final = 4
 ENOUGH: Final = 0.2
 """Clearances of this and more are not told apart, unless there is nothing less."""
 FAR: Final = 3.0
@@ -35,7 +58,7 @@ class Sweep:
         clearance: Least clearance found at frames and in-betweens, in pitches.
         frame: Where, as a frame number; a half means between two.
         modules: The two modules, None when everything is far apart.
-        bound: What the clearance is nowhere less than, as far as halving went.
+        bound: What the clearance is nowhere less than; 0 where halving ended without an answer.
         in_betweens: Configurations looked at between frames.
         per_frame: (F,) clearance at each frame, capped at ``ENOUGH``.
     """
@@ -48,126 +71,198 @@ class Sweep:
     per_frame: Array
 
 
-def sweep(chain: Chain, angles_rad: Array, *, size: float, cancelled: Cancelled = never) -> Sweep:
-    """The clearance of a motion through (F, J) configurations.
+def sweep(
+    chain: Chain, motion: Array | Windows, *, size: float, cancelled: Cancelled = never
+) -> Sweep:
+    """The clearance of a motion through all its frames.
 
     Args:
         chain: The chain.
-        angles_rad: Hinge angles of the frames.
+        motion: (F, J) hinge angles of the frames, or windows.
         size: Module size as a fraction of the pitch.
         cancelled: Asked now and then; a cancelled sweep covers what was looked at so far.
+
+    Raises:
+        InputError: ``bad-windows`` for windows that are not of this chain.
     """
-    found = _Sweeping(chain, angles_rad, size, ENOUGH).run(cancelled)
+    found = _swept(chain, motion, size, ENOUGH, cancelled)
     if found.modules is None and not cancelled():
         # A short chain may never come that close to itself: then how far it stays off.
-        found = _Sweeping(chain, angles_rad, size, FAR).run(cancelled)
+        found = _swept(chain, motion, size, FAR, cancelled)
     return found
 
 
-class _Sweeping:
-    def __init__(self, chain: Chain, angles: Array, size: float, enough: float) -> None:
-        self.enough = enough
-        self.chain = chain
-        self.angles = angles
-        self.size = size
-        module = chain.module
-        self.hull = (
-            module.vertices,
-            module.face_normals,
-            module.edge_directions,
-            module.radius,
-            size,
-        )
-        self.reach = 2.0 * module.radius * size
-        self.best = self.enough
-        self.where = 0.0
-        self.modules: tuple[int, int] | None = None
-        self.bound = self.enough
-        self.in_betweens = 0
+def _swept(
+    chain: Chain, motion: Array | Windows, size: float, enough: float, cancelled: Cancelled
+) -> Sweep:
+    frames = len(motion)
+    first, offsets = _extents(chain, motion)
+    at_rest = _AtRest.of(chain, size, enough) if isinstance(motion, Windows) else None
+    known, who = (
+        (np.full(frames, enough), np.full((frames, 2), -1))
+        if at_rest is None
+        else at_rest.frames(chain, first, np.diff(offsets))
+    )
+    shape = _shape(chain, size, at_rest)
+    per_frame = np.full(frames, enough)
 
-    def run(self, cancelled: Cancelled) -> Sweep:
-        frames = len(self.angles)
-        per_frame = np.full(frames, self.enough)
-        for start in range(0, frames, CHUNK):
+    def part(start: int) -> Found:
+        stop = min(start + CHUNK, frames)
+        begins, ends = int(offsets[start]), int(offsets[min(stop + 1, frames)])
+        if isinstance(motion, Windows):
+            values = motion.angles_rad[begins:ends].astype(np.float64)
+        else:
+            # A copy: a read-only array would be another type, for which all is compiled anew.
+            values = np.array(motion[start : stop + 1], dtype=np.float64).reshape(-1)
+        angles = Angles(first=first, offsets=offsets, shift=begins, values=values)
+        return sweep_frames(shape, angles, start, stop, enough, known, per_frame)
+
+    best, bound, in_betweens = enough, enough, 0
+    where, modules = 0.0, (-1, -1)
+    for found in _in_turn(part, range(0, frames, CHUNK), cancelled):
+        bound = min(bound, found.bound)
+        in_betweens += found.in_betweens
+        if found.clearance < best:
+            best, where, modules = found.clearance, found.where, (found.first, found.second)
+    if best < enough and modules[0] < 0:
+        # Nothing that moves is closer than what is at rest.
+        modules = tuple(who[int(where)].tolist())
+    return Sweep(
+        clearance=float(best),
+        frame=float(where),
+        modules=None if modules[0] < 0 else (int(modules[0]), int(modules[1])),
+        bound=float(min(bound, best)),
+        in_betweens=in_betweens,
+        per_frame=per_frame,
+    )
+
+
+def _in_turn(part: Callable[[int], Found], starts: range, cancelled: Cancelled) -> Iterator[Found]:
+    """Results of all parts in their order, some of them at the same time, until cancelled."""
+    threads = min(MOST_THREADS, len(starts), os.cpu_count() or 1)
+    waiting: deque[Future[Found]] = deque()
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        for start in starts:
             if cancelled():
                 break
-            part = self.angles[start : start + CHUNK + 1]
-            at = self._poses(part)
-            middles = self._poses(0.5 * (part[1:] + part[:-1]))
-            for k in range(min(CHUNK, frames - start)):
-                per_frame[start + k] = self._at_frame(start + k, at[0][k], at[1][k])
-                if k + 1 < len(part):
-                    self._between(start + k, part, at, middles, k)
-        return Sweep(
-            clearance=self.best,
-            frame=self.where,
-            modules=self.modules,
-            bound=min(self.bound, self.best),
-            in_betweens=self.in_betweens,
-            per_frame=per_frame,
+            if len(waiting) > 2 * threads:
+                yield waiting.popleft().result()
+            waiting.append(pool.submit(part, start))
+        for left in waiting:
+            yield left.result()
+
+
+def _extents(chain: Chain, motion: Array | Windows) -> tuple[Ints, Ints]:
+    """Where each frame's window begins, (F,), and where its angles do among all, (F + 1,)."""
+    hinges = len(chain.folded_rad)
+    frames = len(motion)
+    if not isinstance(motion, Windows):
+        return np.zeros(frames, np.int64), np.arange(frames + 1, dtype=np.int64) * hinges
+    first = np.ascontiguousarray(motion.first, dtype=np.int64)
+    offsets = np.ascontiguousarray(motion.offsets, dtype=np.int64)
+    widths = np.diff(offsets)
+    if (
+        first.shape != (frames,)
+        or offsets.shape != (frames + 1,)
+        or (first < 0).any()
+        or (widths < 0).any()
+        or (first + widths > hinges).any()
+        or int(offsets[0]) != 0
+        or int(offsets[-1]) != len(motion.angles_rad)
+    ):
+        raise InputError(
+            "bad-windows",
+            f"got windows that are not within {hinges} hinges or not as long as they say, "
+            "expected those of this chain.",
+        )
+    if not np.isfinite(motion.angles_rad).all():
+        raise InputError("bad-windows", "got angles that are not finite, expected numbers.")
+    return first, offsets
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _AtRest:
+    """The folded shape and the straight rod, with the clearance of all their beginnings."""
+
+    positions: Array
+    rotations: Array
+    places: Array
+    turns: Array
+    folded: tuple[Array, Ints]
+    straight: tuple[Array, Ints]
+
+    @classmethod
+    def of(cls, chain: Chain, size: float, enough: float) -> _AtRest:
+        module = chain.module
+
+        def clearances(positions: Array, rotations: Array) -> tuple[Array, Ints]:
+            pairs = near_pairs(positions, 2.0 * module.radius * size + enough, module.apart)
+            hull = (module.vertices, module.face_normals, module.edge_directions)
+            return rigid_clearances(positions, rotations, pairs, *hull, size, enough)
+
+        folded = chain.folded_poses
+        straight = forward_kinematics(module, np.zeros_like(chain.folded_rad))
+        return cls(
+            positions=folded.positions,
+            rotations=folded.rotations,
+            places=straight.positions,
+            turns=straight.rotations,
+            folded=clearances(folded.positions, folded.rotations),
+            straight=clearances(straight.positions, straight.rotations),
         )
 
-    def _poses(self, angles: Array) -> tuple[Array, Array]:
-        poses = forward_kinematics(self.chain.module, angles, root=self.chain.root)
-        return poses.positions, poses.rotations
+    def frames(self, chain: Chain, first: Ints, widths: Ints) -> tuple[Array, Ints]:
+        """(F,) clearance of what is at rest in each window's frame, and (F, 2) the modules."""
+        hinges, rigid = chain.module.hinges_per_joint, chain.module.rigid_links
+        core = first // hinges + rigid
+        last = np.maximum(first + widths, np.where(first % hinges, first + 1, 0))
+        rod = np.where(last > first, (last - 1) // hinges + rigid + 1, core)
+        below, above = self.folded[0][core], self.straight[0][len(chain) - 1 - rod]
+        who = self.straight[1][len(chain) - 1 - rod]
+        who = np.where(who >= 0, who + rod[:, None], -1)
+        who = np.where((below <= above)[:, None], self.folded[1][core], who)
+        return np.minimum(below, above), who
 
-    def _at_frame(self, frame: int, positions: Array, rotations: Array) -> float:
-        pairs = near_pairs(positions, self.reach + self.enough, self.chain.module.apart)
-        value, first, second = least_separation(
-            positions, rotations, pairs, *self.hull, self.enough
-        )
-        self._take(value, float(frame), first, second)
-        return value
 
-    def _between(
-        self,
-        frame: int,
-        part: Array,
-        at: tuple[Array, Array],
-        middles: tuple[Array, Array],
-        k: int,
-    ) -> None:
-        a = (at[0][k], at[1][k])
-        b = (at[0][k + 1], at[1][k + 1])
-        m = (middles[0][k], middles[1][k])
-        moved = max(
-            float(np.sqrt(((m[0] - a[0]) ** 2).sum(axis=1).max())),
-            float(np.sqrt(((b[0] - m[0]) ** 2).sum(axis=1).max())),
-        )
-        pairs = near_pairs(m[0], self.reach + 2.5 * moved, self.chain.module.apart)
-        self._look(float(frame), 0.5, part[k], part[k + 1], a, m, b, pairs, 0)
-
-    def _look(
-        self,
-        start: float,
-        half: float,
-        angles_a: Array,
-        angles_b: Array,
-        a: tuple[Array, Array],
-        m: tuple[Array, Array],
-        b: tuple[Array, Array],
-        pairs: NDArray[np.int64],
-        depth: int,
-    ) -> None:
-        self.in_betweens += 1
-        value, first, second, bound, left = between(*a, *m, *b, pairs, *self.hull, self.enough)
-        self._take(value, start + half, first, second)
-        self.bound = min(self.bound, bound)
-        if not len(left):
-            return
-        if depth == MOST_HALVINGS or value <= 0.0:
-            self.bound = min(self.bound, 0.0)
-            return
-        angles_m = 0.5 * (angles_a + angles_b)
-        quarters = self._poses(np.stack([0.5 * (angles_a + angles_m), 0.5 * (angles_m + angles_b)]))
-        low = (quarters[0][0], quarters[1][0])
-        high = (quarters[0][1], quarters[1][1])
-        half *= 0.5
-        self._look(start, half, angles_a, angles_m, a, low, m, left, depth + 1)
-        self._look(start + 2 * half, half, angles_m, angles_b, m, high, b, left, depth + 1)
-
-    def _take(self, value: float, where: float, first: int, second: int) -> None:
-        if value < self.best:
-            self.best = float(value)
-            self.where = where
-            self.modules = (int(first), int(second))
+def _shape(chain: Chain, size: float, at_rest: _AtRest | None) -> Shape:
+    module, n = chain.module, len(chain)
+    core = np.zeros((n, WIDTH))
+    core[:, ROTATION:VELOCITY] = np.eye(3).ravel()
+    if at_rest is not None:
+        core[:, :ROTATION] = at_rest.positions
+        core[:, ROTATION:VELOCITY] = at_rest.rotations.reshape(n, 9)
+    centres = core[:, :ROTATION]
+    low, high = centres.min(axis=0), centres.max(axis=0)
+    # About as many cells as modules, even where a shape is thin and far apart.
+    width = max(1.0, float(np.prod(high - low + 1.0) / (8.0 * n)) ** (1.0 / 3.0))
+    origin = low - 0.5 * width
+    index = np.floor((centres - origin) / width).astype(np.int64)
+    cells = index.max(axis=0) + 1
+    flat = (index[:, 0] * cells[1] + index[:, 1]) * cells[2] + index[:, 2]
+    counts = np.bincount(flat, minlength=int(np.prod(cells)))
+    return Shape(
+        rigid=module.rigid_links,
+        anchor=module.anchor,
+        axes=module.axes,
+        turn=module.turn,
+        offset=module.offset,
+        vertices=module.vertices,
+        normals=module.face_normals,
+        edges=module.edge_directions,
+        radius=module.radius,
+        size=float(size),
+        apart=module.apart,
+        root=chain.root if at_rest is None else -1,
+        folded=chain.folded_rad.copy(),
+        core=core,
+        boxes=np.hstack(
+            [np.minimum.accumulate(centres, axis=0), np.maximum.accumulate(centres, axis=0)]
+        ),
+        origin=origin,
+        width=width,
+        cells=cells,
+        starts=np.concatenate([[0], np.cumsum(counts)]),
+        members=np.argsort(flat, kind="stable"),
+        places=np.zeros((0, 3)) if at_rest is None else at_rest.places,
+        rotations=np.zeros((0, 3, 3)) if at_rest is None else at_rest.turns,
+    )

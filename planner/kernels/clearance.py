@@ -41,7 +41,90 @@ def _rotate_transposed(rotation: Array, vector: Array, out: Array) -> None:
 
 
 @njit(cache=True)
-def pair_separation(
+def _box_separation(
+    gap: Array, rotation_a: Array, rotation_b: Array, half: Array, enough: float, best_axis: Array
+) -> float:
+    """``separation_along`` for two boxes about their centres, ``half`` (3,) as wide each way."""
+    seen = np.empty((3, 3))
+    across = np.empty(3)
+    best = -np.inf
+    which = 0
+    for r in range(3):
+        across[r] = (
+            rotation_a[0, r] * gap[0] + rotation_a[1, r] * gap[1] + rotation_a[2, r] * gap[2]
+        )
+        for c in range(3):
+            seen[r, c] = (
+                rotation_a[0, r] * rotation_b[0, c]
+                + rotation_a[1, r] * rotation_b[1, c]
+                + rotation_a[2, r] * rotation_b[2, c]
+            )
+    for k in range(15):
+        scale = 1.0
+        if k < 3:
+            distance = across[k]
+            reach = (
+                half[k]
+                + abs(seen[k, 0]) * half[0]
+                + abs(seen[k, 1]) * half[1]
+                + abs(seen[k, 2]) * half[2]
+            )
+        elif k < 6:
+            c = k - 3
+            distance = across[0] * seen[0, c] + across[1] * seen[1, c] + across[2] * seen[2, c]
+            reach = (
+                half[c]
+                + abs(seen[0, c]) * half[0]
+                + abs(seen[1, c]) * half[1]
+                + abs(seen[2, c]) * half[2]
+            )
+        else:
+            r, c = (k - 6) // 3, (k - 6) % 3
+            r1, r2, c1, c2 = (r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3
+            scale = seen[r1, c] * seen[r1, c] + seen[r2, c] * seen[r2, c]
+            if scale < 1e-18:
+                continue
+            scale = 1.0 / np.sqrt(scale)
+            distance = across[r2] * seen[r1, c] - across[r1] * seen[r2, c]
+            reach = (
+                half[r1] * abs(seen[r2, c])
+                + half[r2] * abs(seen[r1, c])
+                + half[c1] * abs(seen[r, c2])
+                + half[c2] * abs(seen[r, c1])
+            )
+        separation = (abs(distance) - reach) * scale
+        if separation > best:
+            best = separation
+            which = k
+            if best >= enough:
+                break
+    for x in range(3):
+        if which < 3:
+            best_axis[x] = rotation_a[x, which]
+        elif which < 6:
+            best_axis[x] = rotation_b[x, which - 3]
+        else:
+            r, c = (which - 6) // 3, (which - 6) % 3
+            r1, r2 = (r + 1) % 3, (r + 2) % 3
+            scale = np.sqrt(seen[r1, c] * seen[r1, c] + seen[r2, c] * seen[r2, c])
+            best_axis[x] = (
+                seen[r1, c] * rotation_a[x, r2] - seen[r2, c] * rotation_a[x, r1]
+            ) / scale
+    return best
+
+
+@njit(cache=True)
+def _is_box(vertices: Array, normals: Array, edges: Array) -> bool:
+    """Whether the hull is a box along its own axes, about its centre."""
+    if vertices.shape[0] != 8 or normals.shape[0] != 3 or edges.shape[0] != 3:
+        return False
+    upright = normals[0, 0] == 1.0 and normals[1, 1] == 1.0 and normals[2, 2] == 1.0
+    off = np.abs(vertices[0] + vertices[7]).max()
+    return upright and off == 0.0
+
+
+@njit(cache=True)
+def separation_along(
     gap: Array,
     rotation_a: Array,
     rotation_b: Array,
@@ -50,16 +133,13 @@ def pair_separation(
     edges: Array,
     size: float,
     enough: float,
+    best_axis: Array,
 ) -> float:
-    """Separation of two equal convex modules, see the top of this file.
-
-    Args:
-        gap: (3,) centre of b minus centre of a.
-        rotation_a, rotation_b: (3, 3) orientations.
-        vertices, normals, edges: The module's hull.
-        size: Scale of the hull.
-        enough: Stop as soon as the separation is known to be at least this.
-    """
+    """``pair_separation`` that also writes the unit axis (3,) which shows the separation."""
+    if _is_box(vertices, normals, edges):
+        return _box_separation(
+            gap, rotation_a, rotation_b, np.abs(vertices[0]) * size, enough, best_axis
+        )
     best = -np.inf
     axis = np.empty(3)
     local = np.empty(3)
@@ -106,9 +186,35 @@ def pair_separation(
         )
         if separation > best:
             best = separation
+            best_axis[:] = axis
             if best >= enough:
                 return best
     return best
+
+
+@njit(cache=True)
+def pair_separation(
+    gap: Array,
+    rotation_a: Array,
+    rotation_b: Array,
+    vertices: Array,
+    normals: Array,
+    edges: Array,
+    size: float,
+    enough: float,
+) -> float:
+    """Separation of two equal convex modules, see the top of this file.
+
+    Args:
+        gap: (3,) centre of b minus centre of a.
+        rotation_a, rotation_b: (3, 3) orientations.
+        vertices, normals, edges: The module's hull.
+        size: Scale of the hull.
+        enough: Stop as soon as the separation is known to be at least this.
+    """
+    return separation_along(
+        gap, rotation_a, rotation_b, vertices, normals, edges, size, enough, np.empty(3)
+    )
 
 
 @njit(cache=True)
@@ -148,135 +254,6 @@ def least_separation(
             first = i
             second = j
     return best, first, second
-
-
-@njit(cache=True)
-def _relative_motion(
-    i: int,
-    j: int,
-    positions_a: Array,
-    rotations_a: Array,
-    positions_b: Array,
-    rotations_b: Array,
-    radius: float,
-) -> float:
-    """How far any point of module j moves from a to b as seen from module i."""
-    moved = 0.0
-    for r in range(3):
-        at_a = 0.0
-        at_b = 0.0
-        for k in range(3):
-            at_a += rotations_a[i, k, r] * (positions_a[j, k] - positions_a[i, k])
-            at_b += rotations_b[i, k, r] * (positions_b[j, k] - positions_b[i, k])
-        moved += (at_b - at_a) ** 2
-    turned = 0.0
-    for r in range(3):
-        for c in range(3):
-            at_a = 0.0
-            at_b = 0.0
-            for k in range(3):
-                at_a += rotations_a[i, k, r] * rotations_a[j, k, c]
-                at_b += rotations_b[i, k, r] * rotations_b[j, k, c]
-            turned += (at_b - at_a) ** 2
-    return np.sqrt(moved) + radius * np.sqrt(0.5 * turned)
-
-
-@njit(cache=True)
-def _off_chord(
-    i: int,
-    j: int,
-    positions_a: Array,
-    rotations_a: Array,
-    positions_m: Array,
-    rotations_m: Array,
-    positions_b: Array,
-    rotations_b: Array,
-) -> float:
-    """How far the centre of module j, seen from module i, is off the chord at its middle."""
-    off = 0.0
-    for r in range(3):
-        at_a = 0.0
-        at_m = 0.0
-        at_b = 0.0
-        for k in range(3):
-            at_a += rotations_a[i, k, r] * (positions_a[j, k] - positions_a[i, k])
-            at_m += rotations_m[i, k, r] * (positions_m[j, k] - positions_m[i, k])
-            at_b += rotations_b[i, k, r] * (positions_b[j, k] - positions_b[i, k])
-        off += (at_m - 0.5 * (at_a + at_b)) ** 2
-    return np.sqrt(off)
-
-
-@njit(cache=True)
-def between(
-    positions_a: Array,
-    rotations_a: Array,
-    positions_m: Array,
-    rotations_m: Array,
-    positions_b: Array,
-    rotations_b: Array,
-    pairs: Pairs,
-    vertices: Array,
-    normals: Array,
-    edges: Array,
-    radius: float,
-    size: float,
-    enough: float,
-) -> tuple[float, int, int, float, Pairs]:
-    """Clearance of pairs between two configurations a and b, from the one in their middle m.
-
-    While going from a to b a pair's clearance differs from that at m by no more than the pair's
-    relative motion from m to either end, plus how far the way leaves the chord.
-
-    Returns:
-        Least clearance at m and its pair (``enough`` and (−1, −1) when none is below), the least
-        bound over the way of the pairs that passed, and the pairs whose bound is not above zero.
-    """
-    best = enough
-    first = -1
-    second = -1
-    bound = enough
-    open_pairs = np.empty((pairs.shape[0], 2), dtype=np.int64)
-    count = 0
-    gap = np.empty(3)
-    for k in range(pairs.shape[0]):
-        i = pairs[k, 0]
-        j = pairs[k, 1]
-        for r in range(3):
-            gap[r] = positions_m[j, r] - positions_m[i, r]
-        reach = np.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2]) - 2.0 * radius * size
-        motion = max(
-            _relative_motion(
-                i, j, positions_m, rotations_m, positions_a, rotations_a, radius * size
-            ),
-            _relative_motion(
-                i, j, positions_m, rotations_m, positions_b, rotations_b, radius * size
-            ),
-        ) + 2.0 * _off_chord(
-            i, j, positions_a, rotations_a, positions_m, rotations_m, positions_b, rotations_b
-        )
-        if reach - motion >= bound and reach >= best:
-            continue
-        separation = pair_separation(
-            gap,
-            rotations_m[i],
-            rotations_m[j],
-            vertices,
-            normals,
-            edges,
-            size,
-            max(best, motion + enough),
-        )
-        if separation < best:
-            best = separation
-            first = i
-            second = j
-        if separation - motion <= 0.0:
-            open_pairs[count, 0] = i
-            open_pairs[count, 1] = j
-            count += 1
-        else:
-            bound = min(bound, separation - motion)
-    return best, first, second, bound, open_pairs[:count].copy()
 
 
 @njit(cache=True)

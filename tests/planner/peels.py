@@ -1,0 +1,59 @@
+"""Long motions as windows, made by kinematics alone: nothing keeps them from touching."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.pathfinding import snake_path
+from planner.paths import Path
+from planner.timeline import PHASES
+from planner.windows import Windows
+
+Array = NDArray[np.float64]
+
+
+def snake(sides: tuple[int, int, int]) -> Chain:
+    """A box, filled layer by layer along z: the last module is in the layer at the top."""
+    cells = snake_path(sides, axes=(0, 1, 2))
+    return Chain.from_path(Path.from_cells([tuple(cell) for cell in cells.tolist()], name="snake"))
+
+
+def windows_of(chain: Chain, first: list[int], angles: list[Array]) -> Windows:
+    """Windows that begin at the hinges ``first`` and have the ``angles``."""
+    count = len(first)
+    return Windows(
+        time_s=np.arange(count, dtype=np.float64),
+        phase=np.full(count, PHASES.index("explosion"), dtype=np.uint8),
+        first=np.array(first, dtype=np.int64),
+        offsets=np.concatenate([[0], np.cumsum([len(a) for a in angles])]).astype(np.int64),
+        angles_rad=np.concatenate([np.zeros(0), *angles]).astype(np.float32),
+        base_position=np.tile(chain.folded_position, (count, 1)),
+        base_wxyz=np.tile(chain.folded_wxyz, (count, 1)),
+    )
+
+
+def peel(chain: Chain, *, width: int, step: float) -> Windows:
+    """Straightens a chain from its far end, the hinges of a window one after the other.
+
+    A hinge has a share of its folded angle that falls evenly along the window, and the window goes
+    down the chain by ``step`` hinges a frame.
+
+    Args:
+        chain: The chain.
+        width: Hinges of a window.
+        step: Hinges a frame.
+    """
+    count = len(chain.folded_rad)
+    starts = np.arange(count, -width - step, -step)
+    first: list[int] = []
+    angles: list[Array] = []
+    for start in starts:
+        low = max(0, int(np.ceil(start)))
+        high = max(low, min(count, int(np.ceil(start + width))))
+        hinges = np.arange(low, high)
+        share = 1.0 - np.clip((hinges - start) / width, 0.0, 1.0)
+        first.append(low)
+        angles.append(share * chain.folded_rad[low:high])
+    return windows_of(chain, first, angles)

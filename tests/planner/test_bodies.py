@@ -1,0 +1,135 @@
+"""Derivatives are those of the motion, and what is said to bound it does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from planner.kernels.approach import WIDTH as APPROACH
+from planner.kernels.approach import approach, loss_along
+from planner.kernels.bodies import (
+    ACCELERATION,
+    DRIFT,
+    ROTATION,
+    SPIN,
+    TURNING,
+    VELOCITY,
+    WIDTH,
+    move_bodies,
+    rod_body,
+)
+from planner.kinematics import forward_kinematics
+from planner.modules import CUBE, TETRAHEDRON, Module
+
+Array = NDArray[np.float64]
+MODULES = st.sampled_from([CUBE, TETRAHEDRON])
+
+
+def bodies_of(module: Module, angles: Array, rates: Array, half: float, root: int) -> Array:
+    count = len(angles) // module.hinges_per_joint + 1 + module.rigid_links
+    bodies = np.zeros((count, WIDTH))
+    bodies[root, ROTATION:VELOCITY] = np.eye(3).ravel()
+    joint = (module.rigid_links, module.anchor, module.axes, module.turn, module.offset)
+    move_bodies(angles, rates, half, *joint, root, bodies)
+    return bodies
+
+
+def motion(
+    module: Module, count: int, seed: int, step: float, root: float
+) -> tuple[Array, Array, int]:
+    """Angles, rates and a root anywhere along the chain."""
+    rng = np.random.default_rng(seed)
+    hinges = module.hinge_count(count)
+    # Some hinges stand still.
+    rates = rng.uniform(-step, step, hinges) * rng.integers(0, 2, hinges)
+    return rng.uniform(-1.5, 1.5, hinges), rates, int(root * (count - 1))
+
+
+@given(MODULES, st.integers(3, 14), st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
+def test_derivatives_are_differences(module: Module, count: int, seed: int, at: float) -> None:
+    angles, rates, root = motion(module, count, seed, 1.0, at)
+    bodies = bodies_of(module, angles, rates, 0.1, root)
+    tiny = 1e-4
+    moments = np.array([-tiny, 0.0, tiny])[:, None]
+    poses = forward_kinematics(module, angles + moments * rates, root=root)
+    low, here, high = poses.positions
+    np.testing.assert_allclose(bodies[:, :3], here, atol=1e-9)
+    turned = poses.rotations
+    np.testing.assert_allclose(bodies[:, ROTATION:VELOCITY].reshape(-1, 3, 3), turned[1], atol=1e-9)
+    scale = 1.0 + np.abs(rates).sum() ** 3 * count
+    velocity = (high - low) / (2 * tiny)
+    np.testing.assert_allclose(bodies[:, VELOCITY : VELOCITY + 3], velocity, atol=1e-7 * scale)
+    acceleration = (high - 2 * here + low) / tiny**2
+    np.testing.assert_allclose(
+        bodies[:, ACCELERATION : ACCELERATION + 3], acceleration, atol=1e-5 * scale
+    )
+    # Ṙ Rᵀ is the spin's matrix; R̈ Rᵀ that of its change, plus the spin's squared.
+    spin = (turned[2] - turned[0]) / (2 * tiny) @ turned[1].swapaxes(1, 2)
+    found = np.cross(bodies[:, None, SPIN : SPIN + 3], np.eye(3)).swapaxes(1, 2)
+    np.testing.assert_allclose(found, spin, atol=1e-6 * scale)
+    change = (turned[2] - 2 * turned[1] + turned[0]) / tiny**2 @ turned[1].swapaxes(1, 2)
+    changed = np.cross(bodies[:, None, TURNING : TURNING + 3], np.eye(3)).swapaxes(1, 2)
+    np.testing.assert_allclose(changed + found @ found, change, atol=1e-5 * scale)
+
+
+@settings(max_examples=150)
+@given(
+    MODULES,
+    st.integers(3, 14),
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([0.02, 0.1, 0.5, 2.0]),
+    st.sampled_from([0.5, 0.25, 0.03]),
+    st.floats(0.0, 1.0),
+)
+def test_nothing_goes_farther_than_said(
+    module: Module, count: int, seed: int, step: float, half: float, at: float
+) -> None:
+    angles, rates, root = motion(module, count, seed, step, at)
+    bodies = bodies_of(module, angles, rates, half, root)
+    moments = np.linspace(-half, half, 21)[:, None]
+    poses = forward_kinematics(module, angles + moments * rates, root=root)
+    ways = np.linalg.norm(poses.positions - bodies[:, :3], axis=-1).max(axis=0)
+    assert (ways <= bodies[:, DRIFT] + 1e-9).all()
+    radius = 0.95 * module.radius
+    corners = 0.95 * module.vertices
+    rng = np.random.default_rng(seed)
+    found = np.empty(APPROACH)
+    for i in range(count):
+        for j in range(i + 1, count):
+            lose, distance = approach(bodies[i], bodies[j], half, radius, float(j - i), found)
+            assert distance == pytest.approx(np.linalg.norm(bodies[j, :3] - bodies[i, :3]))
+            gap = poses.positions[:, j] - poses.positions[:, i]
+            seen = np.einsum(
+                "fba,fcb->fca",
+                poses.rotations[:, i],
+                gap[:, None] + corners @ poses.rotations[:, j].swapaxes(1, 2),
+            )
+            # In world axes of the middle, where the plane's normal is given.
+            way = (seen - seen[10]) @ bodies[i, ROTATION:VELOCITY].reshape(3, 3).T
+            assert np.linalg.norm(way, axis=-1).max() <= lose + 1e-9
+            axis = rng.normal(size=3)
+            axis /= np.linalg.norm(axis)
+            assert np.abs(way @ axis).max() <= loss_along(found, axis, half, radius) + 1e-9
+
+
+@pytest.mark.parametrize("module", [CUBE, TETRAHEDRON], ids=lambda m: m.name)
+def test_a_rod_is_the_same_as_its_modules_one_by_one(module: Module) -> None:
+    angles, rates, _ = motion(module, 12, 3, 0.1, 0.0)
+    bent = module.hinge_count(6)
+    angles[bent:] = rates[bent:] = 0.0
+    half = 0.5
+    bodies = bodies_of(module, angles, rates, half, 0)
+    straight = forward_kinematics(module, np.zeros_like(angles))
+    moments = np.linspace(-half, half, 21)[:, None]
+    poses = forward_kinematics(module, angles + moments * rates)
+    found = np.empty(WIDTH)
+    for t in range(1, 7):
+        rod_body(
+            bodies[5], straight.positions[t], straight.rotations[t], half, np.empty((3, 3)), found
+        )
+        np.testing.assert_allclose(found[:24], bodies[5 + t, :24], atol=1e-12)
+        ways = np.linalg.norm(poses.positions[:, 5 + t] - found[:3], axis=-1)
+        assert ways.max() <= found[DRIFT] + 1e-9
