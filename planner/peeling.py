@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import SimulationError
-from planner.kernels.core import FIXED, core_repulsion, rod_speed
-from planner.kernels.pairs import largest_approach_speed, near_pairs, repulsion
+from planner.kernels.core import FIXED, core_repulsion, haste, rod_speed
+from planner.kernels.pairs import near_pairs, repulsion
 from planner.model import Base, Material, Rod
 from planner.peeling_core import Core
 from planner.peeling_parameters import PeelingParameters
@@ -208,7 +208,7 @@ class _Peeling:
     def _build(self, angles: Array, rates: Array) -> None:
         p = self.parameters
         self.modules = self.peelable.modules(angles)
-        position, rotation = self.core.cells[self.first], self.core.rotations[self.first]
+        position, rotation = self.peelable.base(self.first)
         centres, halves = self.core.boxes(self.first)
         window = Chain(
             name=self.chain.name,
@@ -236,17 +236,16 @@ class _Peeling:
         segments.place(state)
         positions = segments.positions
         self.recorder.add(self._bend())
-        pairs = near_pairs(positions, p.repulsion_cutoff, LINKED + 1)
         segments.set_contact_time_constant(max(2.0 * self.step_s, 0.03))
         self._turn_aim()
-        forces, nearest = self._forces(positions, pairs)
+        forces = self._forces(positions)
         self._stiffen(positions)
         acceleration = self._accelerations(forces)
         if acceleration is None:
             return
         self.contacts = acceleration.contacts
         state.accelerate(acceleration, self.step_s, self.drag)
-        self._limit(positions, pairs, nearest)
+        self._limit(positions)
         if acceleration.contacts:
             self.step_s = min(self.step_s, p.step_in_contact_s)
         state.advance(self.step_s)
@@ -256,8 +255,8 @@ class _Peeling:
         assert self.target is not None
         self.aim = turned_towards(self.aim, self.target, self.parameters.turn_rad)
 
-    def _forces(self, positions: Array, pairs: NDArray[np.int64]) -> tuple[Array, Array]:
-        """(m, 3) forces, and (m,) distances to the core's cells as far as they are near."""
+    def _forces(self, positions: Array) -> Array:
+        """(m, 3) forces: radial with the wanted tension, the pull at the end, and eq. 3."""
         p = self.parameters
         weak = self.pulse_left > JAM_PULSE[1] - JAM_PULSE[0]
         self.pulse_left = max(0, self.pulse_left - 1)
@@ -270,8 +269,9 @@ class _Peeling:
         forces *= p.tension * scale / largest
         forces[-1] += p.pull * scale * self.aim
         gain = p.repulsion_gain * (4.0 if weak else 1.0)
-        repulsion(positions, pairs, gain, forces)
-        nearest = np.empty(len(positions))
+        free = positions[FIXED:]
+        pairs = near_pairs(free, p.repulsion_cutoff, LINKED + 1)
+        repulsion(free, pairs, gain, forces[FIXED:])
         core_repulsion(
             positions,
             self.first,
@@ -280,9 +280,8 @@ class _Peeling:
             p.repulsion_cutoff,
             gain,
             forces,
-            nearest,
         )
-        return forces, nearest
+        return forces
 
     def _stiffen(self, positions: Array) -> None:
         """Hinges far from the core pull harder towards straight."""
@@ -315,41 +314,44 @@ class _Peeling:
             return None
         return acceleration
 
-    def _limit(self, positions: Array, pairs: NDArray[np.int64], nearest: Array) -> None:
+    def _limit(self, positions: Array) -> None:
         """Caps what one step may move by scaling all velocities; adapts step and drag to it."""
         p = self.parameters
         state, segments = self.state, self.segments
         segments.place(state)
         radius = self.chain.module.radius
-        approach = largest_approach_speed(
-            positions, segments.velocities, segments.spins, pairs, radius
+        loose = np.abs(state.angles).max() < p.loose_rad
+        cap = p.pair_cap_loose if loose else p.pair_cap
+        excess = max(
+            haste(
+                positions,
+                segments.velocities,
+                segments.spins,
+                self.first,
+                self.core.grid,
+                self.core.low,
+                p.repulsion_cutoff,
+                radius,
+                cap,
+                p.slide_cap,
+            ),
+            float(np.abs(state.rates).max()) / p.joint_cap_rad,
+            float(np.sqrt((segments.velocities**2).sum(axis=1).max())) / p.body_cap,
         )
-        speeds = np.sqrt((segments.velocities**2).sum(axis=1))
-        near = nearest < p.repulsion_cutoff
-        if near.any():
-            spins = np.sqrt((segments.spins[near] ** 2).sum(axis=1))
-            approach = max(approach, float((speeds[near] + radius * spins).max()))
         if self.rod:
             low = self.core.low - p.repulsion_cutoff
-            approach = max(
-                approach,
-                rod_speed(
-                    positions[-1],
-                    np.ascontiguousarray(segments.rotations[-1][:, 0]),
-                    self.rod,
-                    segments.velocities[-1],
-                    segments.spins[-1],
-                    radius,
-                    low,
-                    low + np.array(self.core.grid.shape) - 1.0 + 2.0 * p.repulsion_cutoff,
-                ),
+            speed = rod_speed(
+                positions[-1],
+                np.ascontiguousarray(segments.rotations[-1][:, 0]),
+                self.rod,
+                segments.velocities[-1],
+                segments.spins[-1],
+                radius,
+                low,
+                low + np.array(self.core.grid.shape) - 1.0 + 2.0 * p.repulsion_cutoff,
             )
-        loose = np.abs(state.angles).max() < p.loose_rad
-        excess = self.step_s * max(
-            float(np.abs(state.rates).max()) / p.joint_cap_rad,
-            approach / (p.pair_cap_loose if loose else p.pair_cap),
-            float(speeds.max()) / p.body_cap,
-        )
+            excess = max(excess, speed / cap)
+        excess *= self.step_s
         if excess > 1.0:
             state.scale_velocities(1.0 / excess)
             self.drag = min(p.drag[1], 1.05 * self.drag)

@@ -26,8 +26,9 @@ class PeelingParameters:
         step_s, step_in_contact_s: Smallest and largest time step; largest one in contact.
         drag: Smallest and largest uniform drag α.
         joint_cap_rad: No hinge turns more in one step.
-        pair_cap, pair_cap_loose: No two near modules move more against each other in one step,
-            until the window is loose and after.
+        pair_cap, pair_cap_loose: No two near modules come nearer by more in one step, until the
+            window is loose and after.
+        slide_cap: Nor do they slide along each other by more.
         body_cap: No module of the window moves more in one step.
         loose_rad: A window is loose when every hinge is below this.
         release_rad: The next unit is let go when all hinges of the last one are below this.
@@ -61,6 +62,7 @@ class PeelingParameters:
     joint_cap_rad: float = 0.02
     pair_cap: float = 0.025
     pair_cap_loose: float = 0.05
+    slide_cap: float = 0.1
     body_cap: float = 0.4
     loose_rad: float = 1.2
     release_rad: float = 1.3

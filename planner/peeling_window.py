@@ -71,8 +71,16 @@ class Peelable:
         count = end - k * first
         return first, self.widened(a, first, count), self.widened(b, first, count)
 
+    def base(self, first: int) -> tuple[Array, Array]:
+        """(3,) and (3, 3) pose of a window's first module, drawn straight behind its second.
+
+        The joint between them is folded, so it is not where the chain has that module.
+        """
+        rotation = self.core.rotations[first + 1]
+        return self.core.cells[first + 1] - rotation[:, 0], rotation
+
     def poses(self, first: int, angles: Array) -> tuple[Array, Array]:
-        """(m, 3) centres and (m, 3, 3) orientations of a window's modules."""
+        """(m, 3) centres and (m, 3, 3) orientations of a window's modules, see ``base``."""
         module = self.chain.module
         m = self.modules(angles)
         positions, rotations = np.empty((m, 3)), np.empty((m, 3, 3))
@@ -84,8 +92,7 @@ class Peelable:
             module.turn,
             module.offset,
             0,
-            self.core.cells[first],
-            self.core.rotations[first],
+            *self.base(first),
             positions,
             rotations,
         )
