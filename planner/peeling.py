@@ -221,7 +221,7 @@ class _Peeling:
             window,
             self.material,
             base=Base(position=position, rotation=rotation, centres=centres, halves=halves),
-            rod=Rod(modules=self.rod) if self.rod else None,
+            rod=Rod(modules=self.rod, most_modules=p.rod_modules) if self.rod else None,
         )
         self.state = State.at_rest(angles, position, rotation)
         self.state.rates = rates
@@ -366,7 +366,9 @@ class _Peeling:
         """Whether the next unit may be let go."""
         p = self.parameters
         assert self.target is not None
-        unit = np.abs(self.state.angles[: self.peelable.hinges * self.unit])
+        # The joints next to the core may have to wait for what lies in their way.
+        hinges = self.peelable.hinges
+        unit = np.abs(self.state.angles[hinges * p.skipped : hinges * self.unit])
         return bool(
             self.depth < BACK_OFF_DEPTH
             and self.contacts <= p.release_contacts

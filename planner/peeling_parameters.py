@@ -32,6 +32,8 @@ class PeelingParameters:
         body_cap: No module of the window moves more in one step.
         loose_rad: A window is loose when every hinge is below this.
         release_rad: The next unit is let go when all hinges of the last one are below this.
+        skipped: But for so many joints next to the core.
+        rod_modules: The rod has the inertia of so many modules at most.
         release_contacts: And there are no more contacts than this.
         window: And there are fewer modules in the window.
         most_modules: There are never more.
@@ -66,10 +68,12 @@ class PeelingParameters:
     body_cap: float = 0.4
     loose_rad: float = 1.2
     release_rad: float = 1.3
+    skipped: int = 8
+    rod_modules: int = 4
     release_contacts: int = 12
     window: int = 70
     most_modules: int = 160
-    retire_rad: float = 0.06
+    retire_rad: float = 0.12
     retire_height: float = 4.0
     snapshot_rad: float = 0.05
     snapshot_distance: float = 0.7
