@@ -200,8 +200,13 @@ class _Peeling:
         self._build(np.concatenate([fresh, angles]), np.concatenate([0.0 * fresh, rates]))
         unit = self.core.cells[first + FIXED : first + FIXED + self.unit]
         self.field = self.core.distances(first)
-        self.centre = unit.mean(axis=0)
-        self.target = self.core.way_out(self.field, self.centre, first + 1, self.target)
+        if first:
+            self.centre = unit.mean(axis=0)
+            self.target = self.core.way_out(self.field, self.centre, first + 1, self.target)
+        else:
+            # Nothing is left in the way: all goes where the first link points.
+            self.centre = self.core.cells[1]
+            self.target = self.core.rotations[1][:, 0]
         if not self.aim.any():
             self.aim = self.target
 

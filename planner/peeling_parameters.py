@@ -77,7 +77,7 @@ class PeelingParameters:
     retire_height: float = 4.0
     snapshot_rad: float = 0.05
     snapshot_distance: float = 0.7
-    finish_rad: float = 0.6
+    finish_rad: float = 1.0
     verify_size: float = 0.98
     patience: int = 500
     max_steps_per_module: int = 60
