@@ -38,6 +38,7 @@ LINKED: Final = 1
 COMMIT_EVERY: Final = 25
 RELEASE_EVERY: Final = 5
 RETIRE_EVERY: Final = 20
+STIFFEN_EVERY: Final = 5
 FEWEST_RETIRED: Final = 6
 FEWEST_LEFT: Final = 6
 """Fewer modules than this are let go together with the unit before."""
@@ -197,9 +198,9 @@ class _Peeling:
         fresh = self.chain.folded_rad[hinges * first : hinges * self.first]
         self.unit = self.first - first
         self.first = first
+        self.field = self.core.distances(first)
         self._build(np.concatenate([fresh, angles]), np.concatenate([0.0 * fresh, rates]))
         unit = self.core.cells[first + FIXED : first + FIXED + self.unit]
-        self.field = self.core.distances(first)
         if first:
             self.centre = unit.mean(axis=0)
             self.target = self.core.way_out(self.field, self.centre, first + 1, self.target)
@@ -232,7 +233,8 @@ class _Peeling:
         self.state.rates = rates
         self.saved = (self.time_s, self.state.copy())
         self.retries = 0
-        self.stiffness = np.full(len(angles), p.spring)
+        self.segments.place(self.state)
+        self._stiffen(self.segments.positions)
 
     def _step(self) -> None:
         p = self.parameters
@@ -244,7 +246,8 @@ class _Peeling:
         segments.set_contact_time_constant(max(2.0 * self.step_s, 0.03))
         self._turn_aim()
         forces = self._forces(positions)
-        self._stiffen(positions)
+        if self.steps % STIFFEN_EVERY == 0:
+            self._stiffen(positions)
         acceleration = self._accelerations(forces)
         if acceleration is None:
             return
@@ -291,8 +294,8 @@ class _Peeling:
     def _stiffen(self, positions: Array) -> None:
         """Hinges far from the core pull harder towards straight."""
         p = self.parameters
-        self.heights = self.core.distance_at(self.field, positions)
-        share = np.clip((self.heights[1:-1] - 2.0) / 6.0, 0.0, 1.0)
+        heights = self.core.distance_at(self.field, positions)
+        share = np.clip((heights[1:-1] - 2.0) / 6.0, 0.0, 1.0)
         stiffness = p.spring * (1.0 + (p.stiffening - 1.0) * share)
         self.segments.set_stiffness(np.repeat(stiffness, self.peelable.hinges))
 
@@ -405,14 +408,13 @@ class _Peeling:
         before = self._bend()
         left = angles[: len(angles) - hinges * count]
         after = Bend(time_s=self.time_s, first=self.first, angles=left.copy())
-        positions, rotations = self.peelable.poses(self.first, left)
+        _, rotations = self.peelable.poses(self.first, left)
         if rotations[-1][:, 0] @ self.segments.rotations[-1][:, 0] < TURNED:
             return
         if not self.peelable.clear_between(
             before, after, size=p.verify_size, least=LEAST_CLEARANCE, parts=4
         ):
             return
-        del positions
         self._settle()
         rates = self.state.rates[: len(left)]
         self._build(left.copy(), rates.copy())
@@ -501,11 +503,16 @@ class _Peeling:
     def _stall_reason(self) -> str:
         angles = np.abs(self.state.angles).reshape(-1, self.peelable.hinges).max(axis=1)
         worst = int(np.argmax(angles))
+        let_go = (
+            f"with modules 0 to {self.first + 1} still folded"
+            if self.first
+            else "with all of it let go"
+        )
         return (
-            f"the chain is stuck with modules 0 to {self.first + 1} still folded: {self.pushes} "
-            f"pushes in a row moved nothing on, and the joint of module {self.first + 1 + worst} "
-            f"stays bent by {np.rad2deg(angles[worst]):.0f}°; what comes next may be buried. Try "
-            "to begin at the other end, or a path whose units come off in its order."
+            f"the chain is stuck {let_go}: {self.pushes} pushes in a row moved nothing on, and the "
+            f"joint of module {self.first + 1 + worst} stays bent by "
+            f"{np.rad2deg(angles[worst]):.0f}°; it may be buried or knotted. Try to begin at the "
+            "other end, or a path whose units come off in its order."
         )
 
     def _progress(self, rate: float) -> Progress:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from planner.chain import Chain
 from planner.errors import SimulationError
 from planner.kernels.kinematics import chain_poses
+from planner.kernels.roots import wxyzs_of
 from planner.kernels.velocities import chain_velocities
 from planner.model import (
     SEGMENT_MODULES,
@@ -100,7 +101,8 @@ class State:
         """One step of the configuration: q ← q + h q̇."""
         self.angles += step_s * self.rates
         self.position += step_s * self.velocity
-        self.rotation = self.rotation @ turned(self.spin * step_s)
+        if self.spin.any():
+            self.rotation = self.rotation @ turned(self.spin * step_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -215,7 +217,12 @@ class Segments:
         starts = self.starts
         data.qpos[self._hinge_qpos] = state.angles
         data.qpos[self._root_qpos[:, :3]] = self.positions[starts]
-        data.qpos[self._root_qpos[:, 3:]] = wxyz_from_matrix(self.rotations[starts])
+        if self._middle is None:
+            wxyzs = np.empty((len(starts), 4))
+            wxyzs_of(self.rotations, starts, wxyzs)
+        else:
+            wxyzs = wxyz_from_matrix(self.rotations[starts])
+        data.qpos[self._root_qpos[:, 3:]] = wxyzs
         data.qvel[self._hinge_dofs] = state.rates
         data.qvel[self._root_dofs[:, :3]] = self.velocities[starts]
         data.qvel[self._root_dofs[:, 3:]] = _to_local(self.rotations[starts], self.spins[starts])

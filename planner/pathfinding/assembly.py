@@ -278,4 +278,3 @@ def _block_snake(corner: Ints, axis: int, side: int) -> Ints:
     others = [k for k in range(3) if k != axis]
     cells = snake_path((side, side, side), axes=(others[0], others[1], axis))
     return np.where(corner == 1, side - 1 - cells, cells)
-

@@ -80,9 +80,7 @@ def test_where_blocks_have_no_path_halves_have_one() -> None:
 
 
 def test_the_seed_decides() -> None:
-    one, again, other = (
-        assembly_path(table(), np.random.default_rng(seed)) for seed in (3, 3, 4)
-    )
+    one, again, other = (assembly_path(table(), np.random.default_rng(seed)) for seed in (3, 3, 4))
     assert one is not None and again is not None and other is not None
     np.testing.assert_array_equal(one, again)
     assert (one != other).any()
