@@ -52,6 +52,9 @@ MOST_PUSHES: Final = 8
 BACK_OFF_DEPTH: Final = 0.012
 DEEP: Final = 0.016
 MOST_RETRIES: Final = 6
+FEWEST_PARTS: Final = 4
+PART_RAD: Final = 0.01
+"""What is retired is looked at whenever the rod has turned so much."""
 ALIGNED: Final = 0.5
 TURNED: Final = 0.95
 LEAST_CLEARANCE: Final = 0.004
@@ -358,7 +361,9 @@ class _Peeling:
                 low,
                 low + np.array(self.core.grid.shape) - 1.0 + 2.0 * p.repulsion_cutoff,
             )
-            excess = max(excess, speed / cap)
+            # A rod that is outside may not come in within one step, so far out as it may reach.
+            spin = float(np.linalg.norm(segments.spins[-1]))
+            excess = max(excess, speed / cap, spin / p.turn_rad)
         excess *= self.step_s
         if excess > 1.0:
             state.scale_velocities(1.0 / excess)
@@ -409,10 +414,12 @@ class _Peeling:
         left = angles[: len(angles) - hinges * count]
         after = Bend(time_s=self.time_s, first=self.first, angles=left.copy())
         _, rotations = self.peelable.poses(self.first, left)
-        if rotations[-1][:, 0] @ self.segments.rotations[-1][:, 0] < TURNED:
+        turned = float(rotations[-1][:, 0] @ self.segments.rotations[-1][:, 0])
+        if turned < TURNED:
             return
+        parts = FEWEST_PARTS + int(np.arccos(min(turned, 1.0)) / PART_RAD)
         if not self.peelable.clear_between(
-            before, after, size=p.verify_size, least=LEAST_CLEARANCE, parts=4
+            before, after, size=p.verify_size, least=LEAST_CLEARANCE, parts=parts
         ):
             return
         self._settle()
@@ -432,6 +439,7 @@ class _Peeling:
             first=self.first,
             angles=self.state.angles.copy(),
             centres=self.segments.positions.copy(),
+            along=self.segments.rotations[-1][:, 0].copy(),
         )
 
     def _commit(self) -> None:
@@ -458,8 +466,9 @@ class _Peeling:
             return False
         count = int(np.ceil(max(largest / p.snapshot_rad, 1.0)))
         bends: list[Bend] = []
-        for k in range(1, 2 * count + 1):
-            scaled = (1.0 - k / (2 * count)) * angles
+        looks = max(2, int(np.ceil(float(np.abs(angles).sum()) / (2.0 * PART_RAD * count))))
+        for k in range(1, looks * count + 1):
+            scaled = (1.0 - k / (looks * count)) * angles
             if (
                 self.peelable.clearance(
                     self.first, scaled, size=p.verify_size, enough=LEAST_CLEARANCE
@@ -467,8 +476,8 @@ class _Peeling:
                 < LEAST_CLEARANCE
             ):
                 return False
-            if k % 2 == 0:
-                time_s = self.time_s + 0.5 * k * FRAME_S
+            if k % looks == 0:
+                time_s = self.time_s + k / looks * FRAME_S
                 bends.append(Bend(time_s=time_s, first=self.first, angles=scaled))
         self._settle()
         for bend in bends:

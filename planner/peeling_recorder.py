@@ -17,6 +17,8 @@ CLOSE: Final = 0.06
 """Clearances above this are not told apart."""
 WORSE: Final = 0.002
 """A halfway frame this much closer than both its neighbours asks for a snapshot in between."""
+FARTHEST_TURN: Final = float(np.cos(0.05))
+"""Cosine of how far the rod turns between two snapshots."""
 
 
 class PeelRecorder:
@@ -109,6 +111,8 @@ class PeelRecorder:
             return True
         if a.centres is None or b.centres is None:
             return False
+        if a.along is not None and b.along is not None and a.along @ b.along < FARTHEST_TURN:
+            return True
         low = max(a.first, b.first)
         high = min(a.first + len(a.centres), b.first + len(b.centres))
         gone = a.centres[low - a.first : high - a.first] - b.centres[low - b.first : high - b.first]

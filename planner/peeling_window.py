@@ -25,12 +25,14 @@ class Bend:
         first: The window's first module; it and the next one belong to the core.
         angles: (H,) angles of the window's hinges; the modules after them are straight.
         centres: (m, 3) the window's modules; None where they are not known.
+        along: (3,) the rod's direction; None where it is not known.
     """
 
     time_s: float
     first: int
     angles: Array
     centres: Array | None = None
+    along: Array | None = None
 
 
 class Peelable:
