@@ -34,7 +34,7 @@ def peeling(reference_seconds: float, boxes: tuple[str, ...] = BOXES) -> Section
     for box in boxes:
         section.rows.append(_run(box))
     rows = section.rows
-    if len(rows) > 1:
+    if len({row["modules"] for row in rows}) > 1:
         slope = np.polyfit(
             np.log([row["modules"] for row in rows]), np.log([row["cpu s"] for row in rows]), 1
         )[0]
@@ -76,7 +76,7 @@ def clearance(chain: Chain, frames: Windows, size: float) -> float:
     peelable = Peelable(chain)
     worst = 1.0 - size
     first = int(frames.first[0])
-    before = np.zeros(0)
+    before = frames.angles_rad[: frames.offsets[1]].astype(np.float64)
     for k in range(len(frames)):
         at = int(frames.first[k])
         now = frames.angles_rad[frames.offsets[k] : frames.offsets[k + 1]].astype(np.float64)
