@@ -134,8 +134,8 @@ class _Peeling:
         self.first = len(chain) - FIXED
         self.modules = 0
         self.unit = 0
-        self.aim = np.zeros(3)
-        self.target: Array | None = None
+        self.aim: Array = np.zeros(3)
+        self.target: Array = np.zeros(3)
         self._let_go(np.zeros(0), np.zeros(0))
 
     @property
@@ -206,7 +206,8 @@ class _Peeling:
         unit = self.core.cells[first + FIXED : first + FIXED + self.unit]
         if first:
             self.centre = unit.mean(axis=0)
-            self.target = self.core.way_out(self.field, self.centre, first + 1, self.target)
+            before = self.target if self.target.any() else None
+            self.target = self.core.way_out(self.field, self.centre, first + 1, before)
         else:
             # Nothing is left in the way: all goes where the first link points.
             self.centre = self.core.cells[1]
@@ -263,7 +264,6 @@ class _Peeling:
         self.time_s += self.step_s
 
     def _turn_aim(self) -> None:
-        assert self.target is not None
         self.aim = turned_towards(self.aim, self.target, self.parameters.turn_rad)
 
     def _forces(self, positions: Array) -> Array:
@@ -378,7 +378,6 @@ class _Peeling:
     def _ready(self) -> bool:
         """Whether the next unit may be let go."""
         p = self.parameters
-        assert self.target is not None
         # The joints next to the core may have to wait for what lies in their way.
         hinges = self.peelable.hinges
         unit = np.abs(self.state.angles[hinges * p.skipped : hinges * self.unit])
