@@ -135,8 +135,8 @@ def turned(rotation_vector: Array) -> Array:
 class Segments:
     """A chain as MuJoCo's segments. Holds a model and its data.
 
-    Without a base the root of the state is the chain's middle module. With one it is module 0, which
-    does not move; and a rod may be fixed to the last module, see ``planner.model``.
+    Without a base the root of the state is the chain's middle module. With one it is module 0,
+    which does not move; and a rod may be fixed to the last module, see ``planner.model``.
     """
 
     def __init__(
