@@ -21,8 +21,17 @@ from numpy.typing import NDArray
 from planner.chain import Chain
 from planner.errors import SimulationError
 from planner.kernels.kinematics import chain_poses
+from planner.kernels.roots import wxyzs_of
 from planner.kernels.velocities import chain_velocities
-from planner.model import SEGMENT_MODULES, Material, compiled, segment_spec, segment_starts
+from planner.model import (
+    SEGMENT_MODULES,
+    Base,
+    Material,
+    Rod,
+    compiled,
+    segment_spec,
+    segment_starts,
+)
 from planner.rotations import matrix_from_wxyz, wxyz_from_matrix
 from planner.untyped import mujoco
 
@@ -92,7 +101,8 @@ class State:
         """One step of the configuration: q ← q + h q̇."""
         self.angles += step_s * self.rates
         self.position += step_s * self.velocity
-        self.rotation = self.rotation @ turned(self.spin * step_s)
+        if self.spin.any():
+            self.rotation = self.rotation @ turned(self.spin * step_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,14 +133,26 @@ def turned(rotation_vector: Array) -> Array:
 
 
 class Segments:
-    """A chain as MuJoCo's segments. Holds a model and its data."""
+    """A chain as MuJoCo's segments. Holds a model and its data.
+
+    Without a base the root of the state is the chain's middle module. With one it is module 0,
+    which does not move; and a rod may be fixed to the last module, see ``planner.model``.
+    """
 
     def __init__(
-        self, chain: Chain, material: Material, *, segment_modules: int = SEGMENT_MODULES
+        self,
+        chain: Chain,
+        material: Material,
+        *,
+        segment_modules: int = SEGMENT_MODULES,
+        base: Base | None = None,
+        rod: Rod | None = None,
     ) -> None:
         self.chain = chain
-        self.starts = np.array(segment_starts(chain, segment_modules))
-        self.model: Any = compiled(segment_spec(chain, material, self.starts.tolist()))
+        self.root = chain.root if base is None else 0
+        starts = segment_starts(chain, segment_modules, root=self.root)
+        self.starts = np.array(starts if base is None else starts[1:], dtype=np.int64)
+        self.model: Any = compiled(segment_spec(chain, material, starts, base=base, rod=rod))
         self._set_options()
         self.data: Any = mujoco.MjData(self.model)
         names = chain.joint_names
@@ -138,9 +160,12 @@ class Segments:
         self._hinge_qpos = np.array([j.qposadr[0] for j in joints], dtype=np.int64)
         self._hinge_dofs = np.array([j.dofadr[0] for j in joints], dtype=np.int64)
         roots = [self.model.joint(f"root_{start}") for start in self.starts]
-        self._root_qpos = np.array([j.qposadr[0] for j in roots])[:, None] + np.arange(7)
-        self._root_dofs = np.array([j.dofadr[0] for j in roots])[:, None] + np.arange(6)
-        self._middle = int(np.flatnonzero(self.starts == chain.root)[0])
+        qpos = np.array([j.qposadr[0] for j in roots], dtype=np.int64)
+        dofs = np.array([j.dofadr[0] for j in roots], dtype=np.int64)
+        self._root_qpos = qpos[:, None] + np.arange(7)
+        self._root_dofs = dofs[:, None] + np.arange(6)
+        self._middle = int(np.flatnonzero(self.starts == self.root)[0]) if base is None else None
+        self._hinge_ids = np.array([j.id for j in joints], dtype=np.int64)
         self._bodies = np.array([self.model.body(f"module_{i}").id for i in range(len(chain))])
         n = len(chain)
         self.positions = np.empty((n, 3))
@@ -165,11 +190,17 @@ class Segments:
         """How fast contacts push back: ``solref[0]`` of every geom."""
         self.model.geom_solref[:, 0] = seconds
 
+    def set_stiffness(self, stiffness: Array) -> None:
+        """Springs of the (J,) hinges towards straight."""
+        self.model.jnt_stiffness[self._hinge_ids] = stiffness
+
     def place(self, state: State) -> None:
         """Writes poses and velocities of all modules for a state, see the attributes."""
         self._kinematics(state, self.positions, self.rotations, self.velocities, self.spins)
 
-    def accelerations(self, state: State, forces: Array) -> Acceleration:
+    def accelerations(
+        self, state: State, forces: Array, *, end_torque: Array | None = None
+    ) -> Acceleration:
         """The acceleration of a state under forces on the modules.
 
         ``place`` must have been called for the same state.
@@ -177,6 +208,7 @@ class Segments:
         Args:
             state: The reduced state.
             forces: (n, 3) at the modules' centres, in the world.
+            end_torque: (3,) on the last module, in the world; none by default.
 
         Raises:
             SimulationError: When MuJoCo warns of bad numbers.
@@ -185,11 +217,18 @@ class Segments:
         starts = self.starts
         data.qpos[self._hinge_qpos] = state.angles
         data.qpos[self._root_qpos[:, :3]] = self.positions[starts]
-        data.qpos[self._root_qpos[:, 3:]] = wxyz_from_matrix(self.rotations[starts])
+        if self._middle is None:
+            wxyzs = np.empty((len(starts), 4))
+            wxyzs_of(self.rotations, starts, wxyzs)
+        else:
+            wxyzs = wxyz_from_matrix(self.rotations[starts])
+        data.qpos[self._root_qpos[:, 3:]] = wxyzs
         data.qvel[self._hinge_dofs] = state.rates
         data.qvel[self._root_dofs[:, :3]] = self.velocities[starts]
         data.qvel[self._root_dofs[:, 3:]] = _to_local(self.rotations[starts], self.spins[starts])
         data.xfrc_applied[self._bodies, :3] = forces
+        if end_torque is not None:
+            data.xfrc_applied[self._bodies[-1], 3:] = end_torque
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
         if data.ncon:
@@ -200,11 +239,11 @@ class Segments:
         acceleration = data.qacc
         if not np.isfinite(acceleration).all() or np.abs(acceleration).max() > 1e10:
             raise SimulationError("the accelerations are no longer finite.")
-        middle = self._root_dofs[self._middle]
+        root = np.zeros(6) if self._middle is None else acceleration[self._root_dofs[self._middle]]
         return Acceleration(
             hinges=acceleration[self._hinge_dofs],
-            linear=acceleration[middle[:3]],
-            angular=acceleration[middle[3:]],
+            linear=root[:3],
+            angular=root[3:],
             contacts=int(data.ncon),
             depth=max(0.0, -float(data.contact.dist.min())) if data.ncon else 0.0,
         )
@@ -231,7 +270,7 @@ class Segments:
     def _kinematics(
         self, state: State, positions: Array, rotations: Array, velocities: Array, spins: Array
     ) -> None:
-        module, root = self.chain.module, self.chain.root
+        module, root = self.chain.module, self.root
         chain_poses(
             state.angles,
             module.rigid_links,

@@ -1,0 +1,280 @@
+"""Assembly order: paths whose cells come off one after the other, from the far end.
+
+Such a path could have been laid cell by cell, each unit coming in along a free line. Boxes get a
+snake, layer by layer. Other shapes are visited block by block along a coarse path that is found by
+a depth-first search: low layers first, narrow places first, and each new block with a free line to
+the outside at its turn. Within a block of an even side a snake joins two corners that differ in one
+coordinate, so for every coarse path there is a choice of snakes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.pathfinding.lattice import neighbours
+from planner.pathfinding.snake import snake_path
+
+Ints = NDArray[np.int64]
+
+UNIT: Final = 32
+ATTEMPTS: Final = 6
+DRAWS: Final = 3
+VISITS: Final = 10
+"""Blocks looked at in one attempt, for each block that there is."""
+LAYER_WEIGHT: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Peelability:
+    """How well a path can be peeled from its far end.
+
+    Attributes:
+        unit: Cells that come off at once.
+        shares: (U,) for each unit, from the far end on, the largest share of its cells that have a
+            free line in one common direction when it is the unit's turn.
+    """
+
+    unit: int
+    shares: NDArray[np.float64]
+
+    @property
+    def buried(self) -> Ints:
+        """The units of which some cell has no free line in the best direction."""
+        return np.flatnonzero(self.shares < 1.0)
+
+    @property
+    def free(self) -> bool:
+        """Whether every unit can leave along a line."""
+        return not len(self.buried)
+
+    @property
+    def score(self) -> float:
+        """1 when every unit can leave; less where some are buried, by the worst and by the mean."""
+        return float(0.5 * (self.shares.min(initial=1.0) + self.shares.mean()))
+
+
+def peelable(cells: Ints, unit: int = UNIT) -> Peelability:
+    """Whether a path can be peeled from its far end, and how well.
+
+    Args:
+        cells: (n, 3) in the order of the path.
+        unit: Cells that come off at once.
+    """
+    count = len(cells)
+    low = cells.min(axis=0)
+    grid = np.full(cells.max(axis=0) - low + 1, count, dtype=np.int64)
+    places = tuple((cells - low).T)
+    grid[places] = np.arange(count)
+    # Units are counted from the far end; the last one may be shorter.
+    of_unit = (count - 1 - np.arange(count)) // unit
+    start = np.maximum(count - unit * (of_unit + 1), 0)
+    units = int(of_unit.max()) + 1
+    sizes = np.bincount(of_unit, minlength=units)
+    best = np.zeros(units)
+    for axis in range(3):
+        for side in (1, -1):
+            line = np.flip(grid, axis) if side > 0 else grid
+            least = np.minimum.accumulate(line, axis=axis)
+            beyond = np.roll(least, 1, axis=axis)
+            edge = [slice(None)] * 3
+            edge[axis] = slice(0, 1)
+            beyond[tuple(edge)] = count
+            if side > 0:
+                beyond = np.flip(beyond, axis)
+            free = beyond[places] >= start
+            best = np.maximum(best, np.bincount(of_unit, weights=free, minlength=units) / sizes)
+    return Peelability(unit=unit, shares=best)
+
+
+def layered_snake(sides: tuple[int, int, int]) -> Ints:
+    """(n, 3) the snake through a box with the smallest layers, and the shortest rows in them."""
+    order = np.argsort(sides, kind="stable")
+    return snake_path(sides, axes=(int(order[0]), int(order[1]), int(order[2])))
+
+
+def assembly_path(
+    coarse: Ints, rng: np.random.Generator, *, side: int = 2, visits: int = VISITS
+) -> Ints | None:
+    """A path in assembly order through blocks, or None when none was found.
+
+    Args:
+        coarse: (m, 3) the blocks; block b holds the cells side · b + {0 … side − 1}³.
+        rng: Decides between equals, and what another attempt does otherwise.
+        side: Cells along each edge of a block, even.
+        visits: Blocks looked at in one attempt, for each block that there is.
+
+    Returns:
+        (m · side³, 3) the cells in order.
+    """
+    if side < 2 or side % 2:
+        raise ValueError(f"got blocks of side {side}, expected an even number")
+    blocks = np.unique(np.asarray(coarse, dtype=np.int64), axis=0)
+    order = coarse_path(blocks, rng, visits=visits)
+    return None if order is None else filled_blocks(blocks[order], side)
+
+
+def solid_path(coarse: Ints, rng: np.random.Generator, *, side: int = 4) -> Ints | None:
+    """A path in assembly order with blocks as large as they can be: of that side, or of halves.
+
+    Args:
+        coarse: (m, 3) the blocks, as in ``assembly_path``.
+        rng: Decides between equals.
+        side: Cells along each edge of a block; a power of two.
+    """
+    blocks = np.asarray(coarse, dtype=np.int64)
+    while side >= 2:
+        best: Ints | None = None
+        score = 0.0
+        for _ in range(DRAWS):
+            found = assembly_path(blocks, rng, side=side)
+            if found is None:
+                break
+            rated = peelable(found).score
+            if rated > score:
+                best, score = found, rated
+            if score == 1.0:
+                break
+        if best is not None:
+            return best
+        corners = np.argwhere(np.ones((2, 2, 2), dtype=bool))
+        blocks = (2 * blocks[:, None] + corners).reshape(-1, 3)
+        side //= 2
+    return None
+
+
+def coarse_path(blocks: Ints, rng: np.random.Generator, *, visits: int = VISITS) -> Ints | None:
+    """(m,) the blocks in assembly order, each touching the next, or None when none was found."""
+    near = neighbours(blocks)
+    black = int((blocks.sum(axis=1) & 1).sum())
+    if abs(len(blocks) - 2 * black) > 1:
+        return None
+    for attempt in range(ATTEMPTS):
+        axis = (2, 1, 0)[attempt % 3]
+        found = _Search(blocks, near, axis, rng).run(visits * len(blocks))
+        if found is not None:
+            return np.array(found, dtype=np.int64)
+    return None
+
+
+class _Search:
+    """A depth-first search for a path through all blocks, each free at its turn."""
+
+    def __init__(self, blocks: Ints, near: Ints, axis: int, rng: np.random.Generator) -> None:
+        self.count = len(blocks)
+        self.near = [[int(b) for b in row if b >= 0] for row in near]
+        self.lines = _lines(blocks)
+        self.placed = [False] * self.count
+        self.degree = [len(row) for row in self.near]
+        height = blocks[:, axis] - blocks[:, axis].min()
+        self.key = (LAYER_WEIGHT * height + rng.uniform(0.0, 1.0, self.count)).tolist()
+
+    def run(self, visits: int) -> list[int] | None:
+        start = min(range(self.count), key=lambda b: self.key[b] + self.degree[b])
+        path = [start]
+        self._place(start)
+        waiting = [self._choices(start)]
+        while waiting and visits:
+            visits -= 1
+            if len(path) == self.count:
+                return path
+            if waiting[-1]:
+                block = waiting[-1].pop()
+                self._place(block)
+                path.append(block)
+                waiting.append(self._choices(block))
+            else:
+                waiting.pop()
+                self._take(path.pop())
+        return path if len(path) == self.count else None
+
+    def _place(self, block: int) -> None:
+        self.placed[block] = True
+        for other in self.near[block]:
+            self.degree[other] -= 1
+
+    def _take(self, block: int) -> None:
+        self.placed[block] = False
+        for other in self.near[block]:
+            self.degree[other] += 1
+
+    def _choices(self, block: int) -> list[int]:
+        """What may come next, the best last."""
+        free = [b for b in self.near[block] if not self.placed[b]]
+        # A neighbour whose only way in is from here must come next, or be the end.
+        lonely = [b for b in free if self.degree[b] == 0]
+        left = self.count - sum(self.placed) if lonely else 0
+        if lonely and left > 1:
+            return []
+        tight = [b for b in free if self.degree[b] == 1]
+        if len(tight) > 2:
+            return []
+        found = [b for b in free if self._has_way(b)]
+        found.sort(key=lambda b: -(self.key[b] + self.degree[b]))
+        return found
+
+    def _has_way(self, block: int) -> bool:
+        """Whether a line leads from a block to the outside past all that are placed."""
+        return any(not any(self.placed[b] for b in line) for line in self.lines[block])
+
+
+def _lines(blocks: Ints) -> list[list[list[int]]]:
+    """For each block and direction the blocks beyond it in its row, behind gaps too."""
+    low = blocks.min(axis=0)
+    grid = np.full(blocks.max(axis=0) - low + 1, -1, dtype=np.int64)
+    grid[tuple((blocks - low).T)] = np.arange(len(blocks))
+    found: list[list[list[int]]] = []
+    for x, y, z in (blocks - low).tolist():
+        rows = (
+            (grid[x + 1 :, y, z], grid[:x, y, z]),
+            (grid[x, y + 1 :, z], grid[x, :y, z]),
+            (grid[x, y, z + 1 :], grid[x, y, :z]),
+        )
+        found.append([[b for b in way.tolist() if b >= 0] for row in rows for way in row])
+    return found
+
+
+def filled_blocks(order: Ints, side: int) -> Ints:
+    """(m · side³, 3) cells along a path of blocks, a snake in each.
+
+    Args:
+        order: (m, 3) blocks, each touching the next.
+        side: Cells along each edge, even.
+    """
+    corner = np.zeros(3, dtype=np.int64)
+    if len(order) > 1:
+        first = order[1] - order[0]
+        axis = int(np.argmax(np.abs(first)))
+        corner[axis] = int(first[axis] < 0)  # begin on the far side: the snake runs to the exit
+    parts: list[Ints] = []
+    for k, block in enumerate(order):
+        step = order[k + 1] - block if k + 1 < len(order) else None
+        axis, after = _exit(corner, step)
+        parts.append(side * block + _block_snake(corner, axis, side))
+        if step is not None:
+            corner = after.copy()
+            corner[int(np.argmax(np.abs(step)))] ^= 1
+    return np.concatenate(parts)
+
+
+def _exit(corner: Ints, step: Ints | None) -> tuple[int, Ints]:
+    """The axis along which a block is run through, and the corner at which it is left."""
+    leave = corner.copy()
+    if step is None:
+        leave[2] ^= 1
+        return 2, leave
+    way = int(np.argmax(np.abs(step)))
+    wanted = int(step[way] > 0)
+    axis = way if corner[way] != wanted else (way + 1) % 3
+    leave[axis] ^= 1
+    return axis, leave
+
+
+def _block_snake(corner: Ints, axis: int, side: int) -> Ints:
+    """(side³, 3) from a corner to the one at the other end of an axis."""
+    others = [k for k in range(3) if k != axis]
+    cells = snake_path((side, side, side), axes=(others[0], others[1], axis))
+    return np.where(corner == 1, side - 1 - cells, cells)

@@ -1,0 +1,139 @@
+"""Recorder of a peeling: picks the snapshots from all its steps, as it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.peeling_window import Bend, Peelable
+from planner.timeline import PHASES
+from planner.windows import Windows
+
+Array = NDArray[np.float64]
+CLOSE: Final = 0.06
+"""Clearances above this are not told apart."""
+WORSE: Final = 0.002
+"""A halfway frame this much closer than both its neighbours asks for a snapshot in between."""
+FARTHEST_TURN: Final = float(np.cos(0.05))
+"""Cosine of how far the rod turns between two snapshots."""
+
+
+class PeelRecorder:
+    """Takes every step, keeps the snapshots that the record needs, and passes them on.
+
+    As ``planner.recorder.Recorder``, for configurations that are folded, bent, then straight.
+    """
+
+    def __init__(
+        self,
+        peelable: Peelable,
+        *,
+        snapshot_rad: float,
+        snapshot_distance: float,
+        size: float,
+        sink: Callable[[Windows], None] | None,
+    ) -> None:
+        self._peelable = peelable
+        self._snapshot_rad = snapshot_rad
+        self._snapshot_distance = snapshot_distance
+        self._size = size
+        self._sink = sink
+        self._waiting: list[Bend] = []
+        self._kept: list[Windows] = []
+        self._last: Bend | None = None
+
+    def add(self, bend: Bend) -> None:
+        """Takes a step that may still be taken back."""
+        self._waiting.append(bend)
+
+    def take_back(self) -> None:
+        """Forgets the steps since the last ``commit``."""
+        self._waiting = []
+
+    def commit(self, *, end: bool = False) -> None:
+        """Makes the steps so far final and passes their snapshots on.
+
+        Args:
+            end: Keep the last step as a snapshot in any case.
+        """
+        waiting = self._waiting
+        chosen: list[Bend] = []
+        first = 0
+        for k, bend in enumerate(waiting):
+            if self._last is None:
+                pick = k
+            elif self._far(self._last, bend):
+                pick = max(first, k - 1)
+            else:
+                continue
+            if self._last is not None:
+                chosen.extend(self._between(self._last, waiting[pick], waiting[first:pick]))
+            self._last = waiting[pick]
+            chosen.append(self._last)
+            first = pick + 1
+        if end and waiting[first:]:
+            if self._last is not None:
+                chosen.extend(self._between(self._last, waiting[-1], waiting[first:-1]))
+            self._last = waiting[-1]
+            chosen.append(self._last)
+        self._waiting = [] if end else waiting[first:]
+        self._emit(chosen)
+
+    def windows(self) -> Windows:
+        """All snapshots so far."""
+        return Windows.joined(self._kept)
+
+    def _emit(self, bends: list[Bend]) -> None:
+        if not bends:
+            return
+        chain = self._peelable.chain
+        hinges = self._peelable.hinges
+        count = len(bends)
+        windows = Windows(
+            time_s=np.array([b.time_s for b in bends]),
+            phase=np.full(count, PHASES.index("explosion"), dtype=np.uint8),
+            first=np.array([hinges * b.first for b in bends], dtype=np.int64),
+            offsets=np.concatenate([[0], np.cumsum([len(b.angles) for b in bends])]),
+            angles_rad=np.concatenate([b.angles for b in bends]).astype(np.float32),
+            base_position=np.tile(chain.folded_position, (count, 1)),
+            base_wxyz=np.tile(chain.folded_wxyz, (count, 1)),
+        )
+        self._kept.append(windows)
+        if self._sink is not None:
+            self._sink(windows)
+
+    def _far(self, a: Bend, b: Bend) -> bool:
+        _, one, other = self._peelable.together(a, b)
+        if np.abs(one - other).max(initial=0.0) >= self._snapshot_rad:
+            return True
+        if a.centres is None or b.centres is None:
+            return False
+        if a.along is not None and b.along is not None and a.along @ b.along < FARTHEST_TURN:
+            return True
+        low = max(a.first, b.first)
+        high = min(a.first + len(a.centres), b.first + len(b.centres))
+        gone = a.centres[low - a.first : high - a.first] - b.centres[low - b.first : high - b.first]
+        moved = (gone**2).sum(axis=1).max(initial=0.0)
+        return bool(moved >= self._snapshot_distance**2)
+
+    def _between(self, a: Bend, b: Bend, bends: list[Bend]) -> list[Bend]:
+        if not bends:
+            return []
+        first, one, other = self._peelable.together(a, b)
+        halfway = self._clearance(first, 0.5 * (one + other))
+        if halfway >= CLOSE or halfway >= (
+            min(self._clearance(a.first, a.angles), self._clearance(b.first, b.angles)) - WORSE
+        ):
+            return []
+        middle = len(bends) // 2
+        return [
+            *self._between(a, bends[middle], bends[:middle]),
+            bends[middle],
+            *self._between(bends[middle], b, bends[middle + 1 :]),
+        ]
+
+    def _clearance(self, first: int, angles: Array) -> float:
+        return self._peelable.clearance(first, angles, size=self._size, enough=CLOSE)

@@ -1,0 +1,110 @@
+"""Paths in assembly order visit every cell once and come off from their far end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.pathfinding.assembly import (
+    assembly_path,
+    filled_blocks,
+    layered_snake,
+    peelable,
+    solid_path,
+)
+from planner.pathfinding.snake import snake_path
+from planner.paths import Path
+
+Ints = NDArray[np.int64]
+
+
+def box(*sides: int) -> Ints:
+    return np.argwhere(np.ones(sides, dtype=bool))
+
+
+def cup() -> Ints:
+    cells = box(6, 6, 6)
+    inner = ((cells[:, :2] >= 2) & (cells[:, :2] <= 3)).all(axis=1) & (cells[:, 2] >= 2)
+    return cells[~inner]
+
+
+def table() -> Ints:
+    cells = box(8, 8, 6)
+    legs = ((cells[:, :2] < 2) | (cells[:, :2] >= 6)).all(axis=1)
+    return cells[legs | (cells[:, 2] >= 4)]
+
+
+def cells_of(blocks: Ints, side: int) -> Ints:
+    return np.unique((side * blocks[:, None] + box(side, side, side)).reshape(-1, 3), axis=0)
+
+
+@pytest.mark.parametrize("side", [2, 4])
+@pytest.mark.parametrize("shape", [box(3, 3, 3), box(4, 3, 5), cup(), table()])
+def test_a_path_visits_every_cell_and_its_blocks_in_turn(shape: Ints, side: int) -> None:
+    path = assembly_path(shape, np.random.default_rng(1), side=side)
+    assert path is not None
+    Path.from_cells(path)
+    np.testing.assert_array_equal(np.unique(path, axis=0), cells_of(shape, side))
+    visited = path // side
+    assert (np.diff(visited, axis=0) != 0).any(axis=1).sum() == len(shape) - 1
+
+
+@pytest.mark.parametrize("shape", [box(4, 4, 4), cup(), table()])
+def test_each_block_can_leave_when_it_is_its_turn(shape: Ints) -> None:
+    path = assembly_path(shape, np.random.default_rng(0), side=2)
+    assert path is not None
+    assert peelable(path, 8).free
+    assert peelable(path, 8).score == 1.0
+
+
+def test_any_path_of_blocks_is_filled() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(30):
+        steps = np.eye(3, dtype=np.int64)[rng.integers(0, 3, 9)]  # never back: no block twice
+        order = np.concatenate([np.zeros((1, 3), np.int64), np.cumsum(steps, axis=0)])
+        path = filled_blocks(order, 2)
+        Path.from_cells(path)
+        np.testing.assert_array_equal(np.unique(path, axis=0), cells_of(order, 2))
+
+
+def test_where_blocks_have_no_path_halves_have_one() -> None:
+    # Four arms on one block: three of them would have to be an end.
+    cross = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+    assert assembly_path(cross, np.random.default_rng(0), side=4) is None
+    path = solid_path(cross, np.random.default_rng(0), side=4)
+    assert path is not None
+    Path.from_cells(path)
+    np.testing.assert_array_equal(np.unique(path, axis=0), cells_of(cross, 4))
+    assert solid_path(cross, np.random.default_rng(0), side=2) is None
+
+
+def test_the_seed_decides() -> None:
+    one, again, other = (assembly_path(table(), np.random.default_rng(seed)) for seed in (3, 3, 4))
+    assert one is not None and again is not None and other is not None
+    np.testing.assert_array_equal(one, again)
+    assert (one != other).any()
+
+
+def test_a_layered_snake_comes_off_and_an_inward_spiral_does_not() -> None:
+    assert peelable(layered_snake((6, 8, 6)), 24).free
+    np.testing.assert_array_equal(layered_snake((4, 2, 3)), snake_path((4, 2, 3), axes=(1, 2, 0)))
+    inward = buried()
+    Path.from_cells(inward)
+    found = peelable(inward, 1)
+    assert not found.free and found.score < 1.0
+    assert found.buried.tolist() == [0]
+
+
+def buried() -> Ints:
+    """A path through a box, but for one corner, whose far end is its very middle."""
+    ring = [(2, 2), (2, 1), (2, 0), (1, 0), (0, 0), (0, 1), (0, 2), (1, 2)]
+    top = [(1, 2), (2, 2), (2, 1), (2, 0), (1, 0), (0, 0), (0, 1), (1, 1)]
+    return np.array(
+        [
+            *snake_path((3, 3, 1)).tolist(),
+            *[(x, y, 1) for x, y in ring],
+            *[(x, y, 2) for x, y in top],
+            (1, 1, 1),
+        ]
+    )

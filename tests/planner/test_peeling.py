@@ -1,0 +1,169 @@
+"""Chains come off their core straight, clear and the same each time; a buried one says so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from planner.chain import Chain
+from planner.clearance import closest
+from planner.errors import InputError
+from planner.kinematics import forward_kinematics
+from planner.pathfinding.assembly import assembly_path
+from planner.pathfinding.snake import snake_path
+from planner.paths import Path
+from planner.peeling import peel, turned_towards
+from planner.peeling_parameters import PeelingParameters
+from planner.peeling_record import PeelRecord
+from planner.peeling_window import Bend, Peelable
+from planner.progress import Progress
+from planner.sweep import sweep
+from planner.windows import Windows
+from tests.planner.chains import coil, knotted, line
+
+DEFAULT = PeelingParameters()
+Case = Callable[[], tuple[Chain, PeelRecord]]
+
+
+def chain_of(cells: np.ndarray) -> Chain:
+    return Chain.from_path(Path.from_cells(cells, name="peeled"))
+
+
+@cache
+def snake() -> tuple[Chain, PeelRecord]:
+    chain = chain_of(snake_path((6, 6, 8)))
+    return chain, peel(chain, DEFAULT)
+
+
+@cache
+def blocks() -> tuple[Chain, PeelRecord]:
+    """An L of blocks in assembly order."""
+    coarse = np.array([c for c in np.ndindex(4, 2, 4) if c[0] < 2 or c[2] < 2])
+    cells = assembly_path(coarse, np.random.default_rng(0))
+    assert cells is not None
+    chain = chain_of(cells)
+    return chain, peel(chain, DEFAULT)
+
+
+@pytest.mark.parametrize("case", [snake, blocks])
+def test_a_chain_comes_off_straight(case: Case) -> None:
+    chain, record = case()
+    assert record.status == "straight", record.reason
+    assert record.reason == ""
+    angles = record.frames.angles(chain)
+    np.testing.assert_allclose(angles[0], chain.folded_rad, atol=1e-6)
+    np.testing.assert_array_equal(angles[-1], 0.0)
+    assert (np.diff(record.frames.time_s) > 0.0).all()
+    assert np.abs(angles).max() < chain.module.angle_limit_rad + 0.02
+    assert record.summary()["frames"] == len(record.frames) < 5 * len(chain)
+
+
+@pytest.mark.parametrize("case", [snake, blocks])
+def test_it_is_clear_at_the_frames_and_everywhere_between(case: Case) -> None:
+    chain, record = case()
+    found = sweep(chain, record.frames.angles(chain), size=0.95)
+    assert found.clearance > 0.02
+    assert found.bound > 0.0
+
+
+def test_a_snake_is_clear_at_a_size_of_98_percent() -> None:
+    chain, record = snake()
+    found = sweep(chain, record.frames.angles(chain), size=0.98)
+    assert found.clearance > 0.0
+    assert found.bound > 0.0
+
+
+def test_the_core_stays_where_it_was_until_it_is_let_go() -> None:
+    chain, record = snake()
+    frames = record.frames
+    assert (np.diff(frames.first) <= 0).all()
+    assert frames.first[0] > 400 and frames.first[-1] == 0
+    np.testing.assert_array_equal(frames.base_position, np.tile([0.0, 0.0, 0.0], (len(frames), 1)))
+    # What is held is the window alone.
+    assert np.diff(frames.offsets).max() <= 2 * DEFAULT.most_modules
+
+
+def test_the_seed_decides() -> None:
+    chain = chain_of(snake_path((4, 4, 4)))
+    one, again, other = (peel(chain, DEFAULT, seed=seed) for seed in (3, 3, 4))
+    assert one.status == again.status == other.status == "straight"
+    assert one.steps == again.steps
+    for name, values in one.frames.arrays().items():
+        np.testing.assert_array_equal(values, again.frames.arrays()[name])
+    assert len(one.frames) != len(other.frames) or (
+        len(one.frames.angles_rad) != len(other.frames.angles_rad)
+        or (one.frames.angles_rad != other.frames.angles_rad).any()
+    )
+
+
+def test_a_knot_stalls_with_a_reason() -> None:
+    chain = knotted(6)
+    small = replace(DEFAULT, unit=16, most_modules=40, window=30, patience=60)
+    record = peel(chain, small)
+    assert record.status == "stalled"
+    assert "stuck" in record.reason and "knotted" in record.reason
+    assert len(record.frames) > 1
+    np.testing.assert_allclose(record.frames.angles(chain, 0, 1)[0], chain.folded_rad, atol=1e-6)
+
+
+def test_too_few_steps_and_a_cancel_end_as_data() -> None:
+    chain = coil(24)
+    record = peel(chain, DEFAULT, cancelled=lambda: True)
+    assert record.status == "cancelled"
+    assert record.steps == 25
+    told: list[Progress] = []
+    parts: list[Windows] = []
+    whole = peel(chain, DEFAULT, sink=parts.append, progress=told.append)
+    assert whole.status == "straight"
+    np.testing.assert_array_equal(Windows.joined(parts).angles_rad, whole.frames.angles_rad)
+    assert all(0.0 <= p.fraction < 1.0 for p in told)
+
+
+@pytest.mark.parametrize("modules", [3, 4, 12, 60])
+def test_a_chain_that_folds_into_a_line_is_straight_already(modules: int) -> None:
+    assert peel(line(modules), DEFAULT).status == "straight"
+
+
+def test_only_cubes_on_the_lattice_are_peeled() -> None:
+    bent = line(12)
+    angles = np.full_like(bent.folded_rad, 0.1)
+    with pytest.raises(InputError, match="lattice"):
+        peel(Chain.from_angles(bent.module, angles), DEFAULT)
+
+
+def test_the_clearance_of_a_window_is_that_of_the_whole_chain() -> None:
+    chain, record = snake()
+    peelable = Peelable(chain)
+    frames = record.frames
+    for k in range(5, len(frames), len(frames) // 15):
+        bent = frames.angles_rad[frames.offsets[k] : frames.offsets[k + 1]].astype(np.float64)
+        ours = peelable.clearance(int(frames.first[k]) // 2, bent, size=0.95, enough=0.3)
+        poses = forward_kinematics(chain.module, frames.angles(chain, k, k + 1)[0])
+        theirs = closest(
+            chain.module, poses.positions, poses.rotations, size=0.95, enough=0.3
+        ).clearance
+        # The core against itself is not looked at: its modules are 0.05 apart.
+        assert min(ours, 0.05) == pytest.approx(min(theirs, 0.05), abs=1e-5)
+
+
+def test_configurations_with_other_windows_are_held_together() -> None:
+    chain, _ = snake()
+    peelable = Peelable(chain)
+    a = Bend(time_s=0.0, first=100, angles=np.full(20, 0.1))
+    b = Bend(time_s=1.0, first=96, angles=np.full(24, 0.2))
+    first, one, other = peelable.together(a, b)
+    assert (first, len(one), len(other)) == (96, 28, 28)
+    np.testing.assert_array_equal(one[:8], chain.folded_rad[192:200])
+    np.testing.assert_array_equal(one[8:], 0.1)
+    np.testing.assert_array_equal(other, [0.2] * 24 + [0.0] * 4)
+
+
+def test_a_direction_turns_no_more_than_it_may() -> None:
+    x, y, _ = np.eye(3)
+    assert np.arccos(turned_towards(x, y, 0.1) @ x) == pytest.approx(0.1)
+    np.testing.assert_array_equal(turned_towards(x, y, 2.0), y)
+    assert np.arccos(turned_towards(x, -x, 0.1) @ x) == pytest.approx(0.1)
