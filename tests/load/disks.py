@@ -105,8 +105,8 @@ class Disk:
         _run("mount", "-o", "loop", *self._both)
 
     def close(self) -> None:
-        """Takes it away for good."""
-        _run("umount", str(self.path))
+        """Takes it away for good; what still ends on it has it until then."""
+        _run("umount", "--lazy", str(self.path))
         self._image.unlink(missing_ok=True)
 
 
