@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from server import movie_jobs
+from server import movie_jobs, news
 from server.database import FoldRow, MovieRow
 from server.jobs import Jobs
 from server.movie_jobs import MovieJobs
@@ -86,7 +86,7 @@ def filming(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], None]]:
         return not cancelled()
 
     monkeypatch.setattr(movie_jobs, "film", film)
-    monkeypatch.setattr(movie_jobs, "REPORT_EVERY_S", 0.0)
+    monkeypatch.setattr(news, "REPORT_EVERY_S", 0.0)
     return acts
 
 
