@@ -43,6 +43,11 @@ def mark(request: HTTPConnection, row: Any) -> None:
         setattr(request.state, MARK, row.id)
 
 
+def changed(request: HTTPConnection, fold_id: str) -> None:
+    """Says that a request which is no question has changed a fold that its path does not name."""
+    setattr(request.state, MARK, fold_id)
+
+
 class Lately:
     """See the module's description.
 
@@ -70,6 +75,7 @@ class Lately:
                 await self._app(scope, receive, send)
             finally:
                 self._forget(scope.get("path_params", {}).get("fold_id"))
+                self._forget(scope.get("state", {}).get(MARK))
 
     async def _get(self, scope: Scope, receive: Receive, send: Send) -> None:
         asked = Headers(scope=scope)
@@ -118,6 +124,8 @@ class Lately:
             self._drop(next(iter(self._answers)))
 
     def _forget(self, fold_id: str | None) -> None:
+        if fold_id is None:
+            return
         for key in [key for key, kept in self._answers.items() if kept.fold_id == fold_id]:
             self._drop(key)
 

@@ -18,7 +18,7 @@ from planner.wishes import MODULE_COUNTS
 from server.addresses import address_of
 from server.beginnings import beginning_noted, beginning_of
 from server.context import Context, context_of
-from server.lately import mark
+from server.lately import changed, mark
 from server.previews import ShapeWishes
 from server.problems import Problem
 from server.schemas import Accepted, Fold, Folds, Links, ProblemBody, Shape, Shapes
@@ -164,6 +164,7 @@ def post_fold(
                     beginning=beginning,
                 ),
             )
+    changed(request, receipt.row.id)  # a gallery's shape brings its title to the same upload
     return Accepted(
         id=receipt.row.id,
         owner_token=receipt.token,

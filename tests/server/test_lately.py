@@ -10,7 +10,7 @@ import pytest
 from fastapi import FastAPI, Request
 from fastapi.responses import Response
 
-from server.lately import KEPT_S, Lately, mark
+from server.lately import KEPT_S, Lately, changed, mark
 from tests.server.service import SNAKE, Service, owner
 
 
@@ -29,6 +29,10 @@ class Desk:
             mark(request, SimpleNamespace(id=fold_id, status=self.status))
             return Response(f"{fold_id} {len(self.asked)}", headers={"ETag": '"1"'})
 
+        @app.post("/folds")
+        def post(request: Request) -> None:  # pyright: ignore
+            changed(request, "b")
+
         @app.delete("/folds/{fold_id}")
         def delete(fold_id: str) -> None:  # pyright: ignore
             pass
@@ -38,8 +42,8 @@ class Desk:
     def get(self, path: str, **headers: str) -> httpx.Response:
         return asyncio.run(self._ask("GET", path, headers))
 
-    def delete(self, path: str) -> httpx.Response:
-        return asyncio.run(self._ask("DELETE", path, {}))
+    def ask(self, method: str, path: str) -> httpx.Response:
+        return asyncio.run(self._ask(method, path, {}))
 
     async def _ask(self, method: str, path: str, headers: dict[str, str]) -> httpx.Response:
         transport = httpx.ASGITransport(self._app)
@@ -87,10 +91,13 @@ def test_what_may_change_is_asked_for_each_time(desk: Desk, status: str) -> None
     assert [desk.get("/folds/a").text for _ in range(2)] == ["a 1", "a 2"]
 
 
-def test_what_is_deleted_is_gone_at_once(desk: Desk) -> None:
-    desk.get("/folds/a"), desk.get("/folds/b")
-    desk.delete("/folds/a")
+def test_what_is_deleted_or_changed_is_told_at_once(desk: Desk) -> None:
+    for path in ("/folds/a", "/folds/b"):
+        desk.get(path)
+    desk.ask("DELETE", "/folds/a")
     assert (desk.get("/folds/a").text, desk.get("/folds/b").text) == ("a 3", "b 2")
+    desk.ask("POST", "/folds")
+    assert (desk.get("/folds/a").text, desk.get("/folds/b").text) == ("a 3", "b 4")
 
 
 def test_a_deleted_fold_is_gone_from_its_page_too(service: Service) -> None:
