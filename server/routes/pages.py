@@ -94,7 +94,7 @@ def warm_up(gallery: Gallery) -> None:
     """Draws the shape of the first page, which loads what all pages need."""
     scenery_of(_featured_chain(gallery))
     _still(gallery, FEATURED, 480)
-    for name in ("index.html", "fold.html", "gallery.html"):
+    for name in ("landing.html", "fold.html", "gallery.html"):
         _templates().get_template(name)
 
 
