@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from planner.errors import InputError, PlannerError, SimulationError, TimelineError
     from planner.explosion import explode
     from planner.folding import fold
+    from planner.frames import Frames
     from planner.kinematics import Poses, forward_kinematics
     from planner.modules import CUBE, Module
     from planner.parameters import PRESETS, Parameters, preset
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from planner.readers import read
     from planner.record import Record
     from planner.refold import refold
-    from planner.timeline import Frames, Timeline, TimelineWriter
+    from planner.timeline import Timeline, TimelineWriter
     from planner.verification import Verification, verify
 
 __all__ = [
@@ -69,6 +70,7 @@ _HOMES = {
     "planner.chain": ("Chain",),
     "planner.errors": ("InputError", "PlannerError", "SimulationError", "TimelineError"),
     "planner.explosion": ("explode",),
+    "planner.frames": ("Frames",),
     "planner.folding": ("fold",),
     "planner.kinematics": ("Poses", "forward_kinematics"),
     "planner.modules": ("CUBE", "Module"),
@@ -79,7 +81,7 @@ _HOMES = {
     "planner.readers": ("read",),
     "planner.record": ("Record",),
     "planner.refold": ("refold",),
-    "planner.timeline": ("Frames", "Timeline", "TimelineWriter"),
+    "planner.timeline": ("Timeline", "TimelineWriter"),
     "planner.verification": ("Verification", "verify"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

@@ -16,14 +16,16 @@ from numpy.typing import NDArray
 from planner.alignment import aligned_distances
 from planner.chain import Chain
 from planner.errors import InputError
+from planner.frames import PHASES
+from planner.motion import Motion
 from planner.parameters import Parameters
 from planner.playback import Playback
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.record import Record
 from planner.statics import static_torque
-from planner.sweep import Sweep, sweep
-from planner.timeline import PHASES, Frames
+from planner.sweep import Sweep, check_windows, sweep
 from planner.unfolding import ENDS_WITHIN_RAD
+from planner.windows import Windows
 
 Array = NDArray[np.float64]
 GRAVITY_M_S2: Final = 9.81
@@ -156,21 +158,30 @@ def certify(
         given_up = given_up or cancelled()
         return given_up
 
-    def swept(angles: Array, name: str, fraction: float) -> Sweep:
+    def swept(motion: Array | Windows, name: str, fraction: float) -> Sweep:
         progress(Progress(stage="certify", fraction=fraction, message=f"checking the {name}"))
-        return sweep(chain, angles, size=size, cancelled=stopped)
+        return sweep(chain, motion, size=size, cancelled=stopped)
 
     unusable = _unusable(chain, record, playback, start)
     if unusable:
         record = playback = None
 
-    of_record = None if record is None else swept(record.frames.joint_angles_rad, "record", 0.0)
-    of_plan = of_playback = None
+    of_record = of_plan = of_playback = None
     figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
     if playback is not None:
-        of_plan = swept(playback.reference_rad, "plan", 0.35)
-        of_playback = swept(playback.frames.joint_angles_rad, "playback", 0.7)
+        of_plan = swept(playback.reference, "plan", 0.35)
+        simulated = playback.frames
+        of_playback = (
+            of_plan
+            if isinstance(simulated, Windows)
+            else swept(simulated.joint_angles_rad, "playback", 0.7)
+        )
         figures = _plan_figures(chain, playback, parameters)
+    if record is not None:
+        if playback is not None and _runs_back(record.frames, playback.frames):
+            of_record = of_plan  # the same places, and the same ways between them
+        else:
+            of_record = swept(_angles(record.frames), "record", 0.0)
     unit = torque_unit_nm(chain, parameters)
     weight = unit / chain.pitch_m * GRAVITY_M_S2
     verdict = _verdict(chain, start, record, playback, of_plan, of_playback, figures, size)
@@ -187,7 +198,7 @@ def certify(
         min_clearance_playback=of_playback and of_playback.clearance,
         min_clearance_playback_at=_place(of_playback),
         min_clearance_record=of_record and of_record.clearance,
-        in_betweens=sum(s.in_betweens for s in (of_record, of_plan, of_playback) if s),
+        in_betweens=_in_betweens(of_record, of_plan, of_playback),
         joint_speed_limit_rad_s=parameters.joint_speed_limit_rad_s,
         gravity_torque_folded_nm=weight * static_torque(chain, chain.folded_rad),
         gravity_torque_straight_nm=weight * static_torque(chain, np.zeros_like(chain.folded_rad)),
@@ -219,33 +230,74 @@ def _unusable(
     joints = len(chain.folded_rad)
     if start is not None and (start.module.name, len(start)) != (chain.module.name, len(chain)):
         return f"{start.name} and {chain.name} are not of the same modules"
-    motions: dict[str, Frames] = {}
+    motions: dict[str, Motion] = {}
     if record is not None:
         motions["record"] = record.frames
     if playback is not None:
         motions["simulated playback"] = playback.frames
-        plan = playback.reference_rad
-        if plan.shape != (len(playback.frames), joints):
+        plan = playback.reference
+        if isinstance(plan, Windows):
+            pass  # the playback itself, which is looked at below
+        elif plan.shape != (len(playback.frames), joints):
             return (
                 f"the plan has the shape {plan.shape}, expected {len(playback.frames)} frames of "
                 f"{joints} joint angles"
             )
-        if not np.isfinite(plan).all():
+        elif not np.isfinite(plan).all():
             return "the plan holds numbers that are not finite"
     for name, frames in motions.items():
-        if frames.joint_angles_rad.shape != (len(frames), joints) or not len(frames):
-            return f"the {name} does not consist of frames of {joints} joint angles"
-        for values in (
-            frames.time_s,
-            frames.joint_angles_rad,
-            frames.root_position,
-            frames.root_wxyz,
-        ):
-            if not np.isfinite(values).all():
-                return f"the {name} holds numbers that are not finite"
+        if not len(frames):
+            return f"the {name} has no frames"
+        if isinstance(frames, Windows):
+            try:
+                check_windows(chain, frames)
+            except InputError as error:
+                return f"the {name} cannot be looked at: {error.detail}"
+            numbers = (frames.time_s, frames.base_position, frames.base_wxyz)
+        else:
+            if frames.joint_angles_rad.shape != (len(frames), joints):
+                return f"the {name} does not consist of frames of {joints} joint angles"
+            numbers = (
+                frames.time_s,
+                frames.joint_angles_rad,
+                frames.root_position,
+                frames.root_wxyz,
+            )
+        if not all(np.isfinite(values).all() for values in numbers):
+            return f"the {name} holds numbers that are not finite"
         if (np.diff(frames.time_s) < 0.0).any():
             return f"the times of the {name} run backwards"
     return ""
+
+
+def _angles(motion: Motion) -> Array | Windows:
+    """What of a motion the sweep looks at."""
+    return motion if isinstance(motion, Windows) else motion.joint_angles_rad
+
+
+def _angles_at(chain: Chain, motion: Array | Windows, frame: int) -> Array:
+    """(J,) the angles of one frame."""
+    if isinstance(motion, Windows):
+        frame %= len(motion)
+        return motion.angles(chain, frame, frame + 1)[0]
+    return motion[frame]
+
+
+def _in_betweens(*sweeps: Sweep | None) -> int:
+    """Configurations looked at between frames; what stands for two motions counts once."""
+    different = {id(sweep): sweep for sweep in sweeps if sweep is not None}
+    return sum(sweep.in_betweens for sweep in different.values())
+
+
+def _runs_back(record: Motion, playback: Motion) -> bool:
+    """Whether a playback passes exactly the record's configurations, from its last to its first."""
+    if not (isinstance(record, Windows) and isinstance(playback, Windows)):
+        return False
+    back = playback[::-1]
+    return all(
+        np.array_equal(getattr(record, name), getattr(back, name))
+        for name in ("first", "offsets", "angles_rad")
+    )
 
 
 def torque_unit_nm(chain: Chain, parameters: Parameters) -> float:
@@ -255,22 +307,28 @@ def torque_unit_nm(chain: Chain, parameters: Parameters) -> float:
 
 
 def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> dict[str, Any]:
-    plan, times = playback.reference_rad, playback.frames.time_s
-    last = playback.frames.joint_angles_rad[-1]
+    plan, times = playback.reference, playback.frames.time_s
+    last = _angles_at(chain, _angles(playback.frames), -1)
     ends = chain.poses(last, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     distances = aligned_distances(ends.positions, chain.folded_poses.positions)
     figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
     figures["rms_position_error"] = float(np.sqrt((distances**2).mean()))
     figures["max_position_error"] = float(distances.max())
     # The playback says how far off its hinges were at any step; its frames must bear it out.
-    off = float(np.abs(playback.frames.joint_angles_rad - plan).max())
+    off = 0.0
+    if not (isinstance(plan, Windows) or isinstance(playback.frames, Windows)):
+        off = float(np.abs(playback.frames.joint_angles_rad - plan).max())
     figures["max_angle_error_rad"] = max(playback.max_angle_error_rad, off)
     if len(plan) < 2:
         return figures
-    steps = np.abs(np.diff(plan, axis=0))
-    speeds = steps / np.maximum(np.diff(times), 1e-12)[:, None]
-    fastest = speeds.max(axis=1)
-    moving = (speeds > MOVING_FRACTION * fastest[:, None]).sum(axis=1)[fastest > 1e-9]
+    if isinstance(plan, Windows):
+        steps, moving = plan.steps(chain, fraction=MOVING_FRACTION)
+    else:
+        each = np.abs(np.diff(plan, axis=0))
+        steps = each.max(axis=1)
+        moving = (each > MOVING_FRACTION * steps[:, None]).sum(axis=1)
+    fastest = steps / np.maximum(np.diff(times), 1e-12)
+    moving = moving[fastest > 1e-9]
     slower = float(fastest.max()) / parameters.joint_speed_limit_rad_s
     figures["max_joint_step_rad"] = float(steps.max())
     figures["fold_time_s"] = float(times[-1] - times[0]) * slower
@@ -304,14 +362,15 @@ def _verdict(
                 f"pitch at module size {size:g}, {_percent(found):.0f} % into the fold (frame "
                 f"{found.frame:g} of the {name})"
             )
-    plan = playback.reference_rad
+    plan = playback.reference
+    largest = np.abs(plan.angles_rad if isinstance(plan, Windows) else plan).max(initial=0.0)
     if playback.status != "folded":
         return f"failed: the playback {playback.status}: {playback.reason}"
     if begins_otherwise := _begins_otherwise(chain, start, playback):
         return f"failed: {begins_otherwise}"
-    if np.abs(plan[-1] - chain.folded_rad).max() > ENDS_WITHIN_RAD:
+    if np.abs(_angles_at(chain, plan, -1) - chain.folded_rad).max() > ENDS_WITHIN_RAD:
         return "failed: the plan does not end folded"
-    if np.abs(plan).max() > chain.module.angle_limit_rad + ENDS_WITHIN_RAD:
+    if largest > chain.module.angle_limit_rad + ENDS_WITHIN_RAD:
         return "failed: the plan bends a joint beyond its range"
     if figures["rms_position_error"] > FOLDED_WITHIN:
         return (
@@ -325,18 +384,20 @@ def _verdict(
 
 def _begins_otherwise(chain: Chain, start: Chain | None, playback: Playback) -> str:
     """What is wrong with the beginning, and with a refold until it is straight; or nothing."""
-    frames, plan = playback.frames, playback.reference_rad
+    frames, plan = playback.frames, playback.reference
     straight = int((frames.phase == PHASES.index("unfolding")).sum())
     expected = np.full(len(frames), PHASES.index("playback"), dtype=np.uint8)
     if start is not None:
         expected[:straight] = PHASES.index("unfolding")
     if not np.array_equal(frames.phase, expected) or straight == len(frames):
         return "the phases of the simulated playback are out of order"
-    if np.abs(plan[straight]).max() > ENDS_WITHIN_RAD:
+    if np.abs(_angles_at(chain, plan, straight)).max() > ENDS_WITHIN_RAD:
         passes = "begin" if start is None else "become"
         return f"the plan does not {passes} straight"
     if start is None:
         return ""
+    if isinstance(plan, Windows) or isinstance(frames, Windows):
+        return f"a playback of windows does not begin folded as {start.name}"
     if not straight or np.abs(plan[0] - start.folded_rad).max() > ENDS_WITHIN_RAD:
         return f"the plan does not begin folded as {start.name}"
     simulated = frames.joint_angles_rad

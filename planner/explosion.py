@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import SimulationError
+from planner.frames import Frames
 from planner.kernels.pairs import largest_approach_speed, near_pairs, repulsion
 from planner.model import Material
 from planner.parameters import ExplosionParameters
@@ -25,7 +26,6 @@ from planner.record import Record, RecordStatus
 from planner.recorder import Recorder, Step
 from planner.segments import Acceleration, Segments, State
 from planner.straightening import straightening
-from planner.timeline import Frames
 
 Array = NDArray[np.float64]
 LINKED: Final = 1

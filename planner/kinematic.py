@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain import Chain
+from planner.frames import PHASES, Frames, Phase
 from planner.parameters import PlaybackParameters
-from planner.record import Record
 from planner.reference import clear_reference
 from planner.timelaw import smooth_law
-from planner.timeline import Frames, Phase
 from planner.unfolding import Unfolding
+from planner.windows import Windows
 
 Array = NDArray[np.float64]
 CHUNK: Final = 256
+LAW_STEPS: Final = 4096
 
 
 def kinematic_frames(
     chain: Chain,
-    record: Record,
+    recorded: Frames,
     parameters: PlaybackParameters,
     *,
     module_size: float,
@@ -34,7 +36,7 @@ def kinematic_frames(
 
     Args:
         chain: The chain.
-        record: The explosion to play in reverse.
+        recorded: The snapshots of the explosion to play in reverse.
         parameters: Of the reference and its speed.
         module_size: Size of the modules as a fraction of the pitch.
         start_s: Time of the first frame.
@@ -43,7 +45,7 @@ def kinematic_frames(
     """
     reference = clear_reference(
         chain,
-        record.frames.joint_angles_rad[::-1],
+        recorded.joint_angles_rad[::-1],
         spacing_rad=parameters.spacing_rad,
         distance_weight=parameters.distance_weight,
         size=module_size,
@@ -51,7 +53,7 @@ def kinematic_frames(
     count = max(2, int(np.ceil(reference.length_rad / frame_rad)))
     law = smooth_law(steps=count, step_s=parameters.step_s * parameters.steps_per_rad * frame_rad)
     if unfolding is None:
-        last = record.frames[-1:]
+        last = recorded[-1:]
         first = last.joint_angles_rad[0]
         position, wxyz = last.root_position[0], last.root_wxyz[0]
     else:
@@ -78,6 +80,34 @@ def kinematic_frames(
         part = slice(start, min(start + CHUNK, count + 1))
         times = start_s + law.step_s * np.arange(count + 1.0)[part]
         yield at_rest("playback", times, reference.spline(law.u[part]))
+
+
+def windowed_frames(
+    chain: Chain, record: Windows, parameters: PlaybackParameters, *, start_s: float
+) -> Windows:
+    """The frames of a kinematic playback of windows: those of the record, in reverse.
+
+    Between two frames the hinges run evenly, all motion at the speed that a smooth reference would
+    have on the same hinges; the folded end of the chain is held still.
+
+    Args:
+        chain: The chain.
+        record: What was recorded, from folded on.
+        parameters: Of the speed.
+        start_s: Time of the first frame.
+    """
+    reversed_record = record[::-1]
+    largest, _ = reversed_record.steps(chain)
+    lengths = np.concatenate([[0.0], np.cumsum(largest)])
+    total = float(lengths[-1])
+    duration_s = parameters.steps_per_rad * parameters.step_s * total
+    law = smooth_law(steps=LAW_STEPS, step_s=1.0 / LAW_STEPS)
+    shares = np.interp(lengths / max(total, 1e-12), law.u, np.linspace(0.0, 1.0, LAW_STEPS + 1))
+    return replace(
+        reversed_record,
+        time_s=start_s + duration_s * shares,
+        phase=np.full(len(record), PHASES.index("playback"), dtype=np.uint8),
+    )
 
 
 def root_folded(chain: Chain) -> tuple[Array, Array]:

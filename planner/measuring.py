@@ -18,10 +18,11 @@ from planner.certificate import MOVING_FRACTION, Certificate, torque_unit_nm
 from planner.chain import Chain
 from planner.dynamics import floating_torques, motion_of
 from planner.figures import FRAMES_A_CHUNK, REACH, Figures, Floats, Integers, write
+from planner.frames import PHASES, Frames
 from planner.kernels.clearance import module_clearances
 from planner.kinematics import forward_kinematics
 from planner.parameters import Parameters
-from planner.timeline import PHASES, Frames, Timeline
+from planner.timeline import Timeline
 
 Array = NDArray[np.float64]
 MARGIN: Final = 32

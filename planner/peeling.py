@@ -25,11 +25,10 @@ from planner.kernels.pairs import near_pairs, repulsion
 from planner.model import Base, Material, Rod
 from planner.peeling_core import Core
 from planner.peeling_parameters import PeelingParameters
-from planner.peeling_record import PeelRecord
 from planner.peeling_recorder import PeelRecorder
 from planner.peeling_window import Bend, Peelable
 from planner.progress import Cancelled, Progress, Report, never, silent
-from planner.record import RecordStatus
+from planner.record import Record, RecordStatus
 from planner.segments import Acceleration, Segments, State
 from planner.windows import Windows
 
@@ -72,7 +71,7 @@ def peel(
     sink: Callable[[Windows], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
-) -> PeelRecord:
+) -> Record:
     """Peels a folded chain off its core, from its last module on, and records how.
 
     Args:
@@ -142,7 +141,7 @@ class _Peeling:
     def rod(self) -> int:
         return len(self.chain) - self.first - self.modules
 
-    def run(self, progress: Report, cancelled: Cancelled) -> PeelRecord:
+    def run(self, progress: Report, cancelled: Cancelled) -> Record:
         begun = time.perf_counter()
         reported = begun
         reported_steps = 0
@@ -183,7 +182,7 @@ class _Peeling:
         except SimulationError as error:
             status, reason = "diverged", f"the simulation broke off: {error}"
         self.recorder.commit(end=status != "straight")
-        return PeelRecord(
+        return Record(
             status=status,
             reason=reason,
             frames=self.recorder.windows(),

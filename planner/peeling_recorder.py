@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.frames import PHASES
 from planner.peeling_window import Bend, Peelable
-from planner.timeline import PHASES
 from planner.windows import Windows
 
 Array = NDArray[np.float64]

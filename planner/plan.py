@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path as FilePath
 from typing import Any, Final
@@ -18,13 +18,20 @@ from planner.certificate import Certificate
 from planner.chain import Chain
 from planner.errors import InputError
 from planner.files import write_whole
+from planner.frames import PHASES, Frames
+from planner.motion import Motion
 from planner.parameters import Parameters
 from planner.playback import Playback
 from planner.record import Record, save_npz
-from planner.timeline import PHASES, chain_attributes, chain_from_attributes
+from planner.sweep import check_windows
+from planner.timeline import chain_attributes, chain_from_attributes
+from planner.windows import Windows
 
 Array = NDArray[np.float64]
 FORMAT: Final = "foldback-plan/1"
+WINDOWS_FORMAT: Final = "foldback-plan/2"
+MOST_ANGLES: Final = 2**25
+"""Angles that are put side by side at once, a quarter of a gibibyte."""
 DIGITS: Final = 12
 """Decimals of angles and positions in the JSON form; the ``.npz`` form has them all."""
 
@@ -40,12 +47,8 @@ class Plan:
         seed: What randomness started from.
         versions: Of the programs that made it.
         start: The chain as it is folded at the beginning of a refold; None when it is straight.
-        time_s: (F,) simulated time from straight to folded; of a refold from the start on.
-        phase: (F,) uint8 index into ``planner.timeline.PHASES``: ``playback``, and ``unfolding``
-            until a refold is straight.
-        joint_angles_rad: (F, J) what the hinges should be.
-        root_position: (F, 3) centre of the root module in the simulated playback, in pitches.
-        root_wxyz: (F, 4) its orientation.
+        motion: F snapshots from straight to folded, of a refold from the start on: what the hinges
+            should be, the pose as simulated. Frames of all angles, or windows.
         max_error_rad: (F,) largest joint error of the simulated playback; NaN, in JSON null, where
             there was no simulation.
         explosion: Status, reason, steps, frames and seconds of the explosion; None without one.
@@ -59,11 +62,7 @@ class Plan:
     parameters: dict[str, Any]
     seed: int
     versions: dict[str, str]
-    time_s: Array
-    phase: NDArray[np.uint8]
-    joint_angles_rad: Array
-    root_position: Array
-    root_wxyz: Array
+    motion: Motion
     max_error_rad: Array
     explosion: dict[str, Any] | None
     playback: dict[str, Any] | None
@@ -84,26 +83,82 @@ class Plan:
         start: Chain | None = None,
     ) -> Plan:
         """A plan from the results of the stages."""
-        joints = len(chain.folded_rad)
-        frames = None if playback is None else playback.frames
+        motion: Motion = Frames.none(len(chain.folded_rad))
+        errors = np.zeros(0)
+        if playback is not None:
+            motion = replace(
+                playback.frames, time_s=playback.frames.time_s - playback.frames.time_s[0]
+            )
+            errors = np.full(len(motion), np.nan)
+        if isinstance(motion, Frames) and playback is not None:
+            errors = motion.joint_error_rad.max(axis=1)
+            assert playback.reference_rad is not None
+            motion = replace(motion, joint_angles_rad=playback.reference_rad)
         return cls(
             chain=chain,
             preset=parameters.preset,
             parameters=parameters.as_dict(),
             seed=seed,
             versions=versions(),
-            time_s=np.zeros(0) if frames is None else frames.time_s - frames.time_s[0],
-            phase=np.zeros(0, dtype=np.uint8) if frames is None else frames.phase,
-            joint_angles_rad=np.zeros((0, joints)) if playback is None else playback.reference_rad,
-            root_position=np.zeros((0, 3)) if frames is None else frames.root_position,
-            root_wxyz=np.zeros((0, 4)) if frames is None else frames.root_wxyz,
-            max_error_rad=np.zeros(0) if frames is None else frames.joint_error_rad.max(axis=1),
+            motion=motion,
+            max_error_rad=errors,
             explosion=None if record is None else record.summary(),
             playback=None if playback is None else playback.summary(),
             certificate=certificate,
             attempts=attempts,
             start=start,
         )
+
+    @property
+    def time_s(self) -> Array:
+        """(F,) simulated time, from 0 on."""
+        return self.motion.time_s
+
+    @property
+    def phase(self) -> NDArray[np.uint8]:
+        """(F,) index into ``PHASES``: ``playback``, before a refold is straight ``unfolding``."""
+        return self.motion.phase
+
+    @property
+    def joint_angles_rad(self) -> Array:
+        """(F, J) what the hinges should be.
+
+        Raises:
+            InputError: ``plan-too-long`` when those of all frames together are too many.
+        """
+        return self.whole().joint_angles_rad
+
+    @property
+    def root_position(self) -> Array:
+        """(F, 3) centre of the root module in pitches."""
+        return self.whole().root_position
+
+    @property
+    def root_wxyz(self) -> Array:
+        """(F, 4) its orientation."""
+        return self.whole().root_wxyz
+
+    def part(self, start: int, stop: int) -> Frames:
+        """Some of its frames with all their angles."""
+        return self.motion.dense(self.chain, start, stop)
+
+    def whole(self) -> Frames:
+        """All of its frames with all their angles.
+
+        Raises:
+            InputError: ``plan-too-long`` when they are too many.
+        """
+        if isinstance(self.motion, Frames):
+            return self.motion
+        count = len(self.motion) * len(self.chain.folded_rad)
+        if count > MOST_ANGLES:
+            raise InputError(
+                "plan-too-long",
+                f"got {len(self.motion)} frames of {len(self.chain.folded_rad)} hinges, expected "
+                f"at most {MOST_ANGLES} angles at once; take the plan's own file (plan.npz), which "
+                "holds only those that are neither folded nor straight.",
+            )
+        return self.motion.dense(self.chain)
 
     @property
     def verified(self) -> bool:
@@ -142,9 +197,17 @@ class Plan:
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """The plan as ``foldback-plan/1``, plain JSON values."""
+        """The plan as ``foldback-plan/1`` or, of windows, ``/2``: plain JSON values."""
         return {
-            "format": FORMAT,
+            **self._rest(),
+            "phase": [PHASES[index] for index in self.phase.tolist()],
+            **{name: _listed(column) for name, column in self._columns().items()},
+        }
+
+    def _rest(self) -> dict[str, Any]:
+        """All but what there is of each frame."""
+        return {
+            "format": WINDOWS_FORMAT if isinstance(self.motion, Windows) else FORMAT,
             "chain": chain_attributes(self.chain),
             "start": None if self.start is None else chain_attributes(self.start),
             "preset": self.preset,
@@ -157,13 +220,12 @@ class Plan:
             "certificate": self.certificate.as_dict(),
             "root_module": self.chain.root,
             "joint_names": list(self.chain.joint_names),
-            "time_s": _listed(self.time_s),
-            "phase": [PHASES[index] for index in self.phase.tolist()],
-            "joint_angles_rad": _listed(self.joint_angles_rad),
-            "root_position": _listed(self.root_position),
-            "root_wxyz": _listed(self.root_wxyz),
-            "max_error_rad": _listed(self.max_error_rad),
         }
+
+    def _columns(self) -> dict[str, Any]:
+        """What it holds of each frame, by name, but for the phase."""
+        names = _columns_of(isinstance(self.motion, Windows))
+        return {**{n: getattr(self.motion, n) for n in names}, "max_error_rad": self.max_error_rad}
 
     def save_json(self, path: FilePath) -> None:
         """Writes the JSON form; the file is either whole or not there."""
@@ -179,12 +241,12 @@ class Plan:
 
     def npz_arrays(self) -> dict[str, Any]:
         """What the ``.npz`` form holds, by name."""
-        rest = {k: v for k, v in self.as_dict().items() if k not in _ARRAYS and k != "phase"}
+        columns = self._columns()
         return {
-            "plan": np.array(json.dumps(rest)),
+            "plan": np.array(json.dumps(self._rest())),
             "phase": np.array([PHASES[index] for index in self.phase.tolist()], dtype="<U16"),
             "joint_names": np.array(self.chain.joint_names),
-            **{name: getattr(self, name) for name in _ARRAYS},
+            **columns,
         }
 
     @classmethod
@@ -199,39 +261,25 @@ class Plan:
                 # NumPy leaves a file open that it opened itself and cannot read.
                 with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                     values = json.loads(str(file["plan"]))
-                    values.update({name: file[name] for name in (*_ARRAYS, "phase")})
+                    values.update({name: file[name] for name in file.files if name != "plan"})
             else:
                 values = json.loads(path.read_bytes())
-            if values["format"] != FORMAT:
+            if values["format"] not in (FORMAT, WINDOWS_FORMAT):
                 raise InputError(
                     "wrong-format",
-                    f"got the format {values['format']!r} in {path.name}, expected {FORMAT!r}.",
+                    f"got the format {values['format']!r} in {path.name}, expected {FORMAT!r} or "
+                    f"{WINDOWS_FORMAT!r}.",
                 )
             chain = chain_from_attributes(values["chain"])
-            shapes = {
-                "time_s": (-1,),
-                "max_error_rad": (-1,),
-                "joint_angles_rad": (-1, len(chain.folded_rad)),
-                "root_position": (-1, 3),
-                "root_wxyz": (-1, 4),
-            }
-            arrays: dict[str, Any] = {
-                name: np.asarray(values[name], dtype=np.float64).reshape(shape)
-                for name, shape in shapes.items()
-            }
-            arrays["phase"] = np.array(
-                [PHASES.index(str(name)) for name in values["phase"]], dtype=np.uint8
-            )
-            counts = {name: len(array) for name, array in arrays.items()}
-            if len(set(counts.values())) > 1:
-                raise ValueError(f"its arrays differ in their numbers of frames: {counts}")
+            motion, errors = _read_motion(values, chain)
             return cls(
                 chain=chain,
+                motion=motion,
+                max_error_rad=errors,
                 certificate=Certificate.from_dict(values["certificate"]),
                 attempts=tuple(values.get("attempts", ())),
                 start=chain_from_attributes(start) if (start := values.get("start")) else None,
                 **{k: values[k] for k in _VALUES},
-                **arrays,
             )
         except _UNREADABLE as error:
             raise InputError(
@@ -249,7 +297,6 @@ _UNREADABLE: Final = (
     BadZipFile,
     zlib.error,
 )
-_ARRAYS: Final = ("time_s", "joint_angles_rad", "root_position", "root_wxyz", "max_error_rad")
 _VALUES: Final = (
     "preset",
     "parameters",
@@ -258,6 +305,57 @@ _VALUES: Final = (
     "explosion",
     "playback",
 )
+
+
+def _columns_of(windowed: bool) -> dict[str, tuple[tuple[int, ...], Any]]:
+    """What is written of a motion beside the phase: shape behind the first axis, and type."""
+    if windowed:
+        return {
+            "time_s": ((), np.float64),
+            "first": ((), np.int64),
+            "offsets": ((), np.int64),
+            "angles_rad": ((), np.float32),
+            "base_position": ((3,), np.float64),
+            "base_wxyz": ((4,), np.float64),
+        }
+    return {
+        "time_s": ((), np.float64),
+        "joint_angles_rad": ((-1,), np.float64),
+        "root_position": ((3,), np.float64),
+        "root_wxyz": ((4,), np.float64),
+    }
+
+
+def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
+    """The motion and the largest errors among a plan's values."""
+    windowed = values["format"] == WINDOWS_FORMAT
+    hinges = len(chain.folded_rad)
+    arrays: dict[str, Any] = {
+        name: np.asarray(values[name], dtype=kind).reshape(
+            -1, *(hinges if length < 0 else length for length in tail)
+        )
+        for name, (tail, kind) in _columns_of(windowed).items()
+    }
+    arrays["phase"] = np.array(
+        [PHASES.index(str(name)) for name in values["phase"]], dtype=np.uint8
+    )
+    errors = np.asarray(values["max_error_rad"], dtype=np.float64).reshape(-1)
+    counts = {name: len(array) for name, array in arrays.items() if name != "angles_rad"}
+    counts["max_error_rad"] = len(errors)
+    if windowed:
+        counts["offsets"] -= 1
+    if len(set(counts.values())) > 1:
+        raise ValueError(f"its arrays differ in their numbers of frames: {counts}")
+    if windowed:
+        windows = Windows(**arrays)
+        try:
+            check_windows(chain, windows)
+        except InputError as error:
+            raise ValueError(error.detail) from error
+        return windows, errors
+    # What was simulated is not told apart from what should be, so there is no error of each hinge.
+    nothing = np.broadcast_to(np.nan, (len(errors), hinges))
+    return Frames(joint_error_rad=nothing, **arrays), errors
 
 
 def versions() -> dict[str, str]:
@@ -274,4 +372,5 @@ def versions() -> dict[str, str]:
 def _listed(array: Array) -> Any:
     if array.ndim == 1 and np.isnan(array).any():
         return [None if np.isnan(value) else value for value in np.round(array, DIGITS).tolist()]
-    return np.round(array, DIGITS).tolist()
+    exact = array if array.dtype.kind == "i" else array.astype(np.float64)
+    return np.round(exact, DIGITS).tolist()

@@ -15,17 +15,19 @@ from planner.alignment import aligned_distances
 from planner.chain import Chain
 from planner.controllers import ComputedTorque, Controller, Servo
 from planner.errors import InputError, SimulationError
+from planner.frames import Frames, Phase
 from planner.guides import DirectGuide, Guide, SnapshotGuide, Target, TimedGuide
-from planner.kinematic import kinematic_frames, root_folded
+from planner.kinematic import kinematic_frames, root_folded, windowed_frames
 from planner.model import Material
+from planner.motion import Motion, motion_arrays, motion_from_arrays
 from planner.parameters import PlaybackParameters
 from planner.progress import Cancelled, Progress, Report, never, silent
-from planner.record import Record, frames_arrays, frames_from_arrays, save_npz
+from planner.record import Record, save_npz
 from planner.reference import Reference, clear_reference
 from planner.timelaw import TimeLaw, torque_bounded_law
-from planner.timeline import Frames, Phase
 from planner.tree import Tree
 from planner.unfolding import Unfolding
+from planner.windows import Windows
 
 Array = NDArray[np.float64]
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
@@ -51,7 +53,8 @@ class Playback:
         reason: In plain words; empty when folded.
         frames: Simulated configurations with their joint errors: from straight on or, of a
             refold, from where it begins on, over straight.
-        reference_rad: (F, J) what the hinges should have been at those frames.
+        reference_rad: (F, J) what the hinges should have been at those frames; None when the
+            frames are windows, which are that themselves.
         steps: Simulation steps.
         seconds: Wall time.
         rms_position_error: Of the modules' centres at the end, in pitches, after alignment.
@@ -64,8 +67,8 @@ class Playback:
 
     status: PlaybackStatus
     reason: str
-    frames: Frames
-    reference_rad: Array
+    frames: Motion
+    reference_rad: Array | None
     steps: int
     seconds: float
     rms_position_error: float
@@ -73,6 +76,15 @@ class Playback:
     peak_torque: float | None
     rms_torque: float | None
     kind: Literal["dynamic", "kinematic"] = "dynamic"
+
+    @property
+    def reference(self) -> Array | Windows:
+        """What the plan is: (F, J) hinge angles, or windows."""
+        if isinstance(self.frames, Windows):
+            return self.frames
+        if self.reference_rad is None:
+            raise ValueError("got frames of all angles without their reference")
+        return self.reference_rad
 
     def summary(self) -> dict[str, Any]:
         """The figures without the frames."""
@@ -84,8 +96,8 @@ class Playback:
             path,
             {
                 **{name: _stored(getattr(self, name)) for name in _SCALARS},
-                "reference_rad": self.reference_rad,
-                **frames_arrays(self.frames),
+                **({} if self.reference_rad is None else {"reference_rad": self.reference_rad}),
+                **motion_arrays(self.frames),
             },
         )
 
@@ -94,8 +106,8 @@ class Playback:
         """Reads what ``save`` wrote."""
         with np.load(path, allow_pickle=False) as arrays:
             return cls(
-                frames=frames_from_arrays(arrays),
-                reference_rad=arrays["reference_rad"],
+                frames=motion_from_arrays(arrays),
+                reference_rad=arrays.get("reference_rad"),
                 **{name: _loaded(arrays[name].item()) for name in _SCALARS},
             )
 
@@ -128,7 +140,7 @@ def play_back(
     parameters: PlaybackParameters,
     *,
     module_size: float = 0.95,
-    sink: Callable[[Frames], None] | None = None,
+    sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
     start_s: float = 0.0,
@@ -155,9 +167,17 @@ def play_back(
         InputError: An unknown controller, or a controller that needs a record without one.
     """
     begun = time.perf_counter()
-    if record is not None and len(chain) > parameters.dynamic_up_to:
-        return _followed(chain, record, parameters, module_size, sink, start_s, finer, unfolding)
-    run = _Run(chain, record, parameters, module_size, start_s, finer, unfolding)
+    recorded = None if record is None else record.frames
+    if isinstance(recorded, Windows):
+        if unfolding is not None:
+            raise InputError(
+                "cannot-refold",
+                "a chain that is peeled cannot begin folded otherwise; fold it from straight.",
+            )
+        return _reversed_windows(chain, recorded, parameters, sink, start_s)
+    if recorded is not None and len(chain) > parameters.dynamic_up_to:
+        return _followed(chain, recorded, parameters, module_size, sink, start_s, finer, unfolding)
+    run = _Run(chain, recorded, parameters, module_size, start_s, finer, unfolding)
     status, reason = run.simulate(sink, progress, cancelled)
     error = run.final_error()
     if status == "folded" and error > FOLDED_WITHIN:
@@ -183,10 +203,10 @@ def play_back(
 
 def _followed(
     chain: Chain,
-    record: Record,
+    recorded: Frames,
     parameters: PlaybackParameters,
     module_size: float,
-    sink: Callable[[Frames], None] | None,
+    sink: Callable[[Motion], None] | None,
     start_s: float,
     finer: int,
     unfolding: Unfolding | None,
@@ -196,7 +216,7 @@ def _followed(
     kept: list[Frames] = []
     for frames in kinematic_frames(
         chain,
-        record,
+        recorded,
         parameters,
         module_size=module_size,
         start_s=start_s,
@@ -207,11 +227,30 @@ def _followed(
         if sink is not None:
             sink(frames)
     frames = Frames.joined(kept)
+    return _kinematic(frames, frames.joint_angles_rad, begun)
+
+
+def _reversed_windows(
+    chain: Chain,
+    record: Windows,
+    parameters: PlaybackParameters,
+    sink: Callable[[Motion], None] | None,
+    start_s: float,
+) -> Playback:
+    """A kinematic playback of windows."""
+    begun = time.perf_counter()
+    windows = windowed_frames(chain, record, parameters, start_s=start_s)
+    if sink is not None:
+        sink(windows)
+    return _kinematic(windows, None, begun)
+
+
+def _kinematic(frames: Motion, reference_rad: Array | None, begun: float) -> Playback:
     return Playback(
         status="folded",
         reason="",
         frames=frames,
-        reference_rad=frames.joint_angles_rad,
+        reference_rad=reference_rad,
         steps=0,
         seconds=time.perf_counter() - begun,
         rms_position_error=0.0,
@@ -226,7 +265,7 @@ class _Run:
     def __init__(
         self,
         chain: Chain,
-        record: Record | None,
+        recorded: Frames | None,
         parameters: PlaybackParameters,
         module_size: float,
         start_s: float,
@@ -252,7 +291,7 @@ class _Run:
         material = Material(geom_size=module_size, friction=parameters.friction)
         self.tree = Tree(chain, material, step_s=parameters.step_s, servo=servo)
         self.refolds = unfolding is not None
-        self.guides: list[tuple[Phase, Guide]] = [("playback", self._guide(record))]
+        self.guides: list[tuple[Phase, Guide]] = [("playback", self._guide(recorded))]
         if unfolding is not None:
             reference, law = self._timed(unfolding.chain, unfolding.folding_rad)
             self.guides.insert(0, ("unfolding", TimedGuide(reference, law.backwards())))
@@ -268,19 +307,19 @@ class _Run:
         zero = np.zeros_like(chain.folded_rad)
         if unfolding is not None:
             self.tree.place(unfolding.chain.folded_rad, *root_folded(unfolding.chain))
-        elif record is None:
+        elif recorded is None:
             self.tree.place(zero, *root_folded(chain))
         else:
-            last = record.frames[-1:]
+            last = recorded[-1:]
             self.tree.place(zero, last.root_position[0], last.root_wxyz[0])
 
-    def _guide(self, record: Record | None) -> Guide:
+    def _guide(self, recorded: Frames | None) -> Guide:
         p = self.parameters
         if p.controller == "direct":
             return DirectGuide(self.chain.folded_rad, p.direct_steps, p.step_s)
-        if record is None:
+        if recorded is None:
             raise InputError("no-record", f"the controller {p.controller!r} needs a record.")
-        snapshots = record.frames.joint_angles_rad[::-1]
+        snapshots = recorded.joint_angles_rad[::-1]
         if p.controller == "paper":
             return SnapshotGuide(
                 snapshots, threshold_rad2=p.threshold_rad2, gain=p.gain, step_s=p.step_s

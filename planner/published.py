@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import SimulationError
+from planner.frames import Frames
 from planner.kernels.pairs import near_pairs, repulsion
 from planner.model import Material
 from planner.parameters import PaperExplosionParameters
@@ -24,7 +25,6 @@ from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.record import Record, RecordStatus
 from planner.recorder import Recorder, Step
 from planner.segments import Segments, State
-from planner.timeline import Frames
 
 Array = NDArray[np.float64]
 LINKED: Final = 1

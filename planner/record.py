@@ -9,7 +9,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from planner.timeline import Frames
+from planner.motion import Motion, motion_arrays, motion_from_arrays
 
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
 
@@ -28,7 +28,7 @@ class Record:
 
     status: RecordStatus
     reason: str
-    frames: Frames
+    frames: Motion
     steps: int
     seconds: float
 
@@ -51,7 +51,7 @@ class Record:
                 "reason": np.array(self.reason),
                 "steps": np.array(self.steps),
                 "seconds": np.array(self.seconds),
-                **frames_arrays(self.frames),
+                **motion_arrays(self.frames),
             },
         )
 
@@ -62,20 +62,10 @@ class Record:
             return cls(
                 status=cast("RecordStatus", str(arrays["status"])),
                 reason=str(arrays["reason"]),
-                frames=frames_from_arrays(arrays),
+                frames=motion_from_arrays(arrays),
                 steps=int(arrays["steps"]),
                 seconds=float(arrays["seconds"]),
             )
-
-
-def frames_arrays(frames: Frames) -> dict[str, Any]:
-    """The columns of frames by name."""
-    return {name: getattr(frames, name) for name in Frames.__dataclass_fields__}
-
-
-def frames_from_arrays(arrays: Any) -> Frames:
-    """Frames from a mapping of their columns."""
-    return Frames(**{name: arrays[name] for name in Frames.__dataclass_fields__})
 
 
 def save_npz(path: FilePath, arrays: dict[str, Any]) -> None:

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.clearance import closest
+from planner.frames import Frames
 from planner.kinematics import forward_kinematics
 from planner.rotations import wxyz_from_matrix
 from planner.segments import State
-from planner.timeline import Frames
 
 Array = NDArray[np.float64]
 CLOSE: Final = 0.06

@@ -6,7 +6,7 @@ Nothing of foldback's own kinematics or collision is used here, so that the two 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from planner.plan import Plan
 from planner.untyped import mujoco
 
 Array = NDArray[np.float64]
+CHUNK: Final = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,13 +76,16 @@ def replay(plan: Plan, xml: str) -> Replay:
 
 
 def _configurations(plan: Plan) -> Any:
-    angles, positions, wxyzs = plan.joint_angles_rad, plan.root_position, plan.root_wxyz
-    for k in range(len(angles)):
-        yield float(k), angles[k], positions[k], wxyzs[k]
-        if k + 1 < len(angles):
-            yield (
-                k + 0.5,
-                0.5 * (angles[k] + angles[k + 1]),
-                0.5 * (positions[k] + positions[k + 1]),
-                wxyzs[k],
-            )
+    count = len(plan.motion)
+    for start in range(0, count, CHUNK):
+        part = plan.part(start, min(start + CHUNK + 1, count))
+        angles, positions, wxyzs = part.joint_angles_rad, part.root_position, part.root_wxyz
+        for k in range(min(CHUNK, count - start)):
+            yield float(start + k), angles[k], positions[k], wxyzs[k]
+            if k + 1 < len(angles):
+                yield (
+                    start + k + 0.5,
+                    0.5 * (angles[k] + angles[k + 1]),
+                    0.5 * (positions[k] + positions[k + 1]),
+                    wxyzs[k],
+                )

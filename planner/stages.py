@@ -20,6 +20,7 @@ from planner.chain import Chain
 from planner.explosion import explode
 from planner.exports import mjcf
 from planner.files import write_whole
+from planner.frames import PHASES
 from planner.measuring import write_figures
 from planner.parameters import (
     ExplosionParameters,
@@ -32,7 +33,7 @@ from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.published import explode_as_published
 from planner.record import Record
 from planner.request import SHORT_SEED, Request
-from planner.timeline import PHASES, TimelineWriter, chain_attributes, chain_from_attributes
+from planner.timeline import TimelineWriter, chain_attributes, chain_from_attributes
 from planner.unfolding import START_CHAIN, START_PLAN, Unfolding, check_fits
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")

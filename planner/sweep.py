@@ -152,6 +152,15 @@ def _in_turn(part: Callable[[int], Found], starts: range, cancelled: Cancelled) 
             yield left.result()
 
 
+def check_windows(chain: Chain, windows: Windows) -> None:
+    """Refuses windows that are not of this chain.
+
+    Raises:
+        InputError: ``bad-windows``.
+    """
+    _extents(chain, windows)
+
+
 def _extents(chain: Chain, motion: Array | Windows) -> tuple[Ints, Ints]:
     """Where each frame's window begins, (F,), and where its angles do among all, (F + 1,)."""
     hinges = len(chain.folded_rad)

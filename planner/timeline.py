@@ -3,14 +3,15 @@
 It is the only thing that passes from the computing side to the showing side. On disk it is a zarr
 group. Frames become visible to readers when the group's ``frames`` attribute has grown, which is
 written last; a reader never sees half a frame.
+
+There are two layouts, told apart by their format: one holds all angles of each frame, the other
+only those of its window (``planner.windows``). Either is read as the one or the other.
 """
 
 from __future__ import annotations
 
 import secrets
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
 from typing import Any, Final, Literal, cast
 
@@ -21,82 +22,43 @@ from zarr.codecs import BloscCodec
 
 from planner.chain import Chain
 from planner.errors import TimelineError
+from planner.frames import Frames
 from planner.modules import module_named
+from planner.motion import Motion, joined
+from planner.windows import Windows
 
 Array = NDArray[np.float64]
 FORMAT: Final = "foldback-timeline/1"
-PHASES: Final = ("explosion", "playback", "unfolding")
-Phase = Literal["explosion", "playback", "unfolding"]
+WINDOWS_FORMAT: Final = "foldback-timeline/2"
 Status = Literal["growing", "complete", "failed"]
 FRAMES_A_CHUNK: Final = 128
+WINDOWS_A_CHUNK: Final = 4096
+ANGLES_A_CHUNK: Final = 2**16
 FLUSH_EVERY_S: Final = 0.15
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Frames:
-    """F snapshots in the order of time.
-
-    Attributes:
-        time_s: (F,) simulated time, rising through all phases.
-        phase: (F,) uint8 index into ``PHASES``.
-        joint_angles_rad: (F, J).
-        root_position: (F, 3) centre of the root module in pitches.
-        root_wxyz: (F, 4) its orientation.
-        joint_error_rad: (F, J) distance of each hinge from its reference; NaN where there is none.
-    """
-
-    time_s: Array
-    phase: NDArray[np.uint8]
-    joint_angles_rad: Array
-    root_position: Array
-    root_wxyz: Array
-    joint_error_rad: Array
-
-    def __len__(self) -> int:
-        return len(self.time_s)
-
-    def __getitem__(self, index: slice | NDArray[np.integer[Any]]) -> Frames:
-        return Frames(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
-
-    @classmethod
-    def of_phase(
-        cls,
-        phase: Phase,
-        *,
-        time_s: Array,
-        joint_angles_rad: Array,
-        root_position: Array,
-        root_wxyz: Array,
-        joint_error_rad: Array | None = None,
-    ) -> Frames:
-        """Frames that all belong to one phase; no error recorded when it is None."""
-        if joint_error_rad is None:
-            joint_error_rad = np.full_like(joint_angles_rad, np.nan)
-        return cls(
-            time_s=time_s,
-            phase=np.full(len(time_s), PHASES.index(phase), dtype=np.uint8),
-            joint_angles_rad=joint_angles_rad,
-            root_position=root_position,
-            root_wxyz=root_wxyz,
-            joint_error_rad=joint_error_rad,
-        )
-
-    @classmethod
-    def joined(cls, parts: Sequence[Frames]) -> Frames:
-        """One after the other."""
-        return cls(
-            **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)}
-        )
-
-
-def _columns(joints: int) -> dict[str, tuple[tuple[int, ...], str]]:
+def _frame_columns(joints: int) -> dict[str, tuple[tuple[int, ...], str, int]]:
+    """Of frames: the shape behind the first axis, the type, and the rows of a chunk."""
     return {
-        "time_s": ((), "float64"),
-        "phase": ((), "uint8"),
-        "joint_angles_rad": ((joints,), "float64"),
-        "root_position": ((3,), "float64"),
-        "root_wxyz": ((4,), "float64"),
-        "joint_error_rad": ((joints,), "float32"),
+        "time_s": ((), "float64", FRAMES_A_CHUNK),
+        "phase": ((), "uint8", FRAMES_A_CHUNK),
+        "joint_angles_rad": ((joints,), "float64", FRAMES_A_CHUNK),
+        "root_position": ((3,), "float64", FRAMES_A_CHUNK),
+        "root_wxyz": ((4,), "float64", FRAMES_A_CHUNK),
+        "joint_error_rad": ((joints,), "float32", FRAMES_A_CHUNK),
+    }
+
+
+def _window_columns() -> dict[str, tuple[tuple[int, ...], str, int]]:
+    """Of windows; ``ends`` says where those of each frame end in ``angles_rad``."""
+    return {
+        "time_s": ((), "float64", WINDOWS_A_CHUNK),
+        "phase": ((), "uint8", WINDOWS_A_CHUNK),
+        "first": ((), "int64", WINDOWS_A_CHUNK),
+        "ends": ((), "int64", WINDOWS_A_CHUNK),
+        "base_position": ((3,), "float64", WINDOWS_A_CHUNK),
+        "base_wxyz": ((4,), "float64", WINDOWS_A_CHUNK),
+        "angles_rad": ((), "float32", ANGLES_A_CHUNK),
     }
 
 
@@ -130,38 +92,49 @@ def chain_from_attributes(attributes: dict[str, Any]) -> Chain:
 class TimelineWriter:
     """Appends frames to a timeline. One writer at a time; a context manager."""
 
-    def __init__(self, group: zarr.Group, chain: Chain, frames: int) -> None:
+    def __init__(self, group: zarr.Group, chain: Chain, frames: int, *, windowed: bool) -> None:
         self._group = group
         self._chain = chain
         self._frames = frames
-        self._waiting: list[Frames] = []
+        self._windowed = windowed
+        self._waiting: list[Motion] = []
         self._last_flush = time.monotonic()
         self._status: Status = "growing"
 
     @classmethod
-    def create(cls, path: str | FilePath, chain: Chain) -> TimelineWriter:
-        """A new, empty timeline; what was at ``path`` is replaced."""
+    def create(
+        cls, path: str | FilePath, chain: Chain, *, windowed: bool = False
+    ) -> TimelineWriter:
+        """A new, empty timeline; what was at ``path`` is replaced.
+
+        Args:
+            path: Where it shall be.
+            chain: Whose frames it holds.
+            windowed: Whether it takes ``Windows``; else it takes ``Frames``.
+        """
         group = zarr.open_group(str(path), mode="w", zarr_format=3)
         codec = BloscCodec(cname="zstd", clevel=3, shuffle="shuffle")
-        for name, (tail, dtype) in _columns(len(chain.folded_rad)).items():
+        columns = _window_columns() if windowed else _frame_columns(len(chain.folded_rad))
+        for name, (tail, dtype, rows) in columns.items():
             group.create_array(
-                name,
-                shape=(0, *tail),
-                chunks=(FRAMES_A_CHUNK, *tail),
-                dtype=dtype,
-                compressors=[codec],
+                name, shape=(0, *tail), chunks=(rows, *tail), dtype=dtype, compressors=[codec]
             )
+        told = chain_attributes(chain)
+        if windowed:
+            # The attributes are written and read over and over: what is long is beside them.
+            group.create_array("folded_rad", data=chain.folded_rad)
+            told = {k: v for k, v in told.items() if k not in ("folded_rad", "joint_names")}
         group.attrs.put(
             {
-                "format": FORMAT,
+                "format": WINDOWS_FORMAT if windowed else FORMAT,
                 # Tells a timeline that was begun anew from the one that was there before.
                 "id": secrets.token_hex(8),
-                "chain": chain_attributes(chain),
+                "chain": told,
                 "frames": 0,
                 "status": "growing",
             }
         )
-        return cls(group, chain, 0)
+        return cls(group, chain, 0, windowed=windowed)
 
     @classmethod
     def reopen(cls, path: str | FilePath, *, frames: int | None = None) -> TimelineWriter:
@@ -176,7 +149,7 @@ class TimelineWriter:
         if kept < len(timeline):
             # Who has read what is dropped has to begin anew.
             group.attrs.update({"id": secrets.token_hex(8)})
-        writer = cls(group, timeline.chain, kept)
+        writer = cls(group, timeline.chain, kept, windowed=timeline.windowed)
         writer._mark("growing")
         return writer
 
@@ -190,14 +163,28 @@ class TimelineWriter:
     def __len__(self) -> int:
         return self._frames + sum(len(w) for w in self._waiting)
 
-    def append(self, frames: Frames) -> None:
-        """Adds frames; they reach the disk within ``FLUSH_EVERY_S`` of further calls."""
+    def append(self, frames: Motion) -> None:
+        """Adds frames; they reach the disk within ``FLUSH_EVERY_S`` of further calls.
+
+        Raises:
+            TimelineError: When they are not of the kind or of the chain that it is for.
+        """
         if self._status != "growing":
             raise TimelineError(f"the timeline is {self._status}; only a growing one takes frames.")
-        joints = frames.joint_angles_rad.shape[-1]
-        if joints != len(self._chain.folded_rad):
+        if isinstance(frames, Windows) != self._windowed:
+            expected = "Windows" if self._windowed else "Frames"
+            raise TimelineError(f"got {type(frames).__name__}, expected {expected}.")
+        hinges = len(self._chain.folded_rad)
+        if isinstance(frames, Frames):
+            joints = frames.joint_angles_rad.shape[-1]
+            if joints != hinges:
+                raise TimelineError(
+                    f"got frames of {joints} joint angles, expected {hinges}, as the timeline's "
+                    "chain has."
+                )
+        elif len(frames) and int(frames.last.max()) > hinges:
             raise TimelineError(
-                f"got frames of {joints} joint angles, expected {len(self._chain.folded_rad)}, as "
+                f"got windows up to hinge {int(frames.last.max())}, expected {hinges} at most, as "
                 "the timeline's chain has."
             )
         if len(frames):
@@ -210,16 +197,29 @@ class TimelineWriter:
         self._last_flush = time.monotonic()
         if not self._waiting:
             return
-        frames = Frames.joined(self._waiting)
+        motion = joined(self._waiting)
         self._waiting = []
-        start, stop = self._frames, self._frames + len(frames)
-        for name in _columns(0):
-            array = cast("zarr.Array[Any]", self._group[name])
-            values = getattr(frames, name)
+        stop = self._frames + len(motion)
+        if isinstance(motion, Windows):
+            angles = self._array("angles_rad")
+            begins = int(cast("Any", self._array("ends")[self._frames - 1])) if self._frames else 0
+            values = {
+                **{name: getattr(motion, name) for name in _WINDOW_ROWS},
+                "ends": begins + motion.offsets[1:],
+            }
+            angles.resize((begins + len(motion.angles_rad),))
+            angles[begins:] = motion.angles_rad
+        else:
+            values = {name: getattr(motion, name) for name in _frame_columns(0)}
+        for name, column in values.items():
+            array = self._array(name)
             array.resize((stop, *array.shape[1:]))
-            array[start:stop] = values.astype(array.dtype)
+            array[self._frames : stop] = column.astype(array.dtype)
         self._frames = stop
         self._mark("growing")
+
+    def _array(self, name: str) -> zarr.Array[Any]:
+        return cast("zarr.Array[Any]", self._group[name])
 
     def close(self, status: Status = "complete") -> None:
         """Writes what waits and closes the timeline for good."""
@@ -231,16 +231,27 @@ class TimelineWriter:
         self._group.attrs.update({"frames": self._frames, "status": status})
 
 
+_WINDOW_ROWS: Final = ("time_s", "phase", "first", "base_position", "base_wxyz")
+
+
 class Timeline:
     """Reads a timeline, at its tail too while it grows."""
 
     def __init__(self, path: str, attributes: dict[str, Any]) -> None:
         self.path = path
         self.id = str(attributes["id"])
-        self.chain = chain_from_attributes(attributes["chain"])
+        self.windowed = attributes["format"] == WINDOWS_FORMAT
         self._arrays: dict[str, zarr.Array[Any]] = {}
         self._frames = 0
         self._status: Status = "growing"
+        told = attributes["chain"]
+        if self.windowed:
+            try:
+                folded = cast("zarr.Array[Any]", zarr.open_group(path, mode="r")["folded_rad"])
+            except KeyError as error:
+                raise TimelineError(f"{path} is damaged: it lacks {error}.") from error
+            told = {**told, "folded_rad": folded[:]}
+        self.chain = chain_from_attributes(told)
         self._take(attributes)
 
     @classmethod
@@ -267,41 +278,78 @@ class Timeline:
         self._take(_attributes(self.path))
         return before != (self._frames, self._status)
 
+    def motion(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Motion:
+        """As ``frames``, in the layout that the timeline has."""
+        return (self.windows if self.windowed else self.frames)(start, stop, stride)
+
     def frames(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Frames:
         """Frames ``start`` to ``stop`` (all there are when None), every ``stride``-th one.
 
         Raises:
             TimelineError: When the range is not within the timeline.
         """
-        end = self._frames if stop is None else stop
-        if not (0 <= start <= end <= self._frames and stride >= 1):
-            raise TimelineError(
-                f"got frames {start} to {end} by {stride}, expected a range within the "
-                f"{self._frames} frames there are."
-            )
+        if self.windowed:
+            return self.windows(start, stop, stride).dense(self.chain)
+        end = self._end(start, stop, stride)
         found: dict[str, Any] = {}
-        for name in _columns(0):
+        for name in _frame_columns(0):
             part = _strided(self._arrays[name], start, end, stride)
             found[name] = part.astype(np.float64) if part.dtype == np.float32 else part
         return Frames(**found)
+
+    def windows(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Windows:
+        """As ``frames``, with only the angles of each frame's window.
+
+        Raises:
+            TimelineError: When the range is not within the timeline.
+        """
+        if not self.windowed:
+            return Windows.of(self.chain, self.frames(start, stop, stride))
+        end = self._end(start, stop, stride)
+        numbers = np.arange(start, end, stride)
+        ends = cast("NDArray[np.int64]", self._arrays["ends"][max(start - 1, 0) : end])
+        ends = np.concatenate([[0], ends]) if start == 0 else ends
+        begins, stops = ends[numbers - start], ends[numbers - start + 1]
+        flat = self._arrays["angles_rad"]
+        if stride == 1 or not len(numbers):
+            angles = flat[int(ends[0]) : int(ends[-1])]
+        else:
+            angles = np.concatenate(
+                [flat[a:b] for a, b in zip(begins.tolist(), stops.tolist(), strict=True)]
+            )
+        return Windows(
+            offsets=np.concatenate([[0], np.cumsum(stops - begins)]),
+            angles_rad=cast("NDArray[np.float32]", angles),
+            **{name: cast("Any", self._arrays[name][start:end])[::stride] for name in _WINDOW_ROWS},
+        )
 
     def clock(self) -> tuple[Array, NDArray[np.uint8]]:
         """(F,) times and (F,) phases of all frames, without reading the rest of them."""
         time_s, phase = (self._arrays[name][: self._frames] for name in ("time_s", "phase"))
         return cast("Array", time_s), cast("NDArray[np.uint8]", phase)
 
+    def _end(self, start: int, stop: int | None, stride: int) -> int:
+        end = self._frames if stop is None else stop
+        if not (0 <= start <= end <= self._frames and stride >= 1):
+            raise TimelineError(
+                f"got frames {start} to {end} by {stride}, expected a range within the "
+                f"{self._frames} frames there are."
+            )
+        return end
+
     def _take(self, attributes: dict[str, Any]) -> None:
         frames = int(attributes["frames"])
         if frames != self._frames or not self._arrays:
             group = zarr.open_group(self.path, mode="r")
+            columns = _window_columns() if self.windowed else _frame_columns(0)
             try:
-                self._arrays = {n: cast("zarr.Array[Any]", group[n]) for n in _columns(0)}
+                self._arrays = {n: cast("zarr.Array[Any]", group[n]) for n in columns}
             except KeyError as error:
                 raise TimelineError(f"{self.path} is damaged: it lacks {error}.") from error
-            short = min(array.shape[0] for array in self._arrays.values())
-            if short < frames:
+            rows = [a.shape[0] for n, a in self._arrays.items() if n != "angles_rad"]
+            if min(rows) < frames:
                 raise TimelineError(
-                    f"{self.path} is damaged: it promises {frames} frames and holds {short}."
+                    f"{self.path} is damaged: it promises {frames} frames and holds {min(rows)}."
                 )
         self._frames = frames
         self._status = cast("Status", attributes["status"])
@@ -326,15 +374,13 @@ def _attributes(path: str) -> dict[str, Any]:
         attributes = zarr.open_group(path, mode="r").attrs.asdict()
     except (OSError, ValueError, KeyError) as error:
         raise TimelineError(f"no timeline at {path}: {error}") from error
-    if attributes.get("format") != FORMAT:
+    if attributes.get("format") not in (FORMAT, WINDOWS_FORMAT):
         raise TimelineError(
-            f"got the format {attributes.get('format')!r} at {path}, expected {FORMAT!r}."
+            f"got the format {attributes.get('format')!r} at {path}, expected {FORMAT!r} or "
+            f"{WINDOWS_FORMAT!r}."
         )
     try:
-        found = {key: attributes[key] for key in ("chain", "frames", "status")}
+        found = {key: attributes[key] for key in ("format", "chain", "frames", "status")}
     except KeyError as error:
         raise TimelineError(f"{path} is damaged: it lacks {error}.") from error
     return {**found, "id": attributes.get("id", "")}
-
-
-__all__ = ["FORMAT", "PHASES", "Frames", "Phase", "Timeline", "TimelineWriter"]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import InputError
-from planner.timeline import PHASES
+from planner.frames import PHASES
 
 if TYPE_CHECKING:
     from planner.plan import Plan

@@ -10,13 +10,16 @@ import numpy as np
 
 from planner.certificate import Certificate, certify
 from planner.errors import InputError
+from planner.frames import PHASES
+from planner.motion import motion_arrays
 from planner.parameters import preset
 from planner.plan import Plan
 from planner.playback import Playback
 from planner.progress import Report, silent
 from planner.record import Record
 from planner.replay import Replay, replay
-from planner.timeline import PHASES, Frames, Phase, Timeline, chain_attributes
+from planner.timeline import Timeline, chain_attributes
+from planner.windows import Windows
 
 SAME_WITHIN: Final = 1e-9
 POSES_WITHIN: Final = 1e-6
@@ -99,10 +102,14 @@ def verify(
 
 
 def _differences(plan: Plan, other: Plan) -> list[str]:
-    for name in ("phase", "joint_angles_rad", "root_position", "root_wxyz", "time_s"):
-        mine, theirs = getattr(plan, name), getattr(other, name)
-        if mine.shape != theirs.shape or (
-            mine.size and not np.abs(mine - theirs).max() <= SAME_WITHIN
+    if type(plan.motion) is not type(other.motion):
+        return ["failed: plan.json and plan.npz differ in what they hold of a frame"]
+    theirs = motion_arrays(other.motion)
+    for name, mine in motion_arrays(plan.motion).items():
+        if name == "joint_error_rad":
+            continue  # which a plan has not
+        if mine.shape != theirs[name].shape or (
+            mine.size and not np.abs(mine - theirs[name]).max() <= SAME_WITHIN
         ):
             return [f"failed: plan.json and plan.npz differ in {name}"]
     mine, theirs = (p.start and chain_attributes(p.start) for p in (plan, other))
@@ -112,10 +119,10 @@ def _differences(plan: Plan, other: Plan) -> list[str]:
 
 
 def _results(plan: Plan, timeline: Timeline) -> tuple[Record | None, Playback | None]:
-    frames = timeline.frames()
+    frames = timeline.motion()
     record = playback = None
     # A refold's timeline shows what was made of the explosion, from one shape to the other.
-    exploded = _of_phase(frames, "explosion")
+    exploded = frames[np.flatnonzero(frames.phase == PHASES.index("explosion"))]
     if plan.explosion is not None and (plan.start is None or len(exploded)):
         figures = {k: v for k, v in plan.explosion.items() if k != "frames"}
         record = Record(frames=exploded, **figures)
@@ -129,12 +136,24 @@ def _results(plan: Plan, timeline: Timeline) -> tuple[Record | None, Playback | 
             )
         if not np.array_equal(played.phase, plan.phase):
             raise InputError("wrong-timeline", "the timeline's phases are not those of the plan.")
-        playback = Playback(frames=played, reference_rad=plan.joint_angles_rad, **plan.playback)
+        if isinstance(plan.motion, Windows):
+            if not isinstance(played, Windows) or not _same(played, plan.motion):
+                raise InputError(
+                    "wrong-timeline", "the timeline's playback is not the motion of the plan."
+                )
+            reference = None
+        else:
+            reference = plan.joint_angles_rad
+        playback = Playback(frames=played, reference_rad=reference, **plan.playback)
     return record, playback
 
 
-def _of_phase(frames: Frames, phase: Phase) -> Frames:
-    return frames[np.flatnonzero(frames.phase == PHASES.index(phase))]
+def _same(played: Windows, planned: Windows) -> bool:
+    """Whether two motions pass the same configurations."""
+    return all(
+        np.array_equal(getattr(played, name), getattr(planned, name))
+        for name in ("first", "offsets", "angles_rad")
+    )
 
 
 def _text(path: FilePath) -> str:

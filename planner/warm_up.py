@@ -7,12 +7,12 @@ import numpy as np
 from planner.chain import Chain
 from planner.dynamics import floating_torques
 from planner.folding import fold
+from planner.frames import Frames
 from planner.measuring import clearances_of
 from planner.modules import CUBE
 from planner.paths import Path
 from planner.retiming import retime
 from planner.sweep import sweep
-from planner.timeline import Frames
 from planner.warm_up_paths import SMALL_SHAPE, warm_up_chains, warm_up_paths
 from planner.windows import Windows
 

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain import Chain
+from planner.frames import Frames
+from planner.kernels.windows import window_steps
 from planner.kinematics import forward_kinematics
-from planner.timeline import Frames
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -115,6 +116,29 @@ class Windows:
             row[a : a + b] = self.angles_rad[self.offsets[k] : self.offsets[k + 1]]
         return found
 
+    def steps(self, chain: Chain, *, fraction: float = 0.0) -> tuple[Array, Ints]:
+        """What the hinges do from each snapshot to the next.
+
+        Args:
+            chain: The chain.
+            fraction: A hinge moves when its step is more than this share of the largest one.
+
+        Returns:
+            (F − 1,) the largest step in radians and (F − 1,) how many hinges move.
+        """
+        count = max(0, len(self) - 1)
+        largest, moving = np.zeros(count), np.zeros(count, dtype=np.int64)
+        window_steps(
+            self.first,
+            self.offsets,
+            self.angles_rad,
+            chain.folded_rad,
+            fraction,
+            largest,
+            moving,
+        )
+        return largest, moving
+
     def dense(self, chain: Chain, start: int = 0, stop: int | None = None) -> Frames:
         """The snapshots ``start`` to ``stop`` with all their angles; no error is recorded."""
         part = slice(start, stop)
@@ -134,12 +158,3 @@ class Windows:
             root_wxyz=poses.wxyzs[:, chain.root],
             joint_error_rad=np.full_like(angles, np.nan),
         )
-
-    def arrays(self) -> dict[str, Any]:
-        """Its columns by name, to be written."""
-        return {name: getattr(self, name) for name in Windows.__dataclass_fields__}
-
-    @classmethod
-    def from_arrays(cls, arrays: Any) -> Windows:
-        """From a mapping of its columns."""
-        return cls(**{name: arrays[name] for name in cls.__dataclass_fields__})

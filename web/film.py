@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import TimelineError
-from planner.timeline import PHASES, Frames, Timeline
+from planner.frames import PHASES, Frames
+from planner.timeline import Timeline
 from web.colours import error_scale, module_errors
 
 Array = NDArray[np.float64]

@@ -15,10 +15,12 @@ import numpy as np
 from mcap.writer import Writer
 from numpy.typing import NDArray
 
+from planner.chain import Chain
 from planner.exports import urdf
 from planner.exports.cdr import SECOND_NS, Cdr
 from planner.exports.motion import require_frames
 from planner.exports.names import clean_name
+from planner.frames import Frames
 from planner.plan import Plan
 
 Array = NDArray[np.float64]
@@ -92,10 +94,11 @@ def write(plan: Plan) -> bytes:
     # Names and lengths are the same in every frame, only the time before them is not.
     start = bytes(Cdr().time(0))
     same = bytes(Cdr().time(0).string("").strings(names).count(len(names)))[len(start) :]
+    frames = plan.whole()
     for k, time_ns in enumerate(times_ns):
-        state = Cdr(bytes(Cdr().time(time_ns)) + same).doubles(plan.joint_angles_rad[k])
+        state = Cdr(bytes(Cdr().time(time_ns)) + same).doubles(frames.joint_angles_rad[k])
         add("/joint_states", time_ns, bytes(state.count(0).count(0)))
-        add("/tf", time_ns, root_transform(plan, k, time_ns))
+        add("/tf", time_ns, root_transform(plan.chain, frames, k, time_ns))
     writer.add_metadata("foldback", about(plan))
     writer.finish()
     return file.getvalue()
@@ -111,11 +114,11 @@ def joint_trajectory(plan: Plan, times_ns: list[int]) -> bytes:
     return bytes(message)
 
 
-def root_transform(plan: Plan, frame: int, time_ns: int) -> bytes:
+def root_transform(chain: Chain, frames: Frames, frame: int, time_ns: int) -> bytes:
     """Where the root module's frame is in the world, as a TFMessage."""
-    w, x, y, z = plan.root_wxyz[frame]
-    metres = plan.root_position[frame] * plan.chain.pitch_m
-    message = Cdr().count(1).time(time_ns).string(WORLD).string(f"module_{plan.chain.root}")
+    w, x, y, z = frames.root_wxyz[frame]
+    metres = frames.root_position[frame] * chain.pitch_m
+    message = Cdr().count(1).time(time_ns).string(WORLD).string(f"module_{chain.root}")
     return bytes(message.doubles(metres).doubles(np.array([x, y, z, w])))
 
 

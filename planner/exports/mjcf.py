@@ -50,15 +50,16 @@ def keys_of(plan: Plan) -> tuple[Key, ...]:
         return ()
     wanted = np.array(PERCENTS) / 100.0 * plan.time_s[-1]
     frames = np.abs(plan.time_s[:, None] - wanted).argmin(axis=0)
+    found = plan.motion[frames].dense(plan.chain)
     return tuple(
         Key(
             name=f"at_{percent}",
-            angles_rad=plan.joint_angles_rad[k],
-            position=plan.root_position[k],
-            wxyz=plan.root_wxyz[k],
-            time_s=float(plan.time_s[k]),
+            angles_rad=found.joint_angles_rad[k],
+            position=found.root_position[k],
+            wxyz=found.root_wxyz[k],
+            time_s=float(found.time_s[k]),
         )
-        for percent, k in zip(PERCENTS, frames.tolist(), strict=True)
+        for k, percent in enumerate(PERCENTS)
     )
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from planner.exports.motion import require_frames
+from planner.frames import PHASES
 from planner.plan import Plan
-from planner.timeline import PHASES
 
 ROOT = ("root_x_m", "root_y_m", "root_z_m", "root_qw", "root_qx", "root_qy", "root_qz")
 
@@ -24,8 +24,9 @@ def write(plan: Plan) -> bytes:
     require_frames(plan)
     joints = [f"{name}_rad" for name in plan.chain.joint_names]
     lines = [",".join(["time_s", "phase", *ROOT, *joints, "max_error_rad"])]
+    frames = plan.whole()
     numbers = np.column_stack(
-        [plan.root_position * plan.chain.pitch_m, plan.root_wxyz, plan.joint_angles_rad]
+        [frames.root_position * plan.chain.pitch_m, frames.root_wxyz, frames.joint_angles_rad]
     )
     for time_s, phase, row, error in zip(
         plan.time_s.tolist(),

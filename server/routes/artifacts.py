@@ -51,7 +51,8 @@ def get_frames(
     """Frames that are there, while it still computes too; `next` leads to the rest."""
     # The timeline brings compiled kernels along, which the start of the server need not wait for.
     from planner.errors import TimelineError
-    from planner.timeline import PHASES, Timeline
+    from planner.frames import PHASES
+    from planner.timeline import Timeline
 
     row = context.store.fold(fold_id)
     try:

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain import Chain
+from planner.frames import PHASES
 from planner.pathfinding import snake_path
 from planner.paths import Path
-from planner.timeline import PHASES
 from planner.windows import Windows
 
 Array = NDArray[np.float64]

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from planner.certificate import GRAVITY_M_S2, Certificate, certify
 from planner.chain import Chain
 from planner.errors import InputError
+from planner.frames import Frames
 from planner.parameters import Parameters, preset
 from planner.paths import Path
 from planner.playback import Playback
 from planner.record import Record
 from planner.sweep import sweep
-from planner.timeline import Frames
 from tests.planner.chains import coil, line
 
 Array = NDArray[np.float64]

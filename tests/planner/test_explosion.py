@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from planner.errors import SimulationError
 from planner.explosion import explode
+from planner.frames import Frames
 from planner.parameters import ExplosionParameters
 from planner.progress import Progress
 from planner.segments import Acceleration, Segments, State
 from planner.sweep import sweep
-from planner.timeline import Frames
 from tests.planner.chains import coil, knotted, line, overlapping
 
 Array = NDArray[np.float64]

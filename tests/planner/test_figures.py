@@ -14,6 +14,7 @@ from planner.chain import Chain
 from planner.dynamics import floating_torques, motion_of
 from planner.errors import TimelineError
 from planner.figures import REACH, Curves, Figures
+from planner.frames import Frames, Phase
 from planner.kernels.clearance import pair_separation
 from planner.kinematics import forward_kinematics
 from planner.measuring import clearances_of, figures_of, write_figures
@@ -21,7 +22,7 @@ from planner.modules import TETRAHEDRON
 from planner.parameters import Parameters
 from planner.stages import work_out_figures
 from planner.sweep import sweep
-from planner.timeline import Frames, Phase, Timeline, TimelineWriter
+from planner.timeline import Timeline, TimelineWriter
 from tests.planner.chains import coil, random_angles
 
 Array = NDArray[np.float64]

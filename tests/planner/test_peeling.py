@@ -13,20 +13,21 @@ from planner.chain import Chain
 from planner.clearance import closest
 from planner.errors import InputError
 from planner.kinematics import forward_kinematics
+from planner.motion import motion_arrays
 from planner.pathfinding.assembly import assembly_path
 from planner.pathfinding.snake import snake_path
 from planner.paths import Path
 from planner.peeling import peel, turned_towards
 from planner.peeling_parameters import PeelingParameters
-from planner.peeling_record import PeelRecord
 from planner.peeling_window import Bend, Peelable
 from planner.progress import Progress
+from planner.record import Record
 from planner.sweep import sweep
 from planner.windows import Windows
 from tests.planner.chains import coil, knotted, line
 
 DEFAULT = PeelingParameters()
-Case = Callable[[], tuple[Chain, PeelRecord]]
+Case = Callable[[], tuple[Chain, Record]]
 
 
 def chain_of(cells: np.ndarray) -> Chain:
@@ -34,13 +35,13 @@ def chain_of(cells: np.ndarray) -> Chain:
 
 
 @cache
-def snake() -> tuple[Chain, PeelRecord]:
+def snake() -> tuple[Chain, Record]:
     chain = chain_of(snake_path((6, 6, 8)))
     return chain, peel(chain, DEFAULT)
 
 
 @cache
-def blocks() -> tuple[Chain, PeelRecord]:
+def blocks() -> tuple[Chain, Record]:
     """An L of blocks in assembly order."""
     coarse = np.array([c for c in np.ndindex(4, 2, 4) if c[0] < 2 or c[2] < 2])
     cells = assembly_path(coarse, np.random.default_rng(0))
@@ -92,8 +93,8 @@ def test_the_seed_decides() -> None:
     one, again, other = (peel(chain, DEFAULT, seed=seed) for seed in (3, 3, 4))
     assert one.status == again.status == other.status == "straight"
     assert one.steps == again.steps
-    for name, values in one.frames.arrays().items():
-        np.testing.assert_array_equal(values, again.frames.arrays()[name])
+    for name, values in motion_arrays(one.frames).items():
+        np.testing.assert_array_equal(values, motion_arrays(again.frames)[name])
     assert len(one.frames) != len(other.frames) or (
         len(one.frames.angles_rad) != len(other.frames.angles_rad)
         or (one.frames.angles_rad != other.frames.angles_rad).any()

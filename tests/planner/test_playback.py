@@ -13,12 +13,12 @@ from planner.alignment import aligned_distances
 from planner.certificate import certify
 from planner.chain import Chain
 from planner.errors import InputError
+from planner.frames import Frames
 from planner.parameters import Parameters, PlaybackParameters, preset
 from planner.paths import Path
 from planner.playback import Playback, play_back
 from planner.progress import Progress
 from planner.record import Record
-from planner.timeline import Frames
 from planner.tree import Tree
 
 Array = NDArray[np.float64]

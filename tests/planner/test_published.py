@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from planner.frames import Frames
 from planner.parameters import PaperExplosionParameters
 from planner.published import explode_as_published
 from planner.segments import Acceleration, Segments, State
 from planner.sweep import sweep
-from planner.timeline import Frames
 from tests.planner.chains import coil, line
 
 Array = NDArray[np.float64]

@@ -4,8 +4,8 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
+from planner.frames import Frames
 from planner.record import Record, save_npz
-from planner.timeline import Frames
 
 
 def some_record() -> Record:

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 
 from planner.chain import Chain
+from planner.frames import Frames
 from planner.recorder import Recorder, Step
 from planner.segments import State
-from planner.timeline import Frames
 from tests.planner.chains import line
 
 

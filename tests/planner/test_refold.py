@@ -18,6 +18,7 @@ from planner.errors import InputError
 from planner.exports import export_named
 from planner.figures import Figures
 from planner.folding import fold
+from planner.frames import PHASES, Frames
 from planner.measuring import figures_of
 from planner.parameters import Parameters, PlaybackParameters
 from planner.plan import Plan
@@ -27,7 +28,7 @@ from planner.readers import read
 from planner.record import Record
 from planner.refold import refold, write_start
 from planner.stages import STAGES, Request, run_stage, write_request
-from planner.timeline import PHASES, Frames, Timeline
+from planner.timeline import Timeline
 from planner.unfolding import Unfolding, check_fits
 from planner.verification import verify
 from tests.planner.chains import line
@@ -306,12 +307,8 @@ def test_it_stays_the_chain_that_it_is(wrench: Folded, tmp_path: FilePath) -> No
 
 def test_a_plan_that_does_not_lead_to_its_shape_is_no_beginning(wrench: Folded) -> None:
     plan = wrench.plan
-    cut = {
-        name: getattr(plan, name)[:-3]
-        for name in ("time_s", "phase", "joint_angles_rad", "root_position", "root_wxyz")
-    }
     with pytest.raises(InputError, match="does not lead from straight to folded") as refused:
-        Unfolding.of_plan(replace(plan, **cut))
+        Unfolding.of_plan(replace(plan, motion=plan.motion[:-3]))
     assert refused.value.code == "refold-not-folded"
 
 

@@ -16,13 +16,14 @@ from planner.chain import Chain
 from planner.errors import InputError, SimulationError
 from planner.explosion import explode
 from planner.formats import write_path
+from planner.frames import PHASES
 from planner.paths import Path
 from planner.plan import Plan
 from planner.progress import Progress
 from planner.record import Record
 from planner.segments import Acceleration, Segments, State
 from planner.stages import STAGES, Request, next_stage, run_stage, run_stages, write_request
-from planner.timeline import PHASES, Timeline
+from planner.timeline import Timeline
 from tests.planner.chains import coil
 
 Array = NDArray[np.float64]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from planner.chain import Chain
+from planner.frames import Frames
 from planner.rotations import wxyz_from_matrix
 from planner.segments import State
 from planner.straightening import straightening
-from planner.timeline import Frames
 from tests.planner.chains import coil, line, random_state
 
 

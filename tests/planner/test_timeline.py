@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from planner import timeline as timeline_module
 from planner.chain import Chain
 from planner.errors import TimelineError
+from planner.frames import PHASES, Frames, Phase
 from planner.modules import CUBE
-from planner.timeline import PHASES, Frames, Phase, Timeline, TimelineWriter
+from planner.timeline import Timeline, TimelineWriter
 
 COLUMNS = ("time_s", "joint_angles_rad", "root_position", "root_wxyz")
 

@@ -146,7 +146,8 @@ def test_replay_finds_a_deep_overlap_where_it_is(folded: Callable[..., Any]) -> 
     angles = fold.plan.joint_angles_rad.copy()
     angles[50] = ROLLED_UP
     xml = (fold.directory / "model.xml").read_text()
-    found = replay(replace(fold.plan, joint_angles_rad=angles), xml)
+    motion = replace(fold.plan.whole(), joint_angles_rad=angles)
+    found = replay(replace(fold.plan, motion=motion), xml)
     assert found.overlap > 0.1
     assert found.overlap_frame is not None
     assert 49.0 <= found.overlap_frame <= 51.0

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from planner.chain import Chain
+from planner.frames import Frames
+from planner.motion import motion_arrays, motion_from_arrays
 from planner.paths import Path
-from planner.timeline import Frames
 from planner.windows import Windows
 
 CELLS = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
@@ -65,9 +66,9 @@ def test_some_of_them_and_all_in_a_row(chain: Chain) -> None:
     windows = Windows.of(chain, frames_of(chain))
     parts = [windows[:2], windows[2:3], windows[np.array([3, 4])]]
     joined = Windows.joined(parts)
-    for name, values in windows.arrays().items():
-        np.testing.assert_array_equal(joined.arrays()[name], values)
+    for name, values in motion_arrays(windows).items():
+        np.testing.assert_array_equal(motion_arrays(joined)[name], values)
     np.testing.assert_array_equal(windows.angles(chain, 2, 4), windows[2:4].angles(chain))
-    assert len(Windows.from_arrays(windows.arrays())) == 5
+    assert isinstance(motion_from_arrays(motion_arrays(windows)), Windows)
     assert len(windows[::-1]) == 5
     np.testing.assert_array_equal(windows[::-1].angles(chain), windows.angles(chain)[::-1])

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from planner.chain import Chain
+from planner.frames import Frames
 from planner.paths import Path as CellPath
-from planner.timeline import Frames, TimelineWriter
+from planner.timeline import TimelineWriter
 from tests.web.ensure_gl import ensure
 
 SNAKE = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
