@@ -33,6 +33,7 @@ from planner.unfolding import Unfolding, check_fits
 from planner.verification import verify
 from tests.planner.chains import line
 from tests.planner.conftest import SHAPES, Folded
+from tests.planner.plans import changed
 
 UNFOLDING = PHASES.index("unfolding")
 
@@ -195,7 +196,7 @@ def test_both_forms_of_the_plan_say_the_same(made: FilePath, plan: Plan) -> None
 
 
 def tampered(directory: FilePath, **changes: Any) -> tuple[str, ...]:
-    plan = replace(Plan.load(directory / "plan.npz"), **changes)
+    plan = changed(Plan.load(directory / "plan.npz"), **changes)
     plan.save_npz(directory / "plan.npz")
     plan.save_json(directory / "plan.json")
     return verify(directory).problems
@@ -240,14 +241,14 @@ def test_a_simulation_that_began_elsewhere_is_refused(made: FilePath) -> None:
     frames = Playback.load(made / "playback.npz").frames
     moved = frames.root_position.copy()
     moved[0, 1] += 0.01
-    for changed in (
+    for other in (
         replace(frames, root_position=moved),
         replace(
             frames,
             joint_angles_rad=np.vstack([frames.joint_angles_rad[1:2], frames.joint_angles_rad[1:]]),
         ),
     ):
-        assert "does not begin folded as wrench-24" in judged(made, frames=changed).verdict
+        assert "does not begin folded as wrench-24" in judged(made, frames=other).verdict
 
 
 def test_a_refold_is_no_plain_fold(made: FilePath, plan: Plan) -> None:
@@ -259,8 +260,8 @@ def test_a_simulation_that_missed_straight_is_refused(made: FilePath, plan: Plan
     frames = Playback.load(made / "playback.npz").frames
     angles = frames.joint_angles_rad.copy()
     angles[straight(plan)] = 0.05
-    changed = replace(frames, joint_angles_rad=angles)
-    assert "from straight" in judged(made, frames=changed).verdict
+    other = replace(frames, joint_angles_rad=angles)
+    assert "from straight" in judged(made, frames=other).verdict
 
 
 def test_it_goes_on_from_a_refold(plan: Plan, wrench: Folded) -> None:

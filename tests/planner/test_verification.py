@@ -3,7 +3,6 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -14,6 +13,7 @@ from planner.errors import InputError, TimelineError
 from planner.plan import Plan
 from planner.replay import replay
 from planner.verification import verify
+from tests.planner.plans import changed
 
 ROLLED_UP = np.tile([np.pi / 2, 0.0], 22)
 """All modules of a chain of 24 in four cells."""
@@ -28,7 +28,7 @@ def directory(folded: Callable[..., Any], tmp_path: FilePath) -> FilePath:
 
 def rewrite(directory: FilePath, **changes: Any) -> None:
     """Writes other values into both forms of the plan, as a careful forger would."""
-    plan = replace(Plan.load(directory / "plan.npz"), **changes)
+    plan = changed(Plan.load(directory / "plan.npz"), **changes)
     plan.save_npz(directory / "plan.npz")
     plan.save_json(directory / "plan.json")
 
@@ -146,8 +146,7 @@ def test_replay_finds_a_deep_overlap_where_it_is(folded: Callable[..., Any]) -> 
     angles = fold.plan.joint_angles_rad.copy()
     angles[50] = ROLLED_UP
     xml = (fold.directory / "model.xml").read_text()
-    motion = replace(fold.plan.whole(), joint_angles_rad=angles)
-    found = replay(replace(fold.plan, motion=motion), xml)
+    found = replay(changed(fold.plan, joint_angles_rad=angles), xml)
     assert found.overlap > 0.1
     assert found.overlap_frame is not None
     assert 49.0 <= found.overlap_frame <= 51.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from planner.plan import Plan
 from planner.verification import verify
 from server.command_line import application
 from server.gallery import Gallery
+from tests.planner.plans import changed
 from tests.server.service import SNAKE, Service, owner
 
 
@@ -158,8 +158,7 @@ def test_a_plan_that_never_comes_to_its_shape_is_no_beginning(
     desk.http.post(f"/api/folds/{over['id']}/cancel", headers=owner(over))
     theirs, mine = directory(service, wrench), directory(desk, over["id"])
     plan = Plan.load(theirs / "plan.npz")
-    motion = replace(plan.whole(), joint_angles_rad=0.9 * plan.joint_angles_rad)
-    replace(plan, motion=motion).save_npz(mine / "plan.npz")
+    changed(plan, joint_angles_rad=0.9 * plan.joint_angles_rad).save_npz(mine / "plan.npz")
     shutil.copyfile(theirs / "chain.json", mine / "chain.json")
     status, problem = refused(desk, refold=over["id"], shape="mallet-24")
     assert (status, problem["code"]) == (422, "refold-not-folded")
