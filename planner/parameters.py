@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from planner.errors import InputError
+from planner.peeling_parameters import PeelingParameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,6 +142,8 @@ class Parameters:
         preset: Name of the set.
         explosion: How the chain is let go; None for direct servoing.
         playback: How it is folded again.
+        peeling: How it is let go where the strategy is to peel it.
+        strategy: Wish for how it is let go, see ``planner.strategies``.
         module_size: Size at which the plan is verified, as a fraction of the pitch.
         density_kg_m3: Of a solid module, for torques in newton-metres.
         joint_speed_limit_rad_s: Sets the fold time in the certificate.
@@ -151,6 +154,8 @@ class Parameters:
         default_factory=ExplosionParameters
     )
     playback: PlaybackParameters = field(default_factory=PlaybackParameters)
+    peeling: PeelingParameters = field(default_factory=PeelingParameters)
+    strategy: str = "auto"
     module_size: float = 0.95
     density_kg_m3: float = 2700.0
     joint_speed_limit_rad_s: float = 1.0
@@ -161,6 +166,17 @@ class Parameters:
 
 
 PRESETS: Final = ("default", "paper", "direct")
+STRATEGIES: Final = ("simultaneous", "peel")
+AUTO: Final = "auto"
+STRATEGY_WISHES: Final = (AUTO, *STRATEGIES)
+
+
+def unknown_strategy(name: str) -> InputError:
+    """The refusal of a strategy that is none."""
+    return InputError(
+        "unknown-strategy",
+        f"got the strategy {name!r}, expected one of: {', '.join(STRATEGY_WISHES)}.",
+    )
 
 
 def preset(name: str) -> Parameters:

@@ -188,6 +188,7 @@ class _Peeling:
             frames=self.recorder.windows(),
             steps=self.steps,
             seconds=time.perf_counter() - begun,
+            strategy="peel",
         )
 
     # What is simulated.

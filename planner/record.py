@@ -24,6 +24,7 @@ class Record:
         frames: Snapshots from folded on; the last one is straight if the status says so.
         steps: Simulation steps.
         seconds: Wall time.
+        strategy: How it was let go, see ``planner.strategies``.
     """
 
     status: RecordStatus
@@ -31,6 +32,7 @@ class Record:
     frames: Motion
     steps: int
     seconds: float
+    strategy: str = "simultaneous"
 
     def summary(self) -> dict[str, Any]:
         """The figures without the frames."""
@@ -40,6 +42,7 @@ class Record:
             "steps": self.steps,
             "frames": len(self.frames),
             "seconds": self.seconds,
+            "strategy": self.strategy,
         }
 
     def save(self, path: FilePath) -> None:
@@ -51,6 +54,7 @@ class Record:
                 "reason": np.array(self.reason),
                 "steps": np.array(self.steps),
                 "seconds": np.array(self.seconds),
+                "strategy": np.array(self.strategy),
                 **motion_arrays(self.frames),
             },
         )
@@ -65,6 +69,7 @@ class Record:
                 frames=motion_from_arrays(arrays),
                 steps=int(arrays["steps"]),
                 seconds=float(arrays["seconds"]),
+                strategy=str(arrays.get("strategy", "simultaneous")),
             )
 
 

@@ -10,7 +10,13 @@ from typing import Any, Final
 
 from planner.errors import InputError
 from planner.modules import CUBE
-from planner.parameters import Parameters, preset
+from planner.parameters import (
+    AUTO,
+    STRATEGY_WISHES,
+    Parameters,
+    preset,
+    unknown_strategy,
+)
 from planner.pathfinding.obstacles import Cell
 from planner.starts import cell_of
 from planner.wishes import MODULE_COUNTS, Wishes
@@ -30,6 +36,7 @@ class Request:
         preset: Name of a parameter set.
         seed: What randomness starts from.
         module_size: Size at which the plan is verified; None for the preset's.
+        strategy: How the chain is let go: ``auto``, or one of ``planner.strategies``.
         refold: Whether the chain begins folded as the plan beside it says, not straight.
         module, modules, method, repair, ends, as_voxels, start: See ``planner.wishes.Wishes``.
     """
@@ -38,6 +45,7 @@ class Request:
     preset: str = "default"
     seed: int = 0
     module_size: float | None = None
+    strategy: str = AUTO
     module: str = CUBE.name
     modules: int | None = None
     method: str = "auto"
@@ -101,6 +109,9 @@ class Request:
         found = preset(self.preset)
         if not 0 <= self.seed <= LARGEST_SEED:
             raise _bad("seed", str(self.seed))
+        if self.strategy not in STRATEGY_WISHES:
+            raise unknown_strategy(self.strategy)
+        found = replace(found, strategy=self.strategy)
         if self.module_size is None:
             return found
         low, high = MODULE_SIZES

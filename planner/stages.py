@@ -17,22 +17,18 @@ from typing import Any, Final
 from planner import attempts
 from planner.certificate import Certificate, certify
 from planner.chain import Chain
-from planner.explosion import explode
 from planner.exports import mjcf
 from planner.files import write_whole
 from planner.frames import PHASES
 from planner.measuring import write_figures
-from planner.parameters import (
-    ExplosionParameters,
-    PaperExplosionParameters,
-)
+from planner.parameters import ExplosionParameters
 from planner.plan import Plan
 from planner.playback import Playback, play_back
 from planner.preparation import prepare
 from planner.progress import Cancelled, Progress, Report, never, silent
-from planner.published import explode_as_published
 from planner.record import Record
 from planner.request import SHORT_SEED, Request
+from planner.strategies import let_go, strategy_for, windowed
 from planner.timeline import TimelineWriter, chain_attributes, chain_from_attributes
 from planner.unfolding import START_CHAIN, START_PLAN, Unfolding, check_fits
 
@@ -204,22 +200,18 @@ def _exploded(
     directory: FilePath, request: Request, chain: Chain, progress: Report, cancelled: Cancelled
 ) -> Record:
     """One explosion, on a timeline of its own."""
-    how = request.parameters().explosion
-    writer = TimelineWriter.create(directory / "timeline.zarr", chain)
-    if isinstance(how, PaperExplosionParameters):
-        record = explode_as_published(
-            chain, how, sink=writer.append, progress=progress, cancelled=cancelled
-        )
-    else:
-        assert how is not None
-        record = explode(
-            chain,
-            how,
-            seed=request.seed,
-            sink=writer.append,
-            progress=progress,
-            cancelled=cancelled,
-        )
+    parameters = request.parameters()
+    strategy = strategy_for(chain, parameters.strategy, parameters)
+    writer = TimelineWriter.create(directory / "timeline.zarr", chain, windowed=windowed(strategy))
+    record = let_go(
+        chain,
+        strategy,
+        parameters,
+        seed=request.seed,
+        sink=writer.append,
+        progress=progress,
+        cancelled=cancelled,
+    )
     writer.flush()
     if record.status != "straight":
         writer.close("failed")

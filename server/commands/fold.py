@@ -44,6 +44,9 @@ def fold(
         str | None,
         typer.Option(metavar="FLOAT", help="Size at which to verify, as a fraction of the pitch."),
     ] = None,
+    strategy: Annotated[
+        str, typer.Option(help="How it is let go: auto, simultaneous or peel.")
+    ] = "auto",
     module: Annotated[str, typer.Option(help="cube or tetrahedron.")] = "cube",
     modules: Annotated[
         str | None, typer.Option(metavar="INTEGER", help="About how many, for a mesh.")
@@ -69,6 +72,7 @@ def fold(
             preset=preset,
             seed=seed,
             module_size=module_size,
+            strategy=strategy,
             module=module,
             modules=modules,
             method=method,
@@ -130,6 +134,7 @@ def show(summary: dict[str, Any], out: Path) -> None:
     row("Verdict", certificate["verdict"])
     row("Begins as", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])
+    row("Strategy", summary["explosion"].get("strategy"))
     row("Explosion", summary["explosion"]["steps"], "steps")
     row("Playback", playback and playback["steps"], "steps")
     row("Module size", certificate["module_size"])

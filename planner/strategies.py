@@ -1,0 +1,109 @@
+"""Strategies: the ways in which a folded chain is let go.
+
+``simultaneous`` is the paper's: all modules at once. ``peel`` lets one unit after the other go from
+the chain's far end, so its cost grows linearly. ``auto`` takes what suits the chain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from planner.chain import Chain
+from planner.errors import InputError
+from planner.explosion import explode
+from planner.motion import Motion
+from planner.parameters import (
+    AUTO,
+    STRATEGY_WISHES,
+    ExplosionParameters,
+    PaperExplosionParameters,
+    Parameters,
+    unknown_strategy,
+)
+from planner.peeling import peel
+from planner.progress import Cancelled, Report, never, silent
+from planner.published import explode_as_published
+from planner.record import Record
+
+OFF_SQUARE: Final = 1e-4
+"""Right angles up to which a cube counts as folded square."""
+SIMULTANEOUS_UP_TO: Final = 600
+"""Modules above which ``auto`` peels what can be peeled: docs/decisions/0013-peeling.md."""
+
+
+def strategy_for(chain: Chain, wished: str, parameters: Parameters) -> str:
+    """The strategy that a wish comes to.
+
+    Args:
+        chain: The chain.
+        wished: One of ``STRATEGIES``, or ``auto``.
+        parameters: Of the fold; what was published is simultaneous.
+
+    Raises:
+        InputError: ``unknown-strategy``, or ``strategy-differs`` for one that this chain or preset
+            cannot have.
+    """
+    if wished not in STRATEGY_WISHES:
+        raise unknown_strategy(wished)
+    peels = isinstance(parameters.explosion, ExplosionParameters) and on_lattice(chain)
+    if wished == "peel" and not peels:
+        raise InputError(
+            "strategy-differs",
+            f"got the strategy peel for {chain.module.name}s with the preset {parameters.preset}, "
+            "expected cubes that fold onto a lattice and the default preset; take another "
+            "strategy.",
+        )
+    if wished != AUTO:
+        return wished
+    return "peel" if peels and len(chain) > SIMULTANEOUS_UP_TO else "simultaneous"
+
+
+def on_lattice(chain: Chain) -> bool:
+    """Whether a chain is of cubes that fold into cells."""
+    quarters = chain.folded_rad / (np.pi / 2)
+    square = bool((np.abs(quarters - np.rint(quarters)) < OFF_SQUARE).all())
+    return square and chain.module.fills_cell and chain.module.rigid_links == 1
+
+
+def let_go(
+    chain: Chain,
+    strategy: str,
+    parameters: Parameters,
+    *,
+    seed: int = 0,
+    sink: Callable[[Motion], None] | None = None,
+    progress: Report = silent,
+    cancelled: Cancelled = never,
+) -> Record:
+    """Lets a folded chain go by one of the strategies and records how it becomes straight.
+
+    Args:
+        chain: The chain, starting in its folded configuration.
+        strategy: One of ``STRATEGIES``.
+        parameters: Of the fold.
+        seed: What randomness starts from.
+        sink: Gets the snapshots as they are made: ``Windows`` if ``windowed`` says so.
+        progress: Told how far it is, a few times a second.
+        cancelled: Asked now and then whether to stop.
+    """
+    how = parameters.explosion
+    if isinstance(how, PaperExplosionParameters):
+        return explode_as_published(chain, how, sink=sink, progress=progress, cancelled=cancelled)
+    if how is None:
+        raise InputError("no-explosion", f"the preset {parameters.preset!r} has no explosion.")
+    if strategy == "peel":
+        finer = replace(
+            parameters.peeling,
+            verify_size=max(parameters.peeling.verify_size, parameters.module_size),
+        )
+        return peel(chain, finer, seed=seed, sink=sink, progress=progress, cancelled=cancelled)
+    return explode(chain, how, seed=seed, sink=sink, progress=progress, cancelled=cancelled)
+
+
+def windowed(strategy: str) -> bool:
+    """Whether a strategy's snapshots are ``Windows``."""
+    return strategy == "peel"
