@@ -70,6 +70,14 @@ class Proxy:
             )
             return b"".join(iter(lambda: tls.recv(65536), b""))
 
+    def broken_off(self, said: bytes) -> None:
+        """Says the beginning of a request and is gone."""
+        with (
+            socket.create_connection(("127.0.0.1", self.port), timeout=60) as plain,
+            self.trusts.wrap_socket(plain, server_hostname="localhost") as tls,
+        ):
+            tls.sendall(said)
+
     def _wait(self, address: str) -> None:
         deadline = time.monotonic() + PATIENCE_S
         while True:

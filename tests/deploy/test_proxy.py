@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -24,7 +26,7 @@ SETTINGS = {
     "max_streams_of_visitor": 1,
     "allowed_hosts": "localhost",
 }
-
+HEALTH_INTERVAL_S = 2.0
 
 pytestmark = pytest.mark.long
 
@@ -62,6 +64,19 @@ def test_caddy_takes_the_file(upstreams: str, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "Valid configuration" in done.stdout + done.stderr
     assert "not formatted" not in done.stderr
+
+
+def test_processes_on_other_machines_are_found_alive(tmp_path: Path) -> None:
+    (port,) = free_ports(1)
+    away = Service(tmp_path / "data", host="0.0.0.0", port=port, **SETTINGS).start()
+    # An address that is none of its names, as it has one on another machine.
+    proxy = Proxy(tmp_path, f"127.0.0.3:{port}", max_body="400KiB")
+    try:
+        time.sleep(HEALTH_INTERVAL_S + 1.0)
+        assert proxy.http.get("/api/shapes").status_code == 200
+    finally:
+        proxy.stop()
+        assert away.stop() == 0
 
 
 def test_pages_come_over_tls(proxy: Proxy) -> None:
@@ -110,6 +125,21 @@ def test_large_bodies_are_refused(proxy: Proxy, size: int) -> None:
     assert answer.status_code == 413
     # Within the proxy's bound, the service itself says what is wrong.
     assert (answer.headers.get("content-type") == "application/problem+json") == (size < 400_000)
+
+
+def test_who_sends_rubbish_takes_nobody_else_the_page(proxy: Proxy) -> None:
+    def endless() -> Iterator[bytes]:
+        for _ in range(50):
+            yield b"x" * 100_000
+
+    for _ in range(4):  # more often than there are web processes
+        with contextlib.suppress(httpx.TransportError):
+            proxy.http.post("/api/folds", content=endless())
+    for _ in range(3):
+        body = b"POST /api/folds HTTP/1.1\r\nHost: localhost\r\nContent-Length: 90000\r\n\r\nand"
+        proxy.broken_off(body)
+    answers = [proxy.http.get("/api/shapes") for _ in range(8)]
+    assert [answer.status_code for answer in answers] == [200] * 8
 
 
 @pytest.mark.parametrize("name", ["metrics", "ready"])
