@@ -107,8 +107,13 @@ def _chunks(figures: Figures) -> Iterator[Figures]:
         yield figures[start : start + FRAMES_A_CHUNK]
 
 
-def write(parts: Iterable[Figures], frames: int, path: str) -> None:
-    """Writes figures that come in parts, ``frames`` frames in all, as ``Figures.save`` does."""
+def write_curves(curves: Curves, path: str) -> None:
+    """Writes curves alone, as ``Figures.save`` does all figures."""
+    write((curves,), len(curves), path)
+
+
+def write(parts: Iterable[Curves], frames: int, path: str) -> None:
+    """Writes figures, or curves, in parts, ``frames`` frames in all, as ``Figures.save`` does."""
     whole = FilePath(path)
     aside = whole.with_name(f".{whole.name}.{os.getpid()}")
     rmtree(aside, ignore_errors=True)
@@ -119,7 +124,7 @@ def write(parts: Iterable[Figures], frames: int, path: str) -> None:
         curves: list[Curves] = []
         start = 0
         for part in parts:
-            for name in _BY_MODULE:
+            for name in _BY_MODULE if isinstance(part, Figures) else ():
                 values = getattr(part, name)
                 if name not in arrays:
                     arrays[name] = _array(group, name, frames, values, FRAMES_A_CHUNK)

@@ -17,11 +17,22 @@ from numpy.typing import NDArray
 from planner.certificate import MOVING_FRACTION, Certificate, torque_unit_nm
 from planner.chain import Chain
 from planner.dynamics import floating_torques, motion_of
-from planner.figures import FRAMES_A_CHUNK, REACH, Figures, Floats, Integers, write
+from planner.figures import (
+    FRAMES_A_CHUNK,
+    REACH,
+    Curves,
+    Figures,
+    Floats,
+    Integers,
+    write,
+    write_curves,
+)
 from planner.frames import PHASES, Frames
+from planner.inverse import inverse_dynamics
 from planner.kernels.clearance import module_clearances
 from planner.kinematics import forward_kinematics
 from planner.parameters import Parameters
+from planner.sweep import sweep
 from planner.timeline import Timeline
 
 Array = NDArray[np.float64]
@@ -61,6 +72,9 @@ def write_figures(
 ) -> None:
     """Works the figures of a timeline out and saves them, some frames at a time.
 
+    Of a timeline of windows there are only those of the whole frames, ``Curves``; clearances of
+    ``planner.sweep.ENOUGH`` and more are not told apart, and torques are those at some frames.
+
     Args:
         timeline: Where the timeline is.
         path: Where the figures shall be; what is there is replaced.
@@ -70,6 +84,10 @@ def write_figures(
         TimelineError: When there is no timeline, or it is damaged.
     """
     read = Timeline.open(timeline)
+    if read.windowed:
+        # Of all modules in all frames there would be billions.
+        write_curves(_curves(read, parameters, certificate), str(path))
+        return
     write(_parts(read, parameters, certificate), len(read), str(path))
 
 
@@ -120,6 +138,34 @@ def _parts(
         torque = unit * _torques(timeline.chain, around, here, whole=not len(before))
         yield _of_frames(timeline.chain, around, here, torque, parameters.module_size)
         before, now = now[-MARGIN:], after
+
+
+def _curves(timeline: Timeline, parameters: Parameters, certificate: Certificate | None) -> Curves:
+    """The figures of a timeline of windows."""
+    chain, windows = timeline.chain, timeline.windows()
+    clearance = np.empty(len(windows), dtype=np.float32)
+    torque = np.full(len(windows), np.nan, dtype=np.float32)
+    moving = np.zeros(len(windows), dtype=np.int32)
+    unit = torque_unit_nm(chain, parameters)
+    unit /= max(_slower(timeline, parameters, certificate), 1e-12) ** 2
+    for phase in np.unique(windows.phase):
+        numbers = np.flatnonzero(windows.phase == phase)
+        part = windows[numbers]
+        clearance[numbers] = sweep(chain, part, size=parameters.module_size).per_frame
+        steps = part.steps(chain, fraction=MOVING_FRACTION)[1]
+        moving[numbers] = np.concatenate([steps[:1], steps]) if len(steps) else 0
+        if phase != EXPLOSION:
+            found = inverse_dynamics(chain, part)
+            if len(found.frames):
+                torque[numbers] = unit * np.interp(
+                    np.arange(len(numbers)), found.frames, found.largest
+                )
+    return Curves(
+        max_error_rad=np.full(len(windows), np.nan, dtype=np.float32),
+        min_clearance=clearance,
+        hinges_moving=moving,
+        peak_torque_nm=torque,
+    )
 
 
 def _read_chunks(timeline: Timeline) -> Iterator[Frames]:
@@ -195,6 +241,11 @@ def _slower(timeline: Timeline, parameters: Parameters, certificate: Certificate
         return 1.0
     if certificate is not None and certificate.fold_time_s:
         return certificate.fold_time_s / float(times[-1] - times[0])
+    if timeline.windowed:
+        windows = timeline.windows(len(phases) - len(times), len(phases))
+        steps, _ = windows.steps(timeline.chain)
+        speeds = steps / np.maximum(np.diff(times), 1e-12)
+        return float(speeds.max(initial=0.0)) / parameters.joint_speed_limit_rad_s
     fastest = 0.0
     for start in range(len(phases) - len(times), len(phases) - 1, FRAMES_A_CHUNK):
         frames = timeline.frames(start, min(start + FRAMES_A_CHUNK + 1, len(phases)))

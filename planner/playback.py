@@ -17,6 +17,7 @@ from planner.controllers import ComputedTorque, Controller, Servo
 from planner.errors import InputError, SimulationError
 from planner.frames import Frames, Phase
 from planner.guides import DirectGuide, Guide, SnapshotGuide, Target, TimedGuide
+from planner.inverse import inverse_dynamics
 from planner.kinematic import kinematic_frames, root_folded, windowed_frames
 from planner.model import Material
 from planner.motion import Motion, motion_arrays, motion_from_arrays
@@ -62,7 +63,8 @@ class Playback:
         peak_torque: Largest hinge torque, in units of module mass · pitch² / s².
         rms_torque: Root mean square over the steps of the largest hinge torque.
         kind: ``dynamic`` when it was simulated; ``kinematic`` when the reference itself was taken,
-            for chains too long for the single tree. Torques are then None, joint errors NaN.
+            for chains too long for the single tree. Joint errors are then NaN, torques those of
+            inverse dynamics at frames spread over the motion.
     """
 
     status: PlaybackStatus
@@ -227,7 +229,7 @@ def _followed(
         if sink is not None:
             sink(frames)
     frames = Frames.joined(kept)
-    return _kinematic(frames, frames.joint_angles_rad, begun)
+    return _kinematic(chain, frames, frames.joint_angles_rad, begun)
 
 
 def _reversed_windows(
@@ -242,10 +244,11 @@ def _reversed_windows(
     windows = windowed_frames(chain, record, parameters, start_s=start_s)
     if sink is not None:
         sink(windows)
-    return _kinematic(windows, None, begun)
+    return _kinematic(chain, windows, None, begun)
 
 
-def _kinematic(frames: Motion, reference_rad: Array | None, begun: float) -> Playback:
+def _kinematic(chain: Chain, frames: Motion, reference_rad: Array | None, begun: float) -> Playback:
+    torques = inverse_dynamics(chain, frames)
     return Playback(
         status="folded",
         reason="",
@@ -255,8 +258,8 @@ def _kinematic(frames: Motion, reference_rad: Array | None, begun: float) -> Pla
         seconds=time.perf_counter() - begun,
         rms_position_error=0.0,
         max_angle_error_rad=0.0,
-        peak_torque=None,
-        rms_torque=None,
+        peak_torque=torques.peak,
+        rms_torque=torques.rms,
         kind="kinematic",
     )
 

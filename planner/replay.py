@@ -6,7 +6,7 @@ Nothing of foldback's own kinematics or collision is used here, so that the two 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from planner.plan import Plan
 from planner.untyped import mujoco
 
 Array = NDArray[np.float64]
-CHUNK: Final = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,38 +35,27 @@ class Replay:
     overlap_frame: float | None
 
 
-def replay(plan: Plan, xml: str) -> Replay:
+def replay(plan: Plan, xml: str, *, stride: int = 1) -> Replay:
     """Sets every frame of a plan, and every halfway one, in a model and looks for contacts.
 
     Args:
         plan: The plan.
         xml: The exported model, MJCF.
+        stride: Only every so many-th frame, and the halfway one after it, of a long plan.
 
     Raises:
         InputError: When the model is not one of this plan.
     """
-    try:
-        model: Any = mujoco.MjModel.from_xml_string(xml)
-    except ValueError as error:
-        raise InputError("not-a-model", f"MuJoCo cannot load the model: {error}") from error
-    data: Any = mujoco.MjData(model)
-    try:
-        addresses = [int(model.joint(name).qposadr[0]) for name in plan.chain.joint_names]
-        root = int(model.joint("root").qposadr[0])
-        sites = [int(model.site(f"module_{i}").id) for i in range(len(plan.chain))]
-    except KeyError as error:
-        raise InputError("not-a-model", f"the model is not one of this plan: {error}") from error
+    loaded = _Loaded.of(plan, xml)
     difference, overlap, where = 0.0, 0.0, None
     count = 0
-    for frame, angles, position, wxyz in _configurations(plan):
-        data.qpos[addresses] = angles
-        data.qpos[root : root + 3] = position
-        data.qpos[root + 3 : root + 7] = wxyz
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_collision(model, data)
+    for frame, angles, position, wxyz in _configurations(plan, stride):
+        loaded.place(angles, position, wxyz)
+        data = loaded.data
+        mujoco.mj_comPos(loaded.model, data)
+        mujoco.mj_collision(loaded.model, data)
         poses = plan.chain.poses(angles, position, wxyz)
-        off = np.linalg.norm(data.site_xpos[sites] - poses.positions, axis=1)
+        off = np.linalg.norm(data.site_xpos[loaded.sites] - poses.positions, axis=1)
         difference = max(difference, float(off.max()))
         if data.ncon and -float(data.contact.dist.min()) > overlap:
             overlap, where = -float(data.contact.dist.min()), frame
@@ -75,17 +63,86 @@ def replay(plan: Plan, xml: str) -> Replay:
     return Replay(frames=count, pose_difference=difference, overlap=overlap, overlap_frame=where)
 
 
-def _configurations(plan: Plan) -> Any:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Loaded:
+    """A model in plain MuJoCo, of one tree or of several that continue each other.
+
+    Attributes:
+        model, data: MuJoCo's.
+        hinges: Where the plan's angles are among the coordinates.
+        sites: Of the modules.
+        roots: For each tree, where the pose of its first body is among the coordinates.
+        bodies: For each tree, its first body.
+        ends: For each tree but the last, the body where the next one begins.
+        root: The body of the chain's root module.
+    """
+
+    model: Any
+    data: Any
+    hinges: list[int]
+    sites: list[int]
+    roots: list[int]
+    bodies: list[int]
+    ends: list[int]
+    root: int
+
+    @classmethod
+    def of(cls, plan: Plan, xml: str) -> _Loaded:
+        try:
+            model: Any = mujoco.MjModel.from_xml_string(xml)
+        except ValueError as error:
+            raise InputError("not-a-model", f"MuJoCo cannot load the model: {error}") from error
+        chain = plan.chain
+        try:
+            free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+            bodies = [int(model.jnt_bodyid[joint]) for joint in free]
+            follow = [model.body(body).name.removeprefix("module_") for body in bodies[1:]]
+            return cls(
+                model=model,
+                data=mujoco.MjData(model),
+                hinges=[int(model.joint(name).qposadr[0]) for name in chain.joint_names],
+                sites=[int(model.site(f"module_{i}").id) for i in range(len(chain))],
+                roots=[int(model.jnt_qposadr[joint]) for joint in free],
+                bodies=bodies,
+                ends=[int(model.body(f"ghost_{start}").id) for start in follow],
+                root=int(model.body(f"module_{chain.root}").id),
+            )
+        except KeyError as error:
+            raise InputError(
+                "not-a-model", f"the model is not one of this plan: {error}"
+            ) from error
+
+    def place(self, angles: Array, position: Array, wxyz: Array) -> None:
+        """Sets a configuration: the hinges as they are, the trees one behind the other."""
+        data = self.data
+        data.qpos[self.hinges] = angles
+        for address in self.roots:
+            data.qpos[address : address + 7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+        mujoco.mj_kinematics(self.model, data)
+        places = [(np.zeros(3), np.eye(3))]
+        for end in self.ends:
+            places.append(_moved(places[-1], data.xpos[end], data.xmat[end].reshape(3, 3)))
+        tree = self.bodies.index(int(self.model.body_rootid[self.root]))
+        at, turn = _moved(places[tree], data.xpos[self.root], data.xmat[self.root].reshape(3, 3))
+        wanted = np.empty(9)
+        mujoco.mju_quat2Mat(wanted, np.asarray(wxyz, dtype=np.float64))
+        whole = wanted.reshape(3, 3) @ turn.T
+        for address, (origin, rotation) in zip(self.roots, places, strict=True):
+            data.qpos[address : address + 3] = position + whole @ (origin - at)
+            mujoco.mju_mat2Quat(data.qpos[address + 3 : address + 7], (whole @ rotation).ravel())
+        mujoco.mj_kinematics(self.model, data)
+
+
+def _moved(place: tuple[Array, Array], position: Array, rotation: Array) -> tuple[Array, Array]:
+    """A pose that is told in the frame of another."""
+    return place[0] + place[1] @ position, place[1] @ rotation
+
+
+def _configurations(plan: Plan, stride: int) -> Any:
     count = len(plan.motion)
-    for start in range(0, count, CHUNK):
-        part = plan.part(start, min(start + CHUNK + 1, count))
+    for start in range(0, count, stride):
+        part = plan.part(start, min(start + 2, count))
         angles, positions, wxyzs = part.joint_angles_rad, part.root_position, part.root_wxyz
-        for k in range(min(CHUNK, count - start)):
-            yield float(start + k), angles[k], positions[k], wxyzs[k]
-            if k + 1 < len(angles):
-                yield (
-                    start + k + 0.5,
-                    0.5 * (angles[k] + angles[k + 1]),
-                    0.5 * (positions[k] + positions[k + 1]),
-                    wxyzs[k],
-                )
+        yield float(start), angles[0], positions[0], wxyzs[0]
+        if len(angles) > 1:
+            yield start + 0.5, angles.mean(axis=0), positions.mean(axis=0), wxyzs[0]

@@ -10,11 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain import Chain
+from planner.exports.mjcf_pieces import coordinates, pieces
 from planner.model import Material, tree_spec
 from planner.plan import Plan
 from planner.rotations import wxyz_from_matrix
 
 Array = NDArray[np.float64]
+LONGEST_TREE: Final = 800
+"""Modules up to which the chain is one tree; see ``planner.exports.mjcf_pieces``."""
 PERCENTS: Final = (0, 25, 50, 75, 100)
 """How far into the fold's time the keys on the way are, ``at_0`` to ``at_100``."""
 
@@ -68,16 +71,25 @@ def mjcf(chain: Chain, *, module_size: float, keys: Sequence[Key] = ()) -> str:
 
     Joints are named as in ``Chain.joint_names``, their values are the plan's angles. The free joint
     ``root`` is that of the root module. The site ``module_<i>`` sits at the centre of module i.
-    Keys ``straight`` and ``folded`` exist. Lengths are in pitches.
+    Keys ``straight`` and ``folded`` exist. Lengths are in pitches. A chain of more than
+    ``LONGEST_TREE`` modules comes in pieces that are welded end to end.
 
     Args:
         chain: The chain.
         module_size: Size of the colliding hulls as a fraction of the pitch.
         keys: Further configurations.
     """
-    spec = tree_spec(chain, Material(geom_size=module_size))
-    model = spec.compile()
-    addresses = [int(model.joint(name).qposadr[0]) for name in chain.joint_names]
+    if len(chain) > LONGEST_TREE:
+        text = pieces(chain, module_size=module_size)
+    else:
+        text = str(tree_spec(chain, Material(geom_size=module_size)).to_xml()).rstrip()
+    lines = "".join(_key(chain, key) for key in (*_ends(chain), *keys))
+    end = "</mujoco>"
+    return f"{text.removesuffix(end)}  <keyframe>\n{lines}  </keyframe>\n{end}\n"
+
+
+def _ends(chain: Chain) -> tuple[Key, Key]:
+    """The keys ``straight`` and ``folded``."""
     folded = chain.folded_poses
     upright = wxyz_from_matrix(folded.rotations[chain.root])
     straight = Key(
@@ -92,15 +104,23 @@ def mjcf(chain: Chain, *, module_size: float, keys: Sequence[Key] = ()) -> str:
         position=folded.positions[chain.root],
         wxyz=upright,
     )
-    lines = ""
-    for key in (straight, at_the_end, *keys):
-        qpos = np.zeros(model.nq)
-        qpos[:3], qpos[3:7] = key.position, key.wxyz
-        qpos[addresses] = key.angles_rad
-        time = f' time="{key.time_s!r}"' if key.time_s else ""
-        # MuJoCo's own writer keeps six digits: over a long chain that is a visible error.
-        values = " ".join(map(repr, qpos.tolist()))
-        lines += f'    <key name="{key.name}"{time} qpos="{values}"/>\n'
-    text = str(spec.to_xml()).rstrip()
-    end = "</mujoco>"
-    return f"{text.removesuffix(end)}  <keyframe>\n{lines}  </keyframe>\n{end}\n"
+    return straight, at_the_end
+
+
+def _key(chain: Chain, key: Key) -> str:
+    if len(chain) > LONGEST_TREE:
+        qpos = coordinates(chain, key.angles_rad, key.position, key.wxyz)
+    else:
+        qpos = np.concatenate([key.position, key.wxyz, tree_order(chain, key.angles_rad)])
+    time = f' time="{key.time_s!r}"' if key.time_s else ""
+    # MuJoCo's own writer keeps six digits: over a long chain that is a visible error.
+    values = " ".join(map(repr, qpos.tolist()))
+    return f'    <key name="{key.name}"{time} qpos="{values}"/>\n'
+
+
+def tree_order(chain: Chain, angles_rad: Array) -> Array:
+    """(J,) angles in the order of a single tree: from the root up, then from the root down."""
+    hinges = chain.module.hinges_per_joint
+    joints = angles_rad.reshape(-1, hinges)
+    middle = chain.root - chain.module.rigid_links
+    return np.concatenate([joints[middle:].ravel(), joints[:middle][::-1, ::-1].ravel()])

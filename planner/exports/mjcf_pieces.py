@@ -1,0 +1,126 @@
+"""MJCF of a long chain: trees of some modules each, welded end to end, as text.
+
+MuJoCo reads elements nested 500 deep at most, and a tree's mass matrix grows with the square of its
+length. So a long chain is cut: the tree ``root_<i>`` begins with module i, and its last body,
+``ghost_<j>``, is where the next tree's first module is. Hinges are named as in a single tree, and
+their values are the plan's angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.model import hinge_names
+from planner.rotations import wxyz_from_matrix
+
+Array = NDArray[np.float64]
+PIECE = 64
+"""Modules of a tree."""
+
+
+def starts_of(chain: Chain) -> list[int]:
+    """First modules of the trees."""
+    count = len(chain)
+    starts = list(range(0, count, PIECE))
+    # A tree needs a hinge, and the rigid link at the start has none.
+    if count - starts[-1] < chain.module.rigid_links + 2 and len(starts) > 1:
+        starts.pop()
+    return starts
+
+
+def pieces(chain: Chain, *, module_size: float) -> str:
+    """The model without its keys and without the end of its root element."""
+    return "\n".join(_lines(chain, module_size)) + "\n"
+
+
+def coordinates(chain: Chain, angles_rad: Array, position: Array, wxyz: Array) -> Array:
+    """(nq,) MuJoCo's coordinates of a configuration.
+
+    Args:
+        chain: The chain.
+        angles_rad: (J,) hinge angles.
+        position: (3,) centre of the chain's root module.
+        wxyz: (4,) its orientation.
+    """
+    poses = chain.poses(angles_rad, position, wxyz)
+    starts = starts_of(chain)
+    turns = wxyz_from_matrix(poses.rotations[starts])
+    hinges, first = chain.module.hinges_per_joint, chain.module.rigid_links
+    parts: list[Array] = []
+    for k, start in enumerate(starts):
+        stop = starts[k + 1] if k + 1 < len(starts) else len(chain) - 1
+        of_piece = slice(hinges * max(0, start - first), hinges * (stop - first))
+        parts.extend([poses.positions[start], turns[k], angles_rad[of_piece]])
+    return np.concatenate(parts)
+
+
+def _lines(chain: Chain, module_size: float) -> Iterator[str]:
+    module, count = chain.module, len(chain)
+    starts = starts_of(chain)
+    hull = module.vertices * module_size
+    yield '<mujoco model="foldback">'
+    yield '  <compiler angle="radian" autolimits="true"/>'
+    yield '  <option gravity="0 0 0"><flag filterparent="disable" autoreset="disable"/></option>'
+    surface = 'condim="1" solref="0.03 1" solimp="0.95 0.99 0.005 0.5 2" mass="0"'
+    if module.geom == "mesh":
+        yield f'  <asset><mesh name="module" vertex="{_numbers(hull.ravel())}"/></asset>'
+        geom = f'type="mesh" mesh="module" {surface}'
+    else:
+        geom = f'type="box" size="{_numbers(hull.max(axis=0))}" {surface}'
+    yield f'  <default><geom {geom}/><site size="0.02" group="4"/></default>'
+    yield "  <worldbody>"
+    place = module.anchor + module.turn @ module.offset
+    body = f'pos="{_numbers(place)}" quat="{_numbers(wxyz_from_matrix(module.turn))}"'
+    limit = module.stop_rad
+    turns = [
+        f'pos="{_numbers(-module.offset)}" axis="{_numbers(module.turn.T @ axis)}" '
+        f'range="{-limit!r} {limit!r}"'
+        for axis in module.axes
+    ]
+
+    def inertial(mass: float) -> str:
+        return (
+            f'<inertial pos="0 0 0" mass="{mass!r}" '
+            f'diaginertia="{_numbers(module.inertia * mass)}"/>'
+        )
+
+    def joints(index: int) -> str:
+        names = hinge_names(chain, index)
+        return "".join(
+            f'<joint name="{name}" {turn}/>' for name, turn in zip(names, turns, strict=False)
+        )
+
+    def named(index: int) -> str:
+        return f'<geom name="module_{index}"/><site name="module_{index}"/>'
+
+    whole, half = inertial(1.0), inertial(0.5)
+    for k, start in enumerate(starts):
+        stop = starts[k + 1] if k + 1 < len(starts) else count
+        yield f'<body name="module_{start}"><freejoint name="root_{start}"/>'
+        yield f"{half if k else whole}{named(start)}"
+        for i in range(start + 1, stop):
+            yield f'<body name="module_{i}" {body}>{joints(i - 1)}{whole}{named(i)}'
+        if stop < count:
+            yield f'<body name="ghost_{stop}" {body}>{joints(stop - 1)}{half}</body>'
+        yield "</body>" * (stop - start)
+    yield "  </worldbody>"
+    yield "  <contact>"
+    for i in range(count - 1):
+        yield f'<exclude body1="module_{i}" body2="module_{i + 1}"/>'
+    yield "  </contact>"
+    yield "  <equality>"
+    for start in starts[1:]:
+        yield (
+            f'<weld body1="ghost_{start}" body2="module_{start}" relpose="0 0 0 1 0 0 0" '
+            'solref="0.02 1" solimp="0.9999 0.9999 0.001 0.5 2"/>'
+        )
+    yield "  </equality>"
+
+
+def _numbers(values: Any) -> str:
+    return " ".join(repr(float(value)) for value in np.asarray(values).ravel())

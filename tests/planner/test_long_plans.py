@@ -1,0 +1,365 @@
+"""Plans of windows go through all stages, and what is made of them is what is in them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from planner import plan as plan_module
+from planner.certificate import certify
+from planner.chain import Chain
+from planner.dynamics import floating_torques
+from planner.errors import InputError, TimelineError
+from planner.exports import export_named
+from planner.exports.mjcf import keys_of, mjcf
+from planner.exports.mjcf_pieces import PIECE, coordinates, starts_of
+from planner.figures import Curves, Figures
+from planner.formats import write_path
+from planner.frames import PHASES, Frames
+from planner.inverse import inverse_dynamics
+from planner.motion import motion_arrays
+from planner.parameters import Parameters, preset
+from planner.pathfinding.assembly import layered_snake
+from planner.paths import Path
+from planner.plan import Plan
+from planner.playback import Playback
+from planner.record import Record
+from planner.replay import replay
+from planner.stages import Request, run_stages, write_request
+from planner.strategies import strategy_for
+from planner.timeline import Timeline, TimelineWriter
+from planner.unfolding import Unfolding
+from planner.verification import verify
+from planner.windows import Windows
+from tests.planner.chains import line
+from tests.planner.peels import peel, snake
+
+BOX = (4, 4, 6)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """A box that was peeled, with all its files."""
+    place = tmp_path_factory.mktemp("peeled")
+    cells = [tuple(cell) for cell in layered_snake(BOX).tolist()]
+    path = Path.from_cells(cells, name="box-96")
+    write_request(place, Request(strategy="peel"), write_path(path))
+    run_stages(place)
+    return place
+
+
+@pytest.fixture(scope="module")
+def plan(made: FilePath) -> Plan:
+    return Plan.load(made / "plan.npz")
+
+
+def windows_of(plan: Plan) -> Windows:
+    assert isinstance(plan.motion, Windows)
+    return plan.motion
+
+
+def test_it_is_verified_and_says_how_it_was_made(made: FilePath, plan: Plan) -> None:
+    assert plan.certificate.verdict == "verified"
+    assert plan.explosion is not None and plan.explosion["strategy"] == "peel"
+    assert plan.playback is not None and plan.playback["kind"] == "kinematic"
+    assert plan.summary()["explosion"]["strategy"] == "peel"
+    assert [attempt["strategy"] for attempt in plan.attempts] == ["peel"]
+    assert plan.parameters["strategy"] == "peel"
+    assert Record.load(made / "record.npz").strategy == "peel"
+    ends = plan.part(0, 1), plan.part(len(plan.motion) - 1, len(plan.motion))
+    np.testing.assert_array_equal(ends[0].joint_angles_rad, 0.0)
+    np.testing.assert_allclose(ends[1].joint_angles_rad[0], plan.chain.folded_rad, atol=1e-7)
+
+
+def test_time_passes_as_the_hinges_turn(plan: Plan) -> None:
+    windows = windows_of(plan)
+    steps, moving = windows.steps(plan.chain, fraction=0.1)
+    angles = windows.angles(plan.chain)
+    each = np.abs(np.diff(angles, axis=0))
+    np.testing.assert_allclose(steps, each.max(axis=1), atol=1e-7)
+    expected = (each > 0.1 * each.max(axis=1)[:, None] + 1e-9).sum(axis=1)
+    assert (np.abs(moving - expected) <= 1).all()
+    assert (np.diff(plan.time_s) >= 0.0).all()
+    speeds = steps / np.maximum(np.diff(plan.time_s), 1e-12)
+    even = Parameters().playback
+    usual = 1.0 / (even.steps_per_rad * even.step_s)
+    assert np.median(speeds[steps > 1e-6]) == pytest.approx(usual, rel=0.15)
+    assert speeds[steps > 1e-6].max() < 1.3 * usual
+    assert speeds[0] < 0.5 * usual and speeds[-1] < 0.5 * usual
+
+
+def test_the_timeline_tells_all_of_it(made: FilePath, plan: Plan) -> None:
+    timeline = Timeline.open(made / "timeline.zarr")
+    assert timeline.windowed and timeline.status == "complete"
+    assert timeline.chain.folded_rad.tolist() == plan.chain.folded_rad.tolist()
+    whole = timeline.windows()
+    record = whole[np.flatnonzero(whole.phase == PHASES.index("explosion"))]
+    played = whole[np.flatnonzero(whole.phase == PHASES.index("playback"))]
+    for name in ("first", "offsets", "angles_rad"):
+        np.testing.assert_array_equal(getattr(played, name), getattr(plan.motion, name))
+        np.testing.assert_array_equal(getattr(record[::-1], name), getattr(played, name))
+    for start, stop, stride in ((0, 7, 1), (5, 31, 3), (len(whole) - 2, len(whole), 1), (4, 4, 1)):
+        part = timeline.windows(start, stop, stride)
+        expected = whole[start:stop:stride]
+        for name, values in motion_arrays(part).items():
+            np.testing.assert_array_equal(values, motion_arrays(expected)[name])
+        np.testing.assert_array_equal(
+            timeline.frames(start, stop, stride).joint_angles_rad, expected.angles(plan.chain)
+        )
+
+
+def test_a_timeline_of_windows_takes_nothing_else(tmp_path: FilePath) -> None:
+    chain = snake((3, 3, 3))
+    moving = peel(chain, width=8, step=2.0)
+    with TimelineWriter.create(tmp_path / "a", chain, windowed=True) as writer:
+        writer.append(moving[:4])
+        with pytest.raises(TimelineError, match="got Frames, expected Windows"):
+            writer.append(moving.dense(chain))
+        with pytest.raises(TimelineError, match="got windows up to hinge"):
+            writer.append(replace(moving, first=moving.first + len(chain.folded_rad)))
+        writer.flush()
+        writer.append(moving[4:])
+    with TimelineWriter.create(tmp_path / "b", chain) as writer:
+        with pytest.raises(TimelineError, match="got Windows, expected Frames"):
+            writer.append(moving)
+        writer.append(moving.dense(chain))
+    a, b = Timeline.open(tmp_path / "a"), Timeline.open(tmp_path / "b")
+    np.testing.assert_array_equal(a.frames().joint_angles_rad, b.frames().joint_angles_rad)
+    np.testing.assert_allclose(
+        a.windows().angles(chain), b.windows().angles(chain), rtol=0, atol=1e-7
+    )
+    assert [type(t.motion()) for t in (a, b)] == [Windows, Frames]
+    with TimelineWriter.reopen(tmp_path / "a", frames=5) as writer:
+        writer.append(moving[9:])
+    again = Timeline.open(tmp_path / "a")
+    assert again.id != a.id
+    expected = Windows.joined([moving[:5], moving[9:]])
+    np.testing.assert_array_equal(again.windows().angles(chain), expected.angles(chain))
+
+
+def test_both_forms_of_the_plan_hold_the_same(made: FilePath, plan: Plan) -> None:
+    told = json.loads((made / "plan.json").read_bytes())
+    assert told["format"] == "foldback-plan/2"
+    assert "joint_angles_rad" not in told
+    again = Plan.load(made / "plan.json")
+    for name, values in motion_arrays(again.motion).items():
+        np.testing.assert_allclose(values, motion_arrays(plan.motion)[name], rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"first": [3]},
+        {"offsets": [0, 1]},
+        {"angles_rad": [0.0]},
+        {"angles_rad": None},
+        {"phase": ["straight"]},
+    ],
+    ids=str,
+)
+def test_windows_that_are_none_are_refused(
+    change: dict[str, Any], made: FilePath, tmp_path: FilePath
+) -> None:
+    told = json.loads((made / "plan.json").read_bytes())
+    (tmp_path / "plan.json").write_text(json.dumps({**told, **change}))
+    with pytest.raises(InputError) as refused:
+        Plan.load(tmp_path / "plan.json")
+    assert refused.value.code == "not-a-plan"
+
+
+def test_it_is_verified_again_from_its_files(made: FilePath, plan: Plan) -> None:
+    found = verify(made)
+    assert found.problems == ()
+    assert found.certificate.min_clearance == plan.certificate.min_clearance
+    assert found.replay is not None and found.replay.overlap == 0.0
+    assert found.replay.frames == 2 * len(plan.time_s) - 1
+
+
+def test_a_forged_window_is_found(made: FilePath, plan: Plan, tmp_path: FilePath) -> None:
+    place = tmp_path / "forged"
+    shutil.copytree(made, place)
+    windows = windows_of(plan)
+    angles = windows.angles_rad.copy()
+    middle = int(np.argmax(np.diff(windows.offsets)))
+    part = slice(int(windows.offsets[middle]), int(windows.offsets[middle + 1]))
+    angles[part] = np.tile([1.5, 0.0], len(angles))[: len(angles[part])]
+    forged = replace(plan, motion=replace(windows, angles_rad=angles))
+    forged.save_npz(place / "plan.npz")
+    forged.save_json(place / "plan.json")
+    with pytest.raises(InputError, match="not the motion of the plan"):
+        verify(place)
+    xml = (made / "model.xml").read_text()
+    assert replay(forged, xml).overlap > 0.1
+    assert replay(plan, xml, stride=7).frames == 2 * -(-len(plan.motion) // 7) - (
+        (len(plan.motion) - 1) % 7 == 0
+    )
+    record = Record.load(made / "record.npz")
+    playback = Playback.load(made / "playback.npz")
+    refused = certify(plan.chain, record, replace(playback, frames=forged.motion), Parameters())
+    assert "overlap" in refused.verdict
+    assert refused.min_clearance_record == pytest.approx(plan.certificate.min_clearance)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"time_s": -1.0}, "run backwards"),
+        ({"base_position": np.nan}, "not finite"),
+        ({"first": 10**6}, "cannot be looked at"),
+        ({"angles_rad": np.inf}, "cannot be looked at"),
+    ],
+    ids=str,
+)
+def test_a_certificate_is_not_given_to_what_cannot_be_looked_at(
+    change: dict[str, Any], words: str, made: FilePath, plan: Plan
+) -> None:
+    playback = Playback.load(made / "playback.npz")
+    assert isinstance(playback.frames, Windows)
+    columns = {}
+    for name, value in change.items():
+        columns[name] = np.array(getattr(playback.frames, name))
+        columns[name][-1] = value
+    spoilt = replace(playback, frames=replace(playback.frames, **columns))
+    verdict = certify(plan.chain, None, spoilt, Parameters()).verdict
+    assert verdict.startswith("failed") and words in verdict
+
+
+def test_half_a_plan_is_no_plan(made: FilePath, plan: Plan) -> None:
+    playback = Playback.load(made / "playback.npz")
+    for part, words in ((slice(0, -3), "does not end folded"), (slice(3, None), "begin straight")):
+        some = replace(playback, frames=playback.frames[part])
+        assert words in certify(plan.chain, None, some, Parameters()).verdict
+
+
+def test_curves_are_those_of_all_figures(made: FilePath, plan: Plan) -> None:
+    curves = Curves.load(made / "figures.zarr")
+    with pytest.raises(TimelineError):
+        Figures.load(made / "figures.zarr")
+    record = Record.load(made / "record.npz")
+    assert len(curves) == len(record.frames) + len(plan.motion)
+    assert plan.certificate.min_clearance is not None
+    least = float(curves.min_clearance.min())
+    assert plan.certificate.min_clearance - 1e-6 <= least < 0.06
+    played = curves[len(record.frames) :]
+    assert np.isnan(curves.peak_torque_nm[: len(record.frames)]).all()
+    assert plan.certificate.peak_torque_nm == pytest.approx(
+        float(played.peak_torque_nm.max()), rel=1e-4
+    )
+    assert played.hinges_moving[1:].mean() == pytest.approx(
+        plan.certificate.hinges_moving_mean, rel=0.02
+    )
+
+
+def test_torques_are_those_of_the_motion(plan: Plan) -> None:
+    """A hinge that swings as a sine: the same torques as from its derivatives."""
+    chain = plan.chain
+    time_s = np.linspace(0.0, 2.0, 801)
+    angles = np.zeros((len(time_s), len(chain.folded_rad)))
+    angles[:, 60], rates, bent = np.sin(time_s), np.zeros_like(angles), np.zeros_like(angles)
+    rates[:, 60], bent[:, 60] = np.cos(time_s), -np.sin(time_s)
+    frames = Frames.of_phase(
+        "playback",
+        time_s=time_s,
+        joint_angles_rad=angles,
+        root_position=np.zeros((len(time_s), 3)),
+        root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (len(time_s), 1)),
+    )
+    found = inverse_dynamics(chain, frames)
+    expected = np.abs(floating_torques(chain.module, angles, rates, bent)).max(axis=1)
+    assert found.frames.tolist() == list(range(1, 800))
+    np.testing.assert_allclose(found.largest, expected[1:-1], rtol=2e-3, atol=1e-2)
+    assert 0.0 < found.rms < found.peak == found.largest.max()
+    assert inverse_dynamics(chain, frames[:2]).peak == 0.0
+
+
+def test_what_needs_all_angles_says_when_they_are_too_many(
+    plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames = plan.whole()
+    assert frames.joint_angles_rad.shape == (len(plan.motion), len(plan.chain.folded_rad))
+    rows = export_named("csv").write(plan).decode().splitlines()
+    assert len(rows) == 1 + len(plan.motion)
+    monkeypatch.setattr(plan_module, "MOST_ANGLES", 1000)
+    for name in ("csv", "mcap"):
+        with pytest.raises(InputError, match=r"plan\.npz") as refused:
+            export_named(name).write(plan)
+        assert refused.value.code == "plan-too-long"
+
+
+def test_a_long_chain_is_cut_into_trees_that_continue_each_other() -> None:
+    chain = snake((9, 10, 11))
+    text = mjcf(chain, module_size=0.95)
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    starts = starts_of(chain)
+    assert len(starts) == -(-len(chain) // PIECE)
+    assert model.neq == len(starts) - 1
+    names = {model.joint(i).name for i in range(model.njnt)}
+    assert names == {*chain.joint_names, *(f"root_{start}" for start in starts)}
+    folded = chain.folded_poses
+    for name, angles, position in (
+        ("folded", chain.folded_rad, folded.positions[chain.root]),
+        ("straight", np.zeros_like(chain.folded_rad), folded.positions.mean(axis=0)),
+    ):
+        mujoco.mj_resetDataKeyframe(model, data, model.key(name).id)
+        mujoco.mj_forward(model, data)
+        poses = chain.poses(angles, position, folded.wxyzs[chain.root])
+        sites = np.array([data.site(f"module_{i}").xpos for i in range(len(chain))])
+        np.testing.assert_allclose(sites, poses.positions, atol=1e-9)
+        for start in starts[1:]:
+            ghost, body = data.body(f"ghost_{start}"), data.body(f"module_{start}")
+            np.testing.assert_allclose(ghost.xpos, body.xpos, atol=1e-9)
+            np.testing.assert_allclose(ghost.xmat, body.xmat, atol=1e-9)
+        assert data.ncon == 0
+        assert np.abs(data.efc_pos[: data.ne]).max() < 1e-9
+
+
+def test_pieces_are_long_enough_to_have_a_hinge() -> None:
+    for count in (PIECE, PIECE + 1, PIECE + 2, PIECE + 3, 2 * PIECE + 1):
+        chain = line(count)
+        starts = starts_of(chain)
+        assert starts[0] == 0 and count - starts[-1] >= 3
+        angles = np.zeros(len(chain.folded_rad))
+        turned = coordinates(chain, angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        assert len(turned) == len(angles) + 7 * len(starts)
+
+
+def test_keys_are_on_the_way(plan: Plan) -> None:
+    keys = keys_of(plan)
+    assert [key.name for key in keys] == ["at_0", "at_25", "at_50", "at_75", "at_100"]
+    np.testing.assert_allclose(keys[-1].angles_rad, plan.chain.folded_rad, atol=1e-7)
+    bent = [np.abs(key.angles_rad).sum() for key in keys]
+    assert bent == sorted(bent)
+
+
+def test_it_can_be_the_beginning_of_another_fold(plan: Plan) -> None:
+    way = Unfolding.of_plan(plan)
+    np.testing.assert_array_equal(way.folding_rad[0], 0.0)
+
+
+def test_the_strategy_suits_chain_and_preset() -> None:
+    small, large = snake((3, 3, 3)), snake((8, 9, 10))
+    cubes = preset("default")
+    assert strategy_for(small, "auto", cubes) == "simultaneous"
+    assert strategy_for(large, "auto", cubes) == "peel"
+    assert strategy_for(small, "peel", cubes) == "peel"
+    assert strategy_for(large, "simultaneous", cubes) == "simultaneous"
+    assert strategy_for(large, "auto", preset("paper")) == "simultaneous"
+    bent = Chain.from_angles(small.module, np.full(6, 0.3))
+    for chain, wish, parameters in (
+        (small, "peel", preset("paper")),
+        (bent, "peel", cubes),
+        (small, "fastest", cubes),
+    ):
+        with pytest.raises(InputError, match="strategy"):
+            strategy_for(chain, wish, parameters)
+    with pytest.raises(InputError) as refused:
+        Request(strategy="fastest").check()
+    assert (refused.value.code, refused.value.where) == ("unknown-strategy", "strategy")
