@@ -62,6 +62,7 @@ class FoldRow(Base):
     bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
     seen_at: Mapped[float | None] = mapped_column(default=None)
     pinned: Mapped[bool] = mapped_column(default=False)
+    strategy: Mapped[str] = mapped_column(sa.String(16), default="auto")
 
     @property
     def created(self) -> datetime:

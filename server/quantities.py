@@ -10,6 +10,10 @@ from typing import Any, Final
 DIGITS: Final = 3
 WHOLE_BELOW: Final = 1e6
 SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+STRATEGIES: Final = {
+    "simultaneous": "All at once",
+    "peel": "Unit by unit, from the far end",
+}
 PRESETS: Final = {
     "default": "Default",
     "paper": "As in the paper",

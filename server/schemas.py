@@ -145,6 +145,7 @@ class Fold(BaseModel):
     preset: str
     seed: int
     module_size: float | None
+    strategy: str = Field(description="How its chain is let go: `auto` is what suits it.")
     progress: Progress
     summary: dict[str, Any] = Field(description="Figures of the plan; empty until it is over.")
     error: Fault | None
@@ -166,6 +167,7 @@ class Fold(BaseModel):
             preset=row.preset,
             seed=row.seed,
             module_size=row.module_size,
+            strategy=row.strategy,
             progress=Progress.model_validate(progress_of(row, store, leases)),
             summary=row.summary,
             error=Fault.model_validate(row.error) if row.error else None,

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from planner.errors import InputError
+from planner.parameters import AUTO
 from planner.request import Request
 from planner.unfolding import START_CHAIN, START_PLAN
 from server.beginnings import Beginning
@@ -44,6 +45,7 @@ class Submission:
     cells: list[list[int]] | None = None
     """For a drawing until there is a chain; those that a preview has found."""
     beginning: Beginning | None = None
+    strategy: str = AUTO
 
     @property
     def public(self) -> bool:
@@ -52,8 +54,8 @@ class Submission:
         return (
             self.shape is not None
             and self.beginning is None
-            and (self.preset, self.seed, self.module_size)
-            == (plain.preset, plain.seed, plain.module_size)
+            and (self.preset, self.seed, self.module_size, self.strategy)
+            == (plain.preset, plain.seed, plain.module_size, plain.strategy)
             and not self.wishes.changed()
         )
 
@@ -69,6 +71,7 @@ class Submission:
             "content": self.upload.digest,
             **self.wishes.changed(),
             **({} if self.beginning is None else {"refold": self.beginning.digest}),
+            **({} if self.strategy == AUTO else {"strategy": self.strategy}),
         }
         return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()
 
@@ -121,6 +124,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
             summary={},
             error=None,
             refold=submission.beginning and submission.beginning.name,
+            strategy=submission.strategy,
         )
         try:
             added = context.store.add(row, token)
@@ -229,6 +233,7 @@ def _write(directory: Path, submission: Submission) -> None:
         "seed": submission.seed,
         "module_size": submission.module_size,
         **submission.wishes.changed(),
+        "strategy": submission.strategy,
         **({} if submission.beginning is None else {"refold": True}),
     }
     if submission.beginning is not None:

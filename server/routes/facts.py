@@ -11,9 +11,10 @@ from typing import Any, Final, cast
 from planner.errors import TimelineError
 from planner.exports import exports_of
 from planner.modules import CUBE, MODULES
+from planner.parameters import AUTO
 from planner.request import LARGEST_SEED, Request
 from planner.timeline import Timeline
-from server.quantities import DIGITS, PRESETS, length_m, quantity, sentence
+from server.quantities import DIGITS, PRESETS, STRATEGIES, length_m, quantity, sentence
 from server.quantities import parameters as parameters_in_words
 from server.routes.finding import Found
 from server.schemas import export_href
@@ -135,6 +136,8 @@ def _again(row: Any) -> dict[str, Any] | None:
     form: dict[str, Any] = {"fold": row.id, "preset": row.preset, "seed": row.seed}
     if row.module_size is not None:
         form["module_size"] = row.module_size
+    if row.strategy != AUTO:
+        form["strategy"] = row.strategy
     if row.status == "cancelled":
         return {"text": "Fold again", "form": form}
     if row.status != "failed" or row.stage == "read":  # such an input fails again
@@ -223,6 +226,7 @@ def _properties(
         (
             "Computation",
             [
+                ("Strategy", STRATEGIES.get(str(explosion.get("strategy")))),
                 ("Explosion steps", explosion.get("steps")),
                 ("Explosion frames", explosion.get("frames")),
                 ("Explosion, wall time", _quantity(explosion, "seconds", "s", 2)),

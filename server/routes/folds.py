@@ -131,6 +131,13 @@ def post_fold(
         float | None,
         Form(ge=MODULE_SIZES[0], le=MODULE_SIZES[1], description="Edge of a module in pitches."),
     ] = None,
+    strategy: Annotated[
+        Literal["auto", "simultaneous", "peel"],
+        Form(
+            description="How the chain is let go: all at once, or unit by unit from its far end, "
+            "which `auto` takes for long ones."
+        ),
+    ] = "auto",
 ) -> Accepted:
     """Accepts it and puts it into the queue. The same upload again gives the same fold."""
     source, filename = input_of(context, file, shape, preview, fold)
@@ -162,6 +169,7 @@ def post_fold(
                     wishes=wishes,
                     cells=cells,
                     beginning=beginning,
+                    strategy=strategy,
                 ),
             )
     changed(request, receipt.row.id)  # a gallery's shape brings its title to the same upload

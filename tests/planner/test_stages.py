@@ -276,7 +276,7 @@ def test_a_chain_that_sticks_makes_room_for_the_next_candidate(
         first = chain.folded_rad.tolist() == candidates[0]["folded_rad"]
         return replace(record, status="stalled", reason="it is stuck") if first else record
 
-    monkeypatch.setattr("planner.stages.explode", stuck_at_first)
+    monkeypatch.setattr("planner.strategies.explode", stuck_at_first)
     for stage in STAGES[1:]:
         summary = run_stage(stage, tmp_path)
     assert summary["status"] == "verified"

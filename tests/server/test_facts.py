@@ -87,6 +87,7 @@ def found(directory: Path, frames: int, **values: Any) -> Found:
         "preset": "default",
         "seed": 0,
         "module_size": None,
+        "strategy": "auto",
         "stage": "certify",
         "summary": {},
         "error": None,

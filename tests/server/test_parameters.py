@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from planner.parameters import PRESETS
+from planner.parameters import PRESETS, STRATEGY_WISHES
 from planner.pathfinding.candidates import METHODS
 from planner.request import LARGEST_SEED, MODULE_SIZES
 from planner.wishes import ENDS, MODULE_COUNTS
@@ -76,6 +76,7 @@ def test_the_api_says_what_the_planner_takes(desk: Service) -> None:
         return next((s for s in one.get("anyOf", [one]) if s.get("type") != "null"), one)
 
     assert tuple(of("preset")["enum"]) == PRESETS
+    assert tuple(of("strategy")["enum"]) == STRATEGY_WISHES
     assert tuple(of("method")["enum"]) == METHODS
     assert tuple(of("ends")["enum"]) == ENDS
     for name, limits in (
