@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import SimulationError
-from planner.kernels.core import FIXED, core_repulsion, haste, rod_speed
-from planner.kernels.pairs import near_pairs, repulsion
+from planner.kernels.core import FIXED
+from planner.kernels.peeling import Caps, haste, window_forces
 from planner.model import Base, Material, Rod
 from planner.peeling_core import Core
 from planner.peeling_parameters import PeelingParameters
@@ -33,7 +33,6 @@ from planner.segments import Acceleration, Segments, State
 from planner.windows import Windows
 
 Array = NDArray[np.float64]
-LINKED: Final = 1
 COMMIT_EVERY: Final = 25
 RELEASE_EVERY: Final = 5
 RETIRE_EVERY: Final = 20
@@ -110,7 +109,7 @@ class _Peeling:
             size=parameters.verify_size,
             sink=sink,
         )
-        spread = np.random.default_rng(seed).uniform(-1.0, 1.0, (len(chain), 1))
+        spread = np.random.default_rng(seed).uniform(-1.0, 1.0, len(chain))
         self.weights = 1.0 + UNEVENNESS * spread
         self.material = Material(
             geom_size=parameters.geom_size,
@@ -118,6 +117,14 @@ class _Peeling:
             armature=parameters.armature,
             stop_rad=chain.module.stop_rad,
         )
+        self.caps = Caps(
+            joint_rad=parameters.joint_cap_rad,
+            pair=parameters.pair_cap,
+            slide=parameters.slide_cap,
+            body=parameters.body_cap,
+            turn_rad=parameters.turn_rad,
+        )
+        self.caps_loose = self.caps._replace(pair=parameters.pair_cap_loose)
         self.time_s = 0.0
         self.step_s = 5.0 * parameters.step_s[0]
         self.drag = 1.0
@@ -256,7 +263,7 @@ class _Peeling:
             return
         self.contacts = acceleration.contacts
         state.accelerate(acceleration, self.step_s, self.drag)
-        self._limit(positions)
+        self._limit()
         if acceleration.contacts:
             self.step_s = min(self.step_s, p.step_in_contact_s)
         state.advance(self.step_s)
@@ -270,28 +277,20 @@ class _Peeling:
         p = self.parameters
         weak = self.pulse_left > JAM_PULSE[1] - JAM_PULSE[0]
         self.pulse_left = max(0, self.pulse_left - 1)
-        arms = positions - (self.centre - 2.0 * self.aim)
-        reach = float(np.sqrt((arms**2).sum(axis=1).max()))
-        forces = self.weights[self.first : self.first + self.modules] * arms / reach
-        summed = np.cumsum(forces[::-1], axis=0)
-        largest = float(np.sqrt((summed[: 1 - FIXED] ** 2).sum(axis=1).max()))
         scale = p.spring * self.tension * (0.05 if weak else 1.0)
-        forces *= p.tension * scale / largest
-        forces[-1] += p.pull * scale * self.aim
-        gain = p.repulsion_gain * (4.0 if weak else 1.0)
-        free = positions[FIXED:]
-        pairs = near_pairs(free, p.repulsion_cutoff, LINKED + 1)
-        repulsion(free, pairs, gain, forces[FIXED:])
-        core_repulsion(
+        return window_forces(
             positions,
+            self.weights[self.first : self.first + self.modules],
+            self.centre - 2.0 * self.aim,
+            self.aim,
             self.first,
             self.core.grid,
             self.core.low,
             p.repulsion_cutoff,
-            gain,
-            forces,
+            p.repulsion_gain * (4.0 if weak else 1.0),
+            p.tension * scale,
+            p.pull * scale,
         )
-        return forces
 
     def _stiffen(self, positions: Array) -> None:
         """Hinges far from the core pull harder towards straight."""
@@ -305,7 +304,7 @@ class _Peeling:
         """The acceleration, or None when the run had to go back to its last sound state."""
         p = self.parameters
         along = self.segments.rotations[-1][:, 0]
-        torque = p.alignment * p.spring * np.cross(along, self.aim)
+        torque = p.alignment * p.spring * crossed(along, self.aim)
         try:
             acceleration = self.segments.accelerations(self.state, forces, end_torque=torque)
         except SimulationError:
@@ -324,46 +323,26 @@ class _Peeling:
             return None
         return acceleration
 
-    def _limit(self, positions: Array) -> None:
+    def _limit(self) -> None:
         """Caps what one step may move by scaling all velocities; adapts step and drag to it."""
         p = self.parameters
         state, segments = self.state, self.segments
-        segments.place(state)
-        radius = self.chain.module.radius
+        segments.place_velocities(state)
         loose = np.abs(state.angles).max() < p.loose_rad
-        cap = p.pair_cap_loose if loose else p.pair_cap
-        excess = max(
-            haste(
-                positions,
-                segments.velocities,
-                segments.spins,
-                self.first,
-                self.core.grid,
-                self.core.low,
-                p.repulsion_cutoff,
-                radius,
-                cap,
-                p.slide_cap,
-            ),
-            float(np.abs(state.rates).max()) / p.joint_cap_rad,
-            float(np.sqrt((segments.velocities**2).sum(axis=1).max())) / p.body_cap,
+        excess = self.step_s * haste(
+            state.rates,
+            segments.positions,
+            segments.rotations,
+            segments.velocities,
+            segments.spins,
+            self.first,
+            self.rod,
+            self.core.grid,
+            self.core.low,
+            p.repulsion_cutoff,
+            self.chain.module.radius,
+            self.caps_loose if loose else self.caps,
         )
-        if self.rod:
-            low = self.core.low - p.repulsion_cutoff
-            speed = rod_speed(
-                positions[-1],
-                np.ascontiguousarray(segments.rotations[-1][:, 0]),
-                self.rod,
-                segments.velocities[-1],
-                segments.spins[-1],
-                radius,
-                low,
-                low + np.array(self.core.grid.shape) - 1.0 + 2.0 * p.repulsion_cutoff,
-            )
-            # A rod that is outside may not come in within one step, so far out as it may reach.
-            spin = float(np.linalg.norm(segments.spins[-1]))
-            excess = max(excess, speed / cap, spin / p.turn_rad)
-        excess *= self.step_s
         if excess > 1.0:
             state.scale_velocities(1.0 / excess)
             self.drag = min(p.drag[1], 1.05 * self.drag)
@@ -535,6 +514,8 @@ class _Peeling:
 
 def turned_towards(a: Array, b: Array, most_rad: float) -> Array:
     """(3,) unit vector a turned towards b, by so much at most."""
+    if a is b:
+        return b
     angle = float(np.arccos(np.clip(a @ b, -1.0, 1.0)))
     if angle <= most_rad:
         return b
@@ -544,3 +525,10 @@ def turned_towards(a: Array, b: Array, most_rad: float) -> Array:
         side = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))])
         length = float(np.linalg.norm(side))
     return np.cos(most_rad) * a + np.sin(most_rad) * side / length
+
+
+def crossed(a: Array, b: Array) -> Array:
+    """(3,) cross product; NumPy's takes many times as long for two vectors."""
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
