@@ -55,7 +55,8 @@ PART_RAD: Final = 0.01
 """What is retired is looked at whenever the rod has turned so much."""
 ALIGNED: Final = 0.5
 TURNED: Final = 0.95
-LEAST_CLEARANCE: Final = 0.004
+LEAST_CLEARANCE: Final = 0.001
+"""Of a snapshot, of what is halfway to it, and of what is made by kinematics."""
 FRAME_S: Final = 0.1
 REPORT_EVERY_S: Final = 0.1
 UNEVENNESS: Final = 0.02
@@ -369,8 +370,8 @@ class _Peeling:
         )
 
     def _release(self) -> None:
-        self._settle()
-        self._let_go(self.state.angles, self.state.rates)
+        if self._settle():
+            self._let_go(self.state.angles, self.state.rates)
 
     def _retire(self) -> None:
         """Makes the outer hinges that are nearly straight part of the rod."""
@@ -399,16 +400,26 @@ class _Peeling:
             before, after, size=p.verify_size, least=LEAST_CLEARANCE, parts=parts
         ):
             return
-        self._settle()
-        rates = self.state.rates[: len(left)]
-        self._build(left.copy(), rates.copy())
+        if self._settle():
+            self._build(left.copy(), self.state.rates[: len(left)].copy())
 
-    def _settle(self) -> None:
-        """Keeps the present state as a snapshot: the window changes after it."""
+    def _settle(self) -> bool:
+        """Keeps the present state as a snapshot: the window changes after it.
+
+        Returns:
+            False when the way to it touches something: then the run went back.
+        """
         self.segments.place(self.state)
         self.recorder.add(self._bend())
-        self.recorder.commit(end=True)
+        if not self.recorder.commit(end=True, least=self._least_clearance()):
+            self._go_back()
+            return False
         self.time_s += 1e-6
+        return True
+
+    def _least_clearance(self) -> float:
+        """What snapshots must have, as long as going back may help."""
+        return LEAST_CLEARANCE if self.retries < MOST_RETRIES else -np.inf
 
     def _bend(self) -> Bend:
         return Bend(
@@ -420,7 +431,9 @@ class _Peeling:
         )
 
     def _commit(self) -> None:
-        self.recorder.commit()
+        if not self.recorder.commit(least=self._least_clearance()):
+            self._go_back()
+            return
         self.saved = (self.time_s, self.state.copy())
         self.retries = 0
 
@@ -456,7 +469,8 @@ class _Peeling:
             if k % looks == 0:
                 time_s = self.time_s + k / looks * FRAME_S
                 bends.append(Bend(time_s=time_s, first=self.first, angles=scaled))
-        self._settle()
+        if not self._settle():
+            return False
         for bend in bends:
             self.recorder.add(bend)
             self.recorder.commit(end=True)
