@@ -52,9 +52,9 @@ DEEP: Final = 0.016
 MOST_RETRIES: Final = 6
 FEWEST_PARTS: Final = 4
 PART_RAD: Final = 0.01
-"""What is retired is looked at whenever the rod has turned so much."""
+"""What is retired is looked at whenever the rod has turned so much, or all joints five times."""
 ALIGNED: Final = 0.5
-TURNED: Final = 0.95
+TURNED: Final = 0.9
 LEAST_CLEARANCE: Final = 0.001
 """Of a snapshot, of what is halfway to it, and of what is made by kinematics."""
 FRAME_S: Final = 0.1
@@ -380,28 +380,59 @@ class _Peeling:
         if self.depth >= BACK_OFF_DEPTH:
             return
         self.segments.place(self.state)
-        angles = self.state.angles
+        bent = np.abs(self.state.angles).reshape(-1, hinges).max(axis=1)
+        if bent[-FEWEST_RETIRED:].max() >= p.retire_rad:
+            return
         heights = self.core.distance_at(self.field, self.segments.positions)
-        bent = np.abs(angles).reshape(-1, hinges).max(axis=1)
         good = (bent < p.retire_rad) & (heights[1:-1] > p.retire_height)
         count = len(good) if good.all() else int(np.argmin(good[::-1]))
         count = min(count, len(good) - 4)
-        if count < FEWEST_RETIRED:
+        while count >= FEWEST_RETIRED:
+            bends = self._straightened(count)
+            if bends is not None:
+                break
+            count //= 2
+        else:
             return
-        before = self._bend()
-        left = angles[: len(angles) - hinges * count]
-        after = Bend(time_s=self.time_s, first=self.first, angles=left.copy())
+        if not self._settle():
+            return
+        for bend in bends:
+            self.recorder.add(bend)
+            self.recorder.commit(end=True)
+        self.time_s = bends[-1].time_s + 1e-6
+        left = bends[-1].angles
+        self._build(left.copy(), self.state.rates[: len(left)].copy())
+
+    def _straightened(self, count: int) -> list[Bend] | None:
+        """Configurations that straighten the last joints, so many; None if something touches."""
+        p = self.parameters
+        angles = self.state.angles
+        left = angles[: len(angles) - self.peelable.hinges * count]
         _, rotations = self.peelable.poses(self.first, left)
         turned = float(rotations[-1][:, 0] @ self.segments.rotations[-1][:, 0])
         if turned < TURNED:
-            return
-        parts = FEWEST_PARTS + int(np.arccos(min(turned, 1.0)) / PART_RAD)
+            return None
+        before = self._bend()
+        after = Bend(time_s=self.time_s, first=self.first, angles=left)
+        turn = float(np.arccos(min(turned, 1.0)))
+        bent = float(np.abs(angles[len(left) :]).sum())
         if not self.peelable.clear_between(
-            before, after, size=p.verify_size, least=LEAST_CLEARANCE, parts=parts
+            before,
+            after,
+            size=p.verify_size,
+            least=LEAST_CLEARANCE,
+            parts=FEWEST_PARTS + int(max(turn, 0.2 * bent) / PART_RAD),
         ):
-            return
-        if self._settle():
-            self._build(left.copy(), self.state.rates[: len(left)].copy())
+            return None
+        largest = max(turn, float(np.abs(angles[len(left) :]).max()))
+        frames = int(np.ceil(largest / p.retire_step_rad))
+        bends: list[Bend] = []
+        for k in range(1, frames):
+            partly = angles.copy()
+            partly[len(left) :] *= 1.0 - k / frames
+            bends.append(Bend(time_s=self.time_s + k * FRAME_S, first=self.first, angles=partly))
+        end_s = self.time_s + frames * FRAME_S
+        return [*bends, Bend(time_s=end_s, first=self.first, angles=left.copy())]
 
     def _settle(self) -> bool:
         """Keeps the present state as a snapshot: the window changes after it.
@@ -431,6 +462,11 @@ class _Peeling:
         )
 
     def _commit(self) -> None:
+        here = self.peelable.clearance(
+            self.first, self.state.angles, size=self.parameters.verify_size, enough=LEAST_CLEARANCE
+        )
+        if here < LEAST_CLEARANCE:
+            return  # going back to it would not help
         if not self.recorder.commit(least=self._least_clearance()):
             self._go_back()
             return
