@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import SimulationError
-from planner.kernels.core import FIXED, core_repulsion, haste, rod_speed
-from planner.kernels.pairs import near_pairs, repulsion
+from planner.kernels.core import FIXED
+from planner.kernels.peeling import Caps, haste, window_forces
 from planner.model import Base, Material, Rod
 from planner.peeling_core import Core
 from planner.peeling_parameters import PeelingParameters
@@ -33,7 +33,6 @@ from planner.segments import Acceleration, Segments, State
 from planner.windows import Windows
 
 Array = NDArray[np.float64]
-LINKED: Final = 1
 COMMIT_EVERY: Final = 25
 RELEASE_EVERY: Final = 5
 RETIRE_EVERY: Final = 20
@@ -53,10 +52,11 @@ DEEP: Final = 0.016
 MOST_RETRIES: Final = 6
 FEWEST_PARTS: Final = 4
 PART_RAD: Final = 0.01
-"""What is retired is looked at whenever the rod has turned so much."""
+"""What is retired is looked at whenever the rod has turned so much, or all joints five times."""
 ALIGNED: Final = 0.5
-TURNED: Final = 0.95
-LEAST_CLEARANCE: Final = 0.004
+TURNED: Final = 0.9
+LEAST_CLEARANCE: Final = 0.001
+"""Of a snapshot, of what is halfway to it, and of what is made by kinematics."""
 FRAME_S: Final = 0.1
 REPORT_EVERY_S: Final = 0.1
 UNEVENNESS: Final = 0.02
@@ -110,7 +110,7 @@ class _Peeling:
             size=parameters.verify_size,
             sink=sink,
         )
-        spread = np.random.default_rng(seed).uniform(-1.0, 1.0, (len(chain), 1))
+        spread = np.random.default_rng(seed).uniform(-1.0, 1.0, len(chain))
         self.weights = 1.0 + UNEVENNESS * spread
         self.material = Material(
             geom_size=parameters.geom_size,
@@ -118,6 +118,14 @@ class _Peeling:
             armature=parameters.armature,
             stop_rad=chain.module.stop_rad,
         )
+        self.caps = Caps(
+            joint_rad=parameters.joint_cap_rad,
+            pair=parameters.pair_cap,
+            slide=parameters.slide_cap,
+            body=parameters.body_cap,
+            turn_rad=parameters.turn_rad,
+        )
+        self.caps_loose = self.caps._replace(pair=parameters.pair_cap_loose)
         self.time_s = 0.0
         self.step_s = 5.0 * parameters.step_s[0]
         self.drag = 1.0
@@ -257,7 +265,7 @@ class _Peeling:
             return
         self.contacts = acceleration.contacts
         state.accelerate(acceleration, self.step_s, self.drag)
-        self._limit(positions)
+        self._limit()
         if acceleration.contacts:
             self.step_s = min(self.step_s, p.step_in_contact_s)
         state.advance(self.step_s)
@@ -271,28 +279,20 @@ class _Peeling:
         p = self.parameters
         weak = self.pulse_left > JAM_PULSE[1] - JAM_PULSE[0]
         self.pulse_left = max(0, self.pulse_left - 1)
-        arms = positions - (self.centre - 2.0 * self.aim)
-        reach = float(np.sqrt((arms**2).sum(axis=1).max()))
-        forces = self.weights[self.first : self.first + self.modules] * arms / reach
-        summed = np.cumsum(forces[::-1], axis=0)
-        largest = float(np.sqrt((summed[: 1 - FIXED] ** 2).sum(axis=1).max()))
         scale = p.spring * self.tension * (0.05 if weak else 1.0)
-        forces *= p.tension * scale / largest
-        forces[-1] += p.pull * scale * self.aim
-        gain = p.repulsion_gain * (4.0 if weak else 1.0)
-        free = positions[FIXED:]
-        pairs = near_pairs(free, p.repulsion_cutoff, LINKED + 1)
-        repulsion(free, pairs, gain, forces[FIXED:])
-        core_repulsion(
+        return window_forces(
             positions,
+            self.weights[self.first : self.first + self.modules],
+            self.centre - 2.0 * self.aim,
+            self.aim,
             self.first,
             self.core.grid,
             self.core.low,
             p.repulsion_cutoff,
-            gain,
-            forces,
+            p.repulsion_gain * (4.0 if weak else 1.0),
+            p.tension * scale,
+            p.pull * scale,
         )
-        return forces
 
     def _stiffen(self, positions: Array) -> None:
         """Hinges far from the core pull harder towards straight."""
@@ -306,7 +306,7 @@ class _Peeling:
         """The acceleration, or None when the run had to go back to its last sound state."""
         p = self.parameters
         along = self.segments.rotations[-1][:, 0]
-        torque = p.alignment * p.spring * np.cross(along, self.aim)
+        torque = p.alignment * p.spring * crossed(along, self.aim)
         try:
             acceleration = self.segments.accelerations(self.state, forces, end_torque=torque)
         except SimulationError:
@@ -325,46 +325,26 @@ class _Peeling:
             return None
         return acceleration
 
-    def _limit(self, positions: Array) -> None:
+    def _limit(self) -> None:
         """Caps what one step may move by scaling all velocities; adapts step and drag to it."""
         p = self.parameters
         state, segments = self.state, self.segments
-        segments.place(state)
-        radius = self.chain.module.radius
+        segments.place_velocities(state)
         loose = np.abs(state.angles).max() < p.loose_rad
-        cap = p.pair_cap_loose if loose else p.pair_cap
-        excess = max(
-            haste(
-                positions,
-                segments.velocities,
-                segments.spins,
-                self.first,
-                self.core.grid,
-                self.core.low,
-                p.repulsion_cutoff,
-                radius,
-                cap,
-                p.slide_cap,
-            ),
-            float(np.abs(state.rates).max()) / p.joint_cap_rad,
-            float(np.sqrt((segments.velocities**2).sum(axis=1).max())) / p.body_cap,
+        excess = self.step_s * haste(
+            state.rates,
+            segments.positions,
+            segments.rotations,
+            segments.velocities,
+            segments.spins,
+            self.first,
+            self.rod,
+            self.core.grid,
+            self.core.low,
+            p.repulsion_cutoff,
+            self.chain.module.radius,
+            self.caps_loose if loose else self.caps,
         )
-        if self.rod:
-            low = self.core.low - p.repulsion_cutoff
-            speed = rod_speed(
-                positions[-1],
-                np.ascontiguousarray(segments.rotations[-1][:, 0]),
-                self.rod,
-                segments.velocities[-1],
-                segments.spins[-1],
-                radius,
-                low,
-                low + np.array(self.core.grid.shape) - 1.0 + 2.0 * p.repulsion_cutoff,
-            )
-            # A rod that is outside may not come in within one step, so far out as it may reach.
-            spin = float(np.linalg.norm(segments.spins[-1]))
-            excess = max(excess, speed / cap, spin / p.turn_rad)
-        excess *= self.step_s
         if excess > 1.0:
             state.scale_velocities(1.0 / excess)
             self.drag = min(p.drag[1], 1.05 * self.drag)
@@ -391,8 +371,8 @@ class _Peeling:
         )
 
     def _release(self) -> None:
-        self._settle()
-        self._let_go(self.state.angles, self.state.rates)
+        if self._settle():
+            self._let_go(self.state.angles, self.state.rates)
 
     def _retire(self) -> None:
         """Makes the outer hinges that are nearly straight part of the rod."""
@@ -401,36 +381,77 @@ class _Peeling:
         if self.depth >= BACK_OFF_DEPTH:
             return
         self.segments.place(self.state)
-        angles = self.state.angles
+        bent = np.abs(self.state.angles).reshape(-1, hinges).max(axis=1)
+        if bent[-FEWEST_RETIRED:].max() >= p.retire_rad:
+            return
         heights = self.core.distance_at(self.field, self.segments.positions)
-        bent = np.abs(angles).reshape(-1, hinges).max(axis=1)
         good = (bent < p.retire_rad) & (heights[1:-1] > p.retire_height)
         count = len(good) if good.all() else int(np.argmin(good[::-1]))
         count = min(count, len(good) - 4)
-        if count < FEWEST_RETIRED:
+        while count >= FEWEST_RETIRED:
+            bends = self._straightened(count)
+            if bends is not None:
+                break
+            count //= 2
+        else:
             return
-        before = self._bend()
-        left = angles[: len(angles) - hinges * count]
-        after = Bend(time_s=self.time_s, first=self.first, angles=left.copy())
+        if not self._settle():
+            return
+        for bend in bends:
+            self.recorder.add(bend)
+            self.recorder.commit(end=True)
+        self.time_s = bends[-1].time_s + 1e-6
+        left = bends[-1].angles
+        self._build(left.copy(), self.state.rates[: len(left)].copy())
+
+    def _straightened(self, count: int) -> list[Bend] | None:
+        """Configurations that straighten the last joints, so many; None if something touches."""
+        p = self.parameters
+        angles = self.state.angles
+        left = angles[: len(angles) - self.peelable.hinges * count]
         _, rotations = self.peelable.poses(self.first, left)
         turned = float(rotations[-1][:, 0] @ self.segments.rotations[-1][:, 0])
         if turned < TURNED:
-            return
-        parts = FEWEST_PARTS + int(np.arccos(min(turned, 1.0)) / PART_RAD)
+            return None
+        before = self._bend()
+        after = Bend(time_s=self.time_s, first=self.first, angles=left)
+        turn = float(np.arccos(min(turned, 1.0)))
+        bent = float(np.abs(angles[len(left) :]).sum())
         if not self.peelable.clear_between(
-            before, after, size=p.verify_size, least=LEAST_CLEARANCE, parts=parts
+            before,
+            after,
+            size=p.verify_size,
+            least=LEAST_CLEARANCE,
+            parts=FEWEST_PARTS + int(max(turn, 0.2 * bent) / PART_RAD),
         ):
-            return
-        self._settle()
-        rates = self.state.rates[: len(left)]
-        self._build(left.copy(), rates.copy())
+            return None
+        largest = max(turn, float(np.abs(angles[len(left) :]).max()))
+        frames = int(np.ceil(largest / p.retire_step_rad))
+        bends: list[Bend] = []
+        for k in range(1, frames):
+            partly = angles.copy()
+            partly[len(left) :] *= 1.0 - k / frames
+            bends.append(Bend(time_s=self.time_s + k * FRAME_S, first=self.first, angles=partly))
+        end_s = self.time_s + frames * FRAME_S
+        return [*bends, Bend(time_s=end_s, first=self.first, angles=left.copy())]
 
-    def _settle(self) -> None:
-        """Keeps the present state as a snapshot: the window changes after it."""
+    def _settle(self) -> bool:
+        """Keeps the present state as a snapshot: the window changes after it.
+
+        Returns:
+            False when the way to it touches something: then the run went back.
+        """
         self.segments.place(self.state)
         self.recorder.add(self._bend())
-        self.recorder.commit(end=True)
+        if not self.recorder.commit(end=True, least=self._least_clearance()):
+            self._go_back()
+            return False
         self.time_s += 1e-6
+        return True
+
+    def _least_clearance(self) -> float:
+        """What snapshots must have, as long as going back may help."""
+        return LEAST_CLEARANCE if self.retries < MOST_RETRIES else -np.inf
 
     def _bend(self) -> Bend:
         return Bend(
@@ -442,7 +463,14 @@ class _Peeling:
         )
 
     def _commit(self) -> None:
-        self.recorder.commit()
+        here = self.peelable.clearance(
+            self.first, self.state.angles, size=self.parameters.verify_size, enough=LEAST_CLEARANCE
+        )
+        if here < LEAST_CLEARANCE:
+            return  # going back to it would not help
+        if not self.recorder.commit(least=self._least_clearance()):
+            self._go_back()
+            return
         self.saved = (self.time_s, self.state.copy())
         self.retries = 0
 
@@ -478,7 +506,8 @@ class _Peeling:
             if k % looks == 0:
                 time_s = self.time_s + k / looks * FRAME_S
                 bends.append(Bend(time_s=time_s, first=self.first, angles=scaled))
-        self._settle()
+        if not self._settle():
+            return False
         for bend in bends:
             self.recorder.add(bend)
             self.recorder.commit(end=True)
@@ -536,6 +565,8 @@ class _Peeling:
 
 def turned_towards(a: Array, b: Array, most_rad: float) -> Array:
     """(3,) unit vector a turned towards b, by so much at most."""
+    if a is b:
+        return b
     angle = float(np.arccos(np.clip(a @ b, -1.0, 1.0)))
     if angle <= most_rad:
         return b
@@ -545,3 +576,10 @@ def turned_towards(a: Array, b: Array, most_rad: float) -> Array:
         side = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))])
         length = float(np.linalg.norm(side))
     return np.cos(most_rad) * a + np.sin(most_rad) * side / length
+
+
+def crossed(a: Array, b: Array) -> Array:
+    """(3,) cross product; NumPy's takes many times as long for two vectors."""
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )

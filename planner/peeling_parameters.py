@@ -38,6 +38,7 @@ class PeelingParameters:
         window: And there are fewer modules in the window.
         most_modules: There are never more.
         retire_rad: Outer hinges below this become part of the rod.
+        retire_step_rad: And are straightened by so much from a snapshot to the next.
         retire_height: When they are so far from the core.
         snapshot_rad, snapshot_distance: A snapshot is kept when a hinge has turned or a module of
             the window has moved this much.
@@ -56,13 +57,13 @@ class PeelingParameters:
     tension: float = 25.0
     pull: float = 15.0
     alignment: float = 15.0
-    turn_rad: float = 0.02
+    turn_rad: float = 0.03
     geom_size: float = 0.994
     step_s: tuple[float, float] = (0.004, 0.1)
     step_in_contact_s: float = 0.06
     drag: tuple[float, float] = (0.1, 2.0)
-    joint_cap_rad: float = 0.02
-    pair_cap: float = 0.025
+    joint_cap_rad: float = 0.03
+    pair_cap: float = 0.03
     pair_cap_loose: float = 0.05
     slide_cap: float = 0.1
     body_cap: float = 0.4
@@ -71,9 +72,10 @@ class PeelingParameters:
     skipped: int = 8
     rod_modules: int = 4
     release_contacts: int = 12
-    window: int = 70
+    window: int = 64
     most_modules: int = 160
-    retire_rad: float = 0.12
+    retire_rad: float = 0.2
+    retire_step_rad: float = 0.12
     retire_height: float = 4.0
     snapshot_rad: float = 0.05
     snapshot_distance: float = 0.7

@@ -13,7 +13,7 @@ from planner.peeling_window import Bend, Peelable
 from planner.windows import Windows
 
 Array = NDArray[np.float64]
-CLOSE: Final = 0.06
+CLOSE: Final = 0.02
 """Clearances above this are not told apart."""
 WORSE: Final = 0.002
 """A halfway frame this much closer than both its neighbours asks for a snapshot in between."""
@@ -44,6 +44,7 @@ class PeelRecorder:
         self._waiting: list[Bend] = []
         self._kept: list[Windows] = []
         self._last: Bend | None = None
+        self._least = np.inf
 
     def add(self, bend: Bend) -> None:
         """Takes a step that may still be taken back."""
@@ -53,34 +54,46 @@ class PeelRecorder:
         """Forgets the steps since the last ``commit``."""
         self._waiting = []
 
-    def commit(self, *, end: bool = False) -> None:
+    def commit(self, *, end: bool = False, least: float = -np.inf) -> bool:
         """Makes the steps so far final and passes their snapshots on.
 
         Args:
             end: Keep the last step as a snapshot in any case.
+            least: When a snapshot or what is halfway to it has a clearance below this, all the
+                steps are forgotten instead.
+
+        Returns:
+            Whether they were kept.
         """
         waiting = self._waiting
+        last = self._last
+        self._least = np.inf
         chosen: list[Bend] = []
         first = 0
         for k, bend in enumerate(waiting):
-            if self._last is None:
+            if last is None:
                 pick = k
-            elif self._far(self._last, bend):
+            elif self._far(last, bend):
                 pick = max(first, k - 1)
             else:
                 continue
-            if self._last is not None:
-                chosen.extend(self._between(self._last, waiting[pick], waiting[first:pick]))
-            self._last = waiting[pick]
-            chosen.append(self._last)
+            if last is not None:
+                chosen.extend(self._between(last, waiting[pick], waiting[first:pick]))
+            last = waiting[pick]
+            chosen.append(last)
             first = pick + 1
         if end and waiting[first:]:
-            if self._last is not None:
-                chosen.extend(self._between(self._last, waiting[-1], waiting[first:-1]))
-            self._last = waiting[-1]
-            chosen.append(self._last)
+            if last is not None:
+                chosen.extend(self._between(last, waiting[-1], waiting[first:-1]))
+            last = waiting[-1]
+            chosen.append(last)
+        if self._least < least:
+            self._waiting = []
+            return False
+        self._last = last
         self._waiting = [] if end else waiting[first:]
         self._emit(chosen)
+        return True
 
     def windows(self) -> Windows:
         """All snapshots so far."""
@@ -120,13 +133,14 @@ class PeelRecorder:
         return bool(moved >= self._snapshot_distance**2)
 
     def _between(self, a: Bend, b: Bend, bends: list[Bend]) -> list[Bend]:
-        if not bends:
-            return []
+        """The snapshots that are needed between two."""
         first, one, other = self._peelable.together(a, b)
         halfway = self._clearance(first, 0.5 * (one + other))
-        if halfway >= CLOSE or halfway >= (
-            min(self._clearance(a.first, a.angles), self._clearance(b.first, b.angles)) - WORSE
-        ):
+        ends = self._clearance(b.first, b.angles)
+        if halfway < ends - WORSE and bends:
+            ends = min(ends, self._clearance(a.first, a.angles))
+        if not bends or halfway >= ends - WORSE:
+            self._least = min(self._least, halfway, ends)
             return []
         middle = len(bends) // 2
         return [

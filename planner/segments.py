@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from planner.chain import Chain
 from planner.errors import SimulationError
 from planner.kernels.kinematics import chain_poses
-from planner.kernels.roots import wxyzs_of
+from planner.kernels.roots import write_root_velocities, write_state
 from planner.kernels.velocities import chain_velocities
 from planner.model import (
     SEGMENT_MODULES,
@@ -32,7 +32,7 @@ from planner.model import (
     segment_spec,
     segment_starts,
 )
-from planner.rotations import matrix_from_wxyz, wxyz_from_matrix
+from planner.rotations import matrix_from_wxyz
 from planner.untyped import mujoco
 
 Array = NDArray[np.float64]
@@ -160,10 +160,8 @@ class Segments:
         self._hinge_qpos = np.array([j.qposadr[0] for j in joints], dtype=np.int64)
         self._hinge_dofs = np.array([j.dofadr[0] for j in joints], dtype=np.int64)
         roots = [self.model.joint(f"root_{start}") for start in self.starts]
-        qpos = np.array([j.qposadr[0] for j in roots], dtype=np.int64)
-        dofs = np.array([j.dofadr[0] for j in roots], dtype=np.int64)
-        self._root_qpos = qpos[:, None] + np.arange(7)
-        self._root_dofs = dofs[:, None] + np.arange(6)
+        self._root_qpos = np.array([j.qposadr[0] for j in roots], dtype=np.int64)
+        self._root_dofs = np.array([j.dofadr[0] for j in roots], dtype=np.int64)
         self._middle = int(np.flatnonzero(self.starts == self.root)[0]) if base is None else None
         self._hinge_ids = np.array([j.id for j in joints], dtype=np.int64)
         self._bodies = np.array([self.model.body(f"module_{i}").id for i in range(len(chain))])
@@ -198,6 +196,10 @@ class Segments:
         """Writes poses and velocities of all modules for a state, see the attributes."""
         self._kinematics(state, self.positions, self.rotations, self.velocities, self.spins)
 
+    def place_velocities(self, state: State) -> None:
+        """Writes the velocities alone, for a state whose poses are those placed last."""
+        self._move(state, self.positions, self.rotations, self.velocities, self.spins)
+
     def accelerations(
         self, state: State, forces: Array, *, end_torque: Array | None = None
     ) -> Acceleration:
@@ -214,18 +216,21 @@ class Segments:
             SimulationError: When MuJoCo warns of bad numbers.
         """
         model, data = self.model, self.data
-        starts = self.starts
-        data.qpos[self._hinge_qpos] = state.angles
-        data.qpos[self._root_qpos[:, :3]] = self.positions[starts]
-        if self._middle is None:
-            wxyzs = np.empty((len(starts), 4))
-            wxyzs_of(self.rotations, starts, wxyzs)
-        else:
-            wxyzs = wxyz_from_matrix(self.rotations[starts])
-        data.qpos[self._root_qpos[:, 3:]] = wxyzs
-        data.qvel[self._hinge_dofs] = state.rates
-        data.qvel[self._root_dofs[:, :3]] = self.velocities[starts]
-        data.qvel[self._root_dofs[:, 3:]] = _to_local(self.rotations[starts], self.spins[starts])
+        write_state(
+            state.angles,
+            state.rates,
+            self.positions,
+            self.rotations,
+            self.velocities,
+            self.spins,
+            self.starts,
+            self._hinge_qpos,
+            self._hinge_dofs,
+            self._root_qpos,
+            self._root_dofs,
+            data.qpos,
+            data.qvel,
+        )
         data.xfrc_applied[self._bodies, :3] = forces
         if end_torque is not None:
             data.xfrc_applied[self._bodies[-1], 3:] = end_torque
@@ -239,7 +244,10 @@ class Segments:
         acceleration = data.qacc
         if not np.isfinite(acceleration).all() or np.abs(acceleration).max() > 1e10:
             raise SimulationError("the accelerations are no longer finite.")
-        root = np.zeros(6) if self._middle is None else acceleration[self._root_dofs[self._middle]]
+        root = np.zeros(6)
+        if self._middle is not None:
+            at = self._root_dofs[self._middle]
+            root = acceleration[at : at + 6].copy()
         return Acceleration(
             hinges=acceleration[self._hinge_dofs],
             linear=root[:3],
@@ -254,14 +262,12 @@ class Segments:
         ahead.advance(BIAS_STEP_S)
         positions, rotations, velocities, spins = self._ahead
         self._kinematics(ahead, positions, rotations, velocities, spins)
-        starts = self.starts
-        linear = (velocities[starts] - self.velocities[starts]) / BIAS_STEP_S
-        angular = (
-            _to_local(rotations[starts], spins[starts])
-            - _to_local(self.rotations[starts], self.spins[starts])
-        ) / BIAS_STEP_S
-        self._bias[self._root_dofs[:, :3]] = linear
-        self._bias[self._root_dofs[:, 3:]] = angular
+        # Constant hinge velocities: only those of the roots change.
+        bias = self._bias
+        bias[:] = data.qvel
+        write_root_velocities(rotations, velocities, spins, self.starts, self._root_dofs, bias)
+        bias -= data.qvel
+        bias /= BIAS_STEP_S
         rows = np.empty(data.nefc)
         mujoco.mj_mulJacVec(self.model, data, rows, self._bias)
         contact = data.efc_type >= int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
@@ -284,6 +290,12 @@ class Segments:
             positions,
             rotations,
         )
+        self._move(state, positions, rotations, velocities, spins)
+
+    def _move(
+        self, state: State, positions: Array, rotations: Array, velocities: Array, spins: Array
+    ) -> None:
+        module, root = self.chain.module, self.root
         chain_velocities(
             state.angles,
             state.rates,
@@ -298,7 +310,3 @@ class Segments:
             velocities,
             spins,
         )
-
-
-def _to_local(rotations: Array, vectors: Array) -> Array:
-    return np.einsum("nij,ni->nj", rotations, vectors)

@@ -23,53 +23,6 @@ FIXED = 2
 
 
 @njit(cache=True)
-def core_repulsion(
-    points: Array,
-    first: int,
-    grid: Grid,
-    low: Ints,
-    cutoff: float,
-    gain: float,
-    out: Array,
-) -> None:
-    """Adds to ``out`` (m, 3) how the core pushes the window away: gain / distance² for each cell.
-
-    Args:
-        points: (m, 3) centres of the window's modules, in cells.
-        first: Number of the window's first module in the chain.
-        grid: (X, Y, Z) number of the module in each cell when folded, −1 for none.
-        low: (3,) the cell that the grid begins with.
-        cutoff: Cells farther away don't push.
-        gain: γ of eq. 3.
-        out: (m, 3) added to.
-    """
-    reach = int(np.ceil(cutoff))
-    last = first + FIXED - 1
-    limit = cutoff * cutoff
-    for k in range(FIXED, points.shape[0]):
-        cx = int(np.round(points[k, 0])) - low[0]
-        cy = int(np.round(points[k, 1])) - low[1]
-        cz = int(np.round(points[k, 2])) - low[2]
-        for x in range(max(cx - reach, 0), min(cx + reach + 1, grid.shape[0])):
-            dx = points[k, 0] - (x + low[0])
-            for y in range(max(cy - reach, 0), min(cy + reach + 1, grid.shape[1])):
-                dy = points[k, 1] - (y + low[1])
-                for z in range(max(cz - reach, 0), min(cz + reach + 1, grid.shape[2])):
-                    there = grid[x, y, z]
-                    if there < 0 or there > last or first + k - there < 2:
-                        continue
-                    dz = points[k, 2] - (z + low[2])
-                    square = dx * dx + dy * dy + dz * dz
-                    if square >= limit:
-                        continue
-                    distance = np.sqrt(max(square, 1e-6))
-                    scale = gain / (distance * distance * distance)
-                    out[k, 0] += scale * dx
-                    out[k, 1] += scale * dy
-                    out[k, 2] += scale * dz
-
-
-@njit(cache=True)
 def rod_span(end: Array, along: Array, rod: int, low: Array, high: Array) -> tuple[int, int]:
     """The modules a … b − 1 of a rod (from 1 on) whose centres lie in a box."""
     a = 1.0
@@ -86,31 +39,6 @@ def rod_span(end: Array, along: Array, rod: int, low: Array, high: Array) -> tup
     if a > b:
         return 1, 1
     return int(np.ceil(a)), int(np.floor(b)) + 1
-
-
-@njit(cache=True)
-def rod_speed(
-    end: Array,
-    along: Array,
-    rod: int,
-    velocity: Array,
-    spin: Array,
-    radius: float,
-    low: Array,
-    high: Array,
-) -> float:
-    """The largest speed of a point of the rod inside a box, 0 when none is."""
-    a, b = rod_span(end, along, rod, low, high)
-    worst = 0.0
-    size = np.sqrt(spin[0] ** 2 + spin[1] ** 2 + spin[2] ** 2)
-    for k in (a, b - 1):
-        if a >= b:
-            break
-        x = velocity[0] + k * (spin[1] * along[2] - spin[2] * along[1])
-        y = velocity[1] + k * (spin[2] * along[0] - spin[0] * along[2])
-        z = velocity[2] + k * (spin[0] * along[1] - spin[1] * along[0])
-        worst = max(worst, np.sqrt(x * x + y * y + z * z) + radius * size)
-    return worst
 
 
 @njit(cache=True)
@@ -187,7 +115,8 @@ def window_clearance(
         rotations: (m, 3, 3) their orientations.
         first: Number of the window's first module in the chain.
         rod: Modules of the rod.
-        grid, low: See ``core_repulsion``.
+        grid: (X, Y, Z) number of the module in each cell when folded, −1 for none.
+        low: (3,) the cell that the grid begins with.
         vertices, normals, edges, radius: The module's hull.
         size: Its scale.
         enough: Separations of this and more are not told apart; at most 0.3.
@@ -292,7 +221,7 @@ def box_cover(grid: Grid, last: int, out: Ints) -> int:
     """Covers the cells with numbers 0 to ``last`` with boxes, greedily; how many there are.
 
     Args:
-        grid: See ``core_repulsion``.
+        grid: See ``window_clearance``.
         last: Largest number of a module that is covered.
         out: (B, 6) written: least cell and size of each box; B is enough for all.
     """
@@ -339,95 +268,3 @@ def box_cover(grid: Grid, last: int, out: Ints) -> int:
                 out[count, 5] = c - z
                 count += 1
     return count
-
-
-@njit(cache=True)
-def _haste(
-    gap: Array, velocity: Array, turning: float, cap: float, slide: float, reach: float
-) -> float:
-    """How many times a pair's motion in a unit of time is more than it may be in a step."""
-    distance = np.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2])
-    closing = 0.0
-    square = 0.0
-    for r in range(3):
-        closing -= velocity[r] * gap[r]
-        square += velocity[r] * velocity[r]
-    closing = max(closing / max(distance, 1e-9), 0.0) + turning
-    room = max(distance - reach, 0.0)
-    return max(closing / (cap + 0.5 * room), (np.sqrt(square) + turning) / (slide + 0.5 * room))
-
-
-@njit(cache=True)
-def haste(
-    points: Array,
-    velocities: Array,
-    spins: Array,
-    first: int,
-    grid: Grid,
-    low: Ints,
-    cutoff: float,
-    radius: float,
-    cap: float,
-    slide: float,
-) -> float:
-    """How many times the window moves faster in a unit of time than it may in one step.
-
-    Near modules may come nearer by ``cap`` and slide along each other by ``slide``; pairs that are
-    apart for certain may move by half of the distance between them more.
-
-    Args:
-        points: (m, 3) centres of the window's modules, in cells.
-        velocities, spins: (m, 3) linear and angular, in the world's frame.
-        first: Number of the window's first module in the chain.
-        grid, low: See ``core_repulsion``.
-        cutoff: Pairs farther apart are not looked at.
-        radius: The module's.
-        cap, slide: In pitches.
-    """
-    worst = 0.0
-    gap = np.empty(3)
-    velocity = np.empty(3)
-    count = points.shape[0]
-    last = first + FIXED - 1
-    reach = int(np.ceil(cutoff))
-    limit = cutoff * cutoff
-    touch = 2.0 * radius
-    for k in range(FIXED, count):
-        turning = radius * np.sqrt(spins[k, 0] ** 2 + spins[k, 1] ** 2 + spins[k, 2] ** 2)
-        cx = int(np.round(points[k, 0])) - low[0]
-        cy = int(np.round(points[k, 1])) - low[1]
-        cz = int(np.round(points[k, 2])) - low[2]
-        for x in range(max(cx - reach, 0), min(cx + reach + 1, grid.shape[0])):
-            gap[0] = points[k, 0] - (x + low[0])
-            for y in range(max(cy - reach, 0), min(cy + reach + 1, grid.shape[1])):
-                gap[1] = points[k, 1] - (y + low[1])
-                for z in range(max(cz - reach, 0), min(cz + reach + 1, grid.shape[2])):
-                    there = grid[x, y, z]
-                    if there < 0 or there > last or first + k - there < 2:
-                        continue
-                    gap[2] = points[k, 2] - (z + low[2])
-                    if gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2] < limit:
-                        worst = max(worst, _haste(gap, velocities[k], turning, cap, slide, touch))
-    for i in range(FIXED, count):
-        j = i + 2
-        while j < count:
-            square = 0.0
-            for r in range(3):
-                gap[r] = points[j, r] - points[i, r]
-                square += gap[r] * gap[r]
-            if square < limit:
-                wx = 0.5 * (spins[i, 0] + spins[j, 0])
-                wy = 0.5 * (spins[i, 1] + spins[j, 1])
-                wz = 0.5 * (spins[i, 2] + spins[j, 2])
-                velocity[0] = velocities[j, 0] - velocities[i, 0] - (wy * gap[2] - wz * gap[1])
-                velocity[1] = velocities[j, 1] - velocities[i, 1] - (wz * gap[0] - wx * gap[2])
-                velocity[2] = velocities[j, 2] - velocities[i, 2] - (wx * gap[1] - wy * gap[0])
-                turning = 0.0
-                for r in range(3):
-                    turning += (spins[j, r] - spins[i, r]) ** 2
-                turning = radius * np.sqrt(turning)
-                worst = max(worst, _haste(gap, velocity, turning, cap, slide, touch))
-                j += 1
-            else:
-                j += max(1, int(np.floor(np.sqrt(square) - cutoff)))
-    return worst

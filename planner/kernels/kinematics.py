@@ -3,29 +3,44 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Matrix: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+"""Rows of a (3, 3) matrix one after the other: needs no memory of its own."""
 
 
 @njit(cache=True)
-def axis_rotation(axis: Array, angle: float, out: Array) -> None:
-    """Writes the rotation about a unit axis into ``out`` (3, 3): Rodrigues' formula."""
+def rodrigues(axis: Array, angle: float) -> Matrix:
+    """The rotation about a unit axis, row by row: Rodrigues' formula."""
     c = np.cos(angle)
     s = np.sin(angle)
     x, y, z = axis[0], axis[1], axis[2]
     k = 1.0 - c
-    out[0, 0] = c + x * x * k
-    out[0, 1] = x * y * k - z * s
-    out[0, 2] = x * z * k + y * s
-    out[1, 0] = y * x * k + z * s
-    out[1, 1] = c + y * y * k
-    out[1, 2] = y * z * k - x * s
-    out[2, 0] = z * x * k - y * s
-    out[2, 1] = z * y * k + x * s
-    out[2, 2] = c + z * z * k
+    return (
+        c + x * x * k,
+        x * y * k - z * s,
+        x * z * k + y * s,
+        y * x * k + z * s,
+        c + y * y * k,
+        y * z * k - x * s,
+        z * x * k - y * s,
+        z * y * k + x * s,
+        c + z * z * k,
+    )
+
+
+@njit(cache=True)
+def axis_rotation(axis: Array, angle: float, out: Array) -> None:
+    """Writes the rotation about a unit axis into ``out`` (3, 3)."""
+    h = rodrigues(axis, angle)
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = h[3 * i + j]
 
 
 @njit(cache=True)
@@ -37,18 +52,38 @@ def multiply(a: Array, b: Array, out: Array) -> None:
 
 
 @njit(cache=True)
+def _multiply_by(out: Array, b: Matrix) -> None:
+    """Multiplies ``out`` (3, 3) from the right, in place."""
+    for i in range(3):
+        x, y, z = out[i, 0], out[i, 1], out[i, 2]
+        out[i, 0] = x * b[0] + y * b[3] + z * b[6]
+        out[i, 1] = x * b[1] + y * b[4] + z * b[7]
+        out[i, 2] = x * b[2] + y * b[5] + z * b[8]
+
+
+@njit(cache=True)
 def step_rotation(axes: Array, turn: Array, angles: Array, jointed: bool, out: Array) -> None:
     """Writes the rotation from one module's frame to the next one's into ``out`` (3, 3)."""
-    work = np.empty((3, 3))
-    hinge = np.empty((3, 3))
-    out[:, :] = np.eye(3)
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = 1.0 if i == j else 0.0
     if jointed:
         for k in range(axes.shape[0]):
-            axis_rotation(axes[k], angles[k], hinge)
-            multiply(out, hinge, work)
-            out[:, :] = work
-    multiply(out, turn, work)
-    out[:, :] = work
+            _multiply_by(out, rodrigues(axes[k], angles[k]))
+    _multiply_by(
+        out,
+        (
+            turn[0, 0],
+            turn[0, 1],
+            turn[0, 2],
+            turn[1, 0],
+            turn[1, 1],
+            turn[1, 2],
+            turn[2, 0],
+            turn[2, 1],
+            turn[2, 2],
+        ),
+    )
 
 
 @njit(cache=True)

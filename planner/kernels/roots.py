@@ -1,4 +1,4 @@
-"""Orientations of some modules as quaternions, compiled."""
+"""What MuJoCo is told of the reduced state of a chain in segments, compiled."""
 # pyright: reportUntypedFunctionDecorator=false
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ Ints = NDArray[np.int64]
 
 @njit(cache=True)
 def wxyzs_of(rotations: Array, chosen: Ints, out: Array) -> None:
-    """Writes unit quaternions (w, x, y, z) of the chosen of (n, 3, 3) rotations into (k, 4)."""
+    """Writes unit quaternions of the chosen of (n, 3, 3) rotations into (k, 4), with w ≥ 0."""
     for k in range(chosen.shape[0]):
         m = rotations[chosen[k]]
+        trace = m[0, 0] + m[1, 1] + m[2, 2]
         squares = (
-            1 + m[0, 0] + m[1, 1] + m[2, 2],
-            1 + m[0, 0] - m[1, 1] - m[2, 2],
-            1 - m[0, 0] + m[1, 1] - m[2, 2],
-            1 - m[0, 0] - m[1, 1] + m[2, 2],
+            1 + trace,
+            1 + 2 * m[0, 0] - trace,
+            1 + 2 * m[1, 1] - trace,
+            1 + 2 * m[2, 2] - trace,
         )
         a = m[2, 1] - m[1, 2]
         b = m[0, 2] - m[2, 0]
@@ -38,7 +39,63 @@ def wxyzs_of(rotations: Array, chosen: Ints, out: Array) -> None:
         else:
             w, x, y, z = c, e, f, largest
         length = np.sqrt(w * w + x * x + y * y + z * z)
+        if w < 0.0:
+            length = -length
         out[k, 0] = w / length
         out[k, 1] = x / length
         out[k, 2] = y / length
         out[k, 3] = z / length
+
+
+@njit(cache=True)
+def write_state(
+    angles: Array,
+    rates: Array,
+    positions: Array,
+    rotations: Array,
+    velocities: Array,
+    spins: Array,
+    starts: Ints,
+    hinge_qpos: Ints,
+    hinge_dofs: Ints,
+    root_qpos: Ints,
+    root_dofs: Ints,
+    qpos: Array,
+    qvel: Array,
+) -> None:
+    """Writes hinges and the poses and velocities of the segments' roots.
+
+    Args:
+        angles, rates: (J,) of the hinges.
+        positions, rotations, velocities, spins: Of all n modules, in the world's frame.
+        starts: (S,) the segments' first modules.
+        hinge_qpos, hinge_dofs: (J,) where the hinges are.
+        root_qpos, root_dofs: (S,) where the segments' free joints begin.
+        qpos, qvel: Written.
+    """
+    for k in range(angles.shape[0]):
+        qpos[hinge_qpos[k]] = angles[k]
+        qvel[hinge_dofs[k]] = rates[k]
+    wxyzs = np.empty((starts.shape[0], 4))
+    wxyzs_of(rotations, starts, wxyzs)
+    for k in range(starts.shape[0]):
+        for r in range(3):
+            qpos[root_qpos[k] + r] = positions[starts[k], r]
+        for r in range(4):
+            qpos[root_qpos[k] + 3 + r] = wxyzs[k, r]
+    write_root_velocities(rotations, velocities, spins, starts, root_dofs, qvel)
+
+
+@njit(cache=True)
+def write_root_velocities(
+    rotations: Array, velocities: Array, spins: Array, starts: Ints, root_dofs: Ints, out: Array
+) -> None:
+    """Writes the segments' velocities as MuJoCo has them: spins in their own frames."""
+    for k in range(starts.shape[0]):
+        i = starts[k]
+        for r in range(3):
+            out[root_dofs[k] + r] = velocities[i, r]
+            local = 0.0
+            for c in range(3):
+                local += rotations[i, c, r] * spins[i, c]
+            out[root_dofs[k] + 3 + r] = local

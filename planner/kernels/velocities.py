@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels.kinematics import axis_rotation, multiply
+from planner.kernels.kinematics import rodrigues
 
 Array = NDArray[np.float64]
 
@@ -23,17 +23,37 @@ def cross(a: Array, b: Array, out: Array) -> None:
 @njit(cache=True)
 def relative_spin(rotation: Array, axes: Array, angles: Array, rates: Array, out: Array) -> None:
     """Writes the angular velocity that one joint's hinges give the next module, in the world."""
-    frame = rotation.copy()
-    hinge = np.empty((3, 3))
-    work = np.empty((3, 3))
+    f = (
+        rotation[0, 0],
+        rotation[0, 1],
+        rotation[0, 2],
+        rotation[1, 0],
+        rotation[1, 1],
+        rotation[1, 2],
+        rotation[2, 0],
+        rotation[2, 1],
+        rotation[2, 2],
+    )
     out[:] = 0.0
     for k in range(axes.shape[0]):
-        for r in range(3):
-            for c in range(3):
-                out[r] += frame[r, c] * axes[k, c] * rates[k]
-        axis_rotation(axes[k], angles[k], hinge)
-        multiply(frame, hinge, work)
-        frame[:, :] = work
+        for c in range(3):
+            out[0] += f[c] * axes[k, c] * rates[k]
+            out[1] += f[3 + c] * axes[k, c] * rates[k]
+            out[2] += f[6 + c] * axes[k, c] * rates[k]
+        if k + 1 == axes.shape[0]:
+            return
+        h = rodrigues(axes[k], angles[k])
+        f = (
+            f[0] * h[0] + f[1] * h[3] + f[2] * h[6],
+            f[0] * h[1] + f[1] * h[4] + f[2] * h[7],
+            f[0] * h[2] + f[1] * h[5] + f[2] * h[8],
+            f[3] * h[0] + f[4] * h[3] + f[5] * h[6],
+            f[3] * h[1] + f[4] * h[4] + f[5] * h[7],
+            f[3] * h[2] + f[4] * h[5] + f[5] * h[8],
+            f[6] * h[0] + f[7] * h[3] + f[8] * h[6],
+            f[6] * h[1] + f[7] * h[4] + f[8] * h[7],
+            f[6] * h[2] + f[7] * h[5] + f[8] * h[8],
+        )
 
 
 @njit(cache=True)
