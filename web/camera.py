@@ -8,6 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain import Chain
+
 Array = NDArray[np.float64]
 
 FIELD_OF_VIEW_RAD: Final = np.deg2rad(32.0)
@@ -16,6 +18,8 @@ ELEVATION_RAD: Final = np.deg2rad(24.0)
 TURN_RAD_S: Final = np.deg2rad(5.0)
 MOST_POINTS: Final = 600
 WIDE: Final = 1.6
+LEAST_STRETCH: Final = 120
+"""Straight modules of a long fold that a camera keeps in view at least; the rest leave it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,6 +35,28 @@ class View:
     def position(self) -> Array:
         """(3,) where the camera is."""
         return self.target + self.distance * _outward(self.azimuth_rad, self.elevation_rad)
+
+
+def straight_stretch(chain: Chain) -> int:
+    """How many straight modules a camera keeps in view beside what is folded, in a long fold."""
+    extent = float(np.ptp(chain.folded_poses.positions, axis=0).max())
+    return max(LEAST_STRETCH, round(2.0 * extent))
+
+
+def modules_framed(chain: Chain, last: int, stretch: int) -> int:
+    """How many modules, from the first on, a camera should show of a chain that is long.
+
+    A chain of ten thousand that is shown whole is a line thinner than a pixel: the camera keeps to
+    what is folded or moves, and to a stretch of what is straight.
+
+    Args:
+        chain: The chain.
+        last: The hinge from which on all are straight.
+        stretch: What ``straight_stretch`` says of the chain.
+    """
+    module = chain.module
+    bent = module.rigid_links + -(-last // module.hinges_per_joint) + 1
+    return min(len(chain), bent + stretch)
 
 
 def framing(
