@@ -44,10 +44,14 @@ _POINTER: Final[dict[str, Any]] = {
 def scenery_of(chain: Chain, stretch: int | None = None) -> bytes:
     """The scenery of a fold of ``chain``, as one message of ``web.columns``.
 
-    Of a windowed film ``stretch`` is that of the film. The header holds the chain's geometry (``planner.modules`` tells the words), the scene's
+    The header holds the chain's geometry (``planner.modules`` tells the words), the scene's
     ``messages`` with ``{"column": name}`` in place of arrays, what a ``sketch`` draws, the
     ``camera``'s constants and the ``colours``; the columns hold their arrays, and as ``folded_rad``
     and ``folded_positions`` where the chain is going.
+
+    Args:
+        chain: The chain.
+        stretch: As of the fold's ``web.film.Film``.
     """
     module, n = chain.module, len(chain)
     pitch, messages, arrays = _staged(module.name, n, stretch, chain)
@@ -96,7 +100,7 @@ def scenery_of(chain: Chain, stretch: int | None = None) -> bytes:
         **arrays,
         "ramp_error": error_ramp(RAMP_STEPS),
         "ramp_even": ramp_colours(np.linspace(0.0, 1.0, RAMP_STEPS)),
-        "folded_rad": chain.folded_rad.astype("<f4"),
+        "folded_rad": chain.folded_rad.astype("<f8"),
         "folded_positions": chain.folded_poses.positions.astype("<f4"),
     }
     return encode(header, columns, planes=frozenset(columns))

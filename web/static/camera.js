@@ -1,6 +1,6 @@
 // A camera that keeps the whole chain in view, smoothly, until a visitor takes hold of it.
 // `web/camera.py` frames movies by the same equations.
-const MOST_POINTS = 600;
+export const MOST_POINTS = 600;
 const SETTLE_S = 0.14;
 const SETTLED = 2e-4;
 const WHOLE_TURN = 2 * Math.PI;

@@ -2,7 +2,7 @@
 //
 // It takes the messages of playhead.js and one more, select {module}: highlight a module, null for
 // none. It tells what is by events: waiting, begun, outline, state, module, drawn, painted.
-import { Follower, anglesOf, blended, distanceNeeded, framing, positionOf } from "./camera.js";
+import { Follower, MOST_POINTS, anglesOf, blended, distanceNeeded, framing, positionOf } from "./camera.js";
 import { colouring } from "./colours.js";
 import { picked } from "./kinematics.js";
 import { Playhead } from "./playhead.js";
@@ -11,12 +11,19 @@ import { Teller } from "./teller.js";
 
 const LONGEST_TICK_S = 0.2;
 const GOAL_EVERY = 12;
+const GOAL_EVERY_S = 0.2; // or of a film that is played, if that is more
 const GOALS_ASIDE = 4;
 const GOAL_SPREAD = 1.8;
 const MOST_GOALS = 4000;
 const ROOM = 1.08; // how much farther than needed the camera stays, so that nothing touches the edge
 const STEEPEST = 1.2;
 const BESIDE = 0.4; // how blue the neighbours of the selected module are
+
+// As planner/modules.py calls a hinge.
+function nameOf({ rigid_links: rigid, hinge_names: names }, j) {
+  const hinge = names[j % names.length];
+  return `joint_${rigid + Math.floor(j / names.length)}${hinge && `_${hinge}`}`;
+}
 
 export class Player extends Teller {
   // Shows on `stage`, for which `sketch` may stand in; without a stage on the sketch alone.
@@ -188,7 +195,7 @@ export class Player extends Teller {
       modules: chain.modules,
       cell: chain.cells ? [0, 1, 2].map((k) => Math.round(at[3 * index + k])) : null,
       joints: columns.map((j) => ({
-        name: chain.joint_names[j], column: j, angle_rad: shown.angles[j], target_rad: film.foldedRad[j],
+        name: nameOf(chain, j), column: j, angle_rad: shown.angle(j), target_rad: film.foldedRad[j],
         error_rad: Number.isNaN(shown.errors[j]) ? null : Math.abs(shown.errors[j]),
       })),
       shown,
@@ -221,7 +228,13 @@ export class Player extends Teller {
 
   get pitch() { return this.film.scenery.header.pitch; }
 
-  points(snapshot) { return snapshot.positions.map((v) => v * this.pitch); }
+  // Centres of the modules to have in view, or of so many of them as the camera looks at.
+  points({ positions, framed }) {
+    const by = Math.max(1, Math.floor(framed / MOST_POINTS));
+    const found = new Float32Array(3 * Math.ceil(framed / by));
+    for (let i = 0, k = 0; i < framed; i += by) for (let c = 0; c < 3; c++) found[k++] = positions[3 * i + c] * this.pitch;
+    return found;
+  }
 
   get seeing() {
     const { camera, chain } = this.film.scenery.header;
@@ -233,12 +246,13 @@ export class Player extends Teller {
     return framing(this.points(snapshot), { ...this.seeing, azimuth: azimuth ?? direction, elevation });
   }
 
+  get goalEvery() { return Math.max(GOAL_EVERY, Math.round(GOAL_EVERY_S * this.playhead.pace)); }
+
   // Where the camera should be around a frame: looked up once.
   goal(index) {
     let found = this.goals.get(index);
     if (!found) {
-      const snapshot = this.film.snapshot(index * GOAL_EVERY);
-      this.film.focus = Math.floor(this.playhead.frame);
+      const snapshot = this.film.peek(index * this.goalEvery);
       if (!snapshot) return null;
       found = this.frameIt(snapshot);
       if (!snapshot.exact) return found;
@@ -258,8 +272,8 @@ export class Player extends Teller {
     const turning = is.turn && this.follower.view;
     const nearest = this.frameIt(shown, turning ? this.follower.view.azimuth : null);
     let goal = nearest;
-    const here = shown.frame / GOAL_EVERY;
-    const end = film.last / GOAL_EVERY;
+    const here = shown.frame / this.goalEvery;
+    const end = film.last / this.goalEvery;
     // Towards both ends of a whole film it looks less far, and at rest there it frames exactly.
     const reach = film.growing ? GOALS_ASIDE : Math.min(GOALS_ASIDE, here, end - here);
     if (reach > 1e-6 && !is.turn) {

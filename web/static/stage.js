@@ -1,10 +1,12 @@
 // The stage: the 3D scene of a fold, given a pose, colours and a camera frame by frame.
 import { Scene, cameraTo, linear, update, visibility } from "./scene.js";
+import { buriedBy } from "./touching.js";
 
 const GROUND_GAP = 0.35;
 const SINK_S = 0.05;
 const RISE_S = 0.5;
 const SEEN_THROUGH = 0.22;
+const NOWHERE = -1e6;
 
 export class Stage extends Scene {
   // Heard is one more than by a scene: pick(origin, direction) in pitches.
@@ -13,6 +15,8 @@ export class Stage extends Scene {
     this.latest = null;
     this.ground = null;
     this.through = false;
+    this.buried = null;
+    this.away = false;
   }
 
   // The scene of another chain.
@@ -20,11 +24,15 @@ export class Stage extends Scene {
     this.pitch = scenery.header.pitch;
     this.ground = null;
     this.latest = null;
+    this.sent = null;
+    this.buried = scenery.neighbours ? buriedBy(scenery.neighbours, scenery.header.chain.modules) : null;
     super.set(scenery);
   }
 
   build() {
     super.build();
+    this.sent = null;
+    this.away = false;
     if (this.through) this.seeThrough(true);
     if (this.latest) this.draw(...this.latest);
   }
@@ -35,14 +43,9 @@ export class Stage extends Scene {
   draw(snapshot, colours, view) {
     this.latest = [snapshot, colours, view];
     if (!this.open) return;
-    const messages = [
-      update("/modules", {
-        batched_positions: snapshot.positions.map((v) => v * this.pitch),
-        batched_wxyzs: snapshot.wxyzs,
-        batched_colors: colours.map((byte) => linear[byte]),
-      }),
-      update("/ends", this.ends(snapshot)),
-    ];
+    const messages = [update("/modules", this.modules(snapshot, colours)), update("/ends", this.ends(snapshot))];
+    if (this.away) messages.push(visibility("/modules", true));
+    this.away = false;
     if (this.through) messages.push(update("/path", { points: this.path(snapshot) }));
     if (this.ground !== null) {
       const [x, y] = this.middle(snapshot);
@@ -50,6 +53,32 @@ export class Stage extends Scene {
     }
     if (view) messages.push(...cameraTo(view));
     this.apply(messages);
+  }
+
+  // Nobody looks: viser's client, which draws once a second all the same, has less to draw until the
+  // next `draw`.
+  rest() {
+    if (this.away || !this.open) return;
+    this.away = true;
+    this.apply([visibility("/modules", false)]);
+  }
+
+  // Colours are sent when they are others.
+  modules(snapshot, colours) {
+    const updates = { batched_positions: this.positions(snapshot), batched_wxyzs: snapshot.wxyzs };
+    if (!this.sent || colours.some((byte, k) => byte !== this.sent[k])) {
+      updates.batched_colors = colours.map((byte) => linear[byte]);
+      this.sent = colours;
+    }
+    return updates;
+  }
+
+  // Modules that others hide are put where no camera looks: viser draws what is in view.
+  positions({ positions, core }) {
+    const found = positions.map((v) => v * this.pitch);
+    if (!this.buried || this.through) return found;
+    for (let i = 0; i < core; i++) if (this.buried[i] <= core) found[3 * i + 2] = NOWHERE;
+    return found;
   }
 
   // Lets one look through the modules at the way that the chain takes in them.
