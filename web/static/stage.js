@@ -7,6 +7,7 @@ const SINK_S = 0.05;
 const RISE_S = 0.5;
 const SEEN_THROUGH = 0.22;
 const NOWHERE = -1e6;
+const SEEN = ["/modules", "/ground"]; // what takes long to draw
 
 export class Stage extends Scene {
   // Heard is one more than by a scene: pick(origin, direction) in pitches.
@@ -44,7 +45,7 @@ export class Stage extends Scene {
     this.latest = [snapshot, colours, view];
     if (!this.open) return;
     const messages = [update("/modules", this.modules(snapshot, colours)), update("/ends", this.ends(snapshot))];
-    if (this.away) messages.push(visibility("/modules", true));
+    if (this.away) messages.push(...SEEN.map((name) => visibility(name, true)));
     this.away = false;
     if (this.through) messages.push(update("/path", { points: this.path(snapshot) }));
     if (this.ground !== null) {
@@ -60,7 +61,7 @@ export class Stage extends Scene {
   rest() {
     if (this.away || !this.open) return;
     this.away = true;
-    this.apply([visibility("/modules", false)]);
+    this.apply(SEEN.map((name) => visibility(name, false)));
   }
 
   // Colours are sent when they are others.
