@@ -18,7 +18,7 @@ ELEVATION_RAD: Final = np.deg2rad(24.0)
 TURN_RAD_S: Final = np.deg2rad(5.0)
 MOST_POINTS: Final = 600
 WIDE: Final = 1.6
-LEAST_STRETCH: Final = 120
+LEAST_STRETCH: Final = 40
 """Straight modules of a long fold that a camera keeps in view at least; the rest leave it."""
 
 
@@ -40,7 +40,7 @@ class View:
 def straight_stretch(chain: Chain) -> int:
     """How many straight modules a camera keeps in view beside what is folded, in a long fold."""
     extent = float(np.ptp(chain.folded_poses.positions, axis=0).max())
-    return max(LEAST_STRETCH, round(2.0 * extent))
+    return max(LEAST_STRETCH, round(1.5 * extent))
 
 
 def modules_framed(chain: Chain, last: int, stretch: int) -> int:

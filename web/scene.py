@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 WIDEST: Final = 14.0
 """Length of the straight chain, or of what is in view of it, in the scene's units: viser's shadows
 reach 20 from the camera."""
-BESIDE: Final = 1.5
-"""A stretch and what is folded beside it, in stretches: see ``web.camera.straight_stretch``."""
+BESIDE: Final = 3
+"""A stretch and what is folded or bent beside it, about, in stretches; see ``web.camera``."""
 LARGEST_PITCH: Final = 0.25
 GROUND_GAP: Final = 0.35
 PATH_THICKNESS: Final = 0.18
@@ -171,9 +171,9 @@ class Scene:
         if self._ground is not None and abs(after - self._ground) < 1e-3 * self.pitch:
             return False
         self._ground = after
-        middle = self._last.positions.mean(axis=0) * self.pitch
+        middle = self._last.positions[: self._last.framed].mean(axis=0) * self.pitch
         self._floor.position = (float(middle[0]), float(middle[1]), self._ground)
         return True
 
     def _ground_below(self, snapshot: Snapshot) -> float:
-        return (float(snapshot.positions[:, 2].min()) - 0.5 - GROUND_GAP) * self.pitch
+        return (float(snapshot.positions[: snapshot.framed, 2].min()) - 0.5 - GROUND_GAP) * self.pitch

@@ -31,7 +31,7 @@ export class Sketch {
   // Little-endian float32 numbers: the camera's place, what it looks at and the height of the ground,
   // how many modules are folded and which is the first of the straight ones, then centre and
   // orientation of each module, in pitches; then the colours.
-  draw({ positions, wxyzs, core = 0, rod = Infinity }, colours, view, ground) {
+  draw({ positions, wxyzs, framed, core = 0, rod = Infinity }, colours, view, ground) {
     if (!this.worker) return;
     const n = positions.length / 3;
     const data = new ArrayBuffer(4 * (9 + 7 * n) + 3 * n);
@@ -42,7 +42,7 @@ export class Sketch {
     for (let i = 0; i < n; i++) {
       for (let k = 0; k < 3; k++) numbers[9 + 7 * i + k] = positions[3 * i + k];
       for (let k = 0; k < 4; k++) numbers[12 + 7 * i + k] = wxyzs[4 * i + k];
-      low = Math.min(low, positions[3 * i + 2]);
+      if (i < framed) low = Math.min(low, positions[3 * i + 2]);
     }
     numbers[6] = ground === null ? low - 0.85 : ground / this.pitch;
     numbers[7] = core;

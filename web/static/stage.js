@@ -100,11 +100,10 @@ export class Stage extends Scene {
     return points;
   }
 
-  middle({ positions }) {
-    const n = positions.length / 3;
+  middle({ positions, framed }) {
     const sum = [0, 0];
-    for (let i = 0; i < n; i++) { sum[0] += positions[3 * i]; sum[1] += positions[3 * i + 1]; }
-    return [sum[0] / n, sum[1] / n];
+    for (let i = 0; i < framed; i++) { sum[0] += positions[3 * i]; sum[1] += positions[3 * i + 1]; }
+    return [sum[0] / framed, sum[1] / framed];
   }
 
   // Studs on the free faces: behind the first module, before the last one.
@@ -123,10 +122,10 @@ export class Stage extends Scene {
     return { batched_positions: at, batched_wxyzs: turn };
   }
 
-  // Lets the ground sink and rise to just below the chain; true while it moves.
-  moveGround(seconds, { positions }) {
+  // Lets the ground sink and rise to just below what is in view of the chain; true while it moves.
+  moveGround(seconds, { positions, framed }) {
     let low = Infinity;
-    for (let k = 2; k < positions.length; k += 3) low = Math.min(low, positions[k]);
+    for (let k = 2; k < 3 * framed; k += 3) low = Math.min(low, positions[k]);
     low = (low - 0.5 - GROUND_GAP) * this.pitch;
     const before = this.ground ?? low;
     const after = low + (before - low) * Math.exp(-seconds / (low < before ? SINK_S : RISE_S));

@@ -2,7 +2,7 @@
 // and, where 3D graphics are software and take long for a picture, for as long as anything moves.
 const SLOW_MS = 70; // for a picture; below it the view keeps up
 const MEASURED = 4; // pictures, of which the slowest does not count: it may have compiled shaders
-const MANY = 1500; // modules, which software never shows in time
+const MANY = 300; // modules, which software never shows in time
 const REST_MS = 400;
 
 export class StandIn {
