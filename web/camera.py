@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,16 @@ LEAST_STRETCH: Final = 40
 """Straight modules of a long fold that a camera keeps in view at least; the rest leave it."""
 
 
+_WAYS: Final = np.array(
+    [
+        *((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+        *((0, 1, 1), (0, 1, -1), (1, 0, 1), (1, 0, -1), (1, 1, 0), (1, -1, 0)),
+        *((1, 1, 1), (1, 1, -1), (1, -1, 1), (1, -1, -1)),
+    ],
+    dtype=np.float64,
+)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class View:
     """Where a camera stands and looks: ``target`` (3,), direction angles and distance."""
@@ -35,6 +45,20 @@ class View:
     def position(self) -> Array:
         """(3,) where the camera is."""
         return self.target + self.distance * _outward(self.azimuth_rad, self.elevation_rad)
+
+
+def few_points(points: NDArray[np.floating[Any]]) -> Array:
+    """Up to some hundreds of points that stand for (n, 3) points.
+
+    They are every so many-th, and where all end, either way, along each of ``_WAYS``.
+    """
+    by = max(1, len(points) // MOST_POINTS)
+    some = points[::by].astype(np.float64)
+    if by == 1:
+        return some
+    along = points.astype(np.float64) @ _WAYS.T
+    ends = np.stack([along.argmin(axis=0), along.argmax(axis=0)], axis=1).ravel()
+    return np.concatenate([some, points[ends].astype(np.float64)])
 
 
 def straight_stretch(chain: Chain) -> int:
@@ -80,7 +104,7 @@ def framing(
         elevation_rad: Angle above the ground to look from.
         margin: Shares of the window's width and height to fill.
     """
-    some = points[:: max(1, len(points) // MOST_POINTS)].astype(np.float64)
+    some = few_points(points)
     if azimuth_rad is None:
         azimuth_rad = _azimuth(some, aspect)
     out = _outward(azimuth_rad, elevation_rad)
@@ -115,7 +139,7 @@ def distance_needed(points: Array, view: View, *, radius: float, aspect: float) 
     """The least distance from which a view cuts nothing off, for the target that it has."""
     out = _outward(view.azimuth_rad, view.elevation_rad)
     right = np.array([-np.sin(view.azimuth_rad), np.cos(view.azimuth_rad), 0.0])
-    off = points[:: max(1, len(points) // MOST_POINTS)] - view.target
+    off = few_points(points) - view.target
     tall = np.tan(FIELD_OF_VIEW_RAD / 2)
     depth = off @ out
     sideways = (np.abs(off @ right) + radius) / (tall * aspect) + depth

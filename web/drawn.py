@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from planner.modules import Module
 
@@ -31,7 +31,7 @@ def drawn_modules(positions: Array, module: Module, *, target: Array) -> Ints:
     if len(found) <= MOST_DRAWN:
         return found
     if module.fills_cell:
-        near = cKDTree(positions).query_ball_point(positions, TOUCHING, return_length=True)
+        near = KDTree(positions).query_ball_point(positions, TOUCHING, return_length=True)
         found = found[np.asarray(near) <= len(module.face_normals) * 2]
     if len(found) > MOST_DRAWN:
         away = np.linalg.norm(positions[found] - target, axis=1)

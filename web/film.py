@@ -292,7 +292,8 @@ class Film:
             self._begin()  # it is another timeline, which has outgrown the one before
             return
         if self.windowed:
-            time_s, phase = (values[start:stop] for values in self._timeline.clock())
+            times, phases = self._timeline.clock()
+            time_s, phase = times[start:stop], phases[start:stop]
             largest = np.full(stop - start, np.nan)
             last: Motion = self._timeline.windows(stop - 1, stop)
         else:

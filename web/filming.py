@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from web.camera import MOST_POINTS
+from web.camera import few_points
 from web.camera_path import CameraPath, camera_path
 from web.colours import error_colours
-from web.encoding import Encoder
 from web.drawn import MOST_DRAWN, drawn_modules
+from web.encoding import Encoder
 from web.film import Film, Snapshot
 from web.movie import Movie
 from web.stage import Shot, Stage
@@ -109,8 +109,7 @@ def _path(film: Film, movie: Movie, frames: Array) -> CameraPath:
         snapshot = film.snapshot(float(frame))
         positions = snapshot.positions[: snapshot.framed]
         lows[k] = positions[:, 2].min()
-        every = max(1, len(positions) // MOST_POINTS)
-        some.append(positions[::every].astype(np.float64))
+        some.append(few_points(positions))
     return camera_path(
         some,
         lows=lows,

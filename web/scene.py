@@ -176,4 +176,6 @@ class Scene:
         return True
 
     def _ground_below(self, snapshot: Snapshot) -> float:
-        return (float(snapshot.positions[: snapshot.framed, 2].min()) - 0.5 - GROUND_GAP) * self.pitch
+        return (
+            float(snapshot.positions[: snapshot.framed, 2].min()) - 0.5 - GROUND_GAP
+        ) * self.pitch

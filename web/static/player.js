@@ -2,7 +2,7 @@
 //
 // It takes the messages of playhead.js and one more, select {module}: highlight a module, null for
 // none. It tells what is by events: waiting, begun, outline, state, module, drawn, painted.
-import { Follower, MOST_POINTS, anglesOf, blended, distanceNeeded, framing, positionOf } from "./camera.js";
+import { Follower, anglesOf, blended, distanceNeeded, fewPoints, framing, positionOf } from "./camera.js";
 import { colouring } from "./colours.js";
 import { picked } from "./kinematics.js";
 import { Playhead } from "./playhead.js";
@@ -235,12 +235,10 @@ export class Player extends Teller {
 
   get pitch() { return this.film.scenery.header.pitch; }
 
-  // Centres of the modules to have in view, or of so many of them as the camera looks at.
-  points({ positions, framed }) {
-    const by = Math.max(1, Math.floor(framed / MOST_POINTS));
-    const found = new Float32Array(3 * Math.ceil(framed / by));
-    for (let i = 0, k = 0; i < framed; i += by) for (let c = 0; c < 3; c++) found[k++] = positions[3 * i + c] * this.pitch;
-    return found;
+  // What the camera looks at of the modules to have in view; looked up once for a snapshot.
+  points(snapshot) {
+    snapshot.points ??= fewPoints(snapshot.positions, snapshot.framed).map((p) => p.map((v) => v * this.pitch));
+    return snapshot.points;
   }
 
   get seeing() {
