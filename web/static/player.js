@@ -224,7 +224,7 @@ export class Player extends Teller {
 
   draw() {
     const { shown, is } = this;
-    const view = this.follower.view && { position: positionOf(this.follower.view), target: this.follower.view.target };
+    const { view } = this;
     const colours = this.colours();
     if (this.standIn) this.standIn.draw(shown, colours, view, is.follow);
     else this.sketch?.draw(shown, colours, view, null);
@@ -232,6 +232,8 @@ export class Player extends Teller {
   }
 
   // The camera.
+
+  get view() { return this.follower.view && { position: positionOf(this.follower.view), target: this.follower.view.target }; }
 
   get pitch() { return this.film.scenery.header.pitch; }
 

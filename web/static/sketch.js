@@ -28,11 +28,17 @@ export class Sketch {
     this.worker?.postMessage({ is: "outline", outline: { ...header.sketch, neighbours, rods: header.chain.cells } });
   }
 
-  // Little-endian float32 numbers: the camera's place, what it looks at and the height of the ground,
-  // how many modules are folded and which is the first of the straight ones, then centre and
-  // orientation of each module, in pitches; then the colours.
-  draw({ positions, wxyzs, framed, core = 0, rod = Infinity }, colours, view, ground) {
+  draw(shown, colours, view, ground) {
     if (!this.worker) return;
+    const data = this.numbers(shown, colours, view, ground);
+    // A newer frame replaces one that still waits.
+    if (this.waiting) this.next = data; else this.post(data);
+  }
+
+  // Little-endian float32: the camera's place, what it looks at and the height of the ground, how many
+  // modules are folded and which is the first of the straight ones, then centre and orientation of each
+  // module, in pitches; then the colours.
+  numbers({ positions, wxyzs, framed, core = 0, rod = Infinity }, colours, view, ground) {
     const n = positions.length / 3;
     const data = new ArrayBuffer(4 * (9 + 7 * n) + 3 * n);
     const numbers = new Float32Array(data, 0, 9 + 7 * n);
@@ -48,8 +54,7 @@ export class Sketch {
     numbers[7] = core;
     numbers[8] = Math.min(rod, n);
     new Uint8Array(data, 4 * numbers.length).set(colours);
-    // A newer frame replaces one that still waits.
-    if (this.waiting) this.next = data; else this.post(data);
+    return data;
   }
 
   post(data) {
