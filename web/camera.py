@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from planner.chain import Chain
 
 Array = NDArray[np.float64]
 
@@ -16,6 +18,18 @@ ELEVATION_RAD: Final = np.deg2rad(24.0)
 TURN_RAD_S: Final = np.deg2rad(5.0)
 MOST_POINTS: Final = 600
 WIDE: Final = 1.6
+LEAST_STRETCH: Final = 40
+"""Straight modules of a long fold that a camera keeps in view at least; the rest leave it."""
+
+
+_WAYS: Final = np.array(
+    [
+        *((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+        *((0, 1, 1), (0, 1, -1), (1, 0, 1), (1, 0, -1), (1, 1, 0), (1, -1, 0)),
+        *((1, 1, 1), (1, 1, -1), (1, -1, 1), (1, -1, -1)),
+    ],
+    dtype=np.float64,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,6 +45,42 @@ class View:
     def position(self) -> Array:
         """(3,) where the camera is."""
         return self.target + self.distance * _outward(self.azimuth_rad, self.elevation_rad)
+
+
+def few_points(points: NDArray[np.floating[Any]]) -> Array:
+    """Up to some hundreds of points that stand for (n, 3) points.
+
+    They are every so many-th, and where all end, either way, along each of ``_WAYS``.
+    """
+    by = max(1, len(points) // MOST_POINTS)
+    some = points[::by].astype(np.float64)
+    if by == 1:
+        return some
+    along = points.astype(np.float64) @ _WAYS.T
+    ends = np.stack([along.argmin(axis=0), along.argmax(axis=0)], axis=1).ravel()
+    return np.concatenate([some, points[ends].astype(np.float64)])
+
+
+def straight_stretch(chain: Chain) -> int:
+    """How many straight modules a camera keeps in view beside what is folded, in a long fold."""
+    extent = float(np.ptp(chain.folded_poses.positions, axis=0).max())
+    return max(LEAST_STRETCH, round(1.5 * extent))
+
+
+def modules_framed(chain: Chain, last: int, stretch: int) -> int:
+    """How many modules, from the first on, a camera should show of a chain that is long.
+
+    A chain of ten thousand that is shown whole is a line thinner than a pixel: the camera keeps to
+    what is folded or moves, and to a stretch of what is straight.
+
+    Args:
+        chain: The chain.
+        last: The hinge from which on all are straight.
+        stretch: What ``straight_stretch`` says of the chain.
+    """
+    module = chain.module
+    bent = module.rigid_links + -(-last // module.hinges_per_joint) + 1
+    return min(len(chain), bent + stretch)
 
 
 def framing(
@@ -54,7 +104,7 @@ def framing(
         elevation_rad: Angle above the ground to look from.
         margin: Shares of the window's width and height to fill.
     """
-    some = points[:: max(1, len(points) // MOST_POINTS)].astype(np.float64)
+    some = few_points(points)
     if azimuth_rad is None:
         azimuth_rad = _azimuth(some, aspect)
     out = _outward(azimuth_rad, elevation_rad)
@@ -89,7 +139,7 @@ def distance_needed(points: Array, view: View, *, radius: float, aspect: float) 
     """The least distance from which a view cuts nothing off, for the target that it has."""
     out = _outward(view.azimuth_rad, view.elevation_rad)
     right = np.array([-np.sin(view.azimuth_rad), np.cos(view.azimuth_rad), 0.0])
-    off = points[:: max(1, len(points) // MOST_POINTS)] - view.target
+    off = few_points(points) - view.target
     tall = np.tan(FIELD_OF_VIEW_RAD / 2)
     depth = off @ out
     sideways = (np.abs(off @ right) + radius) / (tall * aspect) + depth

@@ -8,7 +8,8 @@ sender's.
 Numbers that need not be exact can be packed. A column with a ``step`` holds whole steps, each row
 as its difference from the one before; one that is ``short`` holds the upper half of every single
 precision number. Both are taken apart into planes of bytes and deflated, ``size`` bytes long. A
-fold's joint angles shrink to a third or less of what compressing them alone gives.
+fold's joint angles shrink to a third or less of what compressing them alone gives. A column of a
+``size`` that is neither is as it was given, in such planes.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ def encode(
     *,
     steps: Mapping[str, float] | None = None,
     short: frozenset[str] = frozenset(),
+    planes: frozenset[str] = frozenset(),
 ) -> bytes:
     """One message of a header and named arrays.
 
@@ -42,6 +44,7 @@ def encode(
         steps: Columns to pack in whole steps of this size; one with numbers that are too large for
             that, or none, goes in single precision.
         short: Columns to pack with a precision of 1 in 256.
+        planes: Columns to pack as they are.
 
     Raises:
         TypeError: For an array of a type that browsers have no word for.
@@ -51,6 +54,7 @@ def encode(
     at = 0
     for name, values in columns.items():
         how: dict[str, Any] = {}
+        packed = True
         if steps and name in steps and _countable(values, steps[name]):
             how = {"step": steps[name]}
             whole = np.rint(values.astype(np.float64) / steps[name]).astype("<i4")
@@ -65,12 +69,13 @@ def encode(
             array = np.ascontiguousarray(values)
             if steps and name in steps:
                 array = array.astype("<f4")
+            packed = name in planes
         if array.dtype.str not in DTYPES:
             raise TypeError(f"got the dtype {array.dtype.str} for {name}, expected one of {DTYPES}")
         data = array.tobytes()
-        if how:
-            planes = np.frombuffer(data, np.uint8).reshape(-1, array.dtype.itemsize).T
-            data = zlib.compress(np.ascontiguousarray(planes).tobytes(), LEVEL)
+        if packed:
+            apart = np.frombuffer(data, np.uint8).reshape(-1, array.dtype.itemsize).T
+            data = zlib.compress(np.ascontiguousarray(apart).tobytes(), LEVEL)
             how["size"] = len(data)
         described.append(
             {"name": name, "dtype": array.dtype.str, "shape": list(array.shape), "at": at, **how}
@@ -107,4 +112,6 @@ def _column(told: dict[str, Any], message: bytes, start: int) -> NDArray[Any]:
     values = bytes_.view(dtype).reshape(shape)
     if told.get("short"):
         return (values.astype("<u4") << 16).view("<f4")
+    if "step" not in told:
+        return values
     return (np.cumsum(values, axis=0, dtype=np.int64) * told["step"]).astype("<f4")

@@ -3,6 +3,9 @@
 It holds the poses and errors of the frames lately asked for, computed chunk by chunk with
 vectorised kinematics, and a summary of all frames for the bar along the bottom of the page. It
 follows a timeline that still grows, and one that is begun anew.
+
+Of a long fold, whose timeline holds windows (``planner.windows``), it holds those, and computes the
+poses of the one frame that is asked for.
 """
 
 from __future__ import annotations
@@ -21,13 +24,18 @@ from numpy.typing import NDArray
 from planner.chain import Chain
 from planner.errors import TimelineError
 from planner.frames import PHASES, Frames
+from planner.kinematics import forward_kinematics
+from planner.motion import Motion
 from planner.timeline import Timeline
+from planner.windows import Windows
+from web.camera import modules_framed, straight_stretch
 from web.colours import error_scale, module_errors
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 FRAMES_A_CHUNK: Final = 64
+WINDOWS_A_CHUNK: Final = 512
 CHUNK_BYTES: Final = 48 * 2**20
 REFRESH_EVERY_S: Final = 0.1
 OUTLINE_COLUMNS: Final = 320
@@ -48,6 +56,7 @@ class Snapshot:
         joint_angles_rad: (J,) hinge angles.
         joint_error_rad: (J,) hinge errors, NaN where none is recorded.
         module_error_rad: (n,) what each module shows.
+        framed: How many modules, from the first on, a camera should have in view.
     """
 
     frame: float
@@ -58,6 +67,7 @@ class Snapshot:
     joint_angles_rad: Array
     joint_error_rad: Array
     module_error_rad: Array
+    framed: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,6 +88,15 @@ class _Chunk:
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _WindowChunk:
+    windows: Windows
+
+    @property
+    def nbytes(self) -> int:
+        return self.windows.angles_rad.nbytes + 100 * len(self.windows)
+
+
 class Film:
     """See the module's description. Safe to use from several threads."""
 
@@ -90,19 +109,22 @@ class Film:
         self.path = str(path)
         self._lock = threading.RLock()
         self.version = 0
+        self.stretch: int | None = None
+        """Straight modules that a camera keeps in view; all of them when None."""
         self._begin()
 
     def _begin(self) -> None:
         self._stamp = self._stamp_now()
         self._timeline = Timeline.open(self.path)
-        self._chunks: OrderedDict[int, _Chunk] = OrderedDict()
+        self._chunks: OrderedDict[int, _Chunk | _WindowChunk] = OrderedDict()
         self._bytes = 0
         self._refreshed = time.monotonic()
         self._summarised = 0
         self._phase: NDArray[np.uint8] = np.zeros(0, np.uint8)
         self._time_s: Array = np.zeros(0)
         self._max_error: Array = np.zeros(0)
-        self._last_angles: Array = np.zeros(0)
+        self._last: Motion | None = None
+        self.stretch = straight_stretch(self.chain) if self.windowed else None
         self._summarise()
 
     def __len__(self) -> int:
@@ -128,6 +150,11 @@ class Film:
     def chain(self) -> Chain:
         """The chain that is shown."""
         return self._timeline.chain
+
+    @property
+    def windowed(self) -> bool:
+        """Whether its timeline holds windows."""
+        return self._timeline.windowed
 
     @property
     def growing(self) -> bool:
@@ -202,6 +229,18 @@ class Film:
             except (OSError, ValueError, KeyError) as error:
                 raise TimelineError(f"{self.path} is being replaced: {error}") from error
 
+    def windows(self, start: int, stop: int, stride: int = 1) -> Windows:
+        """As ``frames``, of a windowed film.
+
+        Raises:
+            TimelineError: When they are not there, or the timeline is being replaced.
+        """
+        with self._lock:
+            try:
+                return self._timeline.windows(start, min(stop, self._summarised), stride)
+            except (OSError, ValueError, KeyError) as error:
+                raise TimelineError(f"{self.path} is being replaced: {error}") from error
+
     def outline(self, columns: int = OUTLINE_COLUMNS) -> dict[str, Any]:
         """What the bar draws: phases, and the largest error in each of ``columns`` columns."""
         with self._lock:
@@ -249,29 +288,39 @@ class Film:
         start, stop = self._summarised, len(self._timeline)
         if stop <= start:
             return
-        if start:
-            known = self._timeline.frames(start - 1, start).joint_angles_rad[0]
-            if not np.array_equal(known, self._last_angles):
-                self._begin()  # it is another timeline, which has outgrown the one before
-                return
-        parts = [self._timeline.frames(at, min(at + 1024, stop)) for at in range(start, stop, 1024)]
-        with np.errstate(all="ignore"):
-            largest = [
-                np.where(np.isfinite(p.joint_error_rad), np.abs(p.joint_error_rad), -np.inf).max(-1)
-                for p in parts
+        if start and not _same(self._last, self._timeline.motion(start - 1, start)):
+            self._begin()  # it is another timeline, which has outgrown the one before
+            return
+        if self.windowed:
+            times, phases = self._timeline.clock()
+            time_s, phase = times[start:stop], phases[start:stop]
+            largest = np.full(stop - start, np.nan)
+            last: Motion = self._timeline.windows(stop - 1, stop)
+        else:
+            parts = [
+                self._timeline.frames(at, min(at + 1024, stop)) for at in range(start, stop, 1024)
             ]
-        fresh = np.concatenate(largest)
-        fresh[~np.isfinite(fresh)] = np.nan
-        self._phase = np.concatenate([self._phase, *(p.phase for p in parts)])
-        self._time_s = np.concatenate([self._time_s, *(p.time_s for p in parts)])
-        self._max_error = np.concatenate([self._max_error, fresh])
-        self._last_angles = parts[-1].joint_angles_rad[-1].copy()
+            time_s = np.concatenate([p.time_s for p in parts])
+            phase = np.concatenate([p.phase for p in parts])
+            largest = np.concatenate([_largest(p.joint_error_rad) for p in parts])
+            last = parts[-1][-1:]
+        self._phase = np.concatenate([self._phase, phase])
+        self._time_s = np.concatenate([self._time_s, time_s])
+        self._max_error = np.concatenate([self._max_error, largest])
+        self._last = last
         self._summarised = stop
-        self._forget(start // FRAMES_A_CHUNK)
+        self._forget(start // self._rows)
+
+    @property
+    def _rows(self) -> int:
+        """Frames of a chunk."""
+        return WINDOWS_A_CHUNK if self.windowed else FRAMES_A_CHUNK
 
     def _exact(self, frame: int) -> Snapshot:
-        chunk = self._chunk(frame // FRAMES_A_CHUNK)
-        k = frame % FRAMES_A_CHUNK
+        chunk = self._chunk(frame // self._rows)
+        k = frame % self._rows
+        if isinstance(chunk, _WindowChunk):
+            return self._of_window(chunk.windows, k, frame)
         f = chunk.frames
         return Snapshot(
             frame=float(frame),
@@ -282,15 +331,43 @@ class Film:
             joint_angles_rad=f.joint_angles_rad[k],
             joint_error_rad=f.joint_error_rad[k],
             module_error_rad=chunk.module_error_rad[k],
+            framed=len(self.chain),
+        )
+
+    def _of_window(self, windows: Windows, k: int, frame: float) -> Snapshot:
+        chain, stretch = self.chain, self.stretch
+        assert stretch is not None
+        angles = windows.angles(chain, k, k + 1)[0]
+        poses = forward_kinematics(
+            chain.module,
+            angles,
+            root_position=windows.base_position[k],
+            root_wxyz=windows.base_wxyz[k],
+        )
+        return Snapshot(
+            frame=float(frame),
+            time_s=float(windows.time_s[k]),
+            phase=PHASES[int(windows.phase[k])],
+            positions=poses.positions.astype(np.float32),
+            wxyzs=poses.wxyzs.astype(np.float32),
+            joint_angles_rad=angles,
+            joint_error_rad=np.full(len(angles), np.nan),
+            module_error_rad=np.full(len(chain), np.nan),
+            framed=modules_framed(chain, int(windows.last[k]), stretch),
         )
 
     def _between(self, low: int, share: float) -> Snapshot:
         a, b = self._exact(low), self._exact(low + 1)
-        first, second = (self._root(k) for k in (low, low + 1))
+        first, second = (self._given(k) for k in (low, low + 1))
         angles = _mix(a.joint_angles_rad, b.joint_angles_rad, share)
         turn = _mix(first[1], second[1] * (1.0 if first[1] @ second[1] >= 0 else -1.0), share)
-        poses = self.chain.poses(
-            angles, _mix(first[0], second[0], share), turn / np.linalg.norm(turn)
+        chain = self.chain
+        poses = forward_kinematics(
+            chain.module,
+            angles,
+            root=0 if self.windowed else chain.root,
+            root_position=_mix(first[0], second[0], share),
+            root_wxyz=turn / np.linalg.norm(turn),
         )
         return Snapshot(
             frame=low + share,
@@ -301,26 +378,40 @@ class Film:
             joint_angles_rad=angles,
             joint_error_rad=a.joint_error_rad,
             module_error_rad=a.module_error_rad,
+            framed=max(a.framed, b.framed),
         )
 
-    def _root(self, frame: int) -> tuple[Array, Array]:
-        f = self._chunk(frame // FRAMES_A_CHUNK).frames
-        k = frame % FRAMES_A_CHUNK
-        return f.root_position[k], f.root_wxyz[k]
+    def _given(self, frame: int) -> tuple[Array, Array]:
+        """The pose that a frame tells: that of its root, or of the first module."""
+        chunk = self._chunk(frame // self._rows)
+        k = frame % self._rows
+        if isinstance(chunk, _WindowChunk):
+            return chunk.windows.base_position[k], chunk.windows.base_wxyz[k]
+        return chunk.frames.root_position[k], chunk.frames.root_wxyz[k]
 
-    def _chunk(self, index: int) -> _Chunk:
+    def _chunk(self, index: int) -> _Chunk | _WindowChunk:
         found = self._chunks.get(index)
         if found is not None:
             self._chunks.move_to_end(index)
             return found
-        start = index * FRAMES_A_CHUNK
-        try:
-            frames = self._timeline.frames(start, min(start + FRAMES_A_CHUNK, self._summarised))
-        except (OSError, ValueError, KeyError) as error:
-            raise TimelineError(f"{self.path} is being replaced: {error}") from error
+        start = index * self._rows
+        stop = min(start + self._rows, self._summarised)
+        chunk = (
+            _WindowChunk(self.windows(start, stop))
+            if self.windowed
+            else self._posed(self.frames(start, stop))
+        )
+        self._chunks[index] = chunk
+        self._bytes += chunk.nbytes
+        while self._bytes > CHUNK_BYTES and len(self._chunks) > 2:
+            _, old = self._chunks.popitem(last=False)
+            self._bytes -= old.nbytes
+        return chunk
+
+    def _posed(self, frames: Frames) -> _Chunk:
         chain = self.chain
         poses = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
-        chunk = _Chunk(
+        return _Chunk(
             frames,
             poses.positions.astype(np.float32),
             poses.wxyzs.astype(np.float32),
@@ -331,12 +422,6 @@ class Film:
                 rigid_links=chain.module.rigid_links,
             ),
         )
-        self._chunks[index] = chunk
-        self._bytes += chunk.nbytes
-        while self._bytes > CHUNK_BYTES and len(self._chunks) > 2:
-            _, old = self._chunks.popitem(last=False)
-            self._bytes -= old.nbytes
-        return chunk
 
     def _forget(self, first: int) -> None:
         for index in [k for k in self._chunks if k >= first]:
@@ -345,3 +430,23 @@ class Film:
 
 def _mix(a: Array, b: Array, share: float) -> Array:
     return a + (b - a) * share
+
+
+def _largest(errors: Array) -> Array:
+    """(F,) the largest of (F, J) errors; NaN where none is recorded."""
+    known = np.isfinite(errors)
+    found = np.where(known, np.abs(errors), -np.inf).max(axis=-1)
+    return np.where(known.any(axis=-1), found, np.nan)
+
+
+def _same(a: Motion | None, b: Motion) -> bool:
+    """Whether two single snapshots are the same."""
+    if isinstance(a, Windows) and isinstance(b, Windows):
+        return (
+            np.array_equal(a.first, b.first)
+            and np.array_equal(a.angles_rad, b.angles_rad)
+            and np.array_equal(a.base_position, b.base_position)
+        )
+    if isinstance(a, Frames) and isinstance(b, Frames):
+        return np.array_equal(a.joint_angles_rad, b.joint_angles_rad)
+    return False

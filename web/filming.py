@@ -9,11 +9,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from web.camera import MOST_POINTS
+from web.camera import few_points
 from web.camera_path import CameraPath, camera_path
 from web.colours import error_colours
+from web.drawn import MOST_DRAWN, drawn_modules
 from web.encoding import Encoder
-from web.film import Film
+from web.film import Film, Snapshot
 from web.movie import Movie
 from web.stage import Shot, Stage
 
@@ -53,10 +54,9 @@ def film_movie(
     """
     film = Film(timeline)
     frames = frame_numbers(film, movie)
-    modules = len(film.chain)
     with Stage(
         film.chain.module,
-        modules,
+        min(len(film.chain), MOST_DRAWN),
         width=movie.width,
         height=movie.height,
         theme=movie.theme,
@@ -68,14 +68,7 @@ def film_movie(
                 if cancelled():
                     return False
                 snapshot = film.snapshot(float(frame))
-                shot = Shot(
-                    positions=snapshot.positions.astype(np.float64),
-                    wxyzs=snapshot.wxyzs.astype(np.float64),
-                    colours=error_colours(snapshot.module_error_rad, film.error_scale_rad),
-                    view=path.views[k],
-                    ground=float(path.grounds[k]),
-                )
-                encoder.add(stage.draw(shot))
+                encoder.add(stage.draw(_shot(film, snapshot, path, k)))
                 progress(k + 1)
     return True
 
@@ -94,15 +87,29 @@ def frame_numbers(film: Film, movie: Movie) -> Array:
     return np.asarray(first + (last - first) * share, np.float64)
 
 
+def _shot(film: Film, snapshot: Snapshot, path: CameraPath, k: int) -> Shot:
+    view = path.views[k]
+    drawn = drawn_modules(snapshot.positions, film.chain.module, target=view.target)
+    poses = np.concatenate([snapshot.positions, snapshot.wxyzs], axis=1).astype(np.float64)
+    return Shot(
+        positions=poses[drawn, :3],
+        wxyzs=poses[drawn, 3:],
+        colours=error_colours(snapshot.module_error_rad[drawn], film.error_scale_rad),
+        ends=poses[[0, -1]],
+        view=view,
+        ground=float(path.grounds[k]),
+    )
+
+
 def _path(film: Film, movie: Movie, frames: Array) -> CameraPath:
-    every = max(1, len(film.chain) // MOST_POINTS)
     azimuth = movie.azimuth_deg
     lows = np.empty(len(frames))
     some: list[Array] = []
     for k, frame in enumerate(frames):
-        positions = film.snapshot(float(frame)).positions
+        snapshot = film.snapshot(float(frame))
+        positions = snapshot.positions[: snapshot.framed]
         lows[k] = positions[:, 2].min()
-        some.append(positions[::every].astype(np.float64))
+        some.append(few_points(positions))
     return camera_path(
         some,
         lows=lows,

@@ -24,7 +24,7 @@ def recording_of(film: Film) -> bytes:
     """
     most = max(2, min(MOST_FRAMES, MOST_NUMBERS // (8 * len(film.chain))))
     frames = np.unique(np.linspace(0, len(film) - 1, min(most, len(film))).round().astype(int))
-    with viser_scene(film.chain) as (server, scene):
+    with viser_scene(film.chain, film.stretch) as (server, scene):
         record = server.get_scene_serializer()
         for frame in frames:
             snapshot = film.snapshot(float(frame))

@@ -4,22 +4,31 @@ A message (``web.columns``) tells in its header which timeline it is of (``id``)
 (``growing``, ``complete`` or ``failed``), how many frames there are in ``total``, the stretch
 ``start``, ``stop`` and ``stride`` that the columns hold, and the film's outline. The columns are
 those of ``planner.timeline.Frames``: the time is exact, joint angles are within half a millionth
-of a radian, joint errors within a half per cent, so that little has to travel.
+of a radian, joint errors within a half per cent, so that little has to travel. A windowed film's
+are those of ``web.window_columns``.
 """
 
 from __future__ import annotations
 
 import tempfile
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
 
 from planner.timeline import TimelineWriter
+from planner.windows import Windows
 from web.columns import encode
 from web.film import Film
 from web.kept import Kept
+from web.window_columns import ANGLE_STEP_RAD, PLANES, window_columns
 
 LARGEST_REEL: Final = 2**20
 WHOLE: Final = 2**40
-ANGLE_STEP_RAD: Final = 2.0**-20
+WINDOW_FRAME: Final = 80
+"""Bytes of a windowed frame beside its angles."""
+AT_ONCE: Final = 512
+"""Windows that are read at once: how wide they are is not known before."""
+SAMPLES: Final = 64
 _REELS: Final[Kept[bytes]] = Kept(64 * 2**20)
 
 
@@ -62,18 +71,13 @@ def reel_of(
     total = len(film)
     start = min(start, total)
     end = total if stop is None else max(start, min(stop, total))
+    if film.windowed:
+        windows, end = _windows(film, start, end, stride, largest)
+        columns = window_columns(windows, film.chain.folded_rad)
+        return encode(_header(film, total, start, end, stride), columns, planes=PLANES)
     most = max(1, largest // (8 * len(film.chain.joint_names) + 40))
     end = min(end, start + most * stride)
     frames = film.frames(start, end, stride)
-    header = {
-        "id": film.id,
-        "status": film.status,
-        "total": total,
-        "start": start,
-        "stop": end,
-        "stride": stride,
-        "outline": film.outline(),
-    }
     columns = {
         "time_s": frames.time_s.astype("<f8"),
         "phase": frames.phase.astype("|u1"),
@@ -83,11 +87,48 @@ def reel_of(
         "joint_error_rad": frames.joint_error_rad.astype("<f4"),
     }
     return encode(
-        header,
+        _header(film, total, start, end, stride),
         columns,
         steps={"joint_angles_rad": ANGLE_STEP_RAD},
         short=frozenset({"joint_error_rad"}),
     )
+
+
+def unpacked_bytes(film: Film) -> int:
+    """About as many bytes as a reel of the whole film has when unpacked."""
+    if not film.windowed:
+        return len(film) * (8 * len(film.chain.joint_names) + 40)
+    some = film.windows(0, len(film), max(1, len(film) // SAMPLES))
+    return len(film) * (WINDOW_FRAME + 4 * len(some.angles_rad) // max(1, len(some)))
+
+
+def _header(film: Film, total: int, start: int, stop: int, stride: int) -> dict[str, Any]:
+    return {
+        "id": film.id,
+        "status": film.status,
+        "total": total,
+        "start": start,
+        "stop": stop,
+        "stride": stride,
+        "outline": film.outline(),
+    }
+
+
+def _windows(film: Film, start: int, stop: int, stride: int, largest: int) -> tuple[Windows, int]:
+    """As many snapshots as fit, at least one, and where the stretch that they are of ends."""
+    parts = [film.windows(start, start)]
+    room = largest
+    for at in range(start, stop, AT_ONCE * stride):
+        part = film.windows(at, min(at + AT_ONCE * stride, stop), stride)
+        sizes = 4 * part.offsets[1:] + WINDOW_FRAME * np.arange(1, len(part) + 1)
+        fitting = int(np.searchsorted(sizes, room, "right"))
+        if fitting < len(part):
+            fitting = max(fitting, int(at == start))
+            parts.append(part[:fitting])
+            return Windows.joined(parts), at + fitting * stride
+        room -= int(sizes[-1])
+        parts.append(part)
+    return Windows.joined(parts), stop
 
 
 def thinned(film: Film, stride: int) -> bytes:
@@ -100,8 +141,9 @@ def thinned(film: Film, stride: int) -> bytes:
         return reel_of(film, largest=WHOLE)
     with tempfile.TemporaryDirectory() as place:
         path = f"{place}/timeline.zarr"
-        with TimelineWriter.create(path, film.chain) as writer:
-            writer.append(film.frames(0, len(film), stride))
+        taken = film.windows if film.windowed else film.frames
+        with TimelineWriter.create(path, film.chain, windowed=film.windowed) as writer:
+            writer.append(taken(0, len(film), stride))
             if (len(film) - 1) % stride:
-                writer.append(film.frames(len(film) - 1, len(film)))
+                writer.append(taken(len(film) - 1, len(film)))
         return reel_of(Film(path), largest=WHOLE)

@@ -19,7 +19,10 @@ from web.meshes import SHOWN_SIZE, module_mesh, stud_mesh
 Array = NDArray[np.float64]
 
 WIDEST: Final = 14.0
-"""Length of the straight chain in the scene's units: viser's shadows reach 20 from the camera."""
+"""Length of the straight chain, or of what is in view of it, in the scene's units: viser's shadows
+reach 20 from the camera."""
+BESIDE: Final = 3
+"""A stretch and what is folded or bent beside it, about, in stretches; see ``web.camera``."""
 LARGEST_PITCH: Final = 0.25
 GROUND_GAP: Final = 0.35
 PATH_THICKNESS: Final = 0.18
@@ -42,10 +45,19 @@ def broadcast(server: viser.ViserServer, message: Message) -> None:
 class Scene:
     """Draws snapshots of one chain; tells which module was clicked."""
 
-    def __init__(self, server: viser.ViserServer, chain: Chain, *, shadows: bool = True) -> None:
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        chain: Chain,
+        *,
+        stretch: int | None = None,
+        shadows: bool = True,
+    ) -> None:
+        """Builds the scene; ``stretch`` as of ``web.film.Film``."""
         self._server = server
         self._chain = chain
-        self.pitch = min(LARGEST_PITCH, WIDEST / len(chain))
+        span = len(chain) if stretch is None else min(len(chain), BESIDE * stretch)
+        self.pitch = min(LARGEST_PITCH, WIDEST / span)
         self._ground: float | None = None
         self._last: Snapshot | None = None
         n = len(chain)
@@ -116,8 +128,8 @@ class Scene:
             self._place_ends(snapshot)
 
     def points(self, snapshot: Snapshot) -> Array:
-        """(n, 3) centres of the modules in the scene's units."""
-        return snapshot.positions.astype(np.float64) * self.pitch
+        """(m, 3) centres of the modules to have in view, in the scene's units."""
+        return snapshot.positions[: snapshot.framed].astype(np.float64) * self.pitch
 
     @property
     def radius(self) -> float:
@@ -159,9 +171,11 @@ class Scene:
         if self._ground is not None and abs(after - self._ground) < 1e-3 * self.pitch:
             return False
         self._ground = after
-        middle = self._last.positions.mean(axis=0) * self.pitch
+        middle = self._last.positions[: self._last.framed].mean(axis=0) * self.pitch
         self._floor.position = (float(middle[0]), float(middle[1]), self._ground)
         return True
 
     def _ground_below(self, snapshot: Snapshot) -> float:
-        return (float(snapshot.positions[:, 2].min()) - 0.5 - GROUND_GAP) * self.pitch
+        return (
+            float(snapshot.positions[: snapshot.framed, 2].min()) - 0.5 - GROUND_GAP
+        ) * self.pitch

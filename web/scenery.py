@@ -41,16 +41,20 @@ _POINTER: Final[dict[str, Any]] = {
 }
 
 
-def scenery_of(chain: Chain) -> bytes:
+def scenery_of(chain: Chain, stretch: int | None = None) -> bytes:
     """The scenery of a fold of ``chain``, as one message of ``web.columns``.
 
     The header holds the chain's geometry (``planner.modules`` tells the words), the scene's
     ``messages`` with ``{"column": name}`` in place of arrays, what a ``sketch`` draws, the
     ``camera``'s constants and the ``colours``; the columns hold their arrays, and as ``folded_rad``
     and ``folded_positions`` where the chain is going.
+
+    Args:
+        chain: The chain.
+        stretch: As of the fold's ``web.film.Film``.
     """
     module, n = chain.module, len(chain)
-    pitch, messages, arrays = _staged(module.name, n, chain)
+    pitch, messages, arrays = _staged(module.name, n, stretch, chain)
     header = {
         "chain": {
             "name": chain.name,
@@ -66,7 +70,7 @@ def scenery_of(chain: Chain) -> bytes:
             "face_normals": module.face_normals.tolist(),
             "vertices": module.vertices.tolist(),
             "radius": module.radius,
-            "joint_names": list(chain.joint_names),
+            "hinge_names": list(module.hinge_names),
             # Only cubes fill cells; what others are rounded to means nothing.
             "cells": module is CUBE,
             "pitch_m": chain.pitch_m,
@@ -78,6 +82,7 @@ def scenery_of(chain: Chain) -> bytes:
             "azimuth_rad": float(AZIMUTH_RAD),
             "elevation_rad": float(ELEVATION_RAD),
             "turn_rad_s": float(TURN_RAD_S),
+            "stretch": stretch,
         },
         "pitch": pitch,
         "shown_size": SHOWN_SIZE,
@@ -95,10 +100,10 @@ def scenery_of(chain: Chain) -> bytes:
         **arrays,
         "ramp_error": error_ramp(RAMP_STEPS),
         "ramp_even": ramp_colours(np.linspace(0.0, 1.0, RAMP_STEPS)),
-        "folded_rad": chain.folded_rad.astype("<f4"),
+        "folded_rad": chain.folded_rad.astype("<f8"),
         "folded_positions": chain.folded_poses.positions.astype("<f4"),
     }
-    return encode(header, columns)
+    return encode(header, columns, planes=frozenset(columns))
 
 
 def opened_scene(record: bytes) -> tuple[list[tuple[float, dict[str, Any]]], list[memoryview]]:
@@ -146,10 +151,12 @@ def viser_server() -> Generator[viser.ViserServer]:
 
 
 @contextlib.contextmanager
-def viser_scene(chain: Chain) -> Generator[tuple[viser.ViserServer, Scene]]:
+def viser_scene(
+    chain: Chain, stretch: int | None = None
+) -> Generator[tuple[viser.ViserServer, Scene]]:
     """The scene of a chain in such a server."""
     with viser_server() as server:
-        yield server, Scene(server, chain)
+        yield server, Scene(server, chain, stretch=stretch)
 
 
 def taken_down(server: viser.ViserServer) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:
@@ -175,9 +182,10 @@ def taken_down(server: viser.ViserServer) -> tuple[list[dict[str, Any]], dict[st
 class _Alike:
     """A chain as a key: those of the same kind and length have the same scene."""
 
-    def __init__(self, chain: Chain, *key: object) -> None:
+    def __init__(self, chain: Chain, kind: str, modules: int, stretch: int | None) -> None:
         self.chain = chain
-        self.key = key
+        self.stretch = stretch
+        self.key = (kind, modules, stretch)
 
     def __hash__(self) -> int:
         return hash(self.key)
@@ -187,14 +195,14 @@ class _Alike:
 
 
 def _staged(
-    kind: str, modules: int, chain: Chain
+    kind: str, modules: int, stretch: int | None, chain: Chain
 ) -> tuple[float, list[dict[str, Any]], dict[str, NDArray[Any]]]:
-    return _staged_alike(_Alike(chain, kind, modules))
+    return _staged_alike(_Alike(chain, kind, modules, stretch))
 
 
 @lru_cache(maxsize=64)
 def _staged_alike(
     alike: _Alike,
 ) -> tuple[float, list[dict[str, Any]], dict[str, NDArray[Any]]]:
-    with viser_scene(alike.chain) as (server, scene):
+    with viser_scene(alike.chain, alike.stretch) as (server, scene):
         return scene.pitch, *taken_down(server)

@@ -16,6 +16,7 @@ from planner.chain import Chain
 from web.camera import FIELD_OF_VIEW_RAD, View, framing
 from web.camera_path import GROUND_GAP
 from web.colours import NEUTRAL
+from web.drawn import drawn_modules
 from web.ground_shadow import ground_shadow
 from web.lighting import (
     LEAN,
@@ -112,11 +113,13 @@ def _triangles(chain: Chain, camera: _Camera, theme: Theme) -> tuple[Floats, Flo
     """(T, 3, 3) corners as the camera sees them and (T, 3, 3) their colours."""
     poses, view = chain.folded_poses, camera.view
     pieces = module_faces(chain.module)
-    turns, at = poses.rotations, poses.positions[:, None]
+    drawn = drawn_modules(poses.positions, chain.module, target=view.target)
+    turns, centres = poses.rotations[drawn], poses.positions[drawn]
+    at = centres[:, None]
     left = share_left(
         np.einsum("nij,fj->nfi", turns, np.array([p.middle for p in pieces])) + at,
         np.einsum("nij,fj->nfi", turns, np.array([p.normal for p in pieces])),
-        poses.positions,
+        centres,
         module=chain.module,
         view=view,
         theme=theme,

@@ -49,9 +49,10 @@ class Shot:
     """What one picture shows.
 
     Attributes:
-        positions: (n, 3) centres of the modules in pitches.
-        wxyzs: (n, 4) their orientations.
-        colours: (n, 3) sRGB bytes.
+        positions: (m, 3) centres in pitches of the modules that are drawn.
+        wxyzs: (m, 4) their orientations.
+        colours: (m, 3) sRGB bytes.
+        ends: (2, 7) centres and orientations of the first and of the last module.
         view: The camera, in pitches.
         ground: Height of the ground.
     """
@@ -59,6 +60,7 @@ class Shot:
     positions: Array
     wxyzs: Array
     colours: NDArray[np.uint8]
+    ends: Array
     view: View
     ground: float
 
@@ -73,7 +75,7 @@ class Stage:
 
         Args:
             module: The kind of module.
-            modules: How many there are.
+            modules: How many are drawn at most.
             width: Width of a picture in pixels.
             height: Its height.
             theme: One of ``THEMES``.
@@ -93,7 +95,6 @@ class Stage:
         self._scene = mujoco.MjvScene(self._model, maxgeom=modules * len(module_faces(module)) + 4)
         self._scene.flags[:] = 0
         self._pieces = module_faces(module)
-        self._faces = [[self._mesh(k) for k in range(len(self._pieces))] for _ in range(modules)]
         # MuJoCo moves and turns meshes into a frame of its own; this is how it lies in theirs.
         self._mesh_at = self._model.mesh_pos.copy()
         self._mesh_turn = matrix_from_wxyz(self._model.mesh_quat)
@@ -101,6 +102,9 @@ class Stage:
         for end, colour in zip(self._ends, (FIRST, LAST), strict=True):
             end.rgba[:3] = np.array(colour) / 255.0
         self._shade, self._ground = self._plane(0), self._plane(1)
+        # They come last: what a picture does not need is cut off.
+        self._before = self._scene.ngeom
+        self._faces = [[self._mesh(k) for k in range(len(self._pieces))] for _ in range(modules)]
 
     def __enter__(self) -> Stage:
         return self
@@ -118,7 +122,7 @@ class Stage:
         """(H, W, 3) sRGB bytes, from the top; the same array each time."""
         turns = matrix_from_wxyz(shot.wxyzs)
         self._place_modules(shot, turns)
-        self._place_ends(shot.positions, turns)
+        self._place_ends(shot.ends)
         self._place_ground(shot)
         self._light(shot.view)
         self._look(shot.view)
@@ -163,17 +167,18 @@ class Stage:
         count = len(self._pieces)
         at = np.einsum("nij,fj->nfi", turns, self._mesh_at[:count]) + shot.positions[:, None]
         turned = np.einsum("nij,fjk->nfik", turns, self._mesh_turn[:count])
-        for k, faces in enumerate(self._faces):
+        self._scene.ngeom = self._before + len(shot.positions) * count
+        for k, faces in enumerate(self._faces[: len(shot.positions)]):
             for f, geom in enumerate(faces):
                 geom.pos, geom.mat = at[k, f], turned[k, f]
                 geom.rgba[:3] = colours[k, f]
 
-    def _place_ends(self, positions: Array, turns: Array) -> None:
+    def _place_ends(self, ends: Array) -> None:
         """Studs on the free faces: behind the first module, before the last one."""
         reach = SHOWN_SIZE * float(np.abs(self._module.vertices[:, 0]).max())
-        for geom, k, turn in zip(self._ends, (0, -1), (_HALF_TURN, np.eye(3)), strict=True):
-            frame = turns[k] @ turn
-            geom.pos = positions[k] + reach * frame[:, 0] + frame @ self._mesh_at[-1]
+        for geom, end, turn in zip(self._ends, ends, (_HALF_TURN, np.eye(3)), strict=True):
+            frame = matrix_from_wxyz(end[3:]) @ turn
+            geom.pos = end[:3] + reach * frame[:, 0] + frame @ self._mesh_at[-1]
             geom.mat = frame @ self._mesh_turn[-1]
 
     def _place_ground(self, shot: Shot) -> None:

@@ -17,7 +17,7 @@ from typing import Any, Final
 
 from web.client import client
 from web.film import Film
-from web.reel import thinned
+from web.reel import thinned, unpacked_bytes
 from web.scenery import scenery_of
 
 STATIC: Final = Path(__file__).parent / "static"
@@ -45,12 +45,11 @@ def standalone_html(
     Raises:
         TimelineError: When the timeline is being replaced.
     """
-    row = 8 * len(film.chain.joint_names) + 40
-    stride = max(1, -(-len(film) * row // MOST_BYTES))
+    stride = max(1, -(-unpacked_bytes(film) // MOST_BYTES))
     parts = {
         "client": client().html.decode(),
         "worker": (STATIC / WORKER).read_text(encoding="utf-8"),
-        "scenery": _text(scenery_of(film.chain)),
+        "scenery": _text(scenery_of(film.chain, film.stretch)),
         "reel": _text(thinned(film, stride)),
         "curves": None if curves is None or stride > 1 else _text(curves),
         "facts": dict(facts),

@@ -53,7 +53,7 @@ async def scenery(request: Request, fold_id: str) -> Response:
 
     def answer() -> Response:
         film = _film(request, fold_id)
-        return _nothing() if film is None else _binary(request, scenery_of(film.chain), film)
+        return _nothing() if film is None else _scenery(request, film)
 
     return await asyncio.to_thread(answer)
 
@@ -116,6 +116,10 @@ async def figures(
             return _nothing()
 
     return await asyncio.to_thread(answer)
+
+
+def _scenery(request: Request, film: Film) -> Response:
+    return _binary(request, scenery_of(film.chain, film.stretch), film)
 
 
 def _binary(request: Request, data: bytes, film: Film) -> Response:

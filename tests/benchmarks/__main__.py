@@ -12,6 +12,7 @@ from rich.console import Console
 from tests.benchmarks.baselines import direct, paper
 from tests.benchmarks.folds import folds
 from tests.benchmarks.gallery import gallery
+from tests.benchmarks.long_folds import long_folds
 from tests.benchmarks.machine import machine
 from tests.benchmarks.meshes import meshes
 from tests.benchmarks.movies import movies
@@ -26,6 +27,7 @@ SECTIONS = {
     "paths": paths,
     "tetrahedra": tetrahedra,
     "page": page,
+    "long-folds": long_folds,
     "movies": movies,
     "direct": direct,
     "paper": paper,

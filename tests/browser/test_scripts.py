@@ -12,12 +12,16 @@ import pytest
 from playwright.sync_api import Page
 
 from planner.chain import Chain
+from planner.kinematics import forward_kinematics
 from planner.modules import TETRAHEDRON
 from planner.paths import Path as CellPath
 from planner.rotations import matrix_from_wxyz
+from tests.planner import peels
+from tests.web import long_folds
 from web.camera import distance_needed, framing
 from web.columns import encode
 from web.scenery import scenery_of
+from web.window_columns import PLANES, window_columns, windows_of
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 SNAKE = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
@@ -106,11 +110,93 @@ def test_picking(page: Page, chain: Chain) -> None:
     assert None in found
 
 
+LONG = peels.snake((6, 6, 30))
+TETRAHEDRA = Chain.from_angles(
+    TETRAHEDRON, np.deg2rad(np.resize([90.0, -90.0, 0.0, 40.0], 300)), name="long"
+)
+
+
+@pytest.mark.parametrize("chain", [LONG, TETRAHEDRA], ids=["cubes", "tetrahedra"])
+def test_poses_of_windows(page: Page, chain: Chain) -> None:
+    windows = long_folds.fold(chain, width=31, step=3.7, base_moves=True)
+    columns = window_columns(windows, chain.folded_rad)
+    frames = [0.0, 1.0, len(windows) / 5, len(windows) / 3 + 0.25, len(windows) - 1.0]
+    found = run(
+        page,
+        """
+        const { Window } = await import("/static/frames.js");
+        const { Kinematics } = await import("/static/kinematics.js");
+        const { header, arrays } = await unpack(given[0]);
+        const foldedRad = arrays.folded_rad;
+        const kinematics = new Kinematics(header.chain, foldedRad);
+        const rows = new Window(await unpack(given[1]), { foldedRad, noErrors: null });
+        return given[2].map((frame) => {
+          const low = Math.floor(frame);
+          let row = rows.row(low);
+          if (frame > low) row = Window.between(row, rows.row(low + 1), frame - low);
+          const { positions, wxyzs, core, rod } = Window.poses(kinematics, row);
+          return [Array.from(positions), Array.from(wxyzs), core, rod];
+        });
+        """,
+        text(scenery_of(chain, 40)),
+        text(encode({"start": 0, "stop": len(windows), "stride": 1}, columns, planes=PLANES)),
+        frames,
+    )
+    told = windows_of(columns, chain.folded_rad)
+    straight = folded = 0
+    for frame, (positions, wxyzs, core, rod) in zip(frames, found, strict=True):
+        low, share = int(frame), frame % 1
+        angles = told.angles(chain)
+        at, turn = told.base_position, told.base_wxyz
+        if share:
+            angles, at, turn = (v[low] + share * (v[low + 1] - v[low]) for v in (angles, at, turn))
+        else:
+            angles, at, turn = angles[low], at[low], turn[low]
+        poses = forward_kinematics(
+            chain.module, angles, root_position=at, root_wxyz=turn / np.linalg.norm(turn)
+        )
+        # Both ends are told in single precision, and the far one is far away.
+        length = np.abs(poses.positions).max()
+        off = np.abs(np.reshape(positions, (-1, 3)) - poses.positions).max()
+        assert off < 1e-6 * max(1.0, length)
+        turns = np.abs(np.einsum("ij,ij->i", np.reshape(wxyzs, (-1, 4)), poses.wxyzs))
+        assert np.allclose(turns, 1.0, atol=1e-6)
+        assert 1 <= core <= rod + 1 <= len(chain)
+        straight, folded = max(straight, len(chain) - rod), max(folded, core)
+    assert straight > 100
+    assert folded == len(chain)
+
+
+def test_faces_that_touch(page: Page) -> None:
+    cells = np.rint(LONG.folded_poses.positions).astype(int)
+    neighbours, buried = run(
+        page,
+        """
+        const { touching, buriedBy } = await import("/static/touching.js");
+        const { Kinematics } = await import("/static/kinematics.js");
+        const { header, arrays } = await unpack(given[0]);
+        const { folded } = new Kinematics(header.chain, arrays.folded_rad);
+        const found = touching(header, folded);
+        return [Array.from(found), Array.from(buriedBy(found, header.chain.modules))];
+        """,
+        text(scenery_of(LONG, 40)),
+    )
+    place = {tuple(cell): k for k, cell in enumerate(cells.tolist())}
+    sides = np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])
+    beside = [[place.get(tuple(cell + side), len(cells)) for side in sides] for cell in cells]
+    found = np.reshape(neighbours, (len(cells), 6))
+    assert np.array_equal(np.sort(found, axis=1), np.sort(beside, axis=1))
+    expected = np.maximum(np.max(beside, axis=1), np.arange(len(cells))) + 1
+    assert np.array_equal(buried, expected)
+    assert 0 < (expected <= len(cells)).sum() < len(cells)
+
+
 @pytest.mark.parametrize("aspect", [1.7, 0.5])
+@pytest.mark.parametrize("count", [300, 5000])
 @pytest.mark.parametrize("stretch", [(1.0, 1.0, 1.0), (40.0, 0.3, 0.2), (0.2, 3.0, 25.0)])
-def test_the_camera(page: Page, aspect: float, stretch: tuple[float, ...]) -> None:
+def test_the_camera(page: Page, aspect: float, count: int, stretch: tuple[float, ...]) -> None:
     rng = np.random.default_rng(5)
-    points = rng.normal(size=(300, 3)) * stretch + [1.0, -2.0, 0.5]
+    points = rng.normal(size=(count, 3)) * stretch + [1.0, -2.0, 0.5]
     found = run(
         page,
         """

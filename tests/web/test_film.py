@@ -8,7 +8,10 @@ import pytest
 
 from planner.chain import Chain
 from planner.errors import TimelineError
-from planner.timeline import TimelineWriter
+from planner.timeline import Timeline, TimelineWriter
+from planner.windows import Windows
+from tests.planner import peels
+from tests.web import long_folds
 from tests.web.conftest import ERROR_AT_END, unfolding
 from web.film import Film
 
@@ -123,3 +126,74 @@ def test_no_timeline_is_an_error(tmp_path: Path, chain: Chain) -> None:
     TimelineWriter.create(tmp_path / "empty.zarr", chain)
     with pytest.raises(TimelineError, match="no frame"):
         Film(tmp_path / "empty.zarr").snapshot(0)
+
+
+LONG_CHAIN = peels.snake((4, 4, 12))
+LONG = long_folds.fold(LONG_CHAIN, width=20, step=1.3, base_moves=True)
+
+
+@pytest.fixture(scope="module")
+def long_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return long_folds.write(tmp_path_factory.mktemp("long") / "timeline.zarr", LONG_CHAIN, LONG)
+
+
+def test_a_long_fold_is_shown_as_its_windows_say(long_path: Path) -> None:
+    film = Film(long_path)
+    assert film.windowed
+    dense = LONG.dense(LONG_CHAIN)
+    poses = LONG_CHAIN.poses(dense.joint_angles_rad, dense.root_position, dense.root_wxyz)
+    for frame in (0, 77, len(LONG) - 1):
+        shown = film.snapshot(frame)
+        assert np.allclose(shown.positions, poses.positions[frame], atol=2e-5)
+        assert np.allclose(shown.joint_angles_rad, dense.joint_angles_rad[frame])
+        assert np.isnan(shown.module_error_rad).all()
+    between = film.snapshot(77.25)
+    lengths = np.linalg.norm(np.diff(between.positions, axis=0), axis=1)
+    assert np.allclose(lengths, 1.0, atol=1e-5)
+    assert np.allclose(
+        between.joint_angles_rad,
+        0.75 * dense.joint_angles_rad[77] + 0.25 * dense.joint_angles_rad[78],
+    )
+
+
+def test_a_camera_keeps_to_what_moves_in_a_long_fold(long_path: Path) -> None:
+    film = Film(long_path)
+    assert film.stretch is not None
+    assert film.snapshot(0).framed == len(LONG_CHAIN)  # all of it is folded
+    straight = film.snapshot(len(LONG) // 2)
+    assert straight.framed < len(LONG_CHAIN)
+    moving = int(np.flatnonzero(LONG.last < len(LONG_CHAIN.folded_rad))[0])
+    bent = -(-int(LONG.last[moving]) // 2) + 1
+    assert film.snapshot(moving).framed == min(len(LONG_CHAIN), bent + film.stretch)
+
+
+def test_to_open_a_long_fold_reads_none_of_its_angles_but_the_last(
+    long_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[int] = []
+    windows = Timeline.windows
+
+    def counted(self: Timeline, *args: int) -> Windows:
+        found = windows(self, *args)
+        read.append(len(found))
+        return found
+
+    monkeypatch.setattr(Timeline, "windows", counted)
+    monkeypatch.setattr(Timeline, "frames", None)
+    assert len(Film(long_path)) == len(LONG)
+    assert read == [1]
+
+
+def test_a_long_fold_that_is_begun_anew_is_shown_anew(tmp_path: Path) -> None:
+    path = long_folds.write(tmp_path / "timeline.zarr", LONG_CHAIN, LONG[:50])
+    with TimelineWriter.reopen(path) as writer:
+        film = Film(path)
+        assert film.growing
+        writer.append(LONG[50:80])
+        writer.flush()
+        assert film.refresh(at_once=True)
+        assert (len(film), film.snapshot(79).time_s) == (80, LONG.time_s[79])
+        before = film.id
+    long_folds.write(path, LONG_CHAIN, LONG[100:220])  # it is longer already
+    assert film.refresh(at_once=True)
+    assert (film.id != before, film.snapshot(0).time_s) == (True, LONG.time_s[100])

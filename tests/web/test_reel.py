@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from planner.timeline import Timeline, TimelineWriter
+from tests.planner import peels
+from tests.web import long_folds
 from web.columns import decode
 from web.film import Film
-from web.reel import kept_reel, reel_of
+from web.reel import kept_reel, reel_of, thinned
+from web.window_columns import windows_of
 
 
 def test_a_reel_holds_what_was_recorded(timeline_path: Path) -> None:
@@ -95,3 +98,44 @@ def test_a_reel_is_made_anew_when_its_film_goes_on(
         writer.append(some)
     film.refresh(at_once=True)
     assert np.array_equal(decode(kept_reel(film))[1]["time_s"], Timeline.open(path).frames().time_s)
+
+
+CHAIN = peels.snake((4, 4, 6))
+LONG = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True)
+
+
+@pytest.fixture(scope="module")
+def long_film(tmp_path_factory: pytest.TempPathFactory) -> Film:
+    return Film(long_folds.write(tmp_path_factory.mktemp("long") / "timeline.zarr", CHAIN, LONG))
+
+
+def test_a_long_fold_is_told_by_windows(long_film: Film) -> None:
+    header, found = decode(reel_of(long_film, 30, 90, 4))
+    assert (header["start"], header["stop"], header["total"]) == (30, 90, len(LONG))
+    told = windows_of(found, CHAIN.folded_rad)
+    expected = LONG[30:90:4]
+    assert np.array_equal(told.time_s, expected.time_s)
+    assert np.array_equal(told.first, expected.first)
+    assert np.abs(told.angles_rad - expected.angles_rad).max() < 6e-7
+    assert [p["name"] for p in header["outline"]["phases"]] == ["explosion", "playback"]
+    assert set(header["outline"]["errors"]) == {None}
+
+
+@pytest.mark.parametrize("stride", [1, 3])
+def test_a_long_reel_is_never_longer_than_asked_for(long_film: Film, stride: int) -> None:
+    seen: list[float] = []
+    start = 0
+    while start < len(LONG):
+        header, found = decode(reel_of(long_film, start, stride=stride, largest=3000))
+        assert header["start"] == start < header["stop"]
+        assert 80 * len(found["time_s"]) + 4 * len(found["steps"]) <= 3000
+        seen += found["time_s"].tolist()
+        start = header["stop"] + -header["stop"] % stride
+    assert seen == LONG.time_s[::stride].tolist()
+    assert len(decode(reel_of(long_film, 10, largest=1))[1]["time_s"]) == 1
+
+
+def test_a_long_fold_is_thinned(long_film: Film) -> None:
+    header, found = decode(thinned(long_film, 10))
+    assert header["total"] == len(found["time_s"]) == len(range(0, len(LONG), 10)) + 1
+    assert found["time_s"][-1] == LONG.time_s[-1]

@@ -47,7 +47,7 @@ def test_the_chain_is_told_in_full(chain: Chain) -> None:
     header, arrays = decode(scenery_of(chain))
     told = header["chain"]
     assert told["modules"] == 16
-    assert told["joint_names"] == list(chain.joint_names)
+    assert told["hinge_names"] == list(chain.module.hinge_names)
     assert np.allclose(arrays["folded_rad"], chain.folded_rad)
     assert np.allclose(arrays["folded_positions"], chain.folded_poses.positions)
 

@@ -1,6 +1,10 @@
 // A camera that keeps the whole chain in view, smoothly, until a visitor takes hold of it.
 // `web/camera.py` frames movies by the same equations.
 const MOST_POINTS = 600;
+const WAYS = [
+  [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 1], [0, 1, -1], [1, 0, 1], [1, 0, -1], [1, 1, 0], [1, -1, 0],
+  [1, 1, 1], [1, 1, -1], [1, -1, 1], [1, -1, -1],
+];
 const SETTLE_S = 0.14;
 const SETTLED = 2e-4;
 const WHOLE_TURN = 2 * Math.PI;
@@ -32,15 +36,32 @@ function axesOf(azimuth, elevation) {
   return [right, cross(out, right), out];
 }
 
-function some(points) {
-  const n = points.length / 3;
+// Up to some hundreds of points that stand for all n: every so many-th, and where all end, either way,
+// along each of WAYS.
+export function fewPoints(points, n = points.length / 3) {
   const by = Math.max(1, Math.floor(n / MOST_POINTS));
-  const found = [];
-  for (let i = 0; i < n; i += by) found.push([points[3 * i], points[3 * i + 1], points[3 * i + 2]]);
-  return found;
+  const numbers = [];
+  for (let i = 0; i < n; i += by) numbers.push(i);
+  if (by > 1) {
+    for (const [x, y, z] of WAYS) {
+      let low = 0;
+      let high = 0;
+      let [least, most] = [Infinity, -Infinity];
+      for (let i = 0; i < n; i++) {
+        const along = x * points[3 * i] + y * points[3 * i + 1] + z * points[3 * i + 2];
+        if (along < least) { least = along; low = i; }
+        if (along > most) { most = along; high = i; }
+      }
+      numbers.push(low, high);
+    }
+  }
+  return numbers.map((i) => [points[3 * i], points[3 * i + 1], points[3 * i + 2]]);
 }
 
-// The nearest view that shows all points: (3n) centres of modules that reach `radius` far.
+const some = (points) => (Array.isArray(points[0]) ? points : fewPoints(points));
+
+// The nearest view that shows all points: (3n) centres of modules that reach `radius` far, or a list of
+// few of them.
 export function framing(points, { radius, aspect, field, home, azimuth = null, elevation, margin = [0.9, 0.72] }) {
   const few = some(points);
   azimuth ??= sideOf(few, aspect, home);

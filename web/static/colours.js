@@ -25,7 +25,7 @@ export function ramped(shares, ramp, unknown) {
   const colours = new Uint8Array(3 * shares.length);
   for (let i = 0; i < shares.length; i++) {
     const share = shares[i];
-    if (Number.isNaN(share)) { colours.set(unknown, 3 * i); continue; }
+    if (Number.isNaN(share)) { for (let c = 0; c < 3; c++) colours[3 * i + c] = unknown[c]; continue; }
     const k = 3 * Math.round(Math.min(1, Math.max(0, share)) * last);
     colours[3 * i] = ramp[k]; colours[3 * i + 1] = ramp[k + 1]; colours[3 * i + 2] = ramp[k + 2];
   }
@@ -76,7 +76,7 @@ function scaled(film, values, least = 0) {
   for (let k = 0; k <= SAMPLES; k++) {
     const frame = film.nearest(Math.round((film.last * k) / SAMPLES));
     if (frame === null) continue;
-    most = Math.max(most, largest(values(film.snapshot(frame))));
+    most = Math.max(most, largest(values(film.peek(frame))));
   }
   return roundUp(most);
 }
@@ -89,9 +89,7 @@ export function colouring(key, film, figures) {
   let known = null;
   const scale = (least) => {
     if (!known || known.version !== film.version) {
-      const focus = film.focus;
       known = { version: film.version, high: scaled(film, made.values, least) };
-      film.focus = focus;
     }
     return known.high;
   };

@@ -20,6 +20,7 @@ async function column({ dtype, shape, at, size, step, short }, buffer, start) {
   const bytes = new Uint8Array(count * width);
   for (let b = 0; b < width; b++) for (let i = 0, from = b * count; i < count; i++) bytes[i * width + b] = planes[from + i];
   const values = new Type(bytes.buffer);
+  if (!short && step === undefined) return values;
   const found = new Float32Array(count);
   if (short) {
     const bits = new Uint32Array(found.buffer);

@@ -51,8 +51,12 @@ function light(x, y, z) {
   return Math.min(1.2, 0.5 + 0.26 * (z * 0.5 + 0.5) + 0.36 * Math.max(0, z) + 0.3 * side);
 }
 
-function draw({ modules, corners, faces, normals, field_of_view_rad: angle }, data) {
-  const numbers = new Float32Array(data, 0, 7 + 7 * modules);
+const HEAD = 9; // numbers before those of the modules
+const GROUPED_PX = 6; // straight modules that are smaller are drawn as one
+const ALIKE = 48; // and so much their colours may differ
+
+function draw({ modules, corners, faces, normals, neighbours, rods, field_of_view_rad: angle }, data) {
+  const numbers = new Float32Array(data, 0, HEAD + 7 * modules);
   const colours = new Uint8Array(data, 4 * numbers.length, 3 * modules);
   const width = Math.round(size.width * size.scale);
   const height = Math.round(size.height * size.scale);
@@ -67,28 +71,23 @@ function draw({ modules, corners, faces, normals, field_of_view_rad: angle }, da
   const up = cross(out, right);
   const zoom = height / 2 / Math.tan(angle / 2);
   const see = (x, y, z, at) => {
-    const d = [x - eye[0], y - eye[1], z - eye[2]];
-    const depth = Math.max(NEAREST, -dot(d, out));
-    at[0] = width / 2 + (zoom * dot(d, right)) / depth;
-    at[1] = height / 2 - (zoom * dot(d, up)) / depth;
+    const [a, b, c] = [x - eye[0], y - eye[1], z - eye[2]];
+    const depth = -(a * out[0] + b * out[1] + c * out[2]);
+    const scale = zoom / Math.max(NEAREST, depth);
+    at[0] = width / 2 + scale * (a * right[0] + b * right[1] + c * right[2]);
+    at[1] = height / 2 - scale * (a * up[0] + b * up[1] + c * up[2]);
+    return depth;
   };
-
-  shadow(modules, numbers, see, width, height);
-
-  const far = new Float32Array(modules);
-  const order = new Uint32Array(modules);
-  for (let i = 0; i < modules; i++) {
-    const k = 7 + 7 * i;
-    far[i] = Math.hypot(numbers[k] - eye[0], numbers[k + 1] - eye[1], numbers[k + 2] - eye[2]);
-    order[i] = i;
-  }
-  order.sort((a, b) => far[b] - far[a]);
+  const radius = Math.max(...corners.map((corner) => Math.hypot(...corner)));
+  const drawn = piecesOf({ modules, faces, neighbours, rods, numbers, colours, see, zoom, radius, width, height });
+  shadow(drawn, numbers, see, width, height);
+  drawn.sort((a, b) => b.far - a.far);
 
   const reach = normals.map((normal, f) => dot(normal, corners[faces[f][0]]));
   const points = corners.map(() => [0, 0]);
   const r = new Float64Array(9);
-  for (const i of order) {
-    const k = 7 + 7 * i;
+  for (const { i, many, hidden } of drawn) {
+    const k = HEAD + 7 * i;
     const [x, y, z] = [numbers[k], numbers[k + 1], numbers[k + 2]];
     turn(numbers[k + 3], numbers[k + 4], numbers[k + 5], numbers[k + 6], r);
     // The eye as the module sees it tells which faces look at us.
@@ -96,12 +95,13 @@ function draw({ modules, corners, faces, normals, field_of_view_rad: angle }, da
     // Modules that are large enough show their edges; on small ones the line closes hairlines.
     const edged = zoom / Math.max(NEAREST, dot(e, out)) > EDGED_PX * size.scale;
     const local = [0, 1, 2].map((c) => r[c] * e[0] + r[3 + c] * e[1] + r[6 + c] * e[2]);
-    corners.forEach(([a, b, c], v) => {
+    corners.forEach(([front, b, c], v) => {
+      const a = front > 0 ? front + many - 1 : front;
       see(x + r[0] * a + r[1] * b + r[2] * c, y + r[3] * a + r[4] * b + r[5] * c, z + r[6] * a + r[7] * b + r[8] * c, points[v]);
     });
     for (let f = 0; f < faces.length; f++) {
       const normal = normals[f];
-      if (dot(normal, local) <= reach[f]) continue;
+      if ((hidden >> f) & 1 || dot(normal, local) <= reach[f] + (normal[0] > 0 ? normal[0] * (many - 1) : 0)) continue;
       const [a, b, c] = normal;
       const bright = light(r[0] * a + r[1] * b + r[2] * c, r[3] * a + r[4] * b + r[5] * c, r[6] * a + r[7] * b + r[8] * c);
       const shade = (v) => Math.min(255, Math.round(colours[3 * i + v] * bright));
@@ -116,9 +116,51 @@ function draw({ modules, corners, faces, normals, field_of_view_rad: angle }, da
   }
 }
 
+// What is to be drawn: modules, and straight stretches of `many` where they are small, that are in the
+// picture; a bit in `hidden` for each face that another one covers.
+function piecesOf({ modules, faces, neighbours, rods, numbers, colours, see, zoom, radius, width, height }) {
+  const core = numbers[7];
+  const rod = rods ? numbers[8] : modules; // what is straight looks like one long module
+  const all = 2 ** faces.length - 1;
+  const found = [];
+  const at = [0, 0];
+  const inside = (depth) => {
+    const around = (zoom * radius) / Math.max(NEAREST, depth);
+    return depth > -radius && at[0] > -around && at[0] < width + around && at[1] > -around && at[1] < height + around;
+  };
+  const seen = (i) => see(numbers[HEAD + 7 * i], numbers[HEAD + 7 * i + 1], numbers[HEAD + 7 * i + 2], at);
+  for (let i = 0; i < rod; i++) {
+    let hidden = 0;
+    if (i < core) for (let f = 0; f < faces.length; f++) if (neighbours[i * faces.length + f] < core) hidden |= 1 << f;
+    if (hidden === all) continue;
+    const depth = seen(i);
+    if (inside(depth)) found.push({ i, many: 1, hidden, far: farOf(numbers, i) });
+  }
+  for (let i = rod; i < modules;) {
+    const depth = seen(i);
+    if (!inside(depth)) { i++; continue; }
+    const [left, top] = at;
+    let j = i + 1;
+    if (depth > NEAREST) {
+      while (j < modules && alike(colours, i, j) && inside(seen(j)) && Math.hypot(at[0] - left, at[1] - top) < GROUPED_PX * size.scale) j++;
+    }
+    found.push({ i, many: j - i, hidden: 0, far: farOf(numbers, (i + j - 1) >> 1) });
+    i = j;
+  }
+  return found;
+}
+
+const farOf = (numbers, i) => Math.hypot(...[0, 1, 2].map((c) => numbers[HEAD + 7 * i + c] - numbers[c]));
+
+function alike(colours, i, j) {
+  let apart = 0;
+  for (let c = 0; c < 3; c++) apart += Math.abs(colours[3 * i + c] - colours[3 * j + c]);
+  return apart <= ALIKE;
+}
+
 // A soft shadow on the ground: footprints drawn small and let to blur as they are enlarged.
 let small = null;
-function shadow(modules, numbers, see, width, height) {
+function shadow(drawn, numbers, see, width, height) {
   const [w, h] = [Math.ceil(width * SHADOW_SCALE), Math.ceil(height * SHADOW_SCALE)];
   small ??= new OffscreenCanvas(w, h);
   if (small.width !== w || small.height !== h) { small.width = w; small.height = h; }
@@ -127,11 +169,14 @@ function shadow(modules, numbers, see, width, height) {
   brush.fillStyle = "#000";
   const ground = numbers[6];
   const at = [0, 0];
-  for (let i = 0; i < modules; i++) {
-    const k = 7 + 7 * i;
+  for (const { i, many } of drawn) {
+    const k = HEAD + 7 * i;
+    const e = HEAD + 7 * (i + many - 1);
+    const [x, y] = [Math.min(numbers[k], numbers[e]), Math.min(numbers[k + 1], numbers[e + 1])];
+    const [u, v] = [Math.max(numbers[k], numbers[e]), Math.max(numbers[k + 1], numbers[e + 1])];
     brush.beginPath();
-    for (const [dx, dy] of [[-0.6, -0.6], [0.6, -0.6], [0.6, 0.6], [-0.6, 0.6]]) {
-      see(numbers[k] + dx, numbers[k + 1] + dy, ground, at);
+    for (const [px, py] of [[x - 0.6, y - 0.6], [u + 0.6, y - 0.6], [u + 0.6, v + 0.6], [x - 0.6, v + 0.6]]) {
+      see(px, py, ground, at);
       brush.lineTo(at[0] * SHADOW_SCALE, at[1] * SHADOW_SCALE);
     }
     brush.fill();

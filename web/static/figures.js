@@ -3,6 +3,7 @@ import { decode } from "./columns.js";
 import { Teller } from "./teller.js";
 
 const KEPT = 24; // stretches
+const AT_ONCE = 2;
 const RETRY_MS = 2000;
 
 export class Figures extends Teller {
@@ -46,7 +47,7 @@ export class Figures extends Teller {
   }
 
   async load(index) {
-    if (this.loading.has(index)) return;
+    if (this.loading.has(index) || this.loading.size >= AT_ONCE) return;
     this.loading.add(index);
     const found = await this.get(`?part=${index}`).catch(() => null);
     if (!found) { setTimeout(() => this.loading.delete(index), RETRY_MS); return; }

@@ -1,14 +1,20 @@
 // A fold's frames as they come in: where they are kept, which are fetched next, and the poses of a
 // moment. What has been fetched once is scrubbed without a word to the server.
 import { decode } from "./columns.js";
+import { Whole, Window } from "./frames.js";
 import { Kinematics } from "./kinematics.js";
 import { Teller } from "./teller.js";
+import { touching } from "./touching.js";
 
 const AT_ONCE = 2; // requests
 const COARSE = 64; // frames that are fetched first, spread over the whole film
 const REEL_BYTES = 2 ** 20;
 const LONGEST_REEL = 128;
 const MOST_BYTES = 384 * 2 ** 20;
+const WINDOW_ROWS = 256;
+const MOST_WINDOW_BYTES = 64 * 2 ** 20;
+const AHEAD = 6; // chunks of a long film that are fetched before they are asked for
+const BEHIND = 1;
 const RETRY_MS = 300;
 const LOOK_MS = 1000;
 const MOST_LOOKS = 1800; // half an hour
@@ -122,15 +128,19 @@ export class Film extends Teller {
     }
     // Frames spread over the whole film, so that it can be scrubbed everywhere at once.
     const stride = Math.ceil(first.header.total / COARSE);
-    const spread = stride > 1 && first.header.status !== "growing" ? await this.source.reel({ stride }) : null;
+    const windowed = "first" in first.arrays;
+    const spread = stride > 1 && (windowed || first.header.status !== "growing") ? await this.source.reel({ stride }) : null;
     const { header, arrays } = scenery;
     this.scenery = scenery;
     this.chain = header.chain;
     this.joints = arrays.folded_rad.length;
     this.foldedRad = arrays.folded_rad;
     this.foldedPositions = arrays.folded_positions;
-    this.kinematics = new Kinematics(header.chain);
-    this.rows = Math.max(1, Math.min(LONGEST_REEL, Math.floor(REEL_BYTES / (8 * this.joints + 40))));
+    this.kinematics = new Kinematics(header.chain, this.foldedRad);
+    this.kind = windowed ? Window : Whole;
+    if (windowed) scenery.neighbours = touching(header, this.kinematics.folded);
+    this.noErrors = new Float32Array(windowed ? this.joints : 0).fill(NaN);
+    this.rows = windowed ? WINDOW_ROWS : Math.max(1, Math.min(LONGEST_REEL, Math.floor(REEL_BYTES / (8 * this.joints + 40))));
     this.id = first.header.id;
     this.take(first);
     if (spread?.header.id === this.id) this.take(spread);
@@ -147,38 +157,33 @@ export class Film extends Teller {
     this.load();
   }
 
+  // A long film, of which only what is around the playhead is fetched.
+  get windowed() { return this.kind === Window; }
+
   // Keeps what a reel brings.
-  take({ header, arrays }) {
-    const { start, stop, stride } = header;
-    for (let row = 0, frame = start; frame < stop; row++, frame += stride) {
+  take(reel) {
+    const { header } = reel;
+    const found = new this.kind(reel, this);
+    for (let row = 0, frame = header.start; row < found.rows; row++, frame += header.stride) {
       const chunk = this.chunk(Math.floor(frame / this.rows));
       const k = frame % this.rows;
-      const copy = (name, width) => chunk[name].set(arrays[name].subarray(row * width, (row + 1) * width), k * width);
-      copy("time_s", 1); copy("phase", 1); copy("root_position", 3); copy("root_wxyz", 4);
-      copy("joint_angles_rad", this.joints); copy("joint_error_rad", this.joints);
-      if (!chunk.have[k]) { chunk.have[k] = 1; chunk.count++; }
+      if (!chunk.reels[k]) chunk.count++;
+      chunk.reels[k] = found;
+      chunk.at[k] = row;
     }
     // A film that grows may have more than this reel; what is missing is asked for next.
-    this.total = this.growing && header.status === "growing" ? Math.max(this.total, stop) : header.total;
+    this.total = this.growing && header.status === "growing" && !this.windowed ? Math.max(this.total, header.stop) : header.total;
     this.status = header.status;
     this.outline = header.outline;
     this.version++;
+    this.spare();
   }
 
+  // Where each frame of a stretch is kept: in a row of a reel.
   chunk(index) {
     let chunk = this.chunks.get(index);
     if (!chunk) {
-      const n = this.rows;
-      chunk = {
-        count: 0,
-        have: new Uint8Array(n),
-        time_s: new Float64Array(n),
-        phase: new Uint8Array(n),
-        root_position: new Float32Array(3 * n),
-        root_wxyz: new Float32Array(4 * n),
-        joint_angles_rad: new Float32Array(n * this.joints),
-        joint_error_rad: new Float32Array(n * this.joints),
-      };
+      chunk = { count: 0, reels: new Array(this.rows).fill(null), at: new Uint32Array(this.rows) };
       this.chunks.set(index, chunk);
     }
     return chunk;
@@ -191,19 +196,29 @@ export class Film extends Teller {
 
   get complete() { return !this.growing && this.next() === null; }
 
-  // The chunk to fetch next: those around the playhead first; null when all are here.
+  // The chunk to fetch next: those around the playhead first; null when all that is wanted is here.
   next() {
     const chunks = Math.ceil(this.total / this.rows);
     const here = Math.floor(this.focus / this.rows);
-    const most = Math.max(4, Math.floor(MOST_BYTES / (this.rows * (8 * this.joints + 40))));
-    for (let away = 0; away < Math.min(chunks, most); away++) {
-      const index = (here + away) % chunks;
+    for (const index of this.windowed ? this.near(here, chunks) : this.onward(here, chunks)) {
       if (!this.full(index) && !this.loading.has(index)) return index;
     }
     return null;
   }
 
-  // Fetches until everything is here, or as much as is kept.
+  *near(here, chunks) {
+    for (let away = 0; away <= AHEAD; away++) {
+      if (here + away < chunks) yield here + away;
+      if (away && away <= BEHIND && here >= away) yield here - away;
+    }
+  }
+
+  *onward(here, chunks) {
+    const most = Math.max(4, Math.floor(MOST_BYTES / (this.rows * (8 * this.joints + 40))));
+    for (let away = 0; away < Math.min(chunks, most); away++) yield (here + away) % chunks;
+  }
+
+  // Fetches until everything that is wanted is here.
   load() {
     while (!this.ended && this.chain && this.loading.size < AT_ONCE) {
       const index = this.next();
@@ -215,11 +230,11 @@ export class Film extends Teller {
   async fetchChunk(index, id) {
     this.loading.add(index);
     try {
-      const reel = await this.source.reel({ from: index * this.rows, to: Math.min(this.total, (index + 1) * this.rows) });
+      const missing = Math.max(0, this.chunks.get(index)?.reels.indexOf(null) ?? 0);
+      const reel = await this.source.reel({ from: index * this.rows + missing, to: Math.min(this.total, (index + 1) * this.rows) });
       if (id !== this.id) return;
       if (!reel || reel.header.id !== id) { this.begunAnew(); return; }
       this.take(reel);
-      this.spare();
       this.tell("loaded", index);
     } catch {
       await pause(4 * RETRY_MS);
@@ -229,20 +244,27 @@ export class Film extends Teller {
 
   // Lets go of what is farthest from the playhead when there is too much.
   spare() {
-    const most = Math.max(4, Math.floor(MOST_BYTES / (this.rows * (8 * this.joints + 40))));
+    const most = this.windowed ? MOST_WINDOW_BYTES : MOST_BYTES;
     const here = Math.floor(this.focus / this.rows);
     const chunks = Math.ceil(this.total / this.rows);
-    while (this.chunks.size > most) {
-      const away = (index) => (index - here + chunks) % chunks;
+    const away = (index) => (this.windowed ? Math.abs(index - here) : (index - here + chunks) % chunks);
+    while (this.chunks.size > 4 && this.bytes > most) {
       this.chunks.delete([...this.chunks.keys()].reduce((a, b) => (away(a) > away(b) ? a : b)));
     }
+  }
+
+  // Of the frames that are here.
+  get bytes() {
+    const reels = new Set();
+    for (const chunk of this.chunks.values()) for (const reel of chunk.reels) if (reel) reels.add(reel);
+    return [...reels].reduce((sum, { bytes }) => sum + bytes, 0);
   }
 
   // The nearest frame that is here.
   nearest(frame) {
     for (let away = 0; away <= this.last; away++) {
       for (const k of [frame - away, frame + away]) {
-        if (k >= 0 && k <= this.last && this.chunks.get(Math.floor(k / this.rows))?.have[k % this.rows]) return k;
+        if (k >= 0 && k <= this.last && this.chunks.get(Math.floor(k / this.rows))?.reels[k % this.rows]) return k;
       }
     }
     return null;
@@ -251,48 +273,43 @@ export class Film extends Teller {
   row(frame) {
     const chunk = this.chunks.get(Math.floor(frame / this.rows));
     const k = frame % this.rows;
-    if (!chunk?.have[k]) return null;
-    const part = (name, width) => chunk[name].subarray(k * width, (k + 1) * width);
-    return {
-      time_s: chunk.time_s[k],
-      phase: chunk.phase[k],
-      position: part("root_position", 3),
-      wxyz: part("root_wxyz", 4),
-      angles: part("joint_angles_rad", this.joints),
-      errors: part("joint_error_rad", this.joints),
-    };
+    return chunk?.reels[k]?.row(chunk.at[k]) ?? null;
   }
 
   // The moment at a frame, between two when it is not whole; the nearest one that is here until the
-  // right one is. Centres in pitches.
+  // right one is. Centres in pitches. From now on what is around it is fetched first.
   snapshot(frame) {
+    const before = Math.floor(this.focus / this.rows);
+    this.focus = Math.floor(Math.min(Math.max(frame, 0), this.last));
+    const found = this.peek(frame);
+    if (!found?.exact || Math.floor(this.focus / this.rows) !== before) this.load();
+    return found;
+  }
+
+  // The same, of what is here.
+  peek(frame) {
     const at = Math.min(Math.max(frame, 0), this.last);
-    this.focus = Math.floor(at);
     let low = Math.floor(at);
     let row = this.row(low);
-    const missing = !row;
-    if (missing) {
-      this.load();
+    const exact = Boolean(row);
+    if (!exact) {
       low = this.nearest(low);
       if (low === null) return null;
       row = this.row(low);
     }
     const share = at - low;
-    const after = !missing && share > 1e-6 ? this.row(low + 1) : null;
-    let { angles, position, wxyz, time_s: time } = row;
-    if (after) {
-      const mix = (a, b) => Float64Array.from(a, (v, k) => v + (b[k] - v) * share);
-      const same = wxyz.reduce((sum, v, k) => sum + v * after.wxyz[k], 0) >= 0;
-      angles = mix(angles, after.angles);
-      position = mix(position, after.position);
-      wxyz = mix(wxyz, same ? after.wxyz : after.wxyz.map((v) => -v));
-      time += (after.time_s - time) * share;
-    }
+    const after = exact && share > 1e-6 ? this.row(low + 1) : null;
+    const time = row.time_s + (after ? (after.time_s - row.time_s) * share : 0);
+    if (after) row = this.kind.between(row, after, share);
+    const poses = this.kind.poses(this.kinematics, row);
     return {
-      frame: at, exact: !missing, low, time_s: time, phase: this.outline.names[row.phase],
-      angles, errors: row.errors, ...this.kinematics.poses(angles, position, wxyz),
+      frame: at, exact, low, time_s: time, phase: this.outline.names[row.phase],
+      angle: (j) => this.kind.angle(row, j), errors: row.errors, framed: this.framed(poses), ...poses,
     };
   }
+
+  // How many modules, from the first on, a camera should have in view; as web/camera.py tells.
+  framed({ rod = Infinity }) { return Math.min(this.chain.modules, rod + 1 + (this.scenery.header.camera?.stretch ?? Infinity)); }
 
   // How fast each hinge turns around a frame, in rad/s; NaN where the frames beside it are not here.
   speeds(frame) {
@@ -300,7 +317,8 @@ export class Film extends Teller {
     const [a, b] = [this.row(low), this.row(low + 1)];
     const found = new Float32Array(this.joints);
     if (!a || !b || a.phase !== b.phase || !(b.time_s > a.time_s)) return found.fill(NaN);
-    for (let j = 0; j < found.length; j++) found[j] = (b.angles[j] - a.angles[j]) / (b.time_s - a.time_s);
+    const [begin, end] = this.windowed ? [Math.min(a.first, b.first), Math.max(a.last, b.last)] : [0, this.joints];
+    for (let j = begin; j < end; j++) found[j] = (this.kind.angle(b, j) - this.kind.angle(a, j)) / (b.time_s - a.time_s);
     return found;
   }
 

@@ -2,7 +2,7 @@
 //
 // It takes the messages of playhead.js and one more, select {module}: highlight a module, null for
 // none. It tells what is by events: waiting, begun, outline, state, module, drawn, painted.
-import { Follower, anglesOf, blended, distanceNeeded, framing, positionOf } from "./camera.js";
+import { Follower, anglesOf, blended, distanceNeeded, fewPoints, framing, positionOf } from "./camera.js";
 import { colouring } from "./colours.js";
 import { picked } from "./kinematics.js";
 import { Playhead } from "./playhead.js";
@@ -10,13 +10,21 @@ import { StandIn } from "./stand_in.js";
 import { Teller } from "./teller.js";
 
 const LONGEST_TICK_S = 0.2;
+const TELL_MS = 80;
 const GOAL_EVERY = 12;
+const GOAL_EVERY_S = 0.2; // or of a film that is played, if that is more
 const GOALS_ASIDE = 4;
 const GOAL_SPREAD = 1.8;
 const MOST_GOALS = 4000;
 const ROOM = 1.08; // how much farther than needed the camera stays, so that nothing touches the edge
 const STEEPEST = 1.2;
 const BESIDE = 0.4; // how blue the neighbours of the selected module are
+
+// As planner/modules.py calls a hinge.
+function nameOf({ rigid_links: rigid, hinge_names: names }, j) {
+  const hinge = names[j % names.length];
+  return `joint_${rigid + Math.floor(j / names.length)}${hinge && `_${hinge}`}`;
+}
 
 export class Player extends Teller {
   // Shows on `stage`, for which `sketch` may stand in; without a stage on the sketch alone.
@@ -36,6 +44,8 @@ export class Player extends Teller {
     this.selected = null;
     this.shown = null;
     this.told = "";
+    this.toldAt = 0;
+    this.lastPlaying = false;
     this.follower = new Follower();
     this.direction = null;
     this.goals = new Map();
@@ -163,8 +173,12 @@ export class Player extends Teller {
     this.wake();
   }
 
+  // While it plays, as often as one can read: every word on the page has to be put into its picture.
   tellState() {
     const { film, is, playhead, shown } = this;
+    const now = performance.now();
+    if (is.playing && this.lastPlaying && now - this.toldAt < TELL_MS && playhead.frame < film.last) return;
+    Object.assign(this, { toldAt: now, lastPlaying: is.playing });
     let error = -1;
     for (const e of shown.errors) if (Math.abs(e) > error) error = Math.abs(e);
     const state = {
@@ -188,7 +202,7 @@ export class Player extends Teller {
       modules: chain.modules,
       cell: chain.cells ? [0, 1, 2].map((k) => Math.round(at[3 * index + k])) : null,
       joints: columns.map((j) => ({
-        name: chain.joint_names[j], column: j, angle_rad: shown.angles[j], target_rad: film.foldedRad[j],
+        name: nameOf(chain, j), column: j, angle_rad: shown.angle(j), target_rad: film.foldedRad[j],
         error_rad: Number.isNaN(shown.errors[j]) ? null : Math.abs(shown.errors[j]),
       })),
       shown,
@@ -210,7 +224,7 @@ export class Player extends Teller {
 
   draw() {
     const { shown, is } = this;
-    const view = this.follower.view && { position: positionOf(this.follower.view), target: this.follower.view.target };
+    const { view } = this;
     const colours = this.colours();
     if (this.standIn) this.standIn.draw(shown, colours, view, is.follow);
     else this.sketch?.draw(shown, colours, view, null);
@@ -219,9 +233,15 @@ export class Player extends Teller {
 
   // The camera.
 
+  get view() { return this.follower.view && { position: positionOf(this.follower.view), target: this.follower.view.target }; }
+
   get pitch() { return this.film.scenery.header.pitch; }
 
-  points(snapshot) { return snapshot.positions.map((v) => v * this.pitch); }
+  // What the camera looks at of the modules to have in view; looked up once for a snapshot.
+  points(snapshot) {
+    snapshot.points ??= fewPoints(snapshot.positions, snapshot.framed).map((p) => p.map((v) => v * this.pitch));
+    return snapshot.points;
+  }
 
   get seeing() {
     const { camera, chain } = this.film.scenery.header;
@@ -233,12 +253,13 @@ export class Player extends Teller {
     return framing(this.points(snapshot), { ...this.seeing, azimuth: azimuth ?? direction, elevation });
   }
 
+  get goalEvery() { return Math.max(GOAL_EVERY, Math.round(GOAL_EVERY_S * this.playhead.pace)); }
+
   // Where the camera should be around a frame: looked up once.
   goal(index) {
     let found = this.goals.get(index);
     if (!found) {
-      const snapshot = this.film.snapshot(index * GOAL_EVERY);
-      this.film.focus = Math.floor(this.playhead.frame);
+      const snapshot = this.film.peek(index * this.goalEvery);
       if (!snapshot) return null;
       found = this.frameIt(snapshot);
       if (!snapshot.exact) return found;
@@ -258,8 +279,8 @@ export class Player extends Teller {
     const turning = is.turn && this.follower.view;
     const nearest = this.frameIt(shown, turning ? this.follower.view.azimuth : null);
     let goal = nearest;
-    const here = shown.frame / GOAL_EVERY;
-    const end = film.last / GOAL_EVERY;
+    const here = shown.frame / this.goalEvery;
+    const end = film.last / this.goalEvery;
     // Towards both ends of a whole film it looks less far, and at rest there it frames exactly.
     const reach = film.growing ? GOALS_ASIDE : Math.min(GOALS_ASIDE, here, end - here);
     if (reach > 1e-6 && !is.turn) {

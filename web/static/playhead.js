@@ -6,6 +6,7 @@
 const SPEEDS = [0.05, 20];
 const WHOLE_FILM_S = 20;
 const SLOWEST_FPS = 12;
+const FASTEST_FPS = 240; // a long film takes longer, else its modules fly by
 const CATCH_UP_S = 0.4;
 const HOLD_S = 1.2;
 
@@ -64,9 +65,12 @@ export class Playhead {
       return true;
     }
     if (!is.playing || now < this.hold) return false;
-    this.runOn(passed * Math.max(SLOWEST_FPS, (film.last + 1) / WHOLE_FILM_S) * is.speed, now);
+    this.runOn(passed * this.pace * is.speed, now);
     return true;
   }
+
+  // Frames a second.
+  get pace() { return Math.min(FASTEST_FPS, Math.max(SLOWEST_FPS, (this.film.last + 1) / WHOLE_FILM_S)); }
 
   runOn(by, now) {
     const { is, film } = this;

@@ -1,5 +1,6 @@
 // A 3D scene: viser's client in a frame, shown what the page says; see bridge.js and web/scenery.py.
 const MOVED_PX = 4;
+const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
 export const linear = Uint8Array.from({ length: 256 }, (_, byte) => {
   const v = byte / 255;
@@ -81,6 +82,13 @@ export class Scene {
       if (Math.hypot(event.clientX - start[0], event.clientY - start[1]) > MOVED_PX) { forget(); this.heard.touch?.(); }
     }, { capture: true });
     view.addEventListener("wheel", () => this.heard.touch?.(), { capture: true, passive: true });
+  }
+
+  // Whether its graphics are software, as far as the browser tells.
+  get software() {
+    const context = this.frame.contentDocument?.querySelector("canvas")?.getContext("webgl2");
+    const told = context?.getExtension("WEBGL_debug_renderer_info");
+    return Boolean(told) && SOFTWARE.test(context.getParameter(told.UNMASKED_RENDERER_WEBGL));
   }
 
   // What viser's client would tell its server.

@@ -23,30 +23,38 @@ export class Sketch {
     new ResizeObserver(() => this.worker.postMessage({ is: "size", size: this.size() })).observe(canvas);
   }
 
-  set({ header }) {
+  set({ header, neighbours = null }) {
     this.pitch = header.pitch;
-    this.worker?.postMessage({ is: "outline", outline: header.sketch });
+    this.worker?.postMessage({ is: "outline", outline: { ...header.sketch, neighbours, rods: header.chain.cells } });
   }
 
-  // Little-endian float32 numbers: the camera's place, what it looks at and the height of the ground,
-  // then centre and orientation of each module, in pitches; then the colours.
-  draw({ positions, wxyzs }, colours, view, ground) {
+  draw(shown, colours, view, ground) {
     if (!this.worker) return;
+    const data = this.numbers(shown, colours, view, ground);
+    // A newer frame replaces one that still waits.
+    if (this.waiting) this.next = data; else this.post(data);
+  }
+
+  // Little-endian float32: the camera's place, what it looks at and the height of the ground, how many
+  // modules are folded and which is the first of the straight ones, then centre and orientation of each
+  // module, in pitches; then the colours.
+  numbers({ positions, wxyzs, framed, core = 0, rod = Infinity }, colours, view, ground) {
     const n = positions.length / 3;
-    const data = new ArrayBuffer(4 * (7 + 7 * n) + 3 * n);
-    const numbers = new Float32Array(data, 0, 7 + 7 * n);
+    const data = new ArrayBuffer(4 * (9 + 7 * n) + 3 * n);
+    const numbers = new Float32Array(data, 0, 9 + 7 * n);
     numbers.set(view.position.map((v) => v / this.pitch), 0);
     numbers.set(view.target.map((v) => v / this.pitch), 3);
     let low = Infinity;
     for (let i = 0; i < n; i++) {
-      numbers.set(positions.subarray(3 * i, 3 * i + 3), 7 + 7 * i);
-      numbers.set(wxyzs.subarray(4 * i, 4 * i + 4), 10 + 7 * i);
-      low = Math.min(low, positions[3 * i + 2]);
+      for (let k = 0; k < 3; k++) numbers[9 + 7 * i + k] = positions[3 * i + k];
+      for (let k = 0; k < 4; k++) numbers[12 + 7 * i + k] = wxyzs[4 * i + k];
+      if (i < framed) low = Math.min(low, positions[3 * i + 2]);
     }
     numbers[6] = ground === null ? low - 0.85 : ground / this.pitch;
+    numbers[7] = core;
+    numbers[8] = Math.min(rod, n);
     new Uint8Array(data, 4 * numbers.length).set(colours);
-    // A newer frame replaces one that still waits.
-    if (this.waiting) this.next = data; else this.post(data);
+    return data;
   }
 
   post(data) {

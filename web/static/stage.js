@@ -1,10 +1,13 @@
 // The stage: the 3D scene of a fold, given a pose, colours and a camera frame by frame.
 import { Scene, cameraTo, linear, update, visibility } from "./scene.js";
+import { buriedBy } from "./touching.js";
 
 const GROUND_GAP = 0.35;
 const SINK_S = 0.05;
 const RISE_S = 0.5;
 const SEEN_THROUGH = 0.22;
+const NOWHERE = -1e6;
+const SEEN = ["/modules", "/ground"]; // what takes long to draw
 
 export class Stage extends Scene {
   // Heard is one more than by a scene: pick(origin, direction) in pitches.
@@ -13,6 +16,8 @@ export class Stage extends Scene {
     this.latest = null;
     this.ground = null;
     this.through = false;
+    this.buried = null;
+    this.away = false;
   }
 
   // The scene of another chain.
@@ -20,11 +25,15 @@ export class Stage extends Scene {
     this.pitch = scenery.header.pitch;
     this.ground = null;
     this.latest = null;
+    this.sent = null;
+    this.buried = scenery.neighbours ? buriedBy(scenery.neighbours, scenery.header.chain.modules) : null;
     super.set(scenery);
   }
 
   build() {
     super.build();
+    this.sent = null;
+    this.away = false;
     if (this.through) this.seeThrough(true);
     if (this.latest) this.draw(...this.latest);
   }
@@ -35,14 +44,9 @@ export class Stage extends Scene {
   draw(snapshot, colours, view) {
     this.latest = [snapshot, colours, view];
     if (!this.open) return;
-    const messages = [
-      update("/modules", {
-        batched_positions: snapshot.positions.map((v) => v * this.pitch),
-        batched_wxyzs: snapshot.wxyzs,
-        batched_colors: colours.map((byte) => linear[byte]),
-      }),
-      update("/ends", this.ends(snapshot)),
-    ];
+    const messages = [update("/modules", this.modules(snapshot, colours)), update("/ends", this.ends(snapshot))];
+    if (this.away) messages.push(...SEEN.map((name) => visibility(name, true)));
+    this.away = false;
     if (this.through) messages.push(update("/path", { points: this.path(snapshot) }));
     if (this.ground !== null) {
       const [x, y] = this.middle(snapshot);
@@ -50,6 +54,32 @@ export class Stage extends Scene {
     }
     if (view) messages.push(...cameraTo(view));
     this.apply(messages);
+  }
+
+  // Nobody looks: viser's client, which draws once a second all the same, has less to draw until the
+  // next `draw`.
+  rest() {
+    if (this.away || !this.open) return;
+    this.away = true;
+    this.apply(SEEN.map((name) => visibility(name, false)));
+  }
+
+  // Colours are sent when they are others.
+  modules(snapshot, colours) {
+    const updates = { batched_positions: this.positions(snapshot), batched_wxyzs: snapshot.wxyzs };
+    if (!this.sent || colours.some((byte, k) => byte !== this.sent[k])) {
+      updates.batched_colors = colours.map((byte) => linear[byte]);
+      this.sent = colours;
+    }
+    return updates;
+  }
+
+  // Modules that others hide are put where no camera looks: viser draws what is in view.
+  positions({ positions, core }) {
+    const found = positions.map((v) => v * this.pitch);
+    if (!this.buried || this.through) return found;
+    for (let i = 0; i < core; i++) if (this.buried[i] <= core) found[3 * i + 2] = NOWHERE;
+    return found;
   }
 
   // Lets one look through the modules at the way that the chain takes in them.
@@ -70,11 +100,10 @@ export class Stage extends Scene {
     return points;
   }
 
-  middle({ positions }) {
-    const n = positions.length / 3;
+  middle({ positions, framed }) {
     const sum = [0, 0];
-    for (let i = 0; i < n; i++) { sum[0] += positions[3 * i]; sum[1] += positions[3 * i + 1]; }
-    return [sum[0] / n, sum[1] / n];
+    for (let i = 0; i < framed; i++) { sum[0] += positions[3 * i]; sum[1] += positions[3 * i + 1]; }
+    return [sum[0] / framed, sum[1] / framed];
   }
 
   // Studs on the free faces: behind the first module, before the last one.
@@ -93,10 +122,10 @@ export class Stage extends Scene {
     return { batched_positions: at, batched_wxyzs: turn };
   }
 
-  // Lets the ground sink and rise to just below the chain; true while it moves.
-  moveGround(seconds, { positions }) {
+  // Lets the ground sink and rise to just below what is in view of the chain; true while it moves.
+  moveGround(seconds, { positions, framed }) {
     let low = Infinity;
-    for (let k = 2; k < positions.length; k += 3) low = Math.min(low, positions[k]);
+    for (let k = 2; k < 3 * framed; k += 3) low = Math.min(low, positions[k]);
     low = (low - 0.5 - GROUND_GAP) * this.pitch;
     const before = this.ground ?? low;
     const after = low + (before - low) * Math.exp(-seconds / (low < before ? SINK_S : RISE_S));

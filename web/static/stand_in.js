@@ -2,12 +2,14 @@
 // and, where 3D graphics are software and take long for a picture, for as long as anything moves.
 const SLOW_MS = 70; // for a picture; below it the view keeps up
 const MEASURED = 4; // pictures, of which the slowest does not count: it may have compiled shaders
+const MANY = 300; // modules, which software never shows in time
 const REST_MS = 400;
 
 export class StandIn {
   constructor(canvas, stage, sketch) {
     Object.assign(this, { canvas, stage, sketch });
     this.opened = false; // the view has taken over
+    this.begun = false; // it has been given a picture
     this.times = [];
     this.measuring = false;
     this.latest = null;
@@ -21,9 +23,10 @@ export class StandIn {
   }
 
   get slow() {
-    const { times } = this;
+    const { times, stage } = this;
     const sum = times.reduce((a, b) => a + b, 0);
-    return times.length === MEASURED && (sum - Math.max(...times)) / (MEASURED - 1) > SLOW_MS;
+    if (times.length < MEASURED) return stage.scenery.header.chain.modules >= MANY && stage.software;
+    return (sum - Math.max(...times)) / (MEASURED - 1) > SLOW_MS;
   }
 
   // The view is there.
@@ -35,7 +38,8 @@ export class StandIn {
   draw(shown, colours, view, follow) {
     const { stage, sketch } = this;
     if (!this.opened) {
-      stage.draw(shown, colours, follow ? view : null);
+      // The view needs a picture to begin with; one that takes seconds for it gets no more of them.
+      if (!this.slow || !this.begun) { stage.draw(shown, colours, follow ? view : null); this.begun = stage.open; }
       sketch.draw(shown, colours, view, stage.ground);
       return;
     }
@@ -47,6 +51,7 @@ export class StandIn {
       return;
     }
     this.latest = [shown, colours, follow ? view : null];
+    stage.rest();
     sketch.draw(shown, colours, seen, stage.ground);
     this.canvas.classList.add("standing-in");
     clearTimeout(this.timer);
