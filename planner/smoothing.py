@@ -1,11 +1,11 @@
 """Smoothing: a shorter and quieter motion between the same two configurations, as clear as before.
 
-Time and again a simpler motion is drawn up: a running mean of every hinge over many frames, or
-straight lines between some frames. It is followed as far as it is clear. Two modules lie to each
-other as the hinges between them have it, so where two come too close only those hinges go back to
-what they did, around those frames; all others keep what they gained. These are shortcuts of any part
-of the chain in any part of the motion (Geraerts, Overmars: Creating high-quality paths for motion
-planning, 2007; Hauser, Ng-Thow-Hing: Fast smoothing of manipulator trajectories using optimal
+Time and again a simpler motion is drawn up: straight lines between some frames, or a running mean
+of every hinge over many. It is followed as far as it is clear. Two modules lie to each other as the
+hinges between them have it, so where two come too close only those hinges go back to what they did,
+around those frames; all others keep what they gained. These are shortcuts of any part of the chain
+in any part of the motion (Geraerts, Overmars: Creating high-quality paths for motion planning,
+2007; Hauser, Ng-Thow-Hing: Fast smoothing of manipulator trajectories using optimal
 bounded-acceleration shortcuts, 2010), with collisions to choose the part instead of chance.
 
 Every motion that is kept has been proved clear by ``planner.sweep``, all between its frames too.
@@ -18,13 +18,13 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter1d, uniform_filter1d
+from scipy.ndimage import minimum_filter1d
 
 from planner.chain import Chain
 from planner.errors import InputError
-from planner.kernels.smoothing import blamed_hinges, limit_slopes
+from planner.kernels.smoothing import blamed_hinges, displacements
 from planner.progress import Cancelled, never
-from planner.reference import record_lengths
+from planner.smoothing_targets import along, mean, parts, softened, straight, worthwhile
 from planner.smoothness import DISTANCE_WEIGHT, Pace, Smoothness, smoothness
 from planner.sweep import Sweep, sweep
 
@@ -32,17 +32,17 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
-LOOKS: Final = 12_000
+LOOKS: Final = 10_000
 """Configurations that are looked at."""
 TIGHT: Final = 0.98
 """Module size at which modules must not come closer than before."""
-SPACING_RAD: Final = 0.03
-"""Length between two frames, of which a pitch of displacement is ``DISTANCE_WEIGHT``."""
-STEEPNESS: Final = 1.5
-"""How fast a hinge may leave its old way for the new one, in spacings a frame."""
+FRAMES: Final = 250
+SPACING_RAD: Final = (0.015, 0.04)
+"""Length between two frames, in which a pitch of displacement is ``DISTANCE_WEIGHT``: such that
+there are ``FRAMES`` at first, but within these."""
 SLACK: Final = 0.001
 """Frames and places halfway are this much clearer than asked for, in pitches."""
-PIECES: Final = (2, 3, 4, 6, 8, 12, 16, 24, 32)
+PIECES: Final = (3, 6, 12, 24, 48)
 """Parts of a motion that are simplified at a time."""
 FEWEST_FRAMES: Final = 4
 GENTLE_ROUNDS: Final = 3
@@ -137,6 +137,8 @@ class _Smoothing:
         found = self._swept(angles)
         self.margin = found.clearance
         self.bound = min(found.bound, LEAST_BOUND)
+        length = float(self._measured(angles)[0].sum())
+        self.spacing = float(np.clip(length / FRAMES, *SPACING_RAD))
 
     def smoothed(self, cancelled: Cancelled) -> Array:
         """(F, J) the best motion found."""
@@ -154,17 +156,17 @@ class _Smoothing:
         return best
 
     def _simplified(self, angles: Array, cancelled: Cancelled) -> Array:
-        """One pass of means and straight lines over ever smaller parts."""
+        """One pass of straight lines and means over ever smaller parts."""
         costs = self._costs(angles)
-        for straight in (False, True):
+        for lines in (True, False):
             for pieces in PIECES:
                 if self.looks >= self.most_looks or cancelled():
                     return angles
                 if len(angles) < FEWEST_FRAMES * pieces:
                     break
-                parts = _parts(len(angles), pieces, self.rng)
-                target = _straight(angles, parts) if straight else _mean(angles, pieces)
-                worth = _worth(costs, self._costs(target), parts)
+                begins = parts(len(angles), pieces, self.rng)
+                target = straight(angles, begins) if lines else mean(angles, pieces)
+                worth = worthwhile(costs, self._costs(target), begins)
                 if not worth.any():
                     continue
                 found = self._followed(angles, target, worth, float(costs.sum()))
@@ -183,10 +185,8 @@ class _Smoothing:
             worth: (F,) whether the target is to be followed there at all.
             most_cost: It must cost less than this.
         """
-        shares = np.repeat(worth.astype(np.float64)[:, None], angles.shape[1], axis=1)
-        slopes = STEEPNESS * SPACING_RAD / np.maximum(np.abs(target - angles), 1e-9)
-        limit_slopes(shares, slopes)
-        unknown = np.ones(len(angles), dtype=np.bool_)
+        shares = softened(np.repeat(worth.astype(np.float64)[:, None], angles.shape[1], axis=1))
+        unknown: Flags = np.ones(len(angles), dtype=np.bool_)
         unknown_ways = unknown.copy()
         for turn in range(MOST_ROUNDS):
             found = angles + shares * (target - angles)
@@ -208,9 +208,9 @@ class _Smoothing:
             if turn >= STERN_ROUNDS:
                 blamed[blamed.any(axis=1)] = True
             kept = np.where(blamed, 0.5 if turn < GENTLE_ROUNDS else 0.0, 1.0)
-            lower = shares * minimum_filter1d(kept, 3 if turn <= STERN_ROUNDS else 7, axis=0)
+            lower = shares * minimum_filter1d(kept, 3, axis=0)
             lower[lower < LEAST_SHARE] = 0.0
-            limit_slopes(lower, slopes)
+            lower = softened(lower)
             unknown = (lower != shares).any(axis=1)
             shares = lower
         return None
@@ -267,32 +267,51 @@ class _Smoothing:
                 left.append(np.arange(start, stop))
         return np.concatenate([np.zeros(0, dtype=np.int64), *left])
 
-    def _steps(self, angles: Array) -> Array:
-        """(F − 1,) lengths of the steps."""
-        return np.diff(record_lengths(self.chain, angles, DISTANCE_WEIGHT))
+    def _measured(self, angles: Array) -> tuple[Array, Array]:
+        """(F − 1,) the lengths of all steps, and what they cost.
+
+        A step costs its length and, as a length is that of what goes farthest, how far hinges turn
+        and modules move on average.
+        """
+        module = self.chain.module
+        largest, mean = np.zeros(len(angles) - 1), np.zeros(len(angles) - 1)
+        displacements(
+            angles,
+            module.rigid_links,
+            module.anchor,
+            module.axes,
+            module.turn,
+            module.offset,
+            largest,
+            mean,
+        )
+        turned = np.abs(np.diff(angles, axis=0))
+        lengths = np.maximum(turned.max(axis=1), DISTANCE_WEIGHT * largest)
+        return lengths, lengths + turned.mean(axis=1) + DISTANCE_WEIGHT * mean
 
     def _costs(self, angles: Array) -> Array:
-        """(F − 1,) what each step costs: its length, and how far its hinges turn on average."""
-        return self._steps(angles) + np.abs(np.diff(angles, axis=0)).mean(axis=1)
+        return self._measured(angles)[1]
 
     def _refined(self, angles: Array) -> Array:
         """The same motion with frames halfway of steps that are too long."""
-        steps = self._steps(angles)
-        parts = np.maximum(1, np.ceil(steps / (2.0 * SPACING_RAD))).astype(np.int64)
-        places = np.concatenate([[0], np.cumsum(parts)])
-        return _along(angles, places.astype(np.float64), np.arange(places[-1] + 1.0))
+        steps = self._measured(angles)[0]
+        count = np.maximum(1, np.ceil(steps / (2.0 * self.spacing))).astype(np.int64)
+        of = np.repeat(np.arange(len(steps)), count)
+        number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+        places = np.append(of + number / np.repeat(count, count), len(steps))
+        return along(angles, np.arange(len(angles) * 1.0), places)
 
     def _resampled(self, angles: Array) -> Array:
         """A motion with frames at even lengths; where that cuts a corner too close, as it was."""
-        lengths = record_lengths(self.chain, angles, DISTANCE_WEIGHT)
-        count = int(np.ceil(lengths[-1] / SPACING_RAD))
+        lengths = np.concatenate([[0.0], np.cumsum(self._measured(angles)[0])])
+        count = int(np.ceil(lengths[-1] / self.spacing))
         if not count:
             return angles[[0, -1]]
         even = np.linspace(0.0, lengths[-1], count + 1)
         places = even
         for _ in range(MOST_REPAIRS):
-            found = _along(angles, lengths, places)
-            close = self._blamed(0.5 * (found[:-1] + found[1:]), slack=0.0).any(axis=1)
+            found = along(angles, lengths, places)
+            close: Flags = self._blamed(0.5 * (found[:-1] + found[1:]), slack=0.0).any(axis=1)
             if not close.any():
                 swept = self._swept(found)
                 if self._clear(swept):
@@ -316,42 +335,3 @@ class _Smoothing:
     def _clear(self, found: Sweep) -> bool:
         """Whether a motion is as clear as the given one, and that without gaps."""
         return found.clearance >= self.margin - ROUNDING and found.bound >= self.bound
-
-
-def _parts(frames: int, pieces: int, rng: np.random.Generator) -> Ints:
-    """Frames at which about so many even parts of a motion begin, and its last frame."""
-    inner = (np.arange(pieces) + rng.uniform(0.25, 0.75)) * (frames / pieces)
-    return np.unique(np.concatenate([[0], inner.astype(np.int64), [frames - 1]]))
-
-
-def _straight(angles: Array, parts: Ints) -> Array:
-    """(F, J) all hinges running evenly from one part's beginning to the next."""
-    return _along(angles[parts], parts.astype(np.float64), np.arange(len(angles) * 1.0))
-
-
-def _mean(angles: Array, pieces: int) -> Array:
-    """(F, J) the running mean over such a part of the motion, the ends staying where they are."""
-    reach = max(1, len(angles) // (2 * pieces))
-    before = 2.0 * angles[0] - angles[reach:0:-1]
-    after = 2.0 * angles[-1] - angles[-2 : -reach - 2 : -1]
-    extended = np.concatenate([before, angles, after])
-    mean = uniform_filter1d(extended, 2 * reach + 1, axis=0)[reach:-reach]
-    mean[0], mean[-1] = angles[0], angles[-1]
-    return mean
-
-
-def _worth(costs: Array, new: Array, parts: Ints) -> Flags:
-    """(F,) whether a frame is in the inside of parts that would cost less."""
-    better = np.add.reduceat(new, parts[:-1]) < np.add.reduceat(costs, parts[:-1])
-    worth = np.repeat(better, np.diff(parts))
-    return np.concatenate([[False], worth[1:] & worth[:-1], [False]])
-
-
-def _along(angles: Array, lengths: Array, places: Array) -> Array:
-    """(P, J) the configurations at (P,) lengths along (F, J) ones at (F,) lengths."""
-    frame = np.clip(np.searchsorted(lengths, places, side="right") - 1, 0, len(lengths) - 2)
-    span = lengths[frame + 1] - lengths[frame]
-    part = np.where(span > 0.0, (places - lengths[frame]) / np.where(span > 0.0, span, 1.0), 1.0)
-    found = angles[frame] + part[:, None] * (angles[frame + 1] - angles[frame])
-    found[0], found[-1] = angles[0], angles[-1]
-    return found

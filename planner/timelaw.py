@@ -71,7 +71,7 @@ def torque_bounded_law(
 
 
 def torque_bounded_profile(u: Array, a: Array, b: Array) -> Array:
-    """z = u̇² of that law, its torques about 1.
+    """The z = u̇² of that law, its torques about 1.
 
     Args:
         u: (U,) even places.

@@ -97,12 +97,56 @@ def blamed_hinges(
 
 
 @njit(cache=True)
-def limit_slopes(shares: Array, most: Array) -> None:
-    """Lowers (F, J) shares until from frame to frame none rises by more than ``most``, (F, J)."""
-    frames, hinges = shares.shape
-    for k in range(1, frames):
-        for h in range(hinges):
-            shares[k, h] = min(shares[k, h], shares[k - 1, h] + most[k, h])
-    for k in range(frames - 2, -1, -1):
-        for h in range(hinges):
-            shares[k, h] = min(shares[k, h], shares[k + 1, h] + most[k, h])
+def displacements(
+    angles: Array,
+    rigid_links: int,
+    anchor: Array,
+    axes: Array,
+    turn: Array,
+    offset: Array,
+    largest: Array,
+    mean: Array,
+) -> None:
+    """Writes (F − 1,) how far modules move from frame to frame, the most and on average.
+
+    The centre of mass and the orientation of the middle module are held still.
+    """
+    frames, hinges = angles.shape
+    n = hinges // axes.shape[0] + 1 + rigid_links
+    centres = np.empty((2, n, 3))
+    rotations = np.empty((n, 3, 3))
+    origin = np.zeros(3)
+    upright = np.eye(3)
+    for f in range(frames):
+        now = centres[f % 2]
+        chain_poses(
+            angles[f],
+            rigid_links,
+            anchor,
+            axes,
+            turn,
+            offset,
+            n // 2,
+            origin,
+            upright,
+            now,
+            rotations,
+        )
+        for r in range(3):
+            middle = now[:, r].mean()
+            for i in range(n):
+                now[i, r] -= middle
+        if f == 0:
+            continue
+        before = centres[1 - f % 2]
+        most = 0.0
+        total = 0.0
+        for i in range(n):
+            x = now[i, 0] - before[i, 0]
+            y = now[i, 1] - before[i, 1]
+            z = now[i, 2] - before[i, 2]
+            moved = np.sqrt(x * x + y * y + z * z)
+            most = max(most, moved)
+            total += moved
+        largest[f - 1] = most
+        mean[f - 1] = total / n
