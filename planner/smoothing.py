@@ -36,8 +36,8 @@ LOOKS: Final = 10_000
 """Configurations that are looked at."""
 TIGHT: Final = 0.98
 """Module size at which modules must not come closer than before."""
-FRAMES: Final = 250
-SPACING_RAD: Final = (0.015, 0.04)
+FRAMES: Final = 150
+SPACING_RAD: Final = (0.015, 0.06)
 """Length between two frames, in which a pitch of displacement is ``DISTANCE_WEIGHT``: such that
 there are ``FRAMES`` at first, but within these."""
 SLACK: Final = 0.001
@@ -45,7 +45,7 @@ SLACK: Final = 0.001
 PIECES: Final = (3, 6, 12, 24, 48)
 """Parts of a motion that are simplified at a time."""
 FEWEST_FRAMES: Final = 4
-GENTLE_ROUNDS: Final = 3
+GENTLE_ROUNDS: Final = 1
 STERN_ROUNDS: Final = 6
 MOST_ROUNDS: Final = 14
 LEAST_SHARE: Final = 0.02
@@ -187,10 +187,10 @@ class _Smoothing:
         """
         shares = softened(np.repeat(worth.astype(np.float64)[:, None], angles.shape[1], axis=1))
         unknown: Flags = np.ones(len(angles), dtype=np.bool_)
-        unknown_ways = unknown.copy()
+        unknown_ways: Flags = unknown.copy()
         for turn in range(MOST_ROUNDS):
             found = angles + shares * (target - angles)
-            moved = shares.any(axis=1)
+            moved: Flags = shares.max(axis=1) > 0.0
             blamed = np.zeros(angles.shape, dtype=np.bool_)
             rows = np.flatnonzero(unknown & moved)
             blamed[rows] = self._blamed(found[rows])
@@ -211,7 +211,7 @@ class _Smoothing:
             lower = shares * minimum_filter1d(kept, 3, axis=0)
             lower[lower < LEAST_SHARE] = 0.0
             lower = softened(lower)
-            unknown = (lower != shares).any(axis=1)
+            unknown = np.abs(lower - shares).max(axis=1) > 0.0
             shares = lower
         return None
 
@@ -311,7 +311,8 @@ class _Smoothing:
         places = even
         for _ in range(MOST_REPAIRS):
             found = along(angles, lengths, places)
-            close: Flags = self._blamed(0.5 * (found[:-1] + found[1:]), slack=0.0).any(axis=1)
+            between = self._blamed(0.5 * (found[:-1] + found[1:]), slack=0.0)
+            close: Flags = between.max(axis=1)
             if not close.any():
                 swept = self._swept(found)
                 if self._clear(swept):

@@ -30,12 +30,13 @@ def straight(angles: Array, parts: Ints) -> Array:
 def mean(angles: Array, pieces: int) -> Array:
     """(F, J) the running mean over such a part of the motion, the ends staying where they are."""
     reach = max(1, len(angles) // (2 * pieces))
-    before = 2.0 * angles[0] - angles[reach:0:-1]
-    after = 2.0 * angles[-1] - angles[-2 : -reach - 2 : -1]
-    extended = np.concatenate([before, angles, after])
+    again = reach // 2
+    pad = min(reach + again, len(angles) - 1)
+    before = 2.0 * angles[0] - angles[pad:0:-1]
+    after = 2.0 * angles[-1] - angles[-2 : -pad - 2 : -1]
     # A corner of the first mean is a kink in the speed; of the second one, in the acceleration.
-    mean = uniform_filter1d(extended, 2 * reach + 1, axis=0)
-    mean = uniform_filter1d(mean, 2 * (reach // 2) + 1, axis=0)[reach:-reach]
+    mean = uniform_filter1d(np.concatenate([before, angles, after]), 2 * reach + 1, axis=0)
+    mean = uniform_filter1d(mean, 2 * again + 1, axis=0)[pad:-pad]
     mean[0], mean[-1] = angles[0], angles[-1]
     return mean
 

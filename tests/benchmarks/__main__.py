@@ -17,6 +17,7 @@ from tests.benchmarks.meshes import meshes
 from tests.benchmarks.movies import movies
 from tests.benchmarks.page import page
 from tests.benchmarks.paths import paths
+from tests.benchmarks.smoothing import smoothing
 from tests.benchmarks.tetrahedra import tetrahedra
 
 SECTIONS = {
@@ -25,6 +26,7 @@ SECTIONS = {
     "meshes": meshes,
     "paths": paths,
     "tetrahedra": tetrahedra,
+    "smoothing": smoothing,
     "page": page,
     "movies": movies,
     "direct": direct,
