@@ -67,7 +67,7 @@ def _row(shape: str) -> dict[str, Any]:
     data = (SHAPES / f"{shape}.json").read_bytes()
     chain = prepare(data, None, Request().wishes(), seed=0).chain
     record = explode(chain, ExplosionParameters())
-    angles = np.ascontiguousarray(record.frames.joint_angles_rad[::-1])
+    angles = np.ascontiguousarray(record.frames.dense(chain).joint_angles_rad[::-1])
     cpu = time.process_time()
     found = smooth(chain, angles, size=SIZE)
     cpu = time.process_time() - cpu
