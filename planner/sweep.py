@@ -139,6 +139,10 @@ def _swept(
 
 def _in_turn(part: Callable[[int], Found], starts: range, cancelled: Cancelled) -> Iterator[Found]:
     """Results of all parts in their order, some of them at the same time, until cancelled."""
+    if len(starts) == 1:  # a short motion is done sooner than a thread begins
+        if not cancelled():
+            yield part(starts[0])
+        return
     threads = min(MOST_THREADS, len(starts), os.cpu_count() or 1)
     waiting: deque[Future[Found]] = deque()
     with ThreadPoolExecutor(max(1, threads)) as pool:

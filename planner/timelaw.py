@@ -66,17 +66,30 @@ def torque_bounded_law(
         samples: Places at which a and b are evaluated.
     """
     u = np.linspace(0.0, 1.0, samples)
-    a, b = _torque_terms(reference, tree, u)
+    z = torque_bounded_profile(u, *_torque_terms(reference, tree, u))
+    return _law_from_profile(u, z, steps, step_s)
+
+
+def torque_bounded_profile(u: Array, a: Array, b: Array) -> Array:
+    """The z = u̇² of that law, its torques about 1.
+
+    Args:
+        u: (U,) even places.
+        a, b: (U, J) terms of the torques there.
+
+    Returns:
+        (U,) z, 0 at both ends.
+    """
     ceiling = 1.0 / np.maximum(np.abs(b).max(axis=1), 1e-12)
     z = ceiling
     for _ in range(8):
         z = _passes(u, a, b, ceiling)
-        mean = 1.0 / _duration(u, z)
+        mean = 1.0 / duration(u, z)
         limit = (FASTEST * mean) ** 2
         if z.max() <= 1.02 * limit:
             break
         ceiling = np.minimum(ceiling, limit)
-    return _law_from_profile(u, _smoothed(z), steps, step_s)
+    return _smoothed(z)
 
 
 def _torque_terms(reference: Reference, tree: Tree, u: Array) -> tuple[Array, Array]:
@@ -117,7 +130,8 @@ def _smoothed(z: Array) -> Array:
     return np.maximum(smooth, 0.0)
 
 
-def _duration(u: Array, z: Array) -> float:
+def duration(u: Array, z: Array) -> float:
+    """The time from one end to the other."""
     root = np.sqrt(z)
     return float(np.sum(2.0 * np.diff(u) / np.maximum(root[1:] + root[:-1], 1e-12)))
 

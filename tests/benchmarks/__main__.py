@@ -18,6 +18,7 @@ from tests.benchmarks.meshes import meshes
 from tests.benchmarks.movies import movies
 from tests.benchmarks.page import page
 from tests.benchmarks.paths import paths
+from tests.benchmarks.smoothing import smoothing
 from tests.benchmarks.tetrahedra import tetrahedra
 
 SECTIONS = {
@@ -26,6 +27,7 @@ SECTIONS = {
     "meshes": meshes,
     "paths": paths,
     "tetrahedra": tetrahedra,
+    "smoothing": smoothing,
     "page": page,
     "long-folds": long_folds,
     "movies": movies,

@@ -1,0 +1,73 @@
+"""Targets: the simpler motions that a smoothing follows as far as they are clear."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d, uniform_filter1d
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+RAMP: Final = 3
+"""Frames that a third of the way takes from what was to what is to be."""
+TRACES: Final = 1e-9
+
+
+def parts(frames: int, pieces: int, rng: np.random.Generator) -> Ints:
+    """Frames at which about so many even parts of a motion begin, and its last frame."""
+    inner = (np.arange(pieces) + rng.uniform(0.25, 0.75)) * (frames / pieces)
+    return np.unique(np.concatenate([[0], inner.astype(np.int64), [frames - 1]]))
+
+
+def straight(angles: Array, parts: Ints) -> Array:
+    """(F, J) all hinges running evenly from one part's beginning to the next."""
+    return along(angles[parts], parts.astype(np.float64), np.arange(len(angles) * 1.0))
+
+
+def mean(angles: Array, pieces: int) -> Array:
+    """(F, J) the running mean over such a part of the motion, the ends staying where they are."""
+    reach = max(1, len(angles) // (2 * pieces))
+    again = reach // 2
+    pad = min(reach + again, len(angles) - 1)
+    before = 2.0 * angles[0] - angles[pad:0:-1]
+    after = 2.0 * angles[-1] - angles[-2 : -pad - 2 : -1]
+    # A corner of the first mean is a kink in the speed; of the second one, in the acceleration.
+    mean = uniform_filter1d(np.concatenate([before, angles, after]), 2 * reach + 1, axis=0)
+    mean = uniform_filter1d(mean, 2 * again + 1, axis=0)[pad:-pad]
+    mean[0], mean[-1] = angles[0], angles[-1]
+    return mean
+
+
+def worthwhile(costs: Array, new: Array, parts: Ints) -> Flags:
+    """(F,) whether a frame is in the inside of parts that would cost less."""
+    better = np.add.reduceat(new, parts[:-1]) < np.add.reduceat(costs, parts[:-1])
+    worth = np.repeat(better, np.diff(parts))
+    return np.concatenate([[False], worth[1:] & worth[:-1], [False]])
+
+
+def along(angles: Array, lengths: Array, places: Array) -> Array:
+    """(P, J) the configurations at (P,) lengths along (F, J) ones at (F,) lengths."""
+    frame = np.clip(np.searchsorted(lengths, places, side="right") - 1, 0, len(lengths) - 2)
+    span = lengths[frame + 1] - lengths[frame]
+    part = np.where(span > 0.0, (places - lengths[frame]) / np.where(span > 0.0, span, 1.0), 1.0)
+    found = angles[frame] + part[:, None] * (angles[frame + 1] - angles[frame])
+    found[0], found[-1] = angles[0], angles[-1]
+    return found
+
+
+def softened(shares: Array) -> Array:
+    """(F, J) shares that are nowhere larger, and in time change without a corner.
+
+    None at either end, where a motion stays as it is.
+    """
+    low = np.pad(shares, ((RAMP, RAMP), (0, 0)))
+    low = minimum_filter1d(low, 4 * RAMP + 1, axis=0)
+    for _ in range(2):
+        low = uniform_filter1d(low, 2 * RAMP + 1, axis=0)
+    # A running sum leaves traces of what has passed.
+    low = np.where(low[RAMP:-RAMP] < TRACES, 0.0, np.minimum(low[RAMP:-RAMP], shares))
+    low[0] = low[-1] = 0.0
+    return low

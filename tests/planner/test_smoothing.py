@@ -1,0 +1,232 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.errors import InputError
+from planner.kernels.smoothing import blamed_hinges, displacements
+from planner.reference import record_lengths
+from planner.smoothing import SPACING_RAD, Smoothed, smooth
+from planner.smoothing_targets import along, mean, parts, softened, straight, worthwhile
+from planner.smoothness import DISTANCE_WEIGHT, Pace, smoothness
+from planner.sweep import sweep
+from tests.planner.chains import coil, line, random_angles
+
+Array = NDArray[np.float64]
+REAL = ("wrench-24", "mallet-64", "wrench-94")
+
+
+def recorded(folded: Callable[..., Any], shape: str) -> tuple[Chain, Array]:
+    """A chain and its record from straight to folded."""
+    fold = folded(shape)
+    return fold.chain, np.ascontiguousarray(fold.record.frames.joint_angles_rad[::-1])
+
+
+@pytest.mark.parametrize("shape", REAL)
+def test_what_is_smoothed_is_shorter_and_as_clear(shape: str, folded: Callable[..., Any]) -> None:
+    chain, angles = recorded(folded, shape)
+    found = smooth(chain, angles, size=0.95)
+    np.testing.assert_array_equal(found.angles[[0, -1]], angles[[0, -1]])
+    for size in (0.95, 0.98):
+        before, after = (sweep(chain, motion, size=size) for motion in (angles, found.angles))
+        # At 0.98 it is as clear as before, and every gap is at least as much wider at 0.95.
+        assert after.clearance >= before.clearance - (0.003 if size < 0.98 else 1e-6)
+        assert after.bound > 0.0
+    assert found.after.length_rad < 0.85 * found.before.length_rad
+    assert found.after.travel_rad < 0.9 * found.before.travel_rad
+    assert found.after.fold_time_s < found.before.fold_time_s
+    assert found.after.frames == len(found.angles) < found.before.frames
+    assert np.abs(found.angles).max() <= max(np.abs(angles).max(), chain.module.angle_limit_rad)
+
+
+def test_steps_are_even(folded: Callable[..., Any]) -> None:
+    chain, angles = recorded(folded, "mallet-64")
+    found = smooth(chain, angles, size=0.95)
+    steps = np.diff(record_lengths(chain, found.angles, DISTANCE_WEIGHT))
+    assert steps.max() <= 1.2 * SPACING_RAD[1]
+
+
+def test_the_same_seed_gives_the_same_motion_bit_for_bit(folded: Callable[..., Any]) -> None:
+    chain, angles = recorded(folded, "wrench-24")
+    first, again, other = (smooth(chain, angles, size=0.95, seed=seed) for seed in (5, 5, 6))
+    np.testing.assert_array_equal(first.angles, again.angles)
+    assert first.looks == again.looks
+    assert first.angles.shape != other.angles.shape or (first.angles != other.angles).any()
+
+
+def test_more_looks_never_do_worse(folded: Callable[..., Any]) -> None:
+    chain, angles = recorded(folded, "wrench-24")
+    lengths = [smooth(chain, angles, size=0.95, looks=n).after.length_rad for n in (1, 3000, 12000)]
+    assert lengths[0] >= lengths[1] >= lengths[2]
+    assert lengths[2] < 0.8 * lengths[0]
+
+
+def test_a_cancelled_smoothing_gives_what_it_has(folded: Callable[..., Any]) -> None:
+    chain, angles = recorded(folded, "wrench-24")
+    found = smooth(chain, angles, size=0.95, cancelled=lambda: True)
+    np.testing.assert_array_equal(found.angles[[0, -1]], angles[[0, -1]])
+    assert sweep(chain, found.angles, size=0.95).clearance > 0.0
+
+
+def test_a_detour_is_left_out() -> None:
+    # Nothing is in the way of a nearly straight chain: its hinges run evenly from end to end.
+    chain = coil(12)
+    rng = np.random.default_rng(0)
+    ends = 0.1 * random_angles(chain, rng), 0.1 * random_angles(chain, rng)
+    share = np.linspace(0.0, 1.0, 60)[:, None]
+    detour = 0.3 * np.sin(np.pi * share) * random_angles(chain, rng)
+    angles = (1.0 - share) * ends[0] + share * ends[1] + detour
+    found = smooth(chain, angles, size=0.95)
+    shortest = np.abs(ends[1] - ends[0]).sum()
+    assert found.before.travel_rad > 1.5 * shortest
+    assert found.after.travel_rad < 1.1 * shortest
+
+
+def test_a_motion_that_is_not_clear_gets_no_worse() -> None:
+    chain = coil(16)
+    angles = np.linspace(0.0, 1.0, 40)[:, None] * chain.folded_rad
+    before = sweep(chain, angles, size=0.98)
+    assert before.clearance < 0.0
+    found = smooth(chain, angles, size=0.95)
+    assert sweep(chain, found.angles, size=0.98).clearance >= before.clearance - 1e-6
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_motions_of_few_frames_stay(frames: int) -> None:
+    chain = line(8)
+    found = smooth(chain, np.zeros((frames, len(chain.folded_rad))), size=0.95)
+    assert (found.angles == 0.0).all()
+    assert np.isfinite(found.time_s).all()
+    assert found.after.travel_rad == 0.0
+
+
+def test_other_shapes_are_refused() -> None:
+    with pytest.raises(InputError, match="expected frames of 28 hinge angles"):
+        smooth(coil(16), np.zeros((4, 27)), size=0.95)
+
+
+def test_speed_and_torque_are_bounded(folded: Callable[..., Any]) -> None:
+    chain, angles = recorded(folded, "wrench-24")
+
+    def timed(speed: float, torque: float) -> Smoothed:
+        found = smooth(
+            chain, angles, size=0.95, looks=2000, max_speed_rad_s=speed, max_torque=torque
+        )
+        rates = np.abs(np.diff(found.angles, axis=0)) / np.diff(found.time_s)[:, None]
+        assert rates.max() <= 1.05 * speed
+        return found
+
+    fast, slow = timed(1.0, np.inf), timed(0.5, np.inf)
+    np.testing.assert_allclose(slow.time_s, 2.0 * fast.time_s)
+    peak = fast.after.peak_torque / fast.time_s[-1] ** 2
+    np.testing.assert_allclose(timed(1.0, peak / 9.0).time_s, 3.0 * fast.time_s)
+    assert (np.diff(fast.time_s) > 0.0).all()
+
+
+def test_torque_falls_with_the_square_of_the_time() -> None:
+    chain = coil(12)
+    angles = np.linspace(0.0, 0.3, 30)[:, None] * chain.folded_rad
+    pace = Pace.of(chain, angles)
+    # One even motion: all hinges that move reach their top speed together.
+    assert pace.top_speed >= np.abs(angles[-1]).max()
+    figures = smoothness(chain, angles, pace)
+    np.testing.assert_allclose(figures.travel_rad, np.abs(angles[-1]).sum())
+    assert figures.hinges_moving_mean == (chain.folded_rad != 0.0).sum()
+    assert figures.largest_way >= figures.mean_way > 0.0
+
+
+def test_blame_falls_on_the_hinges_between() -> None:
+    chain = coil(16)
+    module = chain.module
+    angles = np.zeros((2, len(chain.folded_rad)))
+    angles[1, 8] = angles[1, 10] = angles[1, 12] = np.pi / 2  # a turn into itself
+    blamed = np.zeros(angles.shape, dtype=np.bool_)
+    count = blamed_hinges(
+        angles,
+        module.rigid_links,
+        module.anchor,
+        module.axes,
+        module.turn,
+        module.offset,
+        module.vertices,
+        module.face_normals,
+        module.edge_directions,
+        module.radius,
+        module.apart,
+        0.95,
+        0.01,
+        blamed,
+    )
+    assert count == 1
+    assert not blamed[0].any()
+    assert blamed[1, 8:14].all()
+    # Hinges 8, 10 and 12 are of modules 5, 6 and 7: what lies in one another includes all three.
+    free = angles[1].copy()
+    free[blamed[1]] = 0.0
+    assert sweep(chain, free[None], size=0.95).clearance > 0.0
+
+
+def test_displacements_are_those_of_kinematics() -> None:
+    chain = coil(12)
+    module = chain.module
+    rng = np.random.default_rng(1)
+    angles = np.array([random_angles(chain, rng) for _ in range(4)])
+    largest, mean_ = np.zeros(3), np.zeros(3)
+    displacements(
+        angles,
+        module.rigid_links,
+        module.anchor,
+        module.axes,
+        module.turn,
+        module.offset,
+        largest,
+        mean_,
+    )
+    centres = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])).positions
+    centres -= centres.mean(axis=1, keepdims=True)
+    moved = np.linalg.norm(np.diff(centres, axis=0), axis=2)
+    np.testing.assert_allclose(largest, moved.max(axis=1))
+    np.testing.assert_allclose(mean_, moved.mean(axis=1))
+
+
+def test_targets_keep_the_ends_and_even_motions() -> None:
+    rng = np.random.default_rng(2)
+    even = np.linspace(0.0, 1.0, 50)[:, None] * rng.normal(size=7)
+    rough = even + 0.1 * rng.normal(size=even.shape)
+    begins = parts(50, 4, rng)
+    assert begins[0] == 0
+    assert begins[-1] == 49
+    for target in (lambda a: straight(a, begins), lambda a: mean(a, 4)):
+        np.testing.assert_allclose(target(even), even, atol=1e-12)
+        np.testing.assert_array_equal(target(rough)[[0, -1]], rough[[0, -1]])
+        assert np.abs(np.diff(target(rough), axis=0)).sum() < np.abs(np.diff(rough, axis=0)).sum()
+
+
+def test_a_target_is_followed_where_it_costs_less() -> None:
+    costs, new = np.ones(10), np.r_[np.full(5, 0.5), np.full(5, 2.0)]
+    worth = worthwhile(costs, new, np.array([0, 5, 10]))
+    np.testing.assert_array_equal(np.flatnonzero(worth), [1, 2, 3, 4])
+
+
+def test_shares_are_softened_downwards() -> None:
+    shares = np.ones((80, 2))
+    shares[40, 1] = 0.0
+    soft = softened(shares)
+    assert (soft <= shares).all()
+    assert (soft[[0, -1]] == 0.0).all()
+    assert soft[40, 1] == 0.0
+    assert soft[40, 0] == pytest.approx(1.0)
+    assert np.abs(np.diff(soft, axis=0)).max() < 0.2
+
+
+def test_places_along_a_motion() -> None:
+    angles = np.array([[0.0], [1.0], [1.0], [3.0]])
+    lengths = np.array([0.0, 1.0, 1.0, 3.0])
+    np.testing.assert_allclose(
+        along(angles, lengths, np.array([0.0, 0.5, 1.0, 2.0, 3.0])).ravel(), [0, 0.5, 1, 2, 3]
+    )
