@@ -2,7 +2,7 @@
 
 An overlap between two frames of the playback may be one of the frames alone, which are joined by
 straight lines: the same playback is then recorded with more of them. Everything else is tried with
-the next path, or with the next seed once the paths are used up.
+another path, seed or strategy: ``planner.portfolio``.
 
 ``attempts.json`` in a fold's directory is a list with an entry for each explosion, and one for each
 playback with finer frames. An entry has no verdict until its certificate is there; a stage that is
@@ -17,21 +17,13 @@ from typing import Any, Final
 
 from planner.certificate import Certificate
 from planner.files import write_whole
+from planner.portfolio import Choice
 
 FILE: Final = "attempts.json"
-FEWEST: Final = 3
-"""Explosions that may be tried, when there are fewer paths than that."""
 MOST_VERDICTS: Final = 4
 FINER: Final = 4
-LARGEST_SEED: Final = 2**32 - 1
 
 Attempt = dict[str, Any]
-
-
-def tries(candidates: int, seed: int) -> list[tuple[int, int]]:
-    """Candidate and seed of each explosion that may be tried, in their order."""
-    count = max(candidates, FEWEST)
-    return [(k % candidates, (seed + k // candidates) % (LARGEST_SEED + 1)) for k in range(count)]
 
 
 def load(directory: FilePath) -> list[Attempt]:
@@ -45,23 +37,23 @@ def save(directory: FilePath, attempts: list[Attempt]) -> None:
     write_whole(directory / FILE, json.dumps(attempts).encode())
 
 
-def before_explosion(directory: FilePath, candidates: int) -> list[Attempt]:
+def before_explosion(directory: FilePath, choice: Choice) -> list[Attempt]:
     """Attempts that another explosion follows; none when everything begins anew."""
     kept = load(directory)
     while kept and "verdict" not in kept[-1]:
         kept.pop()
-    goes_on = bool(kept) and following(kept, candidates) == "explode"
+    goes_on = bool(kept) and following(kept, choice) == "explode"
     return kept if goes_on else []
 
 
-def before_playback(directory: FilePath, candidates: int) -> list[Attempt]:
+def before_playback(directory: FilePath, choice: Choice) -> list[Attempt]:
     """Attempts with the one that is to be played back last."""
     attempts = load(directory)
     if attempts and "verdict" in attempts[-1]:
         again = {
             key: value for key, value in attempts[-1].items() if key not in ("verdict", "between")
         }
-        if following(attempts, candidates) == "play_back":
+        if following(attempts, choice) == "play_back":
             again["finer"] = FINER
             return [*attempts, again]
         return [*attempts[:-1], again]
@@ -83,7 +75,7 @@ def judged(attempts: list[Attempt], certificate: Certificate) -> list[Attempt]:
     return [*attempts[:-1], last]
 
 
-def following(attempts: list[Attempt], candidates: int) -> str | None:
+def following(attempts: list[Attempt], choice: Choice) -> str | None:
     """The stage that goes on after the verdict on the last attempt; None when that is the end."""
     last = attempts[-1]
     if last["verdict"].startswith("verified") or last["status"] != "straight":
@@ -92,5 +84,4 @@ def following(attempts: list[Attempt], candidates: int) -> str | None:
         return None
     if last["between"] and "finer" not in last:
         return "play_back"
-    explosions = sum("finer" not in attempt for attempt in attempts)
-    return "explode" if explosions < len(tries(candidates, 0)) else None
+    return "explode" if choice.after(attempts) is not None else None

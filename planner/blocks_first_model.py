@@ -28,7 +28,7 @@ WILD: Final = 1e10
 
 
 class Blocks:
-    """A chain as rigid blocks. Holds a model and its data; the same to an explosion as ``Segments``.
+    """A chain as rigid blocks, with its model and data; to an explosion the same as ``Segments``.
 
     The state is that of all hinges; those within a block have no velocity and get none.
 

@@ -103,8 +103,11 @@ def windowed_frames(
     duration_s = parameters.steps_per_rad * parameters.step_s * total
     law = smooth_law(steps=LAW_STEPS, step_s=1.0 / LAW_STEPS)
     shares = np.interp(lengths / max(total, 1e-12), law.u, np.linspace(0.0, 1.0, LAW_STEPS + 1))
+    # The stops of a simulated joint give a little.
+    limit = np.float32(chain.module.angle_limit_rad)
     return replace(
         reversed_record,
+        angles_rad=np.clip(reversed_record.angles_rad, -limit, limit),
         time_s=start_s + duration_s * shares,
         phase=np.full(len(record), PHASES.index("playback"), dtype=np.uint8),
     )

@@ -15,20 +15,23 @@ from shutil import rmtree
 from typing import Any, Final
 
 from planner import attempts
+from planner.best_record import BestRecord
 from planner.certificate import Certificate, certify
 from planner.chain import Chain
+from planner.diagnosis import diagnose
 from planner.exports import mjcf
 from planner.files import write_whole
 from planner.frames import PHASES
 from planner.measuring import write_figures
-from planner.parameters import ExplosionParameters
+from planner.parameters import ExplosionParameters, Parameters
 from planner.plan import Plan
 from planner.playback import Playback, play_back
+from planner.portfolio import Choice, Try
 from planner.preparation import prepare
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.record import Record
 from planner.request import SHORT_SEED, Request
-from planner.strategies import let_go, strategy_for, windowed
+from planner.strategies import let_go, strategies_for, windowed
 from planner.timeline import TimelineWriter, chain_attributes, chain_from_attributes
 from planner.unfolding import START_CHAIN, START_PLAN, Unfolding, check_fits
 
@@ -178,36 +181,61 @@ def _explode(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
         TimelineWriter.create(directory / "timeline.zarr", candidates[0])
         attempts.save(directory, [])
         return {"status": "none", "reason": "", "steps": 0, "frames": 0, "seconds": 0.0}
-    tried = attempts.before_explosion(directory, len(candidates))
-    done = sum("finer" not in attempt for attempt in tried)
-    # Other seeds are for what a certificate has refused: what gets stuck mostly does so again.
-    left = attempts.tries(len(candidates), request.seed)[: None if done else len(candidates)][done:]
-    record: Record | None = None
-    for number, seed in left:
-        chain = candidates[number]
+    choice = _choice(directory)
+    tried = attempts.before_explosion(directory, choice)
+    best = BestRecord(directory)
+    while (todo := choice.after(tried)) is not None:
+        chain = candidates[todo.candidate]
         _write_json(directory / "chain.json", chain_attributes(chain))
-        record = _exploded(directory, replace(request, seed=seed), chain, progress, cancelled)
-        tried.append({"candidate": number, "seed": seed, **record.summary()})
+        record = _exploded(directory, request.parameters(), chain, todo, progress, cancelled)
+        found = diagnose(chain, record)
+        tried.append(
+            {
+                "candidate": todo.candidate,
+                "seed": todo.seed,
+                **record.summary(),
+                "diagnosis": found and found.as_dict(),
+            }
+        )
+        best.look_at(chain, record)
         if record.status in ("straight", "cancelled"):
             break
-    assert record is not None
+    record = best.keep()
     attempts.save(directory, tried)
     record.save(directory / "record.npz")
     return {**record.summary(), "attempts": len(tried)}
 
 
+def _choice(directory: FilePath) -> Choice:
+    """What may be tried of a fold."""
+    request = _request(directory)
+    parameters = request.parameters()
+    return Choice(
+        strategies=tuple(
+            strategies_for(chain, parameters.strategy, parameters)
+            for chain in _candidates(directory)
+        ),
+        seed=request.seed,
+    )
+
+
 def _exploded(
-    directory: FilePath, request: Request, chain: Chain, progress: Report, cancelled: Cancelled
+    directory: FilePath,
+    parameters: Parameters,
+    chain: Chain,
+    todo: Try,
+    progress: Report,
+    cancelled: Cancelled,
 ) -> Record:
     """One explosion, on a timeline of its own."""
-    parameters = request.parameters()
-    strategy = strategy_for(chain, parameters.strategy, parameters)
-    writer = TimelineWriter.create(directory / "timeline.zarr", chain, windowed=windowed(strategy))
+    writer = TimelineWriter.create(
+        directory / "timeline.zarr", chain, windowed=windowed(todo.strategy)
+    )
     record = let_go(
         chain,
-        strategy,
+        todo.strategy,
         parameters,
-        seed=request.seed,
+        seed=todo.seed,
         sink=writer.append,
         progress=progress,
         cancelled=cancelled,
@@ -235,7 +263,7 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
     start_s, frames = 0.0, 0
     if record is not None and unfolding is None:
         start_s, frames = float(record.frames.time_s[-1]), len(record.frames)
-    tried = attempts.before_playback(directory, len(_candidates(directory)))
+    tried = attempts.before_playback(directory, _choice(directory))
     attempts.save(directory, tried)
     timeline = directory / "timeline.zarr"
     if unfolding is not None:  # a refold's timeline goes from one shape to the other
@@ -276,7 +304,7 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
         attempts.save(directory, tried)
         # What was published is shown as it is, with what is wrong with it.
         if isinstance(parameters.explosion, ExplosionParameters) and not cancelled():
-            again = attempts.following(tried, len(_candidates(directory)))
+            again = attempts.following(tried, _choice(directory))
         if again == "explode" and _overlaps_unfolding(certificate, playback):
             again = None  # which is the same whatever the other shape's path
     values = certificate.as_dict()

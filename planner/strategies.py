@@ -33,10 +33,12 @@ OFF_SQUARE: Final = 1e-4
 """Right angles up to which a cube counts as folded square."""
 SIMULTANEOUS_UP_TO: Final = 600
 """Modules above which ``auto`` peels what can be peeled: docs/decisions/0013-peeling.md."""
+SIMULTANEOUS_AT_MOST: Final = 1500
+"""Modules above which nothing else is tried of what can be peeled: it would not end."""
 
 
-def strategy_for(chain: Chain, wished: str, parameters: Parameters) -> str:
-    """The strategy that a wish comes to.
+def strategies_for(chain: Chain, wished: str, parameters: Parameters) -> tuple[str, ...]:
+    """The strategies that a wish leaves, the best first.
 
     Args:
         chain: The chain.
@@ -58,8 +60,13 @@ def strategy_for(chain: Chain, wished: str, parameters: Parameters) -> str:
             "strategy.",
         )
     if wished != AUTO:
-        return wished
-    return "peel" if peels and len(chain) > SIMULTANEOUS_UP_TO else "simultaneous"
+        return (wished,)
+    if not peels:
+        return ("simultaneous",)
+    if len(chain) > SIMULTANEOUS_AT_MOST:
+        return ("peel",)
+    ways = ("simultaneous", "peel")
+    return ways[::-1] if len(chain) > SIMULTANEOUS_UP_TO else ways
 
 
 def on_lattice(chain: Chain) -> bool:

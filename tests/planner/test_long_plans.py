@@ -33,7 +33,7 @@ from planner.playback import Playback
 from planner.record import Record
 from planner.replay import replay
 from planner.stages import Request, run_stages, write_request
-from planner.strategies import strategy_for
+from planner.strategies import strategies_for
 from planner.timeline import Timeline, TimelineWriter
 from planner.unfolding import Unfolding
 from planner.verification import verify
@@ -347,11 +347,12 @@ def test_it_can_be_the_beginning_of_another_fold(plan: Plan) -> None:
 def test_the_strategy_suits_chain_and_preset() -> None:
     small, large = snake((3, 3, 3)), snake((8, 9, 10))
     cubes = preset("default")
-    assert strategy_for(small, "auto", cubes) == "simultaneous"
-    assert strategy_for(large, "auto", cubes) == "peel"
-    assert strategy_for(small, "peel", cubes) == "peel"
-    assert strategy_for(large, "simultaneous", cubes) == "simultaneous"
-    assert strategy_for(large, "auto", preset("paper")) == "simultaneous"
+    assert strategies_for(small, "auto", cubes) == ("simultaneous", "peel")
+    assert strategies_for(large, "auto", cubes) == ("peel", "simultaneous")
+    assert strategies_for(line(1600), "auto", cubes) == ("peel",)
+    assert strategies_for(small, "peel", cubes) == ("peel",)
+    assert strategies_for(large, "simultaneous", cubes) == ("simultaneous",)
+    assert strategies_for(large, "auto", preset("paper")) == ("simultaneous",)
     bent = Chain.from_angles(small.module, np.full(6, 0.3))
     for chain, wish, parameters in (
         (small, "peel", preset("paper")),
@@ -359,7 +360,7 @@ def test_the_strategy_suits_chain_and_preset() -> None:
         (small, "fastest", cubes),
     ):
         with pytest.raises(InputError, match="strategy"):
-            strategy_for(chain, wish, parameters)
+            strategies_for(chain, wish, parameters)
     with pytest.raises(InputError) as refused:
         Request(strategy="fastest").check()
     assert (refused.value.code, refused.value.where) == ("unknown-strategy", "strategy")

@@ -1,0 +1,63 @@
+"""The best record: of several explosions that failed, the one that came farthest is shown."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+from shutil import copytree, rmtree
+from typing import Final
+
+import numpy as np
+
+from planner.chain import Chain
+from planner.errors import PlannerError
+from planner.files import write_whole
+from planner.record import Record
+from planner.timeline import chain_attributes
+
+ASIDE: Final = "best.zarr"
+
+
+class BestRecord:
+    """Looks at one record after the other, whose timeline is in a fold's directory."""
+
+    def __init__(self, directory: FilePath) -> None:
+        self._directory = directory
+        self._best: tuple[float, Chain, Record] | None = None
+        self._last: Record | None = None
+        rmtree(directory / ASIDE, ignore_errors=True)
+
+    def look_at(self, chain: Chain, record: Record) -> None:
+        """Takes a record as the last one; keeps its timeline if it came farther than all before."""
+        left = bent(chain, record)
+        self._last = record
+        if record.status in ("straight", "cancelled"):
+            self._best = (left, chain, record)
+        elif self._best is None or left < self._best[0]:
+            self._best = (left, chain, record)
+            rmtree(self._directory / ASIDE, ignore_errors=True)
+            copytree(self._directory / "timeline.zarr", self._directory / ASIDE)
+
+    def keep(self) -> Record:
+        """Puts the best one's timeline and chain where they are looked for.
+
+        Raises:
+            PlannerError: When there was no record.
+        """
+        if self._best is None:
+            raise PlannerError("no explosion was made; start the fold anew.")
+        _, chain, record = self._best
+        if record is not self._last:
+            timeline = self._directory / "timeline.zarr"
+            rmtree(timeline)
+            (self._directory / ASIDE).rename(timeline)
+            attributes = json.dumps(chain_attributes(chain)).encode()
+            write_whole(self._directory / "chain.json", attributes)
+        rmtree(self._directory / ASIDE, ignore_errors=True)
+        return record
+
+
+def bent(chain: Chain, record: Record) -> float:
+    """What is left of the folded chain's bends at a record's end: 1 nothing done, 0 straight."""
+    last = record.frames[-1:].dense(chain).joint_angles_rad
+    return float(np.abs(last).sum() / max(np.abs(chain.folded_rad).sum(), 1e-9))

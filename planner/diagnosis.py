@@ -1,0 +1,113 @@
+"""Diagnosis: why an explosion did not come to its end, told from where it stopped.
+
+It decides what is tried next, and shows people where to look.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from planner.chain import Chain
+from planner.kernels.pairs import near_pairs
+from planner.knots import knot_of
+from planner.record import Record
+
+Ints = NDArray[np.int64]
+Kind = Literal["knot", "buried", "contacts", "joints", "limit"]
+BENT_RAD: Final = 1.0
+TOUCHING: Final = 1.1
+"""Centres of cubes that touch with their faces are one pitch apart."""
+CLUSTER: Final = 0.25
+"""Part of the modules that touch each other, directly or not, from which on it is a cluster."""
+MOST_MODULES: Final = 200
+LARGEST_KNOT: Final = 4096
+"""Modules up to which a knot is looked for."""
+WORDS: Final[dict[str, str]] = {
+    "knot": "its path is knotted, so it cannot come apart",
+    "buried": "what comes next lies under modules that come later",
+    "contacts": "too many modules press on each other at once",
+    "joints": "some joints are held by their neighbours",
+    "limit": "it was on its way when time was over",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnosis:
+    """What keeps a chain from becoming straight.
+
+    Attributes:
+        kind: ``knot`` in the path, a ``buried`` unit, a cluster of ``contacts``, stuck ``joints``,
+            or a ``limit`` that came first.
+        modules: Where it sticks: modules whose joint is still bent, some of them at least.
+    """
+
+    kind: Kind
+    modules: tuple[int, ...]
+
+    @property
+    def words(self) -> str:
+        """The same in plain words."""
+        return WORDS[self.kind]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {**asdict(self), "modules": list(self.modules), "words": self.words}
+
+
+def diagnose(chain: Chain, record: Record) -> Diagnosis | None:
+    """Why a record does not end straight; None when it does, or when somebody stopped it.
+
+    Args:
+        chain: The chain.
+        record: What was recorded.
+    """
+    if record.status in ("straight", "cancelled"):
+        return None
+    last = record.frames[-1:].dense(chain)
+    angles = last.joint_angles_rad[0].reshape(-1, chain.module.hinges_per_joint)
+    bent = np.abs(angles).max(axis=1)
+    first = chain.module.rigid_links
+    folded = np.abs(chain.folded_rad).reshape(bent.shape[0], -1).max(axis=1)
+    stuck = np.flatnonzero((bent > BENT_RAD) & (folded > BENT_RAD)) + first
+    poses = chain.poses(last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0])
+    if len(chain) <= LARGEST_KNOT and knot_of(chain.folded_poses.positions).verdict == "knotted":
+        return _found("knot", stuck)
+    if record.strategy == "peel":
+        return _buried(chain, record)
+    if not len(stuck):
+        return _found("limit", stuck)
+    cluster = _largest_cluster(poses.positions, chain.module.apart)
+    return _found("contacts" if len(cluster) >= CLUSTER * len(chain) else "joints", stuck)
+
+
+def _buried(chain: Chain, record: Record) -> Diagnosis:
+    """Of a peeling: what is bent beside its core."""
+    last = record.frames[-1:].dense(chain)
+    angles = np.abs(last.joint_angles_rad[0]).reshape(-1, chain.module.hinges_per_joint).max(axis=1)
+    folded = np.abs(chain.folded_rad).reshape(angles.shape[0], -1).max(axis=1)
+    core = int(np.argmax(np.abs(angles - folded) > 1e-6)) if (angles != folded).any() else 0
+    beside = np.flatnonzero(angles[core:] > BENT_RAD) + core
+    kind: Kind = "limit" if record.status == "timeout" else "buried" if core else "joints"
+    return _found(kind, beside + chain.module.rigid_links)
+
+
+def _found(kind: Kind, modules: Ints) -> Diagnosis:
+    return Diagnosis(kind=kind, modules=tuple(modules[:MOST_MODULES].tolist()))
+
+
+def _largest_cluster(positions: NDArray[np.float64], apart: int) -> Ints:
+    """The most modules that touch each other, directly or not, links of the chain apart."""
+    count = len(positions)
+    pairs = near_pairs(positions, TOUCHING, apart)
+    if not len(pairs):
+        return np.zeros(0, dtype=np.int64)
+    ones = np.ones(len(pairs))
+    graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    _, labels = connected_components(graph, directed=False)
+    return np.flatnonzero(labels == np.bincount(labels).argmax())

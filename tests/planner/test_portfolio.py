@@ -1,0 +1,199 @@
+"""What is tried next, why, and which of several failures is shown."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.best_record import BestRecord, bent
+from planner.chain import Chain
+from planner.diagnosis import diagnose
+from planner.explosion import explode
+from planner.formats import write_path
+from planner.frames import Frames
+from planner.parameters import ExplosionParameters
+from planner.paths import Path
+from planner.peeling import peel
+from planner.peeling_parameters import PeelingParameters
+from planner.plan import Plan
+from planner.portfolio import MOST, Choice, Try
+from planner.record import Record
+from planner.stages import Request, run_stages, write_request
+from planner.timeline import Timeline, TimelineWriter
+from tests.planner.peels import snake
+
+BOTH = ("simultaneous", "peel")
+
+
+def stuck(kind: str, **more: Any) -> dict[str, Any]:
+    return {"status": "stalled", "diagnosis": {"kind": kind}, **more}
+
+
+def way(choice: Choice, kind: str) -> list[Try]:
+    """All that is tried when everything fails for one reason."""
+    tried: list[dict[str, Any]] = []
+    while (todo := choice.after(tried)) is not None:
+        names = {"candidate": todo.candidate, "seed": todo.seed, "strategy": todo.strategy}
+        last = {"status": "straight", "verdict": "failed: it"} if kind == "refused" else stuck(kind)
+        tried.append({**last, **names})
+    return [Try(a["candidate"], a["seed"], a["strategy"]) for a in tried]
+
+
+def test_why_it_failed_decides_what_is_next() -> None:
+    choice = Choice(strategies=(BOTH, BOTH), seed=5)
+    assert way(choice, "joints") == [
+        Try(0, 5, "simultaneous"),
+        Try(1, 5, "simultaneous"),
+        Try(1, 5, "peel"),
+        Try(0, 5, "peel"),
+        Try(0, 6, "peel"),
+        Try(1, 6, "peel"),
+    ]
+    assert way(choice, "contacts")[:3] == [
+        Try(0, 5, "simultaneous"),
+        Try(0, 5, "peel"),
+        Try(1, 5, "peel"),
+    ]
+    # Another seed does not open a knot.
+    assert {found.seed for found in way(choice, "knot")} == {5}
+    assert way(Choice(strategies=(("simultaneous",),), seed=2**32 - 1), "refused") == [
+        Try(0, seed, "simultaneous") for seed in (2**32 - 1, 0, 1)
+    ]
+
+
+@pytest.mark.parametrize("kind", ["knot", "buried", "contacts", "joints", "limit", "refused"])
+def test_it_ends_and_tries_nothing_twice(kind: str) -> None:
+    choice = Choice(strategies=(BOTH, ("peel",), BOTH), seed=0)
+    tried = way(choice, kind)
+    assert 1 < len(tried) <= MOST
+    assert len(set(tried)) == len(tried)
+    assert all(found.strategy in choice.strategies[found.candidate] for found in tried)
+
+
+def test_finer_frames_are_no_explosion() -> None:
+    choice = Choice(strategies=(BOTH,), seed=0)
+    first = {"candidate": 0, "seed": 0, "strategy": "simultaneous", "status": "straight"}
+    again = {**first, "finer": 4}
+    assert choice.after([first]) == choice.after([first, again]) == Try(0, 1, "simultaneous")
+
+
+def at_rest(chain: Chain, *, status: Any = "stalled", strategy: str = "simultaneous") -> Record:
+    folded = chain.folded_poses
+    frames = Frames.of_phase(
+        "explosion",
+        time_s=np.zeros(1),
+        joint_angles_rad=chain.folded_rad[None],
+        root_position=folded.positions[chain.root][None],
+        root_wxyz=folded.wxyzs[chain.root][None],
+    )
+    return Record(
+        status=status, reason="it is stuck", frames=frames, steps=1, seconds=0.1, strategy=strategy
+    )
+
+
+def test_a_diagnosis_tells_where_it_sticks() -> None:
+    box = snake((3, 3, 3))
+    cluster = diagnose(box, at_rest(box))
+    assert cluster is not None and cluster.kind == "contacts"
+    turns = np.abs(box.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
+    assert cluster.modules == tuple((np.flatnonzero(turns) + 1).tolist())
+    assert "press on each other" in cluster.words
+    assert diagnose(box, at_rest(box, status="straight")) is None
+    assert diagnose(box, at_rest(box, status="cancelled")) is None
+    zigzag = [(0, 0, 0)]
+    for k in range(12):
+        x, y, _ = zigzag[-1]
+        zigzag += (
+            [(x + 1, y, 0), (x + 1, y + 1, 0)] if k % 2 else [(x, y + 1, 0), (x + 1, y + 1, 0)]
+        )
+    stairs = Chain.from_path(Path.from_cells(list(dict.fromkeys(zigzag)), name="stairs"))
+    free = diagnose(stairs, at_rest(stairs))
+    assert free is not None and free.kind == "joints" and free.modules
+    record = at_rest(stairs)
+    straight = replace(record.frames, joint_angles_rad=0.0 * stairs.folded_rad[None])
+    late = diagnose(stairs, replace(record, frames=straight, status="timeout"))
+    assert late is not None and (late.kind, late.modules) == ("limit", ())
+    json.dumps(late.as_dict())
+
+
+def test_a_peeling_that_stops_says_what_is_buried() -> None:
+    chain = snake((4, 4, 4))
+    hasty = PeelingParameters(max_steps_per_module=0)
+    record = peel(chain, replace(hasty, patience=10**6))
+    assert record.status == "straight" or diagnose(chain, record) is not None
+    calls = 0
+
+    def soon() -> bool:
+        nonlocal calls
+        calls += 1
+        return calls > 2
+
+    broken = replace(peel(chain, PeelingParameters(), cancelled=soon), status="stalled")
+    found = diagnose(chain, broken)
+    assert found is not None
+    assert found.kind == "buried"
+    assert found.modules and min(found.modules) > 10
+
+
+def test_the_one_that_came_farthest_is_kept(tmp_path: FilePath) -> None:
+    chain = snake((2, 2, 3))
+    best = BestRecord(tmp_path)
+    shares = (0.9, 0.4, 0.7)
+    records: list[Record] = []
+    for share in shares:
+        record = at_rest(chain)
+        angles = share * record.frames.joint_angles_rad
+        record = replace(record, frames=replace(record.frames, joint_angles_rad=angles))
+        with TimelineWriter.create(tmp_path / "timeline.zarr", chain) as writer:
+            writer.append(record.frames)
+        best.look_at(chain, record)
+        records.append(record)
+        assert bent(chain, record) == pytest.approx(share)
+    assert best.keep() is records[1]
+    kept = Timeline.open(tmp_path / "timeline.zarr").frames()
+    np.testing.assert_array_equal(kept.joint_angles_rad, records[1].frames.joint_angles_rad)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["chain.json", "timeline.zarr"]
+
+
+def test_all_that_was_tried_is_in_the_plan(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first strategy sticks, the second one brings the plan; who asked for one gets that."""
+
+    def sticks(chain: Chain, *arguments: Any, **more: Any) -> Record:
+        hasty = ExplosionParameters(max_steps=40)
+        return replace(explode(chain, hasty, **more), status="stalled", reason="it sticks")
+
+    monkeypatch.setattr("planner.strategies.explode", sticks)
+    cells = [
+        (x if y % 2 == 0 else 2 - x, y, z if z < 2 else z)
+        for z in (0,)
+        for y in range(3)
+        for x in range(3)
+    ]
+    cells += [(2 - x if y % 2 == 0 else x, 2 - y, 1) for y in range(3) for x in range(3)]
+    path = write_path(Path.from_cells(cells, name="slab"))
+    write_request(tmp_path / "auto", Request(), path) if (
+        tmp_path / "auto"
+    ).mkdir() is None else None
+    summary = run_stages(tmp_path / "auto")
+    assert summary["status"] == "verified"
+    plan = Plan.load(tmp_path / "auto" / "plan.npz")
+    assert [(a["strategy"], a["status"]) for a in plan.attempts] == [
+        ("simultaneous", "stalled"),
+        ("peel", "straight"),
+    ]
+    assert plan.attempts[0]["diagnosis"]["kind"] in ("contacts", "joints", "limit")
+    assert plan.attempts[1]["diagnosis"] is None
+    (tmp_path / "one").mkdir()
+    write_request(tmp_path / "one", Request(strategy="simultaneous"), path)
+    failed = run_stages(tmp_path / "one")
+    assert failed["status"] == "failed" and "it sticks" in failed["reason"]
+    tried = Plan.load(tmp_path / "one" / "plan.npz").attempts
+    assert {a["strategy"] for a in tried} == {"simultaneous"}
+    assert len(Timeline.open(tmp_path / "one" / "timeline.zarr")) > 0
