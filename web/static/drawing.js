@@ -8,14 +8,22 @@ const EDGED_PX = 5;
 let paper = null;
 let pen = null;
 let size = null;
+let ground = null;
+let back = null;
 let outline = null;
 let latest = null;
 let due = false;
 
 onmessage = ({ data }) => {
   if (data.is === "begin") {
-    ({ paper, size } = data);
-    pen = paper.getContext("2d", { willReadFrequently: true }); // by the processor: quicker where graphics are software
+    ({ paper, size, ground } = data);
+    // By the processor: quicker where graphics are software.
+    pen = paper.getContext("2d", { willReadFrequently: true, alpha: !ground });
+    ask(false);
+  } else if (data.is === "ground") {
+    if (ground && data.ground) ({ ground } = data);
+    back = null;
+    ask(false);
   } else if (data.is === "size") {
     ({ size } = data);
     ask(false);
@@ -35,9 +43,35 @@ function ask(told) {
   due = true;
   (self.requestAnimationFrame ?? ((draw) => setTimeout(draw, 16)))(() => {
     due = false;
-    if (outline && latest && size.width) draw(outline, latest);
+    if (size.width) {
+      clear();
+      if (outline && latest) draw(outline, latest);
+    }
     if (owed) { owed = false; postMessage("drawn"); }
   });
+}
+
+// An empty paper, or the ground on it.
+function clear() {
+  const width = Math.round(size.width * size.scale);
+  const height = Math.round(size.height * size.scale);
+  if (paper.width !== width || paper.height !== height) { paper.width = width; paper.height = height; }
+  if (!ground) { pen.clearRect(0, 0, width, height); return; }
+  if (back?.width !== width || back.height !== height) back = painted(width, height);
+  pen.drawImage(back, 0, 0);
+}
+
+function painted(width, height) {
+  const found = new OffscreenCanvas(width, height);
+  const brush = found.getContext("2d", { willReadFrequently: true, alpha: false });
+  const [wide, tall, x, y] = ground.place;
+  brush.translate(x * width, y * height);
+  brush.scale(wide * width, tall * height);
+  const gradient = brush.createRadialGradient(0, 0, 0, 0, 0, 1);
+  for (const [at, colour] of ground.stops) gradient.addColorStop(at, colour);
+  brush.fillStyle = gradient;
+  brush.fillRect(-x / wide, -y / tall, 1 / wide, 1 / tall);
+  return found;
 }
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -58,10 +92,7 @@ const ALIKE = 48; // and so much their colours may differ
 function draw({ modules, corners, faces, normals, neighbours, rods, field_of_view_rad: angle }, data) {
   const numbers = new Float32Array(data, 0, HEAD + 7 * modules);
   const colours = new Uint8Array(data, 4 * numbers.length, 3 * modules);
-  const width = Math.round(size.width * size.scale);
-  const height = Math.round(size.height * size.scale);
-  if (paper.width !== width || paper.height !== height) { paper.width = width; paper.height = height; }
-  pen.clearRect(0, 0, width, height);
+  const { width, height } = paper;
   pen.lineJoin = "round";
   pen.lineWidth = size.scale;
 
@@ -167,7 +198,7 @@ function shadow(drawn, numbers, see, width, height) {
   const brush = small.getContext("2d", { willReadFrequently: true });
   brush.clearRect(0, 0, w, h);
   brush.fillStyle = "#000";
-  const ground = numbers[6];
+  const floor = numbers[6];
   const at = [0, 0];
   for (const { i, many } of drawn) {
     const k = HEAD + 7 * i;
@@ -176,7 +207,7 @@ function shadow(drawn, numbers, see, width, height) {
     const [u, v] = [Math.max(numbers[k], numbers[e]), Math.max(numbers[k + 1], numbers[e + 1])];
     brush.beginPath();
     for (const [px, py] of [[x - 0.6, y - 0.6], [u + 0.6, y - 0.6], [u + 0.6, v + 0.6], [x - 0.6, v + 0.6]]) {
-      see(px, py, ground, at);
+      see(px, py, floor, at);
       brush.lineTo(at[0] * SHADOW_SCALE, at[1] * SHADOW_SCALE);
     }
     brush.fill();
