@@ -44,7 +44,7 @@ export class Sketch {
 
   set({ header, neighbours = null }) {
     this.pitch = header.pitch;
-    this.worker?.postMessage({ is: "outline", outline: { ...header.sketch, neighbours, rods: header.chain.cells } });
+    this.worker?.postMessage({ is: "outline", outline: { ...header.sketch, neighbours, rods: header.chain.cells, full: 1 / header.shown_size } });
   }
 
   draw(shown, colours, view, ground) {
