@@ -5,7 +5,7 @@ const NEAREST = 0.05;
 const EDGE = "rgb(20 22 26 / .38)";
 const EDGED_PX = 5;
 const GAPPED_PX = 12; // modules beside hidden ones that are larger show the gap between them
-const GAP = 0.42; // and how bright it is
+const GAP = 0.6; // and how bright it is
 
 let paper = null;
 let pen = null;
