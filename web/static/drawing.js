@@ -4,18 +4,28 @@ const SHADOW = 0.2;
 const NEAREST = 0.05;
 const EDGE = "rgb(20 22 26 / .38)";
 const EDGED_PX = 5;
+const GAPPED_PX = 12; // modules beside hidden ones that are larger show the gap between them
+const GAP = 0.6; // and how bright it is
 
 let paper = null;
 let pen = null;
 let size = null;
+let ground = null;
+let back = null;
 let outline = null;
 let latest = null;
 let due = false;
 
 onmessage = ({ data }) => {
   if (data.is === "begin") {
-    ({ paper, size } = data);
-    pen = paper.getContext("2d", { willReadFrequently: true }); // by the processor: quicker where graphics are software
+    ({ paper, size, ground } = data);
+    // By the processor: quicker where graphics are software.
+    pen = paper.getContext("2d", { willReadFrequently: true, alpha: !ground });
+    ask(false);
+  } else if (data.is === "ground") {
+    if (ground && data.ground) ({ ground } = data);
+    back = null;
+    ask(false);
   } else if (data.is === "size") {
     ({ size } = data);
     ask(false);
@@ -35,9 +45,35 @@ function ask(told) {
   due = true;
   (self.requestAnimationFrame ?? ((draw) => setTimeout(draw, 16)))(() => {
     due = false;
-    if (outline && latest && size.width) draw(outline, latest);
+    if (size.width) {
+      clear();
+      if (outline && latest) draw(outline, latest);
+    }
     if (owed) { owed = false; postMessage("drawn"); }
   });
+}
+
+// An empty paper, or the ground on it.
+function clear() {
+  const width = Math.round(size.width * size.scale);
+  const height = Math.round(size.height * size.scale);
+  if (paper.width !== width || paper.height !== height) { paper.width = width; paper.height = height; }
+  if (!ground) { pen.clearRect(0, 0, width, height); return; }
+  if (back?.width !== width || back.height !== height) back = painted(width, height);
+  pen.drawImage(back, 0, 0);
+}
+
+function painted(width, height) {
+  const found = new OffscreenCanvas(width, height);
+  const brush = found.getContext("2d", { willReadFrequently: true, alpha: false });
+  const [wide, tall, x, y] = ground.place;
+  brush.translate(x * width, y * height);
+  brush.scale(wide * width, tall * height);
+  const gradient = brush.createRadialGradient(0, 0, 0, 0, 0, 1);
+  for (const [at, colour] of ground.stops) gradient.addColorStop(at, colour);
+  brush.fillStyle = gradient;
+  brush.fillRect(-x / wide, -y / tall, 1 / wide, 1 / tall);
+  return found;
 }
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -55,13 +91,10 @@ const HEAD = 9; // numbers before those of the modules
 const GROUPED_PX = 6; // straight modules that are smaller are drawn as one
 const ALIKE = 48; // and so much their colours may differ
 
-function draw({ modules, corners, faces, normals, neighbours, rods, field_of_view_rad: angle }, data) {
+function draw({ modules, corners, faces, normals, neighbours, rods, full, field_of_view_rad: angle }, data) {
   const numbers = new Float32Array(data, 0, HEAD + 7 * modules);
   const colours = new Uint8Array(data, 4 * numbers.length, 3 * modules);
-  const width = Math.round(size.width * size.scale);
-  const height = Math.round(size.height * size.scale);
-  if (paper.width !== width || paper.height !== height) { paper.width = width; paper.height = height; }
-  pen.clearRect(0, 0, width, height);
+  const { width, height } = paper;
   pen.lineJoin = "round";
   pen.lineWidth = size.scale;
 
@@ -85,6 +118,12 @@ function draw({ modules, corners, faces, normals, neighbours, rods, field_of_vie
 
   const reach = normals.map((normal, f) => dot(normal, corners[faces[f][0]]));
   const points = corners.map(() => [0, 0]);
+  const around = corners.map(() => [0, 0]);
+  const trace = (face, at) => {
+    pen.beginPath();
+    face.forEach((v, n) => (n ? pen.lineTo(...at[v]) : pen.moveTo(...at[v])));
+    pen.closePath();
+  };
   const r = new Float64Array(9);
   for (const { i, many, hidden } of drawn) {
     const k = HEAD + 7 * i;
@@ -93,23 +132,32 @@ function draw({ modules, corners, faces, normals, neighbours, rods, field_of_vie
     // The eye as the module sees it tells which faces look at us.
     const e = [eye[0] - x, eye[1] - y, eye[2] - z];
     // Modules that are large enough show their edges; on small ones the line closes hairlines.
-    const edged = zoom / Math.max(NEAREST, dot(e, out)) > EDGED_PX * size.scale;
+    const large = zoom / Math.max(NEAREST, dot(e, out)) / size.scale;
+    const edged = large > EDGED_PX;
+    // What is seen through a gap is a hidden face, in the dark; without a gap there must be no hole.
+    const gapped = hidden && large > GAPPED_PX;
     const local = [0, 1, 2].map((c) => r[c] * e[0] + r[3 + c] * e[1] + r[6 + c] * e[2]);
-    corners.forEach(([front, b, c], v) => {
-      const a = front > 0 ? front + many - 1 : front;
-      see(x + r[0] * a + r[1] * b + r[2] * c, y + r[3] * a + r[4] * b + r[5] * c, z + r[6] * a + r[7] * b + r[8] * c, points[v]);
+    const place = (grown, into) => corners.forEach(([front, left, top], v) => {
+      const [a, b, c] = [front > 0 ? front * grown + many - 1 : front * grown, left * grown, top * grown];
+      see(x + r[0] * a + r[1] * b + r[2] * c, y + r[3] * a + r[4] * b + r[5] * c, z + r[6] * a + r[7] * b + r[8] * c, into[v]);
     });
+    place(hidden && !gapped ? full : 1, points);
+    if (gapped) place(full, around);
     for (let f = 0; f < faces.length; f++) {
       const normal = normals[f];
       if ((hidden >> f) & 1 || dot(normal, local) <= reach[f] + (normal[0] > 0 ? normal[0] * (many - 1) : 0)) continue;
       const [a, b, c] = normal;
       const bright = light(r[0] * a + r[1] * b + r[2] * c, r[3] * a + r[4] * b + r[5] * c, r[6] * a + r[7] * b + r[8] * c);
-      const shade = (v) => Math.min(255, Math.round(colours[3 * i + v] * bright));
-      pen.fillStyle = `rgb(${shade(0)} ${shade(1)} ${shade(2)})`;
+      const shade = (v, share) => Math.min(255, Math.round(colours[3 * i + v] * bright * share));
+      if (gapped) {
+        pen.fillStyle = pen.strokeStyle = `rgb(${shade(0, GAP)} ${shade(1, GAP)} ${shade(2, GAP)})`;
+        trace(faces[f], around);
+        pen.fill();
+        pen.stroke();
+      }
+      pen.fillStyle = `rgb(${shade(0, 1)} ${shade(1, 1)} ${shade(2, 1)})`;
       pen.strokeStyle = edged ? EDGE : pen.fillStyle;
-      pen.beginPath();
-      faces[f].forEach((v, n) => (n ? pen.lineTo(...points[v]) : pen.moveTo(...points[v])));
-      pen.closePath();
+      trace(faces[f], points);
       pen.fill();
       pen.stroke();
     }
@@ -167,7 +215,7 @@ function shadow(drawn, numbers, see, width, height) {
   const brush = small.getContext("2d", { willReadFrequently: true });
   brush.clearRect(0, 0, w, h);
   brush.fillStyle = "#000";
-  const ground = numbers[6];
+  const floor = numbers[6];
   const at = [0, 0];
   for (const { i, many } of drawn) {
     const k = HEAD + 7 * i;
@@ -176,7 +224,7 @@ function shadow(drawn, numbers, see, width, height) {
     const [u, v] = [Math.max(numbers[k], numbers[e]), Math.max(numbers[k + 1], numbers[e + 1])];
     brush.beginPath();
     for (const [px, py] of [[x - 0.6, y - 0.6], [u + 0.6, y - 0.6], [u + 0.6, v + 0.6], [x - 0.6, v + 0.6]]) {
-      see(px, py, ground, at);
+      see(px, py, floor, at);
       brush.lineTo(at[0] * SHADOW_SCALE, at[1] * SHADOW_SCALE);
     }
     brush.fill();

@@ -10,7 +10,7 @@ import { StandIn } from "./stand_in.js";
 import { Teller } from "./teller.js";
 
 const LONGEST_TICK_S = 0.2;
-const TELL_MS = 80;
+const TELL_MS = 200;
 const GOAL_EVERY = 12;
 const GOAL_EVERY_S = 0.2; // or of a film that is played, if that is more
 const GOALS_ASIDE = 4;
@@ -173,11 +173,11 @@ export class Player extends Teller {
     this.wake();
   }
 
-  // While it plays, as often as one can read: every word on the page has to be put into its picture.
+  // While a drawing stands in, as often as one can read: every word has to be put into the picture.
   tellState() {
     const { film, is, playhead, shown } = this;
     const now = performance.now();
-    if (is.playing && this.lastPlaying && now - this.toldAt < TELL_MS && playhead.frame < film.last) return;
+    if (this.standIn?.latest && is.playing && this.lastPlaying && now - this.toldAt < TELL_MS && playhead.frame < film.last) return;
     Object.assign(this, { toldAt: now, lastPlaying: is.playing });
     let error = -1;
     for (const e of shown.errors) if (Math.abs(e) > error) error = Math.abs(e);

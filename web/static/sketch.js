@@ -1,4 +1,13 @@
 // A fold drawn by the page itself, in a worker: at once, and without WebGL.
+// The radial gradient that an element has for a ground: its size and place in shares, and its colours;
+// null when it has another.
+function gradientOf(element) {
+  const text = getComputedStyle(element).backgroundImage;
+  const place = /^radial-gradient\(([\d.]+)% ([\d.]+)% at ([\d.]+)% ([\d.]+)%/.exec(text)?.slice(1).map((v) => v / 100);
+  const stops = [...text.matchAll(/(rgba?\([^)]*\)) ([\d.]+)%/g)].map(([, colour, at]) => [at / 100, colour]);
+  return place && stops.length ? { place, stops } : null;
+}
+
 export class Sketch {
   static script = "/static/drawing.js";
 
@@ -19,13 +28,23 @@ export class Sketch {
       this.waiting = false;
       if (this.next) { const next = this.next; this.next = null; this.post(next); }
     };
-    this.worker.postMessage({ is: "begin", paper, size: this.size() }, [paper]);
+    this.worker.postMessage({ is: "begin", paper, size: this.size(), ground: this.ground() }, [paper]);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.worker.postMessage({ is: "ground", ground: this.ground() }));
     new ResizeObserver(() => this.worker.postMessage({ is: "size", size: this.size() })).observe(canvas);
+  }
+
+  // A ground that the drawing has in it covers what is behind, which the browser then need not put
+  // together: that would take longer than all the rest where graphics are software.
+  ground() {
+    this.canvas.style.background = "";
+    const found = gradientOf(this.canvas);
+    if (found) this.canvas.style.background = "none";
+    return found;
   }
 
   set({ header, neighbours = null }) {
     this.pitch = header.pitch;
-    this.worker?.postMessage({ is: "outline", outline: { ...header.sketch, neighbours, rods: header.chain.cells } });
+    this.worker?.postMessage({ is: "outline", outline: { ...header.sketch, neighbours, rods: header.chain.cells, full: 1 / header.shown_size } });
   }
 
   draw(shown, colours, view, ground) {

@@ -10,6 +10,7 @@ export class StandIn {
     Object.assign(this, { canvas, stage, sketch });
     this.opened = false; // the view has taken over
     this.begun = false; // it has been given a picture
+    this.given = null; // the latest one before it took over
     this.times = [];
     this.measuring = false;
     this.latest = null;
@@ -29,15 +30,19 @@ export class StandIn {
     return (sum - Math.max(...times)) / (MEASURED - 1) > SLOW_MS;
   }
 
-  // The view is there.
+  // The view is there. One that takes seconds for a picture is shown when it has one.
   open() {
     this.opened = true;
-    this.canvas.classList.add("gone");
+    if (!this.slow || !this.given || !this.sketch.worker) { this.canvas.classList.add("gone"); return; }
+    this.latest = this.given;
+    this.canvas.classList.add("standing-in");
+    this.rest();
   }
 
   draw(shown, colours, view, follow) {
     const { stage, sketch } = this;
     if (!this.opened) {
+      this.given = [shown, colours, follow ? view : null];
       // The view needs a picture to begin with; one that takes seconds for it gets no more of them.
       if (!this.slow || !this.begun) { stage.draw(shown, colours, follow ? view : null); this.begun = stage.open; }
       sketch.draw(shown, colours, view, stage.ground);
