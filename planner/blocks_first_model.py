@@ -28,7 +28,7 @@ WILD: Final = 1e10
 
 
 class Blocks:
-    """A chain as rigid blocks. Holds a model and its data; the same to an explosion as ``Segments``.
+    """A chain as rigid blocks, used as ``Segments`` are. Holds a model and its data.
 
     The state is that of all hinges; those within a block have no velocity and get none.
 
