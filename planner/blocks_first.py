@@ -30,7 +30,8 @@ TETHER_MODULES: Final = 4
 TENSION: Final = 4.0
 """How many times stronger rigid blocks are pulled: they weigh more."""
 STEP_IN_CONTACT: Final = 0.1
-COARSER: Final = 3.0
+COARSER_TURN: Final = 3.0
+COARSER_WAY: Final = 6.0
 """How many times farther apart snapshots are; what is between is bounded by the certificate."""
 FEWEST_STEPS: Final = 200
 LOOSE_RAD: Final = 0.35
@@ -66,8 +67,8 @@ def explode_blocks_first(
     """
     coarser = replace(
         parameters,
-        snapshot_rad=COARSER * parameters.snapshot_rad,
-        snapshot_distance=COARSER * parameters.snapshot_distance,
+        snapshot_rad=COARSER_TURN * parameters.snapshot_rad,
+        snapshot_distance=COARSER_WAY * parameters.snapshot_distance,
     )
     run = _BlocksFirst(chain, coarser, seed, sink, block_starts(len(chain), blocks, tether))
     return run.run(progress, cancelled)

@@ -72,7 +72,7 @@ class Blocks:
             else:
                 module = stop - 1
                 body = add_previous_body(inner[stop], chain, stop - 1, f"module_{module}", material)
-            ends = [e for e in (start, stop - 1) if 0 < e < n - 1 or n == 1]
+            ends = [start] * (start > 0) + [stop - 1] * (stop < n)
             inner.update(parts.fill(body, module, start, stop, ends))
             roots.append((k, module))
         for start in self.starts[1:].tolist():
