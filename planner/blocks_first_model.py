@@ -28,7 +28,7 @@ WILD: Final = 1e10
 
 
 class Blocks:
-    """A chain as rigid blocks, with its model and data; to an explosion the same as ``Segments``.
+    """A chain as rigid blocks, used as ``Segments`` are. Holds a model and its data.
 
     The state is that of all hinges; those within a block have no velocity and get none.
 
@@ -72,7 +72,7 @@ class Blocks:
             else:
                 module = stop - 1
                 body = add_previous_body(inner[stop], chain, stop - 1, f"module_{module}", material)
-            ends = [e for e in (start, stop - 1) if 0 < e < n - 1 or n == 1]
+            ends = [start] * (start > 0) + [stop - 1] * (stop < n)
             inner.update(parts.fill(body, module, start, stop, ends))
             roots.append((k, module))
         for start in self.starts[1:].tolist():

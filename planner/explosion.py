@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.blocks_first_model import Blocks
 from planner.chain import Chain
 from planner.errors import SimulationError
 from planner.frames import Frames
@@ -28,6 +29,7 @@ from planner.segments import Acceleration, Segments, State
 from planner.straightening import straightening
 
 Array = NDArray[np.float64]
+Engine = Segments | Blocks
 LINKED: Final = 1
 """Modules this many links apart are linked, and don't repel."""
 COMMIT_EVERY: Final = 25
@@ -69,10 +71,12 @@ def explode(
     Returns:
         The record, whatever came of it.
     """
-    return _Explosion(chain, parameters, seed, sink).run(progress, cancelled)
+    return Explosion(chain, parameters, seed, sink).run(progress, cancelled)
 
 
-class _Explosion:
+class Explosion:
+    """One run. Holds the simulation's engine and its state."""
+
     def __init__(
         self,
         chain: Chain,
@@ -82,15 +86,13 @@ class _Explosion:
     ) -> None:
         self.chain = chain
         self.parameters = parameters
-        self.segments = Segments(
-            chain,
-            Material(
-                geom_size=parameters.geom_size,
-                stiffness=parameters.spring,
-                armature=parameters.armature,
-                stop_rad=chain.module.stop_rad,
-            ),
+        self.material = Material(
+            geom_size=parameters.geom_size,
+            stiffness=parameters.spring,
+            armature=parameters.armature,
+            stop_rad=chain.module.stop_rad,
         )
+        self.engine = self.first_engine()
         self.recorder = Recorder(
             chain,
             snapshot_rad=parameters.snapshot_rad,
@@ -117,7 +119,12 @@ class _Explosion:
         self.unfolded = -1.0
         self.window_angles = np.abs(chain.folded_rad)
 
+    def first_engine(self) -> Engine:
+        """What gives the accelerations from the folded configuration on."""
+        return Segments(self.chain, self.material)
+
     def run(self, progress: Report, cancelled: Cancelled) -> Record:
+        """Steps until the chain is straight, or it is known that it won't be."""
         begun = time.perf_counter()
         reported = begun
         reported_steps = 0
@@ -127,15 +134,15 @@ class _Explosion:
             "seed, or another path through the same cells."
         )
         # The folded configuration itself, so that there is a record whatever comes.
-        self.segments.place(self.state)
-        self.recorder.add(Step.of(self.time_s, self.state, self.segments.positions))
+        self.engine.place(self.state)
+        self.recorder.add(Step.of(self.time_s, self.state, self.engine.positions))
         self.recorder.commit()
         try:
             while self.steps < self.parameters.max_steps:
-                contacts = self._step()
+                contacts = self.step()
                 if self.steps % COMMIT_EVERY == 0:
                     if self.depth < BACK_OFF_DEPTH:
-                        self._commit()
+                        self.commit()
                     if cancelled():
                         status, reason = "cancelled", "it was cancelled."
                         break
@@ -144,10 +151,10 @@ class _Explosion:
                         rate = (self.steps - reported_steps) / (now - reported)
                         progress(self._progress(rate))
                         reported, reported_steps = now, self.steps
-                if self.steps % FINISH_EVERY == 0 and contacts == 0 and self._finish():
+                if self.steps % FINISH_EVERY == 0 and contacts == 0 and self.finish():
                     status, reason = "straight", ""
                     break
-                if self.steps % JAM_WINDOW == 0 and not self._unjam():
+                if self.steps % JAM_WINDOW == 0 and not self.unjam():
                     status, reason = "stalled", self._stall_reason()
                     break
         except SimulationError as error:
@@ -161,16 +168,16 @@ class _Explosion:
             seconds=time.perf_counter() - begun,
         )
 
-    def _step(self) -> int:
+    def step(self) -> int:
         """One step of the simulation; the number of contacts in it."""
         p = self.parameters
         state = self.state
         self.steps += 1
-        self.segments.place(state)
-        positions = self.segments.positions
+        self.engine.place(state)
+        positions = self.engine.positions
         self.recorder.add(Step.of(self.time_s, state, positions))
         pairs = near_pairs(positions, p.repulsion_cutoff, LINKED + 1)
-        self.segments.set_contact_time_constant(max(2.0 * self.step_s, 0.03))
+        self.engine.set_contact_time_constant(max(2.0 * self.step_s, 0.03))
         acceleration = self._accelerations(self._forces(positions, pairs))
         if acceleration is None:
             return -1
@@ -200,7 +207,7 @@ class _Explosion:
     def _accelerations(self, forces: Array) -> Acceleration | None:
         """The acceleration, or None when the run had to go back to its last sound state."""
         try:
-            acceleration = self.segments.accelerations(self.state, forces)
+            acceleration = self.engine.accelerations(self.state, forces)
         except SimulationError:
             if self.retries >= MOST_RETRIES:
                 raise
@@ -220,16 +227,16 @@ class _Explosion:
     def _limit(self, positions: Array, pairs: NDArray[np.int64]) -> None:
         """Caps what one step may move by scaling all velocities; adapts step and drag to it."""
         p = self.parameters
-        state, segments = self.state, self.segments
-        segments.place(state)
+        state, engine = self.state, self.engine
+        engine.place(state)
         loose = np.abs(state.angles).max() < p.loose_rad
         approach = largest_approach_speed(
-            positions, segments.velocities, segments.spins, pairs, self.chain.module.radius
+            positions, engine.velocities, engine.spins, pairs, self.chain.module.radius
         )
         excess = self.step_s * max(
             float(np.abs(state.rates).max()) / p.joint_cap_rad,
             approach / (p.pair_cap_loose if loose else p.pair_cap),
-            float(np.sqrt((segments.velocities**2).sum(axis=1).max())) / p.body_cap,
+            float(np.sqrt((engine.velocities**2).sum(axis=1).max())) / p.body_cap,
         )
         if excess > 1.0:
             state.scale_velocities(1.0 / excess)
@@ -239,7 +246,8 @@ class _Explosion:
             self.drag = max(p.drag[0], 0.97 * self.drag)
             self.step_s = min(p.step_s[1], 1.03 * self.step_s)
 
-    def _commit(self) -> None:
+    def commit(self) -> None:
+        """Makes the steps so far final: the run goes back to here, not behind."""
         self.recorder.commit()
         self.saved = (self.time_s, self.state.copy())
         self.retries = 0
@@ -254,7 +262,7 @@ class _Explosion:
         self.tension = max(0.05, 0.5 * self.tension)
         self.depth = 0.0
 
-    def _finish(self) -> bool:
+    def finish(self) -> bool:
         """Ends the run by pure kinematics if the chain can be straightened without a touch."""
         if np.abs(self.state.angles).max() > self.parameters.finish_rad:
             return False
@@ -268,13 +276,13 @@ class _Explosion:
         )
         if rest is None:
             return False
-        self.segments.place(self.state)
-        self.recorder.add(Step.of(self.time_s, self.state, self.segments.positions))
+        self.engine.place(self.state)
+        self.recorder.add(Step.of(self.time_s, self.state, self.engine.positions))
         self.recorder.commit(end=True)
         self.recorder.append(rest)
         return True
 
-    def _unjam(self) -> bool:
+    def unjam(self) -> bool:
         """Starts a pulse when nothing moves on; False when enough of them were in vain."""
         angles = np.abs(self.state.angles)
         stuck = (angles > STUCK_RAD) & (angles > self.window_angles - 0.05)
@@ -292,7 +300,7 @@ class _Explosion:
 
     def _unfolded(self) -> float:
         """0 when folded, 1 when straight: half by the joints' bends, half by the chain's span."""
-        positions = self.segments.positions
+        positions = self.engine.positions
         # A chain that folds into a line has nothing to unbend.
         bent = np.abs(self.state.angles).sum() / max(np.abs(self.chain.folded_rad).sum(), 1e-9)
         span = np.linalg.norm(positions[-1] - positions[0]) / (len(positions) - 1)

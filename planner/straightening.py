@@ -13,10 +13,13 @@ from planner.frames import Frames
 from planner.kinematics import forward_kinematics
 from planner.rotations import wxyz_from_matrix
 from planner.segments import State
+from planner.sweep import sweep
 
 Array = NDArray[np.float64]
 LEAST_CLEARANCE: Final = 0.02
 FRAME_S: Final = 0.1
+CHUNK: Final = 128
+LOOK_EVERY: Final = 4
 
 
 def straightening(
@@ -36,32 +39,56 @@ def straightening(
         The frames after the given state, or None when modules would come too close on the way.
     """
     angles = state.angles
-    centre = _centres(chain, state, angles[None])[0].mean(axis=0)
-    count = int(np.ceil(max(np.abs(angles).max() / snapshot_rad, 1.0)))
+    turned = np.abs(angles).max() / snapshot_rad
+    count = int(np.ceil(max(turned, 1.0)))
     while True:
-        scales = np.linspace(1.0, 0.0, count + 1)
-        centres = _centres(chain, state, scales[:, None] * angles)
-        centred = centres - centres.mean(axis=1, keepdims=True)
-        moved = float(np.sqrt((np.diff(centred, axis=0) ** 2).sum(axis=2).max()))
-        if moved <= snapshot_distance:
+        moved = _moved(chain, state, np.linspace(1.0, 0.0, count + 1)) / snapshot_distance
+        if moved.max() <= 1.0:
             break
-        # A long chain does not straighten evenly: its ends move most at first.
-        count = int(np.ceil(1.05 * count * moved / snapshot_distance))
-    way = scales[1:, None] * angles
-    for row in way:
+        count = int(np.ceil(1.05 * count * moved.max()))
+    # A long chain does not straighten evenly: its ends move most at first.
+    passed = np.concatenate([[0.0], np.cumsum(np.maximum(moved, turned / count))])
+    even = np.linspace(0.0, passed[-1], max(1, int(np.ceil(1.01 * passed[-1]))) + 1)
+    scales = np.interp(even, passed, np.linspace(1.0, 0.0, count + 1))[1:]
+    scales[-1] = 0.0
+    count = len(scales)
+    way = scales[:, None] * angles
+    for row in way[::LOOK_EVERY]:  # before all is proved
         poses = forward_kinematics(chain.module, row, root=chain.root)
         place = closest(
             chain.module, poses.positions, poses.rotations, size=size, enough=LEAST_CLEARANCE
         )
         if place.clearance < LEAST_CLEARANCE:
             return None
+    swept = sweep(chain, np.concatenate([angles[None], way]), size=size)
+    if swept.clearance < LEAST_CLEARANCE or swept.bound <= 0.0:
+        return None
+    centre = _centres(chain, state, angles[None])[0].mean(axis=0)
+    offsets = np.concatenate(
+        [
+            _centres(chain, state, way[start : start + CHUNK]).mean(axis=1)
+            for start in range(0, count, CHUNK)
+        ]
+    )
     return Frames.of_phase(
         "explosion",
         time_s=start_s + FRAME_S * np.arange(1.0, count + 1.0),
         joint_angles_rad=way,
-        root_position=state.position + centre - centres[1:].mean(axis=1),
+        root_position=state.position + centre - offsets,
         root_wxyz=np.broadcast_to(wxyz_from_matrix(state.rotation), (count, 4)).copy(),
     )
+
+
+def _moved(chain: Chain, state: State, scales: Array) -> Array:
+    """(F − 1,) the farthest that a module moves from one scale to the next."""
+    moved = np.empty(len(scales) - 1)
+    for start in range(0, len(moved), CHUNK):
+        part = scales[start : start + CHUNK + 1]
+        centres = _centres(chain, state, part[:, None] * state.angles)
+        centres -= centres.mean(axis=1, keepdims=True)
+        steps = np.sqrt((np.diff(centres, axis=0) ** 2).sum(axis=2).max(axis=1))
+        moved[start : start + CHUNK] = steps
+    return moved
 
 
 def _centres(chain: Chain, state: State, angles: Array) -> Array:
