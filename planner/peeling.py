@@ -55,7 +55,7 @@ PART_RAD: Final = 0.01
 """What is retired is looked at whenever the rod has turned so much, or all joints five times."""
 ALIGNED: Final = 0.5
 TURNED: Final = 0.9
-LEAST_CLEARANCE: Final = 0.001
+LEAST_CLEARANCE: Final = 0.002
 """Of a snapshot, of what is halfway to it, and of what is made by kinematics."""
 FRAME_S: Final = 0.1
 REPORT_EVERY_S: Final = 0.1
