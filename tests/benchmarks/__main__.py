@@ -17,6 +17,8 @@ from tests.benchmarks.meshes import meshes
 from tests.benchmarks.movies import movies
 from tests.benchmarks.page import page
 from tests.benchmarks.paths import paths
+from tests.benchmarks.peeling import peeling
+from tests.benchmarks.sweeps import sweeps
 from tests.benchmarks.tetrahedra import tetrahedra
 
 SECTIONS = {
@@ -24,6 +26,8 @@ SECTIONS = {
     "gallery": gallery,
     "meshes": meshes,
     "paths": paths,
+    "peeling": peeling,
+    "sweeps": sweeps,
     "tetrahedra": tetrahedra,
     "page": page,
     "movies": movies,
