@@ -15,9 +15,11 @@ from planner.windows import Windows
 Array = NDArray[np.float64]
 CLOSE: Final = 0.02
 """Clearances above this are not told apart."""
+PLACES: Final = (0.25, 0.5, 0.75)
+"""Where the way between two snapshots is looked at."""
 WORSE: Final = 0.002
-"""A halfway frame this much closer than both its neighbours asks for a snapshot in between."""
-FARTHEST_TURN: Final = float(np.cos(0.05))
+"""A place between that is this much closer than both snapshots asks for another in between."""
+FARTHEST_TURN: Final = float(np.cos(0.1))
 """Cosine of how far the rod turns between two snapshots."""
 
 
@@ -59,7 +61,7 @@ class PeelRecorder:
 
         Args:
             end: Keep the last step as a snapshot in any case.
-            least: When a snapshot or what is halfway to it has a clearance below this, all the
+            least: When a snapshot or a place on the way to it has a clearance below this, all the
                 steps are forgotten instead.
 
         Returns:
@@ -135,7 +137,9 @@ class PeelRecorder:
     def _between(self, a: Bend, b: Bend, bends: list[Bend]) -> list[Bend]:
         """The snapshots that are needed between two."""
         first, one, other = self._peelable.together(a, b)
-        halfway = self._clearance(first, 0.5 * (one + other))
+        halfway = min(
+            self._clearance(first, (1.0 - share) * one + share * other) for share in PLACES
+        )
         ends = self._clearance(b.first, b.angles)
         if halfway < ends - WORSE and bends:
             ends = min(ends, self._clearance(a.first, a.angles))
