@@ -430,9 +430,9 @@ class _Peeling:
         for k in range(1, frames):
             partly = angles.copy()
             partly[len(left) :] *= 1.0 - k / frames
-            bends.append(Bend(time_s=self.time_s + k * FRAME_S, first=self.first, angles=partly))
+            bends.append(self._bent(self.time_s + k * FRAME_S, partly))
         end_s = self.time_s + frames * FRAME_S
-        return [*bends, Bend(time_s=end_s, first=self.first, angles=left.copy())]
+        return [*bends, self._bent(end_s, left.copy())]
 
     def _settle(self) -> bool:
         """Keeps the present state as a snapshot: the window changes after it.
@@ -459,6 +459,17 @@ class _Peeling:
             angles=self.state.angles.copy(),
             centres=self.segments.positions.copy(),
             along=self.segments.rotations[-1][:, 0].copy(),
+        )
+
+    def _bent(self, time_s: float, angles: Array) -> Bend:
+        """A configuration of the window that was not simulated."""
+        positions, rotations = self.peelable.poses(self.first, angles)
+        return Bend(
+            time_s=time_s,
+            first=self.first,
+            angles=angles,
+            centres=positions,
+            along=rotations[-1][:, 0],
         )
 
     def _commit(self) -> None:
@@ -504,7 +515,7 @@ class _Peeling:
                 return False
             if k % looks == 0:
                 time_s = self.time_s + k / looks * FRAME_S
-                bends.append(Bend(time_s=time_s, first=self.first, angles=scaled))
+                bends.append(self._bent(time_s, scaled))
         if not self._settle():
             return False
         for bend in bends:
