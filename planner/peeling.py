@@ -55,7 +55,7 @@ PART_RAD: Final = 0.01
 """What is retired is looked at whenever the rod has turned so much, or all joints five times."""
 ALIGNED: Final = 0.5
 TURNED: Final = 0.9
-LEAST_CLEARANCE: Final = 0.001
+LEAST_CLEARANCE: Final = 0.002
 """Of a snapshot, of what is halfway to it, and of what is made by kinematics."""
 FRAME_S: Final = 0.1
 REPORT_EVERY_S: Final = 0.1
@@ -431,9 +431,9 @@ class _Peeling:
         for k in range(1, frames):
             partly = angles.copy()
             partly[len(left) :] *= 1.0 - k / frames
-            bends.append(Bend(time_s=self.time_s + k * FRAME_S, first=self.first, angles=partly))
+            bends.append(self._bent(self.time_s + k * FRAME_S, partly))
         end_s = self.time_s + frames * FRAME_S
-        return [*bends, Bend(time_s=end_s, first=self.first, angles=left.copy())]
+        return [*bends, self._bent(end_s, left.copy())]
 
     def _settle(self) -> bool:
         """Keeps the present state as a snapshot: the window changes after it.
@@ -460,6 +460,17 @@ class _Peeling:
             angles=self.state.angles.copy(),
             centres=self.segments.positions.copy(),
             along=self.segments.rotations[-1][:, 0].copy(),
+        )
+
+    def _bent(self, time_s: float, angles: Array) -> Bend:
+        """A configuration of the window that was not simulated."""
+        positions, rotations = self.peelable.poses(self.first, angles)
+        return Bend(
+            time_s=time_s,
+            first=self.first,
+            angles=angles,
+            centres=positions,
+            along=rotations[-1][:, 0],
         )
 
     def _commit(self) -> None:
@@ -505,7 +516,7 @@ class _Peeling:
                 return False
             if k % looks == 0:
                 time_s = self.time_s + k / looks * FRAME_S
-                bends.append(Bend(time_s=time_s, first=self.first, angles=scaled))
+                bends.append(self._bent(time_s, scaled))
         if not self._settle():
             return False
         for bend in bends:

@@ -77,7 +77,7 @@ class PeelingParameters:
     retire_rad: float = 0.2
     retire_step_rad: float = 0.12
     retire_height: float = 4.0
-    snapshot_rad: float = 0.05
+    snapshot_rad: float = 0.1
     snapshot_distance: float = 0.7
     finish_rad: float = 1.0
     verify_size: float = 0.98

@@ -15,9 +15,12 @@ from planner.windows import Windows
 Array = NDArray[np.float64]
 CLOSE: Final = 0.02
 """Clearances above this are not told apart."""
+LOOK_DISTANCE: Final = 0.08
+"""The way between two snapshots is looked at wherever a module has moved by so much."""
+FEWEST_LOOKS: Final = 3
 WORSE: Final = 0.002
-"""A halfway frame this much closer than both its neighbours asks for a snapshot in between."""
-FARTHEST_TURN: Final = float(np.cos(0.05))
+"""A place between that is this much closer than both snapshots asks for another in between."""
+FARTHEST_TURN: Final = float(np.cos(0.1))
 """Cosine of how far the rod turns between two snapshots."""
 
 
@@ -59,7 +62,7 @@ class PeelRecorder:
 
         Args:
             end: Keep the last step as a snapshot in any case.
-            least: When a snapshot or what is halfway to it has a clearance below this, all the
+            least: When a snapshot or a place on the way to it has a clearance below this, all the
                 steps are forgotten instead.
 
         Returns:
@@ -122,25 +125,32 @@ class PeelRecorder:
         _, one, other = self._peelable.together(a, b)
         if np.abs(one - other).max(initial=0.0) >= self._snapshot_rad:
             return True
-        if a.centres is None or b.centres is None:
-            return False
         if a.along is not None and b.along is not None and a.along @ b.along < FARTHEST_TURN:
             return True
+        return self._moved(a, b) >= self._snapshot_distance
+
+    def _moved(self, a: Bend, b: Bend) -> float:
+        """How far a module of both windows has gone; 0 where that is not known."""
+        if a.centres is None or b.centres is None:
+            return 0.0
         low = max(a.first, b.first)
         high = min(a.first + len(a.centres), b.first + len(b.centres))
         gone = a.centres[low - a.first : high - a.first] - b.centres[low - b.first : high - b.first]
-        moved = (gone**2).sum(axis=1).max(initial=0.0)
-        return bool(moved >= self._snapshot_distance**2)
+        return float(np.sqrt((gone**2).sum(axis=1).max(initial=0.0)))
 
     def _between(self, a: Bend, b: Bend, bends: list[Bend]) -> list[Bend]:
         """The snapshots that are needed between two."""
         first, one, other = self._peelable.together(a, b)
-        halfway = self._clearance(first, 0.5 * (one + other))
+        looks = max(FEWEST_LOOKS, int(self._moved(a, b) / LOOK_DISTANCE))
+        least = min(
+            self._clearance(first, one + k / (looks + 1) * (other - one))
+            for k in range(1, looks + 1)
+        )
         ends = self._clearance(b.first, b.angles)
-        if halfway < ends - WORSE and bends:
+        if least < ends - WORSE and bends:
             ends = min(ends, self._clearance(a.first, a.angles))
-        if not bends or halfway >= ends - WORSE:
-            self._least = min(self._least, halfway, ends)
+        if not bends or least >= ends - WORSE:
+            self._least = min(self._least, least, ends)
             return []
         middle = len(bends) // 2
         return [

@@ -12,7 +12,7 @@ from planner.errors import InputError
 from planner.feasibility import Feasibility, Repair, apply_repair, feasibility
 from planner.filling.filled import Filled
 from planner.knots import knot_of
-from planner.pathfinding.candidates import PathSearch, find_paths, halved
+from planner.pathfinding.candidates import ASSEMBLY_FROM, PathSearch, find_paths, halved
 from planner.pathfinding.lattice import parts
 from planner.shapes import Shape
 from planner.wishes import DEFAULT_MODULES, Wishes
@@ -48,7 +48,8 @@ class Cubes:
         given = len(shape)
         method = wishes.method
         if of_solid and _in_blocks(wishes):
-            shape, method = doubled(shape), "blocks"
+            shape = doubled(shape)
+            method = method if len(shape) >= ASSEMBLY_FROM else "blocks"
         elif method == "blocks" and halved(shape) is None:
             shape, was_doubled = doubled(shape), True
         elif wishes.modules not in (None, given) and not wishes.repair and not of_solid:

@@ -1,21 +1,25 @@
 """Assembly order: paths whose cells come off one after the other, from the far end.
 
 Such a path could have been laid cell by cell, each unit coming in along a free line. Boxes get a
-snake, layer by layer. Other shapes are visited block by block along a coarse path that is found by
-a depth-first search: low layers first, narrow places first, and each new block with a free line to
-the outside at its turn. Within a block of an even side a snake joins two corners that differ in one
-coordinate, so for every coarse path there is a choice of snakes.
+snake, layer by layer; doubled cells a way through each layer (``planner.pathfinding.layers``).
+Where layers fall into parts, blocks are visited along a coarse path that is found by a depth-first
+search: low layers first, narrow places first, and each new block with a free line to the outside at
+its turn. Within a block of an even side a snake joins two corners that differ in one coordinate, so
+for every coarse path there is a choice of snakes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.pathfinding.lattice import neighbours
+from planner.pathfinding.layers import layered_path
 from planner.pathfinding.snake import snake_path
 
 Ints = NDArray[np.int64]
@@ -25,7 +29,13 @@ ATTEMPTS: Final = 6
 DRAWS: Final = 3
 VISITS: Final = 10
 """Blocks looked at in one attempt, for each block that there is."""
+MOST_VISITS: Final = 6000
+"""Blocks looked at in one attempt beyond once each: who looks longer finds no more."""
 LAYER_WEIGHT: Final = 3.0
+WAYS: Final = tuple(way for way in product((-1, 0, 1), repeat=3) if any(way))
+AXES: Final = tuple(k for k, way in enumerate(WAYS) if sum(map(abs, way)) == 1)
+ENOUGH_WAYS: Final = 3
+"""A unit with fewer ways out sits in a pit as deep as it is; those were the ones that stuck."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,11 +45,13 @@ class Peelability:
     Attributes:
         unit: Cells that come off at once.
         shares: (U,) for each unit, from the far end on, the largest share of its cells that have a
-            free line in one common direction when it is the unit's turn.
+            free line in one common direction of an axis when it is the unit's turn.
+        ways: (U,) of the 26 directions those in which all of its cells have a free line.
     """
 
     unit: int
     shares: NDArray[np.float64]
+    ways: Ints
 
     @property
     def buried(self) -> Ints:
@@ -53,8 +65,9 @@ class Peelability:
 
     @property
     def score(self) -> float:
-        """1 when every unit can leave; less where some are buried, by the worst and by the mean."""
-        return float(0.5 * (self.shares.min(initial=1.0) + self.shares.mean()))
+        """1 when every unit has ways out; less where some have few, by the worst and the mean."""
+        ease = self.shares * np.minimum(1.0, self.ways / ENOUGH_WAYS)
+        return float(0.5 * (ease.min(initial=1.0) + ease.mean()))
 
 
 def peelable(cells: Ints, unit: int = UNIT) -> Peelability:
@@ -65,8 +78,8 @@ def peelable(cells: Ints, unit: int = UNIT) -> Peelability:
         unit: Cells that come off at once.
     """
     count = len(cells)
-    low = cells.min(axis=0)
-    grid = np.full(cells.max(axis=0) - low + 1, count, dtype=np.int64)
+    low = cells.min(axis=0) - 1
+    grid = np.full(cells.max(axis=0) - low + 2, count, dtype=np.int64)
     places = tuple((cells - low).T)
     grid[places] = np.arange(count)
     # Units are counted from the far end; the last one may be shorter.
@@ -74,20 +87,34 @@ def peelable(cells: Ints, unit: int = UNIT) -> Peelability:
     start = np.maximum(count - unit * (of_unit + 1), 0)
     units = int(of_unit.max()) + 1
     sizes = np.bincount(of_unit, minlength=units)
-    best = np.zeros(units)
-    for axis in range(3):
-        for side in (1, -1):
-            line = np.flip(grid, axis) if side > 0 else grid
-            least = np.minimum.accumulate(line, axis=axis)
-            beyond = np.roll(least, 1, axis=axis)
-            edge = [slice(None)] * 3
-            edge[axis] = slice(0, 1)
-            beyond[tuple(edge)] = count
-            if side > 0:
-                beyond = np.flip(beyond, axis)
-            free = beyond[places] >= start
-            best = np.maximum(best, np.bincount(of_unit, weights=free, minlength=units) / sizes)
-    return Peelability(unit=unit, shares=best)
+    shares = np.zeros((len(WAYS), units))
+    for k, way in enumerate(WAYS):
+        free = _least_beyond(grid, way, count)[places] >= start
+        shares[k] = np.bincount(of_unit, weights=free, minlength=units) / sizes
+    return Peelability(
+        unit=unit,
+        shares=shares[list(AXES)].max(axis=0),
+        ways=(shares == 1.0).sum(axis=0).astype(np.int64),
+    )
+
+
+def _least_beyond(grid: Ints, way: tuple[int, ...], none: int) -> Ints:
+    """The least number on the line from each cell in one direction; the rim of the grid is free."""
+    axis = next(k for k in range(3) if way[k])
+    found = np.full_like(grid, none)
+    source, beyond = np.moveaxis(grid, axis, 0), np.moveaxis(found, axis, 0)
+    shift = tuple(-way[k] for k in range(3) if k != axis)
+    last = len(source) - 1
+    for k in range(last - 1, -1, -1) if way[axis] > 0 else range(1, last + 1):
+        next_layer = np.minimum(source[k + way[axis]], beyond[k + way[axis]])
+        beyond[k] = np.roll(next_layer, shift, axis=(0, 1))
+    return found
+
+
+def from_better_end(cells: Ints) -> Ints:
+    """(n, 3) the path, turned round where it comes off better from its other end."""
+    turned = np.ascontiguousarray(cells[::-1])
+    return turned if peelable(turned).score > peelable(cells).score else cells
 
 
 def layered_snake(sides: tuple[int, int, int]) -> Ints:
@@ -118,32 +145,45 @@ def assembly_path(
 
 
 def solid_path(coarse: Ints, rng: np.random.Generator, *, side: int = 4) -> Ints | None:
-    """A path in assembly order with blocks as large as they can be: of that side, or of halves.
+    """The path in assembly order that comes off best of those that are found, or None.
 
     Args:
         coarse: (m, 3) the blocks, as in ``assembly_path``.
         rng: Decides between equals.
         side: Cells along each edge of a block; a power of two.
     """
-    blocks = np.asarray(coarse, dtype=np.int64)
-    while side >= 2:
-        best: Ints | None = None
-        score = 0.0
+    best: Ints | None = None
+    score = 0.0
+    for found in solid_paths(np.asarray(coarse, dtype=np.int64), rng, side):
+        rated = peelable(found).score
+        if rated > score:
+            best, score = found, rated
+        if score == 1.0:
+            break
+    return best
+
+
+def solid_paths(coarse: Ints, rng: np.random.Generator, side: int) -> Iterator[Ints]:
+    """Paths in assembly order: by layers along each axis; by blocks where there are none."""
+    corners = np.argwhere(np.ones((2, 2, 2), dtype=bool))
+    blocks = {side: coarse}
+    while side > 2:
+        side //= 2
+        blocks[side] = (2 * blocks[2 * side][:, None] + corners).reshape(-1, 3)
+    layered = False
+    for axis in np.argsort(-np.ptp(coarse, axis=0), kind="stable").tolist():
+        found = layered_path(blocks[2], axis, rng)
+        if found is not None:
+            layered = True
+            yield from_better_end(found)
+    if layered:
+        return
+    for length, cells in blocks.items():
         for _ in range(DRAWS):
-            found = assembly_path(blocks, rng, side=side)
+            found = assembly_path(cells, rng, side=length)
             if found is None:
                 break
-            rated = peelable(found).score
-            if rated > score:
-                best, score = found, rated
-            if score == 1.0:
-                break
-        if best is not None:
-            return best
-        corners = np.argwhere(np.ones((2, 2, 2), dtype=bool))
-        blocks = (2 * blocks[:, None] + corners).reshape(-1, 3)
-        side //= 2
-    return None
+            yield from_better_end(found)
 
 
 def coarse_path(blocks: Ints, rng: np.random.Generator, *, visits: int = VISITS) -> Ints | None:
@@ -154,7 +194,9 @@ def coarse_path(blocks: Ints, rng: np.random.Generator, *, visits: int = VISITS)
         return None
     for attempt in range(ATTEMPTS):
         axis = (2, 1, 0)[attempt % 3]
-        found = _Search(blocks, near, axis, rng).run(visits * len(blocks))
+        found = _Search(blocks, near, axis, rng).run(
+            min(visits * len(blocks), MOST_VISITS + len(blocks))
+        )
         if found is not None:
             return np.array(found, dtype=np.int64)
     return None

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import permutations
-from typing import Final, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.knots import knot_of
+from planner.pathfinding.assembly import layered_snake, peelable, solid_paths
 from planner.pathfinding.blocks import aligned_blocks, block_cycle, cut, cut_costs, halved
 from planner.pathfinding.exact import exact_path, index_of
 from planner.pathfinding.lattice import parts, spread, spreads_of_cuts, surface
@@ -28,11 +29,20 @@ Ints = NDArray[np.int64]
 Ends: TypeAlias = Literal["any", "surface"]
 
 METHODS: Final = ("auto", "blocks", "exact", "snake")
+"""What may be wished for."""
+ASSEMBLY: Final = "assembly"
+ASSEMBLY_FROM: Final = 600
+"""Cells from which on paths that can be peeled are looked for first."""
 ENDS: Final = ("any", "surface")
 TRIES: Final = 4
 """Paths that are made for each one that is kept."""
 LARGEST_KNOT: Final = 10_000
 """Cells up to which a candidate's knot is looked at; block paths and snakes have none."""
+NO_ASSEMBLY: Final = (
+    "No path whose cells come off one after the other was found: the cells are no box and no "
+    "2×2×2 blocks, or their layers fall into parts, or such a path has other ends. Use blocks or "
+    "exact."
+)
 LARGEST_CHOICE: Final = 20_000
 """Cells up to which there is a choice; a larger shape gets one path."""
 
@@ -43,7 +53,7 @@ class PathSearch:
 
     Attributes:
         paths: The best first; empty when none was found.
-        method: What made them: ``blocks``, ``exact`` or ``snake``.
+        method: What made them: ``assembly``, ``blocks``, ``exact`` or ``snake``.
         reason: Why there is none, in plain words; empty when there is.
         notes: What else is worth knowing.
     """
@@ -80,8 +90,10 @@ def find_paths(
 
     Args:
         shape: The shape.
-        method: ``blocks`` (shapes of 2×2×2 blocks), ``snake`` (boxes), ``exact`` (any cells) or
-            ``auto``, which takes blocks or a snake where they work.
+        method: ``blocks`` (shapes of 2×2×2 blocks), ``snake`` (boxes), ``exact`` (any cells),
+            ``assembly`` (boxes and shapes of blocks, in an order in which they can be peeled off),
+            or ``auto``, which takes blocks or a snake where they work, and assembly for large
+            shapes where it does.
         ends: ``surface`` when both ends must have a free face.
         start: The cell that the path begins with, None for any.
         seed: The same seed gives the same paths.
@@ -91,7 +103,7 @@ def find_paths(
     Raises:
         InputError: A wish that is none, or a start that is not among the cells.
     """
-    if method not in METHODS:
+    if method not in (*METHODS, ASSEMBLY):
         raise InputError(
             "unknown-method", f"got the method {method!r}, expected one of: {', '.join(METHODS)}."
         )
@@ -106,6 +118,10 @@ def find_paths(
         deadline=time.monotonic() + time_limit_s,
     )
     box, coarse = is_box(shape), aligned_blocks(shape.cells)
+    if method == ASSEMBLY or (method == "auto" and len(shape) >= ASSEMBLY_FROM):
+        found = list(_assembled(shape, wishes, coarse))
+        if found or method == ASSEMBLY:
+            return _search(shape, found, candidates, ASSEMBLY, NO_ASSEMBLY, order=_by_peeling)
     if method == "snake" or (method == "auto" and box):
         found = list(_snakes(shape, wishes)) if box else []
         if found or method == "snake":
@@ -119,21 +135,31 @@ def find_paths(
 
 
 def _search(
-    shape: Shape, found: list[Ints], candidates: int, method: str, reason: str
+    shape: Shape,
+    found: list[Ints],
+    candidates: int,
+    method: str,
+    reason: str,
+    *,
+    order: Callable[[Ints], tuple[Any, ...]] | None = None,
 ) -> PathSearch:
     paths = tuple(
         Path.from_cells(cells, name=shape.name, pitch_m=shape.pitch_m)
-        for cells in ranked(found)[:candidates]
+        for cells in ranked(found, order)[:candidates]
     )
     return PathSearch(paths=paths, method=method, reason="" if paths else reason)
 
 
-def ranked(found: list[Ints]) -> list[Ints]:
+def ranked(found: list[Ints], order: Callable[[Ints], tuple[Any, ...]] | None = None) -> list[Ints]:
     """Different paths, the one that promises most first; the order is always the same."""
     different = list({cells.tobytes(): cells for cells in found}.values())
     if len(different) < 2:
         return different
-    return sorted(different, key=_rank)
+    return sorted(different, key=order or _rank)
+
+
+def _by_peeling(cells: Ints) -> tuple[float, float, bytes]:
+    return -peelable(cells).score, spread(cells), cells.tobytes()
 
 
 def _rank(cells: Ints) -> tuple[int, int, float, bytes]:
@@ -148,6 +174,26 @@ def _fits(cells: Ints, wishes: _Wishes) -> bool:
     if wishes.start is not None and tuple(cells[0].tolist()) != wishes.start:
         return False
     return wishes.ends == "any" or bool(surface(cells)[[0, -1]].all())
+
+
+def _assembled(shape: Shape, wishes: _Wishes, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:
+    """Paths in assembly order, from either end where it is told where they begin."""
+    low = shape.cells.min(axis=0)
+    made: Iterable[Ints] = ()
+    if is_box(shape):
+        x, y, z = (int(side) for side in shape.cells.max(axis=0) - low + 1)
+        snake = layered_snake((x, y, z)) + low
+        if wishes.start is not None:
+            snake = _turned_to(snake, np.array(wishes.start), low, (x, y, z))
+        made = (snake,)
+    elif coarse is not None:
+        rng = np.random.default_rng(wishes.seed)
+        made = (cells + coarse[1] for cells in solid_paths(coarse[0], rng, 2))
+    for cells in made:
+        for path in (cells, np.ascontiguousarray(cells[::-1])):
+            if _fits(path, wishes):
+                yield path
+                break
 
 
 def _snakes(shape: Shape, wishes: _Wishes) -> Iterator[Ints]:

@@ -114,7 +114,7 @@ def _joined(cycles: list[dict[Cell, Cell]], rng: np.random.Generator) -> list[In
         entered.append(reached)
     last = list(entered[-1])
     cell: Cell | None = last[int(rng.integers(len(last)))]
-    end = cycles[-1][cell] if cell is not None else None
+    end = cycles[-1][cell]
     ways: list[Ints] = []
     for level in range(len(cycles) - 1, -1, -1):
         assert cell is not None

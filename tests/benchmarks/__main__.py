@@ -18,7 +18,9 @@ from tests.benchmarks.meshes import meshes
 from tests.benchmarks.movies import movies
 from tests.benchmarks.page import page
 from tests.benchmarks.paths import paths
+from tests.benchmarks.peeling import peeling
 from tests.benchmarks.smoothing import smoothing
+from tests.benchmarks.sweeps import sweeps
 from tests.benchmarks.tetrahedra import tetrahedra
 
 SECTIONS = {
@@ -26,6 +28,8 @@ SECTIONS = {
     "gallery": gallery,
     "meshes": meshes,
     "paths": paths,
+    "peeling": peeling,
+    "sweeps": sweeps,
     "tetrahedra": tetrahedra,
     "smoothing": smoothing,
     "page": page,

@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from planner.pathfinding.assembly import (
     assembly_path,
     filled_blocks,
+    from_better_end,
     layered_snake,
     peelable,
     solid_path,
 )
+from planner.pathfinding.layers import layered_path
 from planner.pathfinding.snake import snake_path
 from planner.paths import Path
 
@@ -35,6 +37,15 @@ def table() -> Ints:
     return cells[legs | (cells[:, 2] >= 4)]
 
 
+def ball(width: int) -> Ints:
+    cells = box(width, width, width)
+    return cells[((cells - 0.5 * (width - 1)) ** 2).sum(axis=1) <= 0.25 * width**2]
+
+
+def plus() -> Ints:
+    return np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+
+
 def cells_of(blocks: Ints, side: int) -> Ints:
     return np.unique((side * blocks[:, None] + box(side, side, side)).reshape(-1, 3), axis=0)
 
@@ -55,7 +66,54 @@ def test_each_block_can_leave_when_it_is_its_turn(shape: Ints) -> None:
     path = assembly_path(shape, np.random.default_rng(0), side=2)
     assert path is not None
     assert peelable(path, 8).free
-    assert peelable(path, 8).score == 1.0
+    assert (peelable(path, 8).ways > 0).all()
+
+
+@pytest.mark.parametrize("shape", [box(4, 4, 4), cup(), table(), ball(10), plus()])
+def test_layers_make_a_path_that_comes_off_everywhere(shape: Ints) -> None:
+    path = solid_path(shape, np.random.default_rng(0), side=2)
+    assert path is not None
+    Path.from_cells(path)
+    np.testing.assert_array_equal(np.unique(path, axis=0), cells_of(shape, 2))
+    assert peelable(path).score == 1.0
+    steps = np.diff(path, axis=0)
+    assert ((steps >= 0).all(axis=0) | (steps <= 0).all(axis=0)).any()  # one axis is climbed
+
+
+def test_layers_that_fall_into_parts_or_drift_away_have_no_path() -> None:
+    rng = np.random.default_rng(0)
+    assert layered_path(table(), 2, rng) is None  # four legs
+    assert layered_path(table(), 0, rng) is not None
+    assert layered_path(np.array([[0, 0, 0], [0, 0, 2]]), 2, rng) is None
+    steps = np.array(
+        [[x, 0, z] for z in range(4) for x in (3 * z, 3 * z + 1, 3 * z + 2, 3 * z + 3)]
+    )
+    assert layered_path(steps, 2, rng) is None
+
+
+def test_a_pit_is_rated_lower_than_a_way_out_on_all_sides() -> None:
+    # A handle on a head: laid last it leaves a hole, four cells deep, for the unit before it.
+    head = box(4, 4, 4) * np.array([1, 1, 1])
+    hole = (head[:, 0] == 3) & (head[:, 1] == 1) & (head[:, 2] == 1)
+    core = filled(head[~hole])
+    pit = filled(head[hole])
+    rated = peelable(np.concatenate([core, pit]), 32)
+    assert rated.free and rated.score < 0.7
+    assert rated.ways[0] == 1
+
+
+def filled(blocks: Ints) -> Ints:
+    """Cells of blocks in any order: how they come off is asked for, not whether they are a path."""
+    return (4 * blocks[:, None] + box(4, 4, 4)).reshape(-1, 3)
+
+
+def test_a_path_is_peeled_from_its_better_end() -> None:
+    inward = buried()
+    assert peelable(inward, 1).score < peelable(inward[::-1], 1).score
+    rating = [peelable(path).score for path in (inward, from_better_end(inward))]
+    assert rating[1] >= rating[0]
+    snake = layered_snake((6, 8, 6))
+    assert from_better_end(snake) is snake
 
 
 def test_any_path_of_blocks_is_filled() -> None:
@@ -70,13 +128,16 @@ def test_any_path_of_blocks_is_filled() -> None:
 
 def test_where_blocks_have_no_path_halves_have_one() -> None:
     # Four arms on one block: three of them would have to be an end.
-    cross = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+    cross = plus()
     assert assembly_path(cross, np.random.default_rng(0), side=4) is None
     path = solid_path(cross, np.random.default_rng(0), side=4)
     assert path is not None
     Path.from_cells(path)
     np.testing.assert_array_equal(np.unique(path, axis=0), cells_of(cross, 4))
-    assert solid_path(cross, np.random.default_rng(0), side=2) is None
+    # Six arms along three axes, two of them twice: no axis has layers in one piece.
+    legs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    frame = np.unique(np.concatenate([legs, plus(), [[0, 0, 1], [0, 0, -1]]]), axis=0)
+    assert solid_path(frame, np.random.default_rng(0), side=2) is None
 
 
 def test_the_seed_decides() -> None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.knots import knot_of
 from planner.pathfinding import METHODS, find_paths, snake_path
+from planner.pathfinding.assembly import peelable
 from planner.pathfinding.candidates import ranked
 from planner.pathfinding.lattice import spread, surface
 from planner.shapes import Shape
@@ -39,6 +40,29 @@ def test_the_method_is_chosen_by_the_shape(shape: Shape, made_by: str) -> None:
     for path in search.paths:
         assert np.array_equal(np.unique(path.cells, axis=0), shape.cells)
         assert (path.name, path.pitch_m) == (shape.name, shape.pitch_m)
+
+
+CUP = Shape.from_cells(
+    [c for c in box(10, 10, 10) if not (min(c[:2]) >= 4 and max(c[:2]) < 6 and c[2] >= 4)]
+)
+
+
+@pytest.mark.parametrize("shape", [CUP, Shape.from_cells(box(10, 9, 8))])
+def test_large_shapes_are_peeled(shape: Shape) -> None:
+    search = find_paths(shape)
+    assert search.method == "assembly"
+    best = search.paths[0].cells
+    assert peelable(best).score == 1.0
+    assert np.array_equal(np.unique(best, axis=0), shape.cells)
+    start = (0, 0, 0)
+    begun = find_paths(shape, start=start)
+    assert begun.paths and tuple(begun.paths[0].cells[0]) == start
+
+
+def test_an_order_of_assembly_may_be_asked_for_and_may_not_be_there() -> None:
+    assert find_paths(BENT, method="assembly").method == "assembly"
+    none = find_paths(PLATE, method="assembly")
+    assert none.paths == () and "no box" in none.reason
 
 
 @pytest.mark.parametrize("shape", [BOX, BENT, PLATE])
