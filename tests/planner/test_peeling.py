@@ -14,7 +14,7 @@ from planner.clearance import closest
 from planner.errors import InputError
 from planner.kinematics import forward_kinematics
 from planner.motion import motion_arrays
-from planner.pathfinding.assembly import assembly_path
+from planner.pathfinding.assembly import assembly_path, solid_path
 from planner.pathfinding.snake import snake_path
 from planner.paths import Path
 from planner.peeling import peel, turned_towards
@@ -74,6 +74,21 @@ def test_it_is_clear_at_the_frames_and_everywhere_between(case: Case) -> None:
 def test_a_snake_is_clear_at_a_size_of_98_percent() -> None:
     chain, record = snake()
     found = sweep(chain, record.frames.angles(chain), size=0.98)
+    assert found.clearance > 0.0
+    assert found.bound > 0.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_table_is_clear_at_98_percent_between_all_frames(seed: int) -> None:
+    voxels = np.array([c for c in np.ndindex(8, 8, 6) if c[2] >= 4 or {0, 1, 6, 7} >= {*c[:2]}])
+    cells = solid_path(voxels, np.random.default_rng(0), side=2)
+    assert cells is not None
+    chain = chain_of(cells)
+    record = peel(chain, DEFAULT, seed=seed)
+    assert record.status == "straight", record.reason
+    assert isinstance(record.frames, Windows)
+    found = sweep(chain, record.frames, size=0.98)
     assert found.clearance > 0.0
     assert found.bound > 0.0
 
