@@ -1,7 +1,8 @@
 """Strategies: the ways in which a folded chain is let go.
 
-``simultaneous`` is the paper's: all modules at once. ``peel`` lets one unit after the other go from
-the chain's far end, so its cost grows linearly. ``auto`` takes what suits the chain.
+``simultaneous`` is the paper's: all modules at once. ``blocks`` lets rigid blocks come apart first.
+``peel`` lets one unit after the other go from the chain's far end, so its cost grows linearly.
+``auto`` takes what suits the chain.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from planner.blocks_first import explode_blocks_first
 from planner.chain import Chain
 from planner.errors import InputError
 from planner.explosion import explode
@@ -33,8 +35,9 @@ OFF_SQUARE: Final = 1e-4
 """Right angles up to which a cube counts as folded square."""
 SIMULTANEOUS_UP_TO: Final = 600
 """Modules above which ``auto`` peels what can be peeled: docs/decisions/0013-peeling.md."""
-SIMULTANEOUS_AT_MOST: Final = 1500
-"""Modules above which nothing else is tried of what can be peeled: it would not end."""
+BLOCKS_FROM: Final = 160
+BLOCKS_AT_MOST: Final = 1500
+"""Modules from which on blocks come apart first, and above which they don't do so in time."""
 
 
 def strategies_for(chain: Chain, wished: str, parameters: Parameters) -> tuple[str, ...]:
@@ -52,21 +55,26 @@ def strategies_for(chain: Chain, wished: str, parameters: Parameters) -> tuple[s
     if wished not in STRATEGY_WISHES:
         raise unknown_strategy(wished)
     peels = isinstance(parameters.explosion, ExplosionParameters) and on_lattice(chain)
-    if wished == "peel" and not peels:
+    if wished not in (AUTO, "simultaneous") and not peels:
         raise InputError(
             "strategy-differs",
-            f"got the strategy peel for {chain.module.name}s with the preset {parameters.preset}, "
-            "expected cubes that fold onto a lattice and the default preset; take another "
-            "strategy.",
+            f"got the strategy {wished} for {chain.module.name}s with the preset "
+            f"{parameters.preset}, expected cubes that fold onto a lattice and the default preset; "
+            "take another strategy.",
         )
     if wished != AUTO:
         return (wished,)
     if not peels:
         return ("simultaneous",)
-    if len(chain) > SIMULTANEOUS_AT_MOST:
+    if len(chain) > BLOCKS_AT_MOST:
         return ("peel",)
-    ways = ("simultaneous", "peel")
-    return ways[::-1] if len(chain) > SIMULTANEOUS_UP_TO else ways
+    if len(chain) > SIMULTANEOUS_UP_TO:
+        return ("peel", "blocks")
+    return (
+        ("simultaneous", "peel", "blocks")
+        if len(chain) >= BLOCKS_FROM
+        else ("simultaneous", "peel")
+    )
 
 
 def on_lattice(chain: Chain) -> bool:
@@ -108,6 +116,11 @@ def let_go(
             verify_size=max(parameters.peeling.verify_size, parameters.module_size),
         )
         return peel(chain, finer, seed=seed, sink=sink, progress=progress, cancelled=cancelled)
+    if strategy == "blocks":
+        found = explode_blocks_first(
+            chain, how, seed=seed, sink=sink, progress=progress, cancelled=cancelled
+        )
+        return replace(found, strategy="blocks")
     return explode(chain, how, seed=seed, sink=sink, progress=progress, cancelled=cancelled)
 
 

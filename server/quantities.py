@@ -12,6 +12,7 @@ WHOLE_BELOW: Final = 1e6
 SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 STRATEGIES: Final = {
     "simultaneous": "All at once",
+    "blocks": "Blocks first",
     "peel": "Unit by unit, from the far end",
 }
 PRESETS: Final = {
