@@ -88,3 +88,12 @@ def test_an_unknown_module_is_refused() -> None:
     with pytest.raises(InputError) as refusal:
         prepare(b"[[0,0,0],[1,0,0],[2,0,0]]", None, Wishes(module="sphere"))
     assert refusal.value.code == "unknown-module"
+
+
+@pytest.mark.parametrize(("modules", "method"), [(200, "blocks"), (1000, "assembly")])
+def test_a_large_mesh_becomes_a_chain_that_can_be_peeled(modules: int, method: str) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=3).export(file_type="stl")
+    made = prepare(ball, "ball.stl", Wishes(modules=modules))
+    assert made.method == method
+    asked = prepare(ball, "ball.stl", Wishes(modules=modules, method="blocks"))
+    assert asked.method == "blocks"
