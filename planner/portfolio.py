@@ -16,7 +16,7 @@ MOST_SEEDS: Final = 3
 LARGEST_SEED: Final = 2**32 - 1
 CHANGES: Final[dict[str, tuple[str, ...]]] = {
     "knot": ("path", "strategy"),
-    "buried": ("path", "strategy", "seed"),
+    "buried": ("strategy", "path", "seed"),
     "contacts": ("strategy", "path", "seed"),
     "joints": ("path", "strategy", "seed"),
     "limit": ("strategy", "path"),

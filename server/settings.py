@@ -140,7 +140,7 @@ class Settings(BaseSettings):
     max_connections_of_visitor: int = Field(
         default=256, ge=1, description="Of them, of one; a trusted proxy may have all."
     )
-    max_modules: int = Field(default=4096, ge=3, description="Longest chain that is accepted.")
+    max_modules: int = Field(default=12_000, ge=3, description="Longest chain that is accepted.")
     min_free_disk_bytes: int = Field(
         default=64 * MIB, ge=0, description="Refuse uploads below this."
     )
