@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from planner.chain import Chain
 from planner.decimation import decimated
 from planner.errors import InputError
+from planner.expected import expected_seconds
 from planner.feasibility import Feasibility
 from planner.filling import FILLINGS, Filled
 from planner.filling.cubes import modules_after
@@ -27,7 +28,6 @@ from planner.wishes import Wishes
 
 Array = NDArray[np.float64]
 LARGEST_MESH: Final = 20_000
-PEELED_FROM: Final = 600
 SEARCH_S: Final = 20.0
 
 
@@ -224,13 +224,6 @@ def prepare_in_any_order(
     wishes = replace(wishes, as_voxels=True)
     made = prepare(data, filename, wishes, seed=seed, time_limit_s=time_limit_s)
     return replace(made, notes=(why, *made.notes))
-
-
-def expected_seconds(modules: int) -> float:
-    """About how long a fold takes on two cores, from measured runs of 24 to 9600 modules."""
-    if modules > PEELED_FROM:
-        return 2.0 + 0.012 * modules
-    return 1.0 + 0.006 * modules + 1.4 * (modules / 160.0) ** 2.6
 
 
 def _prepared_chain(chain: Chain, wishes: Wishes, kind: str) -> Preparation:

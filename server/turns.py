@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from planner.expected import expected_seconds
+
 TICKS_A_SECOND: Final = 10
 LATEST: Final = 2**31 - 2
 """What the job system takes as a priority; at full load it is reached after years."""
@@ -17,8 +19,8 @@ SLOWEST: Final = 3600.0
 
 
 def expected_s(modules: int) -> float:
-    """About how long a fold takes, from measured runs of 24 to 1000 modules."""
-    return min(SLOWEST, 1.0 + 0.006 * modules + 1.4 * (modules / 160.0) ** 2.6)
+    """About how long a fold takes, as far as its turn depends on it."""
+    return min(SLOWEST, expected_seconds(modules))
 
 
 def ticks(cost_s: float) -> int:

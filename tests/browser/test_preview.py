@@ -172,10 +172,10 @@ def test_the_most_modules_are_said_where_they_are_reached(visit: Visit, service:
     ).json()
     page = visit("/shapes/new", width=1440, height=900)
     page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
-    page.goto(found["links"]["page"] + "?modules=9000")
-    expect(page.locator("#got")).to_contain_text("At most 4\u2009096 modules")
-    expect(page.locator("#modules-number")).to_have_value("4096")
-    expect(page).to_have_url(re.compile("modules=4096"))
+    page.goto(found["links"]["page"] + "?modules=15000")
+    expect(page.locator("#got")).to_contain_text("At most 12\u2009000 modules")
+    expect(page.locator("#modules-number")).to_have_value("12000")
+    expect(page).to_have_url(re.compile("modules=12000"))
     keep(page, "preview-most-1440x900")
 
 

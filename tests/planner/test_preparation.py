@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from planner.errors import InputError
+from planner.expected import expected_seconds
 from planner.feasibility import feasibility
 from planner.filling.cubes import doubled
 from planner.formats import write_chain
-from planner.preparation import expected_seconds, prepare
+from planner.preparation import prepare
 from planner.shapes import Shape
 from planner.wishes import Wishes
 from tests.planner.chains import coil
