@@ -12,7 +12,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test test-long load audit deploy-check lint format bench constraints clean chromium tools
+.PHONY: help run test test-long load audit deploy-check lint format bench success-map constraints clean chromium tools
 
 help: ## What there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -65,6 +65,9 @@ deploy-check: $(STAMP) ## Build the image's steps for real (root, Debian, minute
 
 bench: $(STAMP) ## The figures: a table, and JSON in out/
 	@$(BIN)/python -m tests.benchmarks
+
+success-map: $(STAMP) ## What folds and what does not: runs what is missing, draws the map
+	@$(BIN)/python -m tests.benchmarks.success_map
 
 constraints: $(STAMP) ## Write constraints.txt from what is installed
 	@{ echo "# Versions that are tested together; \`make constraints\` writes this file."; \

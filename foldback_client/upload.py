@@ -48,7 +48,7 @@ class FoldWishes(Wishes, total=False):
     refold: str
     preset: Literal["default", "paper", "direct"]
     module_size: float
-    strategy: Literal["auto", "simultaneous", "blocks", "peel"]
+    strategy: Literal["auto", "simultaneous", "blocks", "peel", "one-by-one"]
 
 
 class MovieWishes(TypedDict, total=False):

@@ -166,7 +166,7 @@ class Parameters:
 
 
 PRESETS: Final = ("default", "paper", "direct")
-STRATEGIES: Final = ("simultaneous", "blocks", "peel")
+STRATEGIES: Final = ("simultaneous", "blocks", "peel", "one-by-one")
 AUTO: Final = "auto"
 STRATEGY_WISHES: Final = (AUTO, *STRATEGIES)
 

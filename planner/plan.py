@@ -179,10 +179,19 @@ class Plan:
             "preset": self.preset,
             "seed": self.seed,
             "refold": self._refold(),
+            "stuck": self._stuck(),
             "explosion": self.explosion or nothing,
             "playback": self.playback,
             "certificate": self.certificate.as_dict(),
         }
+
+    def _stuck(self) -> dict[str, Any] | None:
+        """Of an explosion that did not come to its end: why and where, see ``Diagnosis``."""
+        for attempt in self.attempts:
+            told = attempt.get("diagnosis")
+            if told and self.explosion == {key: attempt.get(key) for key in self.explosion or ()}:
+                return dict(told)
+        return None
 
     def _refold(self) -> dict[str, Any] | None:
         """Of a refold: what it begins folded as, and when it is straight."""

@@ -31,7 +31,7 @@ from planner.preparation import prepare
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.record import Record
 from planner.request import SHORT_SEED, Request
-from planner.strategies import let_go, strategies_for, windowed
+from planner.strategies import BASELINE, let_go, strategies_for, windowed
 from planner.timeline import TimelineWriter, chain_attributes, chain_from_attributes
 from planner.unfolding import START_CHAIN, START_PLAN, Unfolding, check_fits
 
@@ -302,8 +302,9 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
     if tried:
         tried = attempts.judged(tried, certificate)
         attempts.save(directory, tried)
-        # What was published is shown as it is, with what is wrong with it.
-        if isinstance(parameters.explosion, ExplosionParameters) and not cancelled():
+        # What was published, or is a baseline, is shown as it is, with what is wrong with it.
+        ours = isinstance(parameters.explosion, ExplosionParameters)
+        if ours and parameters.strategy != BASELINE and not cancelled():
             again = attempts.following(tried, _choice(directory))
         if again == "explode" and _overlaps_unfolding(certificate, playback):
             again = None  # which is the same whatever the other shape's path

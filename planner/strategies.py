@@ -2,7 +2,7 @@
 
 ``simultaneous`` is the paper's: all modules at once. ``blocks`` lets rigid blocks come apart first.
 ``peel`` lets one unit after the other go from the chain's far end, so its cost grows linearly.
-``auto`` takes what suits the chain.
+``auto`` takes what suits the chain. ``one-by-one`` is a baseline: one joint after the other.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from planner.chain import Chain
 from planner.errors import InputError
 from planner.explosion import explode
 from planner.motion import Motion
+from planner.one_by_one import unbend_one_by_one
 from planner.parameters import (
     AUTO,
     STRATEGY_WISHES,
@@ -31,6 +32,7 @@ from planner.progress import Cancelled, Report, never, silent
 from planner.published import explode_as_published
 from planner.record import Record
 
+BASELINE: Final = "one-by-one"
 OFF_SQUARE: Final = 1e-4
 """Right angles up to which a cube counts as folded square."""
 SIMULTANEOUS_UP_TO: Final = 600
@@ -55,7 +57,7 @@ def strategies_for(chain: Chain, wished: str, parameters: Parameters) -> tuple[s
     if wished not in STRATEGY_WISHES:
         raise unknown_strategy(wished)
     peels = isinstance(parameters.explosion, ExplosionParameters) and on_lattice(chain)
-    if wished not in (AUTO, "simultaneous") and not peels:
+    if wished in ("blocks", "peel") and not peels:
         raise InputError(
             "strategy-differs",
             f"got the strategy {wished} for {chain.module.name}s with the preset "
@@ -67,9 +69,9 @@ def strategies_for(chain: Chain, wished: str, parameters: Parameters) -> tuple[s
     if not peels:
         return ("simultaneous",)
     if len(chain) > BLOCKS_AT_MOST:
-        return ("peel",)
+        return ("peel", BASELINE)
     if len(chain) > SIMULTANEOUS_UP_TO:
-        return ("peel", "blocks")
+        return ("peel", "blocks", BASELINE)
     return (
         ("simultaneous", "peel", "blocks")
         if len(chain) >= BLOCKS_FROM
@@ -110,6 +112,8 @@ def let_go(
         return explode_as_published(chain, how, sink=sink, progress=progress, cancelled=cancelled)
     if how is None:
         raise InputError("no-explosion", f"the preset {parameters.preset!r} has no explosion.")
+    if strategy == BASELINE:
+        return unbend_one_by_one(chain, sink=sink)
     if strategy == "peel":
         finer = replace(
             parameters.peeling,
@@ -126,4 +130,4 @@ def let_go(
 
 def windowed(strategy: str) -> bool:
     """Whether a strategy's snapshots are ``Windows``."""
-    return strategy == "peel"
+    return strategy in ("peel", BASELINE)

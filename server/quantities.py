@@ -14,6 +14,7 @@ STRATEGIES: Final = {
     "simultaneous": "All at once",
     "blocks": "Blocks first",
     "peel": "Unit by unit, from the far end",
+    "one-by-one": "One joint after the other (a baseline)",
 }
 PRESETS: Final = {
     "default": "Default",

@@ -45,7 +45,7 @@ def fold(
         typer.Option(metavar="FLOAT", help="Size at which to verify, as a fraction of the pitch."),
     ] = None,
     strategy: Annotated[
-        str, typer.Option(help="How it is let go: auto, simultaneous, blocks or peel.")
+        str, typer.Option(help="How it is let go: auto, simultaneous, blocks, peel, or one-by-one.")
     ] = "auto",
     module: Annotated[str, typer.Option(help="cube or tetrahedron.")] = "cube",
     modules: Annotated[

@@ -58,6 +58,7 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
         "verdict": _verdict(row, summary, certificate),
         "cover": "Loading the view" if not running else "Waiting for the first frame",
         "problem": problem,
+        "stuck": summary.get("stuck"),
         "again": _again(row) if api else None,
         "frames": frames_promised(directory),
         "refoldable": api and row.status == "verified",

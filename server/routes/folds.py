@@ -132,10 +132,11 @@ def post_fold(
         Form(ge=MODULE_SIZES[0], le=MODULE_SIZES[1], description="Edge of a module in pitches."),
     ] = None,
     strategy: Annotated[
-        Literal["auto", "simultaneous", "blocks", "peel"],
+        Literal["auto", "simultaneous", "blocks", "peel", "one-by-one"],
         Form(
             description="How the chain is let go: all at once, rigid blocks first, or unit by unit "
-            "from its far end, which `auto` takes for long ones."
+            "from its far end, which `auto` takes for long ones; `one-by-one` bends one joint "
+            "after the other, a baseline."
         ),
     ] = "auto",
 ) -> Accepted:

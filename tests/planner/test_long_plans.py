@@ -348,9 +348,9 @@ def test_the_strategy_suits_chain_and_preset() -> None:
     small, large = snake((3, 3, 3)), snake((8, 9, 10))
     cubes = preset("default")
     assert strategies_for(small, "auto", cubes) == ("simultaneous", "peel")
-    assert strategies_for(large, "auto", cubes) == ("peel", "blocks")
+    assert strategies_for(large, "auto", cubes) == ("peel", "blocks", "one-by-one")
     assert strategies_for(snake((6, 6, 6)), "auto", cubes) == ("simultaneous", "peel", "blocks")
-    assert strategies_for(line(1600), "auto", cubes) == ("peel",)
+    assert strategies_for(line(1600), "auto", cubes) == ("peel", "one-by-one")
     assert strategies_for(small, "peel", cubes) == ("peel",)
     assert strategies_for(large, "simultaneous", cubes) == ("simultaneous",)
     assert strategies_for(large, "auto", preset("paper")) == ("simultaneous",)
@@ -365,3 +365,23 @@ def test_the_strategy_suits_chain_and_preset() -> None:
     with pytest.raises(InputError) as refused:
         Request(strategy="fastest").check()
     assert (refused.value.code, refused.value.where) == ("unknown-strategy", "strategy")
+
+
+def test_a_box_can_be_laid_joint_by_joint(tmp_path: FilePath) -> None:
+    """Row by row, layer by layer: what is straight swings where nothing lies yet."""
+    path = Path.from_cells([tuple(c) for c in layered_snake((6, 7, 8)).tolist()], name="box")
+    write_request(tmp_path, Request(strategy="one-by-one", module_size=0.98), write_path(path))
+    assert run_stages(tmp_path)["status"] == "verified"
+    plan = Plan.load(tmp_path / "plan.npz")
+    assert plan.certificate.hinges_moving_most == 1
+    assert plan.certificate.min_clearance == pytest.approx(0.02)
+    assert verify(tmp_path).problems == ()
+
+
+def test_a_baseline_that_fails_is_not_tried_again(tmp_path: FilePath) -> None:
+    cells = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 2, 0), (1, 2, 0), (2, 2, 0), (2, 1, 0)]
+    path = Path.from_cells([*cells, (2, 0, 0), (3, 0, 0)], name="hook")
+    write_request(tmp_path, Request(strategy="one-by-one"), write_path(path))
+    summary = run_stages(tmp_path)
+    assert summary["status"] == "failed" and "overlap" in summary["reason"]
+    assert len(Plan.load(tmp_path / "plan.npz").attempts) == 1

@@ -195,5 +195,7 @@ def test_all_that_was_tried_is_in_the_plan(
     failed = run_stages(tmp_path / "one")
     assert failed["status"] == "failed" and "it sticks" in failed["reason"]
     tried = Plan.load(tmp_path / "one" / "plan.npz").attempts
+    assert failed["stuck"] in [attempt["diagnosis"] for attempt in tried]
+    assert summary["stuck"] is None
     assert {a["strategy"] for a in tried} == {"simultaneous"}
     assert len(Timeline.open(tmp_path / "one" / "timeline.zarr")) > 0

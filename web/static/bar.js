@@ -10,6 +10,7 @@ export class Bar {
     this.worst = worst;
     this.outline = null;
     this.state = null;
+    this.stuck = null;
     this.scrubbing = false;
     this.scrub = get("scrub");
     const send = (message) => () => player.send(message);
@@ -47,7 +48,19 @@ export class Bar {
     this.player.send({ do: "seek", frame });
   }
 
+  // Where an explosion came to nothing; null when it did not.
+  sticksAt(stuck) {
+    this.stuck = stuck;
+    for (const option of get("jump").options) if (option.value === "stuck") option.hidden = !stuck;
+  }
+
   jump(where) {
+    if (where === "stuck") {
+      if (!this.stuck) return;
+      this.player.send({ do: "seek", percent: 100 });
+      if (this.stuck.modules.length) this.player.send({ do: "select", module: this.stuck.modules[0] });
+      return;
+    }
     if (where === "straight" || where === "folded") {
       if (this.folding) this.fold(where === "folded" ? 100 : 0);
       return;

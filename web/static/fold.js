@@ -38,6 +38,7 @@ function show(facts) {
   companions.facts(facts);
   takeAway.facts(facts);
   share.facts(facts);
+  bar.sticksAt(facts.stuck ?? null);
   if (!facts.running) { film.finish(); figures.begin(); }
   const { again, problem } = facts;
   get("again").hidden = !again;

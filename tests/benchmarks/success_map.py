@@ -1,0 +1,197 @@
+"""Success map: which share of folds is verified, by method, kind of path and number of modules.
+
+``make success-map`` runs what is missing in ``out/success-map.jsonl`` and draws
+``docs/success-map.svg`` from what is there. It can be stopped at any time and goes on where it was.
+A run that takes longer than ``BUDGET_S`` of the processor counts as not verified.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from planner.errors import InputError
+from planner.formats import write_path
+from planner.kernels.backbite import grow
+from planner.pathfinding.assembly import layered_snake
+from planner.pathfinding.candidates import find_paths
+from planner.pathfinding.lattice import neighbours
+from planner.paths import Path
+from planner.request import Request
+from planner.shapes import Shape
+from planner.stages import STAGES, next_stage, run_stage, write_request
+from tests.benchmarks.success_picture import picture
+
+Ints = NDArray[np.int64]
+ROOT: Final = FilePath(__file__).parents[2]
+RUNS: Final = ROOT / "out" / "success-map.jsonl"
+PICTURE: Final = ROOT / "docs" / "success-map.svg"
+MODULE_SIZE: Final = 0.95
+BUDGET_S: Final = 120.0
+SEEDS: Final = 3
+MOVES: Final = 2000
+"""Of a random path, for each module; nothing is done to untangle it."""
+METHODS: Final = {
+    "direct": {"preset": "direct"},
+    "one-by-one": {"strategy": "one-by-one"},
+    "paper": {"preset": "paper"},
+    "simultaneous": {"strategy": "simultaneous"},
+    "blocks": {"strategy": "blocks"},
+    "peel": {"strategy": "peel"},
+    "auto": {},
+}
+BOXES: Final = {
+    32: (2, 4, 4),
+    64: (4, 4, 4),
+    144: (4, 6, 6),
+    288: (6, 6, 8),
+    512: (8, 8, 8),
+    1152: (8, 12, 12),
+    4096: (16, 16, 16),
+}
+KINDS: Final = ("snake", "assembly", "block", "exact", "random")
+LARGEST: Final = {
+    "direct": 288,
+    "paper": 144,
+    "simultaneous": 512,
+    "blocks": 1152,
+}
+"""Modules up to which a method is run: beyond, it does not end within the budget."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One run: a box of so many modules, filled by a kind of path, folded by a method."""
+
+    method: str
+    kind: str
+    modules: int
+    seed: int
+
+
+def cases(largest: int) -> Iterator[Case]:
+    """All cases up to so many modules, the small ones first."""
+    for modules in BOXES:
+        for seed in range(SEEDS):
+            for kind in KINDS:
+                for method in METHODS:
+                    if modules <= min(largest, LARGEST.get(method, largest)):
+                        yield Case(method=method, kind=kind, modules=modules, seed=seed)
+
+
+def path_of(kind: str, modules: int, seed: int) -> Ints | None:
+    """(n, 3) cells of a box in the order of a path of that kind; None when there is none."""
+    sides = BOXES[modules]
+    box = np.argwhere(np.ones(sides, dtype=bool))
+    if kind == "snake":
+        turned = np.roll(sides, seed)
+        return layered_snake((int(turned[0]), int(turned[1]), int(turned[2])))
+    if kind in ("assembly", "block"):
+        method = "blocks" if kind == "block" else kind
+        found = find_paths(Shape.from_cells(box), method=method, seed=seed, candidates=1)
+        return found.paths[0].cells if found.paths else None
+    if kind == "exact":
+        found = find_paths(Shape.from_cells(box), method="exact", seed=seed, candidates=1)
+        return found.paths[0].cells if found.paths else None
+    count, order = grow(neighbours(box), np.ones(len(box), dtype=bool), -1, MOVES * len(box), seed)
+    return box[order] if count == len(box) else None
+
+
+def run(case: Case) -> dict[str, Any]:
+    """The outcome of one case."""
+    begun = time.process_time()
+    cells = path_of(case.kind, case.modules, case.seed)
+    outcome: dict[str, Any] = {**asdict(case), "verdict": "no path", "seconds": 0.0}
+    if cells is None:
+        return outcome
+    begun = time.process_time()
+
+    def over() -> bool:
+        return time.process_time() - begun > BUDGET_S
+
+    path = Path.from_cells([tuple(cell) for cell in cells.tolist()], name="box")
+    with tempfile.TemporaryDirectory() as place:
+        directory = FilePath(place)
+        request = Request(seed=case.seed, module_size=MODULE_SIZE, **METHODS[case.method])
+        try:
+            write_request(directory, request, write_path(path))
+            stage: str | None = STAGES[0]
+            while stage is not None and stage != "export":
+                result = run_stage(stage, directory, cancelled=over)
+                outcome["verdict"] = result.get("verdict", "")
+                stage = next_stage(stage, result)
+        except InputError as error:
+            outcome["verdict"] = f"refused: {error.code}"
+    return {**outcome, "seconds": round(time.process_time() - begun, 2)}
+
+
+def known(path: FilePath) -> dict[Case, dict[str, Any]]:
+    """The runs that are stored."""
+    names = tuple(Case.__dataclass_fields__)
+    lines = path.read_text().splitlines() if path.exists() else []
+    found = [json.loads(line) for line in lines]
+    return {Case(**{name: row[name] for name in names}): row for row in found}
+
+
+def shares(rows: list[dict[str, Any]]) -> dict[tuple[str, str, int], tuple[int, int]]:
+    """Verified folds and all of them, by method, kind and modules; without a path there is none."""
+    found: dict[tuple[str, str, int], tuple[int, int]] = {}
+    for row in rows:
+        if row["verdict"] in ("no path", "refused: strategy-differs"):
+            continue
+        key = (row["method"], row["kind"], row["modules"])
+        good, count = found.get(key, (0, 0))
+        found[key] = (good + row["verdict"].startswith("verified"), count + 1)
+    return found
+
+
+def show(rows: list[dict[str, Any]], console: Console) -> None:
+    """Prints the shares, a line for each kind and number of modules."""
+    found = shares(rows)
+    table = Table(title="verified folds", title_justify="left")
+    for name in ("path", "modules", *METHODS):
+        table.add_column(name)
+    for kind in KINDS:
+        for modules in BOXES:
+            cells = [found.get((method, kind, modules)) for method in METHODS]
+            if any(cells):
+                texts = ["" if cell is None else f"{cell[0]}/{cell[1]}" for cell in cells]
+                table.add_row(kind, str(modules), *texts)
+    console.print(table)
+
+
+def main() -> None:
+    """Runs what is missing, then prints and draws all."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--largest", type=int, default=max(BOXES))
+    parser.add_argument("--minutes", type=float, default=float("inf"))
+    wishes = parser.parse_args()
+    RUNS.parent.mkdir(exist_ok=True)
+    until = time.monotonic() + 60.0 * wishes.minutes
+    stored = known(RUNS)
+    for case in cases(wishes.largest):
+        if case in stored:
+            continue
+        if time.monotonic() > until:
+            break
+        stored[case] = run(case)
+        with RUNS.open("a") as file:
+            file.write(json.dumps(stored[case]) + "\n")
+    rows = list(stored.values())
+    show(rows, Console())
+    PICTURE.write_text(picture(shares(rows), tuple(METHODS), KINDS, tuple(BOXES)))
+
+
+if __name__ == "__main__":
+    main()
