@@ -27,11 +27,13 @@ from planner.inverse import inverse_dynamics
 from planner.motion import motion_arrays
 from planner.parameters import Parameters, preset
 from planner.pathfinding.assembly import layered_snake
+from planner.pathfinding.candidates import find_paths
 from planner.paths import Path
 from planner.plan import Plan
 from planner.playback import Playback
 from planner.record import Record
 from planner.replay import replay
+from planner.shapes import Shape
 from planner.stages import Request, run_stages, write_request
 from planner.strategies import strategies_for
 from planner.timeline import Timeline, TimelineWriter
@@ -379,8 +381,8 @@ def test_a_box_can_be_laid_joint_by_joint(tmp_path: FilePath) -> None:
 
 
 def test_a_baseline_that_fails_is_not_tried_again(tmp_path: FilePath) -> None:
-    cells = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 2, 0), (1, 2, 0), (2, 2, 0), (2, 1, 0)]
-    path = Path.from_cells([*cells, (2, 0, 0), (3, 0, 0)], name="hook")
+    cube = Shape.from_cells(np.argwhere(np.ones((4, 4, 4), dtype=bool)))
+    path = find_paths(cube, method="blocks", candidates=1).paths[0]
     write_request(tmp_path, Request(strategy="one-by-one"), write_path(path))
     summary = run_stages(tmp_path)
     assert summary["status"] == "failed" and "overlap" in summary["reason"]
