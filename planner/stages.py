@@ -152,6 +152,7 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
         # It is the same chain, whatever size the other shape was drawn in.
         chains = tuple(replace(c, pitch_m=start.pitch_m) for c in chains if len(c) == len(start))
         chain = chains[0]
+    strategies_for(chain, request.parameters(), refolds=request.refold)  # or it is refused
     (directory / attempts.FILE).unlink(missing_ok=True)
     _write_json(directory / "candidates.json", [chain_attributes(c) for c in chains])
     _write_json(directory / "chain.json", chain_attributes(chain))
@@ -212,7 +213,7 @@ def _choice(directory: FilePath) -> Choice:
     parameters = request.parameters()
     return Choice(
         strategies=tuple(
-            strategies_for(chain, parameters.strategy, parameters)
+            strategies_for(chain, parameters, refolds=request.refold)
             for chain in _candidates(directory)
         ),
         seed=request.seed,

@@ -42,41 +42,52 @@ BLOCKS_AT_MOST: Final = 1500
 """Modules from which on blocks come apart first, and above which they don't do so in time."""
 
 
-def strategies_for(chain: Chain, wished: str, parameters: Parameters) -> tuple[str, ...]:
-    """The strategies that a wish leaves, the best first.
+def strategies_for(
+    chain: Chain, parameters: Parameters, *, refolds: bool = False
+) -> tuple[str, ...]:
+    """The strategies that a fold's wish leaves, the best first.
 
     Args:
         chain: The chain.
-        wished: One of ``STRATEGIES``, or ``auto``.
-        parameters: Of the fold; what was published is simultaneous.
+        parameters: Of the fold, with its wish.
+        refolds: Whether the chain begins folded otherwise: its motion is then one simulation.
 
     Raises:
-        InputError: ``unknown-strategy``, or ``strategy-differs`` for one that this chain or preset
-            cannot have.
+        InputError: ``unknown-strategy``, or ``strategy-differs`` for one that this chain, preset or
+            refold cannot have.
     """
+    wished = parameters.strategy
     if wished not in STRATEGY_WISHES:
         raise unknown_strategy(wished)
-    peels = isinstance(parameters.explosion, ExplosionParameters) and on_lattice(chain)
-    if wished in ("blocks", "peel") and not peels:
+    possible = _possible(chain, parameters, refolds)
+    if wished == AUTO:
+        return tuple(name for name in _preferred(len(chain)) if name in possible) or possible[:1]
+    if wished not in possible:
         raise InputError(
             "strategy-differs",
             f"got the strategy {wished} for {chain.module.name}s with the preset "
-            f"{parameters.preset}, expected cubes that fold onto a lattice and the default preset; "
-            "take another strategy.",
+            f"{parameters.preset}{' and a refold' if refolds else ''}, expected one of: auto, "
+            f"{', '.join(possible)}.",
         )
-    if wished != AUTO:
-        return (wished,)
-    if not peels:
-        return ("simultaneous",)
-    if len(chain) > BLOCKS_AT_MOST:
+    return (wished,)
+
+
+def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str, ...]:
+    """What a chain can have at all."""
+    if not isinstance(parameters.explosion, ExplosionParameters):
+        return ("simultaneous",)  # as published, or nothing at all
+    names = ("simultaneous", "blocks", "peel") if on_lattice(chain) else ("simultaneous",)
+    return tuple(n for n in (*names, BASELINE) if not (refolds and windowed(n)))
+
+
+def _preferred(modules: int) -> tuple[str, ...]:
+    """What suits a number of modules, the best first."""
+    if modules > BLOCKS_AT_MOST:
         return ("peel", BASELINE)
-    if len(chain) > SIMULTANEOUS_UP_TO:
+    if modules > SIMULTANEOUS_UP_TO:
         return ("peel", "blocks", BASELINE)
-    return (
-        ("simultaneous", "peel", "blocks")
-        if len(chain) >= BLOCKS_FROM
-        else ("simultaneous", "peel")
-    )
+    ways = ("simultaneous", "peel")
+    return (*ways, "blocks") if modules >= BLOCKS_FROM else ways
 
 
 def on_lattice(chain: Chain) -> bool:

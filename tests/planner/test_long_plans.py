@@ -34,7 +34,7 @@ from planner.playback import Playback
 from planner.record import Record
 from planner.replay import replay
 from planner.shapes import Shape
-from planner.stages import Request, run_stages, write_request
+from planner.stages import Request, run_stage, run_stages, write_request
 from planner.strategies import strategies_for
 from planner.timeline import Timeline, TimelineWriter
 from planner.unfolding import Unfolding
@@ -346,27 +346,49 @@ def test_it_can_be_the_beginning_of_another_fold(plan: Plan) -> None:
     np.testing.assert_array_equal(way.folding_rad[0], 0.0)
 
 
+def ways(chain: Chain, wish: str, name: str = "default", *, refolds: bool = False) -> Any:
+    return strategies_for(chain, replace(preset(name), strategy=wish), refolds=refolds)
+
+
 def test_the_strategy_suits_chain_and_preset() -> None:
     small, large = snake((3, 3, 3)), snake((8, 9, 10))
-    cubes = preset("default")
-    assert strategies_for(small, "auto", cubes) == ("simultaneous", "peel")
-    assert strategies_for(large, "auto", cubes) == ("peel", "blocks", "one-by-one")
-    assert strategies_for(snake((6, 6, 6)), "auto", cubes) == ("simultaneous", "peel", "blocks")
-    assert strategies_for(line(1600), "auto", cubes) == ("peel", "one-by-one")
-    assert strategies_for(small, "peel", cubes) == ("peel",)
-    assert strategies_for(large, "simultaneous", cubes) == ("simultaneous",)
-    assert strategies_for(large, "auto", preset("paper")) == ("simultaneous",)
     bent = Chain.from_angles(small.module, np.full(6, 0.3))
-    for chain, wish, parameters in (
-        (small, "peel", preset("paper")),
-        (bent, "peel", cubes),
-        (small, "fastest", cubes),
+    assert ways(small, "auto") == ("simultaneous", "peel")
+    assert ways(snake((6, 6, 6)), "auto") == ("simultaneous", "peel", "blocks")
+    assert ways(large, "auto") == ("peel", "blocks", "one-by-one")
+    assert ways(line(1600), "auto") == ("peel", "one-by-one")
+    assert ways(small, "peel") == ("peel",)
+    assert ways(large, "simultaneous") == ("simultaneous",)
+    assert ways(large, "auto", "paper") == ways(large, "auto", "direct") == ("simultaneous",)
+    assert ways(bent, "auto") == ("simultaneous",)
+    assert ways(bent, "one-by-one") == ("one-by-one",)
+    # A refold is one simulation from end to end.
+    assert ways(small, "auto", refolds=True) == ("simultaneous",)
+    assert ways(large, "auto", refolds=True) == ("blocks",)
+    assert ways(line(1600), "auto", refolds=True) == ("simultaneous",)
+
+
+def test_a_strategy_that_cannot_be_had_is_refused(tmp_path: FilePath) -> None:
+    small = snake((3, 3, 3))
+    bent = Chain.from_angles(small.module, np.full(6, 0.3))
+    for chain, wish, name, refolds in (
+        (small, "peel", "paper", False),
+        (small, "one-by-one", "direct", False),
+        (bent, "blocks", "default", False),
+        (small, "peel", "default", True),
+        (small, "fastest", "default", False),
     ):
         with pytest.raises(InputError, match="strategy"):
-            strategies_for(chain, wish, parameters)
+            ways(chain, wish, name, refolds=refolds)
     with pytest.raises(InputError) as refused:
         Request(strategy="fastest").check()
     assert (refused.value.code, refused.value.where) == ("unknown-strategy", "strategy")
+    # It is said when the input is read, before anything is computed.
+    cells = [tuple(cell) for cell in layered_snake((2, 2, 2)).tolist()]
+    path = write_path(Path.from_cells(cells, name="box"))
+    write_request(tmp_path, Request(strategy="blocks", preset="paper"), path)
+    with pytest.raises(InputError, match="expected one of: auto, simultaneous"):
+        run_stage("read", tmp_path)
 
 
 def test_a_box_can_be_laid_joint_by_joint(tmp_path: FilePath) -> None:
