@@ -44,7 +44,7 @@ def check_whole(service: Service, fold_id: str) -> dict[str, Any]:
 def test_what_one_takes_in_another_computes_and_a_third_shows(hosts_with: Any) -> None:
     hosts = hosts_with()
     first, second = hosts.web(), hosts.web()
-    accepted = first.fold(shape="wrench-160")
+    accepted = first.fold(shape="elephant")  # large enough to be seen at work on a quick machine
     fold_id = accepted["id"]
     assert second.state(fold_id)["progress"]["wait_s"] is None  # nobody computes yet
     with hosts.worker():
