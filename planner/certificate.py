@@ -293,11 +293,7 @@ def _runs_back(record: Motion, playback: Motion) -> bool:
     """Whether a playback passes exactly the record's configurations, from its last to its first."""
     if not (isinstance(record, Windows) and isinstance(playback, Windows)):
         return False
-    back = playback[::-1]
-    return all(
-        np.array_equal(getattr(record, name), getattr(back, name))
-        for name in ("first", "offsets", "angles_rad")
-    )
+    return record.passes_as(playback[::-1])
 
 
 def torque_unit_nm(chain: Chain, parameters: Parameters) -> float:

@@ -75,26 +75,24 @@ def diagnose(chain: Chain, record: Record) -> Diagnosis | None:
     first = chain.module.rigid_links
     folded = np.abs(chain.folded_rad).reshape(bent.shape[0], -1).max(axis=1)
     stuck = np.flatnonzero((bent > BENT_RAD) & (folded > BENT_RAD)) + first
-    poses = chain.poses(last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0])
     if len(chain) <= LARGEST_KNOT and knot_of(chain.folded_poses.positions).verdict == "knotted":
         return _found("knot", stuck)
     if record.strategy == "peel":
-        return _buried(chain, record)
+        core = int(np.argmax(np.abs(bent - folded) > 1e-6)) if (bent != folded).any() else 0
+        beside = np.flatnonzero(bent[core:] > BENT_RAD) + core + first
+        return _found(_kind_beside(core, record), beside)
     if not len(stuck):
         return _found("limit", stuck)
+    poses = chain.poses(last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0])
     cluster = _largest_cluster(poses.positions, chain.module.apart)
     return _found("contacts" if len(cluster) >= CLUSTER * len(chain) else "joints", stuck)
 
 
-def _buried(chain: Chain, record: Record) -> Diagnosis:
-    """Of a peeling: what is bent beside its core."""
-    last = record.frames[-1:].dense(chain)
-    angles = np.abs(last.joint_angles_rad[0]).reshape(-1, chain.module.hinges_per_joint).max(axis=1)
-    folded = np.abs(chain.folded_rad).reshape(angles.shape[0], -1).max(axis=1)
-    core = int(np.argmax(np.abs(angles - folded) > 1e-6)) if (angles != folded).any() else 0
-    beside = np.flatnonzero(angles[core:] > BENT_RAD) + core
-    kind: Kind = "limit" if record.status == "timeout" else "buried" if core else "joints"
-    return _found(kind, beside + chain.module.rigid_links)
+def _kind_beside(core: int, record: Record) -> Kind:
+    """Why a peeling stopped beside a core of so many joints."""
+    if record.status == "timeout":
+        return "limit"
+    return "buried" if core else "joints"
 
 
 def _found(kind: Kind, modules: Ints) -> Diagnosis:

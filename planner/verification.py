@@ -140,7 +140,7 @@ def _results(plan: Plan, timeline: Timeline) -> tuple[Record | None, Playback | 
         if not np.array_equal(played.phase, plan.phase):
             raise InputError("wrong-timeline", "the timeline's phases are not those of the plan.")
         if isinstance(plan.motion, Windows):
-            if not isinstance(played, Windows) or not _same(played, plan.motion):
+            if not isinstance(played, Windows) or not played.passes_as(plan.motion):
                 raise InputError(
                     "wrong-timeline", "the timeline's playback is not the motion of the plan."
                 )
@@ -149,14 +149,6 @@ def _results(plan: Plan, timeline: Timeline) -> tuple[Record | None, Playback | 
             reference = plan.joint_angles_rad
         playback = Playback(frames=played, reference_rad=reference, **plan.playback)
     return record, playback
-
-
-def _same(played: Windows, planned: Windows) -> bool:
-    """Whether two motions pass the same configurations."""
-    return all(
-        np.array_equal(getattr(played, name), getattr(planned, name))
-        for name in ("first", "offsets", "angles_rad")
-    )
 
 
 def _text(path: FilePath) -> str:

@@ -116,6 +116,13 @@ class Windows:
             row[a : a + b] = self.angles_rad[self.offsets[k] : self.offsets[k + 1]]
         return found
 
+    def passes_as(self, other: Windows) -> bool:
+        """Whether both pass exactly the same angles, whenever and wherever that is."""
+        return all(
+            np.array_equal(getattr(self, name), getattr(other, name))
+            for name in ("first", "offsets", "angles_rad")
+        )
+
     def steps(self, chain: Chain, *, fraction: float = 0.0) -> tuple[Array, Ints]:
         """What the hinges do from each snapshot to the next.
 

@@ -14,6 +14,8 @@ import os
 import threading
 import time
 from collections import OrderedDict
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -223,11 +225,8 @@ class Film:
         Raises:
             TimelineError: When they are not there, or the timeline is being replaced.
         """
-        with self._lock:
-            try:
-                return self._timeline.frames(start, min(stop, self._summarised), stride)
-            except (OSError, ValueError, KeyError) as error:
-                raise TimelineError(f"{self.path} is being replaced: {error}") from error
+        with self._lock, self._reading():
+            return self._timeline.frames(start, min(stop, self._summarised), stride)
 
     def windows(self, start: int, stop: int, stride: int = 1) -> Windows:
         """As ``frames``, of a windowed film.
@@ -235,11 +234,16 @@ class Film:
         Raises:
             TimelineError: When they are not there, or the timeline is being replaced.
         """
-        with self._lock:
-            try:
-                return self._timeline.windows(start, min(stop, self._summarised), stride)
-            except (OSError, ValueError, KeyError) as error:
-                raise TimelineError(f"{self.path} is being replaced: {error}") from error
+        with self._lock, self._reading():
+            return self._timeline.windows(start, min(stop, self._summarised), stride)
+
+    @contextmanager
+    def _reading(self) -> Generator[None]:
+        """Says so when what is read is being replaced."""
+        try:
+            yield
+        except (OSError, ValueError, KeyError) as error:
+            raise TimelineError(f"{self.path} is being replaced: {error}") from error
 
     def outline(self, columns: int = OUTLINE_COLUMNS) -> dict[str, Any]:
         """What the bar draws: phases, and the largest error in each of ``columns`` columns."""
