@@ -46,6 +46,7 @@ class FoldWishes(Wishes, total=False):
 
     fold: str
     refold: str
+    smooth: str
     preset: Literal["default", "paper", "direct"]
     module_size: float
     strategy: Literal["auto", "simultaneous", "blocks", "peel", "one-by-one"]

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from planner.readers import read
     from planner.record import Record
     from planner.refold import refold
+    from planner.smooth_plan import smooth_plan
     from planner.timeline import Timeline, TimelineWriter
     from planner.verification import Verification, verify
 
@@ -62,6 +63,7 @@ __all__ = [
     "preset",
     "read",
     "refold",
+    "smooth_plan",
     "verify",
 ]
 
@@ -81,6 +83,7 @@ _HOMES = {
     "planner.readers": ("read",),
     "planner.record": ("Record",),
     "planner.refold": ("refold",),
+    "planner.smooth_plan": ("smooth_plan",),
     "planner.timeline": ("Timeline", "TimelineWriter"),
     "planner.verification": ("Verification", "verify"),
 }

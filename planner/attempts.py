@@ -12,12 +12,16 @@ run again drops what it had added and comes to the same.
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path as FilePath
 from typing import Any, Final
 
 from planner.certificate import Certificate
+from planner.chain import Chain
+from planner.diagnosis import diagnose
 from planner.files import write_whole
-from planner.portfolio import Choice
+from planner.portfolio import Choice, Try
+from planner.record import Record
 
 FILE: Final = "attempts.json"
 MOST_VERDICTS: Final = 4
@@ -35,6 +39,17 @@ def load(directory: FilePath) -> list[Attempt]:
 def save(directory: FilePath, attempts: list[Attempt]) -> None:
     """Keeps them."""
     write_whole(directory / FILE, json.dumps(attempts).encode())
+
+
+def begun(todo: Try) -> Attempt:
+    """One that is under way: what is known of it if a limit ends it."""
+    return {**asdict(todo), "status": "begun"}
+
+
+def made(todo: Try, chain: Chain, record: Record) -> Attempt:
+    """One that came to an end of its own."""
+    found = diagnose(chain, record)
+    return {**asdict(todo), **record.summary(), "diagnosis": found and found.as_dict()}
 
 
 def before_explosion(directory: FilePath, choice: Choice) -> list[Attempt]:

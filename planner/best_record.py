@@ -12,6 +12,7 @@ import numpy as np
 from planner.chain import Chain
 from planner.errors import PlannerError
 from planner.files import write_whole
+from planner.frames import Frames
 from planner.record import Record
 from planner.timeline import chain_attributes
 
@@ -31,7 +32,7 @@ class BestRecord:
         """Takes a record as the last one; keeps its timeline if it came farther than all before."""
         left = bent(chain, record)
         self._last = record
-        if record.status in ("straight", "cancelled"):
+        if record.status == "straight":
             self._best = (left, chain, record)
         elif self._best is None or left < self._best[0]:
             self._best = (left, chain, record)
@@ -48,16 +49,25 @@ class BestRecord:
             raise PlannerError("no explosion was made; start the fold anew.")
         _, chain, record = self._best
         if record is not self._last:
-            timeline = self._directory / "timeline.zarr"
-            rmtree(timeline)
-            (self._directory / ASIDE).rename(timeline)
-            attributes = json.dumps(chain_attributes(chain)).encode()
-            write_whole(self._directory / "chain.json", attributes)
+            bring_back(self._directory, chain)
         rmtree(self._directory / ASIDE, ignore_errors=True)
         return record
 
 
+def bring_back(directory: FilePath, chain: Chain) -> None:
+    """Puts the timeline that was kept aside, and its chain, where they are looked for."""
+    timeline = directory / "timeline.zarr"
+    rmtree(timeline, ignore_errors=True)
+    (directory / ASIDE).rename(timeline)
+    write_whole(directory / "chain.json", json.dumps(chain_attributes(chain)).encode())
+
+
 def bent(chain: Chain, record: Record) -> float:
     """What is left of the folded chain's bends at a record's end: 1 nothing done, 0 straight."""
-    last = record.frames[-1:].dense(chain).joint_angles_rad
-    return float(np.abs(last).sum() / max(np.abs(chain.folded_rad).sum(), 1e-9))
+    return share_bent(chain, record.frames[-1:].dense(chain))
+
+
+def share_bent(chain: Chain, last: Frames) -> float:
+    """The bends in one frame, as a share of those of the folded chain."""
+    left = np.abs(last.joint_angles_rad).sum()
+    return float(left / max(np.abs(chain.folded_rad).sum(), 1e-9))

@@ -31,7 +31,7 @@ TENSION: Final = 4.0
 """How many times stronger rigid blocks are pulled: they weigh more."""
 STEP_IN_CONTACT: Final = 0.1
 COARSER_TURN: Final = 3.0
-COARSER_WAY: Final = 6.0
+COARSER_WAY: Final = 8.0
 """How many times farther apart snapshots are; what is between is bounded by the certificate."""
 FEWEST_STEPS: Final = 200
 LOOSE_RAD: Final = 0.35

@@ -193,6 +193,12 @@ class Chain:
         """Number of modules."""
         return len(self.folded_rad) // self.module.hinges_per_joint + 1 + self.module.rigid_links
 
+    def from_other_end(self) -> Chain:
+        """Of cubes that are folded into cells: the chain through the same ones from the last on."""
+        cells = np.rint(self.folded_poses.positions).astype(np.int64)
+        path = Path.from_cells(cells[::-1], name=self.name, pitch_m=self.pitch_m)
+        return Chain.from_path(path, module=self.module)
+
     @property
     def joint_count(self) -> int:
         """Number of joints; a joint has one hinge or two."""

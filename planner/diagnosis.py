@@ -14,26 +14,33 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from planner.chain import Chain
+from planner.frames import PHASES, Frames
 from planner.kernels.pairs import near_pairs
 from planner.knots import knot_of
 from planner.record import Record
 
+Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Kind = Literal["knot", "buried", "contacts", "joints", "limit"]
+Kind = Literal["knot", "buried", "contacts", "joints", "limit", "stopped"]
 BENT_RAD: Final = 1.0
+MOST_BENT: Final = 0.5
+"""Part of the largest bend from which on a joint counts, where none is bent so far."""
 TOUCHING: Final = 1.1
 """Centres of cubes that touch with their faces are one pitch apart."""
+SLIGHT_RAD: Final = 0.1
+"""Bends that are told of at all."""
 CLUSTER: Final = 0.25
 """Part of the modules that touch each other, directly or not, from which on it is a cluster."""
 MOST_MODULES: Final = 200
 LARGEST_KNOT: Final = 4096
 """Modules up to which a knot is looked for."""
 WORDS: Final[dict[str, str]] = {
-    "knot": "its path is knotted, so it cannot come apart",
+    "knot": "its path is knotted, and the knot was drawn tight",
     "buried": "what comes next lies under modules that come later",
     "contacts": "too many modules press on each other at once",
     "joints": "some joints are held by their neighbours",
-    "limit": "it was on its way when time was over",
+    "limit": "it was on its way when the steps it may take were used up",
+    "stopped": "it was still on its way",
 }
 
 
@@ -43,7 +50,7 @@ class Diagnosis:
 
     Attributes:
         kind: ``knot`` in the path, a ``buried`` unit, a cluster of ``contacts``, stuck ``joints``,
-            or a ``limit`` that came first.
+            or a ``limit`` that came first; ``stopped`` when it was ended from outside.
         modules: Where it sticks: modules whose joint is still bent, some of them at least.
     """
 
@@ -70,13 +77,11 @@ def diagnose(chain: Chain, record: Record) -> Diagnosis | None:
     if record.status in ("straight", "cancelled"):
         return None
     last = record.frames[-1:].dense(chain)
-    angles = last.joint_angles_rad[0].reshape(-1, chain.module.hinges_per_joint)
-    bent = np.abs(angles).max(axis=1)
+    bent, folded = _bends(chain, last)
     first = chain.module.rigid_links
-    folded = np.abs(chain.folded_rad).reshape(bent.shape[0], -1).max(axis=1)
     stuck = np.flatnonzero((bent > BENT_RAD) & (folded > BENT_RAD)) + first
     if len(chain) <= LARGEST_KNOT and knot_of(chain.folded_poses.positions).verdict == "knotted":
-        return _found("knot", stuck)
+        return _found("knot", stuck if len(stuck) else _most_bent(bent) + first)
     if record.strategy == "peel":
         core = int(np.argmax(np.abs(bent - folded) > 1e-6)) if (bent != folded).any() else 0
         beside = np.flatnonzero(bent[core:] > BENT_RAD) + core + first
@@ -86,6 +91,34 @@ def diagnose(chain: Chain, record: Record) -> Diagnosis | None:
     poses = chain.poses(last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0])
     cluster = _largest_cluster(poses.positions, chain.module.apart)
     return _found("contacts" if len(cluster) >= CLUSTER * len(chain) else "joints", stuck)
+
+
+def stopped(chain: Chain, last: Frames) -> Diagnosis:
+    """Where a fold was that was ended from outside.
+
+    Args:
+        chain: The chain.
+        last: Its last frame: of an explosion on its way to be straight, or to be folded.
+    """
+    bent, folded = _bends(chain, last)
+    left = bent if PHASES[int(last.phase[-1])] == "explosion" else np.abs(bent - folded)
+    return _found("stopped", _most_bent(left) + chain.module.rigid_links)
+
+
+def _bends(chain: Chain, last: Frames) -> tuple[Array, Array]:
+    """The largest angle of each joint, now and folded."""
+    hinges = chain.module.hinges_per_joint
+    now, folded = last.joint_angles_rad[0], chain.folded_rad
+    return (
+        np.abs(now).reshape(-1, hinges).max(axis=1),
+        np.abs(folded).reshape(-1, hinges).max(axis=1),
+    )
+
+
+def _most_bent(bent: Array) -> Ints:
+    """Joints that are bent the most, where none is bent far."""
+    most = bent.max(initial=0.0)
+    return np.flatnonzero(bent >= MOST_BENT * most) if most > SLIGHT_RAD else np.zeros(0, np.int64)
 
 
 def _kind_beside(core: int, record: Record) -> Kind:

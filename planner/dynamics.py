@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from planner.cores import cores
 from planner.kernels.dynamics import many_floating_torques
 from planner.modules import Module
 
 Array = NDArray[np.float64]
+LEAST_FOR_A_THREAD: Final = 20_000
+"""Hinges times frames; their torques are found apart from each other."""
 FEWEST: Final = 4
 """Times that a cubic curve goes through."""
 
@@ -32,18 +36,30 @@ def floating_torques(
         and quadratic in the rates, so a motion k times slower takes 1/k² of them.
     """
     torques = np.empty(angles_rad.shape)
-    many_floating_torques(
-        np.ascontiguousarray(angles_rad),
-        np.ascontiguousarray(rates),
-        np.ascontiguousarray(accelerations),
-        module.rigid_links,
-        module.anchor,
-        module.axes,
-        module.turn,
-        module.offset,
-        module.inertia,
-        torques,
-    )
+    angles, velocities = np.ascontiguousarray(angles_rad), np.ascontiguousarray(rates)
+    changes = np.ascontiguousarray(accelerations)
+
+    def of(part: slice) -> None:
+        many_floating_torques(
+            angles[part],
+            velocities[part],
+            changes[part],
+            module.rigid_links,
+            module.anchor,
+            module.axes,
+            module.turn,
+            module.offset,
+            module.inertia,
+            torques[part],
+        )
+
+    parts = min(cores(), max(1, torques.size // LEAST_FOR_A_THREAD))
+    if parts == 1:
+        of(slice(None))
+        return torques
+    bounds = np.linspace(0, len(torques), parts + 1).astype(int).tolist()
+    with ThreadPoolExecutor(parts) as threads:
+        list(threads.map(of, map(slice, bounds[:-1], bounds[1:])))
     return torques
 
 

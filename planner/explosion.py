@@ -3,7 +3,7 @@
 Motors are off. Each module is pulled from the centre of mass (eq. 1, 2) and pushed away from near
 modules that are not linked to it (eq. 3). Gains, time step and drag adapt: the radial gain so that
 the force that adds up along the chain stays within what the joints' springs can order, the step so
-that no contact goes deep.
+that no contact goes deeper than the module size that the plan is verified at allows.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from planner.blocks_first_model import Blocks
 from planner.chain import Chain
+from planner.contact_depth import ContactDepth
 from planner.errors import SimulationError
 from planner.frames import Frames
 from planner.kernels.pairs import largest_approach_speed, near_pairs, repulsion
@@ -41,8 +42,8 @@ MOST_PULSES: Final = 8
 """Pulses in a row that may bring no progress."""
 STUCK_RAD: Final = 1.0
 LEAST_PROGRESS: Final = 0.005
-BACK_OFF_DEPTH: Final = 0.015
 DEEP: Final = 0.02
+"""Contacts are never deeper; less where the module size to verify leaves less."""
 MOST_RETRIES: Final = 6
 REPORT_EVERY_S: Final = 0.1
 UNEVENNESS: Final = 0.02
@@ -92,6 +93,8 @@ class Explosion:
             armature=parameters.armature,
             stop_rad=chain.module.stop_rad,
         )
+        room = 2.0 * chain.module.inner_radius * (parameters.geom_size - parameters.verify_size)
+        self.allowed = ContactDepth.within(room, DEEP)
         self.engine = self.first_engine()
         self.recorder = Recorder(
             chain,
@@ -112,7 +115,7 @@ class Explosion:
         self.tension = 1.0
         self.steps = 0
         self.depth = 0.0
-        self.saved = (0.0, self.state.copy())
+        self.sound = self.saved = (0.0, self.state.copy())
         self.retries = 0
         self.pulse_left = 0
         self.pulses = 0
@@ -141,7 +144,7 @@ class Explosion:
             while self.steps < self.parameters.max_steps:
                 contacts = self.step()
                 if self.steps % COMMIT_EVERY == 0:
-                    if self.depth < BACK_OFF_DEPTH:
+                    if contacts >= 0 and self.depth < self.allowed.back_off:
                         self.commit()
                     if cancelled():
                         status, reason = "cancelled", "it was cancelled."
@@ -169,7 +172,7 @@ class Explosion:
         )
 
     def step(self) -> int:
-        """One step of the simulation; the number of contacts in it."""
+        """One step of the simulation; the number of contacts in it, −1 when it went back."""
         p = self.parameters
         state = self.state
         self.steps += 1
@@ -181,6 +184,8 @@ class Explosion:
         acceleration = self._accelerations(self._forces(positions, pairs))
         if acceleration is None:
             return -1
+        if self.steps % COMMIT_EVERY == 0:
+            self.sound = (self.time_s, state.copy())
         state.accelerate(acceleration, self.step_s, self.drag)
         self._limit(positions, pairs)
         if acceleration.contacts:
@@ -215,11 +220,11 @@ class Explosion:
             return None
         worse = acceleration.depth > self.depth
         self.depth = acceleration.depth
-        if acceleration.depth > BACK_OFF_DEPTH:
+        if acceleration.depth > self.allowed.back_off:
             self.tension = max(0.05, 0.85 * self.tension)
         else:
             self.tension = min(1.0, 1.02 * self.tension)
-        if acceleration.depth > DEEP and worse and self.retries < MOST_RETRIES:
+        if acceleration.depth > self.allowed.most and worse and self.retries < MOST_RETRIES:
             self._go_back()
             return None
         return acceleration
@@ -247,9 +252,12 @@ class Explosion:
             self.step_s = min(p.step_s[1], 1.03 * self.step_s)
 
     def commit(self) -> None:
-        """Makes the steps so far final: the run goes back to here, not behind."""
+        """Makes the steps so far final: the run goes back to the last one, not behind.
+
+        That is one whose contacts were looked at, and not where its step has led since.
+        """
         self.recorder.commit()
-        self.saved = (self.time_s, self.state.copy())
+        self.saved = self.sound
         self.retries = 0
 
     def _go_back(self) -> None:
@@ -322,4 +330,5 @@ class Explosion:
             steps=self.steps,
             steps_per_second=rate,
             message="exploding",
+            pushes=self.pulses,
         )

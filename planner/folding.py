@@ -21,6 +21,7 @@ def fold(
     module_size: float | None = None,
     directory: str | FilePath | None = None,
     progress: Report = silent,
+    workers: int = 1,
 ) -> Plan:
     """Explodes a shape's chain, plays the record back and verifies the result.
 
@@ -31,6 +32,7 @@ def fold(
         module_size: Size at which the plan is verified; None for the preset's.
         directory: Where the plan, the timeline and the model are kept; nowhere when None.
         progress: Told how far it is.
+        workers: Explosions that are made at once at most, when one sticks; the plan is the same.
 
     Returns:
         The plan, verified or not: see ``Plan.certificate``.
@@ -47,11 +49,12 @@ def fold(
                 module_size=module_size,
                 directory=aside,
                 progress=progress,
+                workers=workers,
             )
     folder = FilePath(directory)
     folder.mkdir(parents=True, exist_ok=True)
     data = write_path(shape) if isinstance(shape, Path) else write_chain(shape)
     request = Request(filename=shape.name, preset=preset, seed=seed, module_size=module_size)
     write_request(folder, request, data)
-    run_stages(folder, progress=progress)
+    run_stages(folder, progress=progress, workers=workers)
     return Plan.load(folder / "plan.npz")

@@ -37,7 +37,8 @@ class ExplosionParameters:
         snapshot_rad, snapshot_distance: A snapshot is kept when a hinge has turned or a module has
             moved this much.
         finish_rad: Below this the chain may be straightened kinematically, if that is clear.
-        verify_size: Module size at which that and the snapshots are checked.
+        verify_size: Module size at which that and the snapshots are checked; contacts are no deeper
+            than it allows.
         max_steps: Give up after so many steps.
     """
 
@@ -46,7 +47,7 @@ class ExplosionParameters:
     spring: float = 3.0
     armature: float = 10.0
     tension: float = 25.0
-    geom_size: float = 0.99
+    geom_size: float = 0.9995
     step_s: tuple[float, float] = (0.004, 0.1)
     step_in_contact_s: float = 0.06
     drag: tuple[float, float] = (0.1, 2.0)

@@ -19,12 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain import Chain
+from planner.contact_depth import ContactDepth
 from planner.errors import SimulationError
 from planner.kernels.core import FIXED
 from planner.kernels.peeling import Caps, haste, window_forces
 from planner.model import Base, Material, Rod
 from planner.peeling_core import Core
 from planner.peeling_parameters import PeelingParameters
+from planner.peeling_proof import Proof
 from planner.peeling_recorder import PeelRecorder
 from planner.peeling_window import Bend, Peelable
 from planner.progress import Cancelled, Progress, Report, never, silent
@@ -47,16 +49,16 @@ JAM_PULSE: Final = (120, 300)
 """Steps of weak tension and strong repulsion, and of the whole pulse."""
 MOST_PUSHES: Final = 8
 """What is tried in a row without progress."""
-BACK_OFF_DEPTH: Final = 0.012
 DEEP: Final = 0.016
+"""Contacts are never deeper; less where the module size to verify leaves less."""
+ROOM_USED: Final = 0.9
 MOST_RETRIES: Final = 6
-FEWEST_PARTS: Final = 4
-PART_RAD: Final = 0.01
-"""What is retired is looked at whenever the rod has turned so much, or all joints five times."""
+STOP_GIVES_RAD: Final = 0.01
+"""A joint's simulated stop begins so far before its range ends: it gives a little."""
 ALIGNED: Final = 0.5
 TURNED: Final = 0.9
 LEAST_CLEARANCE: Final = 0.002
-"""Of a snapshot, of what is halfway to it, and of what is made by kinematics."""
+"""Of a snapshot, of the way to it, and of what is made by kinematics."""
 FRAME_S: Final = 0.1
 REPORT_EVERY_S: Final = 0.1
 UNEVENNESS: Final = 0.02
@@ -103,11 +105,12 @@ class _Peeling:
         self.parameters = parameters
         self.peelable = Peelable(chain)
         self.core: Core = self.peelable.core
+        self.proof = Proof(chain, parameters.verify_size)
         self.recorder = PeelRecorder(
             self.peelable,
+            self.proof,
             snapshot_rad=parameters.snapshot_rad,
             snapshot_distance=parameters.snapshot_distance,
-            size=parameters.verify_size,
             sink=sink,
         )
         spread = np.random.default_rng(seed).uniform(-1.0, 1.0, len(chain))
@@ -116,8 +119,10 @@ class _Peeling:
             geom_size=parameters.geom_size,
             stiffness=parameters.spring,
             armature=parameters.armature,
-            stop_rad=chain.module.stop_rad,
+            stop_rad=chain.module.angle_limit_rad - STOP_GIVES_RAD,
         )
+        room = ROOM_USED * (parameters.geom_size - parameters.verify_size)
+        self.allowed = ContactDepth.within(room, DEEP)
         self.caps = Caps(
             joint_rad=parameters.joint_cap_rad,
             pair=parameters.pair_cap,
@@ -167,7 +172,7 @@ class _Peeling:
             while self.steps < most:
                 self._step()
                 if self.steps % COMMIT_EVERY == 0:
-                    if self.depth < BACK_OFF_DEPTH:
+                    if self.depth < self.allowed.back_off:
                         self._commit()
                     if cancelled():
                         status, reason = "cancelled", "it was cancelled."
@@ -189,7 +194,7 @@ class _Peeling:
                     break
         except SimulationError as error:
             status, reason = "diverged", f"the simulation broke off: {error}"
-        self.recorder.commit(end=status != "straight")
+        self.recorder.commit()
         return Record(
             status=status,
             reason=reason,
@@ -269,6 +274,7 @@ class _Peeling:
         if acceleration.contacts:
             self.step_s = min(self.step_s, p.step_in_contact_s)
         state.advance(self.step_s)
+        state.stop_at(self.chain.module.angle_limit_rad)
         self.time_s += self.step_s
 
     def _turn_aim(self) -> None:
@@ -310,18 +316,18 @@ class _Peeling:
         try:
             acceleration = self.segments.accelerations(self.state, forces, end_torque=torque)
         except SimulationError:
-            if self.retries >= MOST_RETRIES:
+            if self.pushes >= MOST_PUSHES:
                 raise
-            self._go_back()
+            self._refused()
             return None
         worse = acceleration.depth > self.depth
         self.depth = acceleration.depth
-        if acceleration.depth > BACK_OFF_DEPTH:
+        if acceleration.depth > self.allowed.back_off:
             self.tension = max(0.05, 0.85 * self.tension)
         else:
             self.tension = min(1.0, 1.02 * self.tension)
-        if acceleration.depth > DEEP and worse and self.retries < MOST_RETRIES:
-            self._go_back()
+        if acceleration.depth > self.allowed.most and worse:
+            self._refused()
             return None
         return acceleration
 
@@ -362,7 +368,7 @@ class _Peeling:
         hinges = self.peelable.hinges
         unit = np.abs(self.state.angles[hinges * p.skipped : hinges * self.unit])
         return bool(
-            self.depth < BACK_OFF_DEPTH
+            self.depth < self.allowed.back_off
             and self.contacts <= p.release_contacts
             and self.modules < max(p.window, 1.2 * p.unit)
             and unit.max(initial=0.0) < p.release_rad
@@ -378,7 +384,7 @@ class _Peeling:
         """Makes the outer hinges that are nearly straight part of the rod."""
         p = self.parameters
         hinges = self.peelable.hinges
-        if self.depth >= BACK_OFF_DEPTH:
+        if self.depth >= self.allowed.back_off:
             return
         self.segments.place(self.state)
         bent = np.abs(self.state.angles).reshape(-1, hinges).max(axis=1)
@@ -397,9 +403,7 @@ class _Peeling:
             return
         if not self._settle():
             return
-        for bend in bends:
-            self.recorder.add(bend)
-            self.recorder.commit(end=True)
+        self.recorder.append(bends)
         self.time_s = bends[-1].time_s + 1e-6
         left = bends[-1].angles
         self._build(left.copy(), self.state.rates[: len(left)].copy())
@@ -413,27 +417,16 @@ class _Peeling:
         turned = float(rotations[-1][:, 0] @ self.segments.rotations[-1][:, 0])
         if turned < TURNED:
             return None
-        before = self._bend()
-        after = Bend(time_s=self.time_s, first=self.first, angles=left)
-        turn = float(np.arccos(min(turned, 1.0)))
-        bent = float(np.abs(angles[len(left) :]).sum())
-        if not self.peelable.clear_between(
-            before,
-            after,
-            size=p.verify_size,
-            least=LEAST_CLEARANCE,
-            parts=FEWEST_PARTS + int(max(turn, 0.2 * bent) / PART_RAD),
-        ):
-            return None
-        largest = max(turn, float(np.abs(angles[len(left) :]).max()))
+        bent = float(np.abs(angles[len(left) :]).max())
+        largest = max(float(np.arccos(min(turned, 1.0))), bent)
         frames = int(np.ceil(largest / p.retire_step_rad))
         bends: list[Bend] = []
         for k in range(1, frames):
             partly = angles.copy()
             partly[len(left) :] *= 1.0 - k / frames
             bends.append(self._bent(self.time_s + k * FRAME_S, partly))
-        end_s = self.time_s + frames * FRAME_S
-        return [*bends, self._bent(end_s, left.copy())]
+        bends.append(self._bent(self.time_s + frames * FRAME_S, left.copy()))
+        return bends if self._clear([self._bend(), *bends]) else None
 
     def _settle(self) -> bool:
         """Keeps the present state as a snapshot: the window changes after it.
@@ -443,15 +436,24 @@ class _Peeling:
         """
         self.segments.place(self.state)
         self.recorder.add(self._bend())
-        if not self.recorder.commit(end=True, least=self._least_clearance()):
-            self._go_back()
+        if not self.recorder.commit(least=LEAST_CLEARANCE):
+            self._refused()
             return False
         self.time_s += 1e-6
         return True
 
-    def _least_clearance(self) -> float:
-        """What snapshots must have, as long as going back may help."""
-        return LEAST_CLEARANCE if self.retries < MOST_RETRIES else -np.inf
+    def _refused(self) -> None:
+        """Goes back from what would not be certified; with a push when that did not help."""
+        self._go_back()
+        if self.retries > MOST_RETRIES:
+            self.retries = 0
+            self.pushes += 1
+            self.pulse_left = JAM_PULSE[1]
+            self.state.scale_velocities(0.0)
+
+    def _clear(self, bends: list[Bend]) -> bool:
+        """Whether configurations, and the ways between them, may be kept."""
+        return self.proof.keeps(bends, LEAST_CLEARANCE)[0] >= LEAST_CLEARANCE
 
     def _bend(self) -> Bend:
         return Bend(
@@ -474,16 +476,9 @@ class _Peeling:
         )
 
     def _commit(self) -> None:
-        here = self.peelable.clearance(
-            self.first, self.state.angles, size=self.parameters.verify_size, enough=LEAST_CLEARANCE
-        )
-        if here < LEAST_CLEARANCE:
-            return  # going back to it would not help
-        if not self.recorder.commit(least=self._least_clearance()):
-            self._go_back()
-            return
-        self.saved = (self.time_s, self.state.copy())
-        self.retries = 0
+        if self._clear([self._bend()]) and self._settle():
+            self.saved = (self.time_s, self.state.copy())
+            self.retries = 0
 
     def _go_back(self) -> None:
         self.retries += 1
@@ -503,25 +498,13 @@ class _Peeling:
         if largest > p.finish_rad or self.contacts:
             return False
         count = int(np.ceil(max(largest / p.snapshot_rad, 1.0)))
-        bends: list[Bend] = []
-        looks = max(2, int(np.ceil(float(np.abs(angles).sum()) / (2.0 * PART_RAD * count))))
-        for k in range(1, looks * count + 1):
-            scaled = (1.0 - k / (looks * count)) * angles
-            if (
-                self.peelable.clearance(
-                    self.first, scaled, size=p.verify_size, enough=LEAST_CLEARANCE
-                )
-                < LEAST_CLEARANCE
-            ):
-                return False
-            if k % looks == 0:
-                time_s = self.time_s + k / looks * FRAME_S
-                bends.append(self._bent(time_s, scaled))
-        if not self._settle():
+        bends = [
+            self._bent(self.time_s + k * FRAME_S, (1.0 - k / count) * angles)
+            for k in range(1, count + 1)
+        ]
+        if not self._clear([self._bend(), *bends]) or not self._settle():
             return False
-        for bend in bends:
-            self.recorder.add(bend)
-            self.recorder.commit(end=True)
+        self.recorder.append(bends)
         return True
 
     # When it sticks.
@@ -542,7 +525,7 @@ class _Peeling:
             self.pushes += 1
             self.progressed = self.steps
             room = self.modules + p.unit <= p.most_modules
-            if self.first and room and self.depth < BACK_OFF_DEPTH:
+            if self.first and room and self.depth < self.allowed.back_off:
                 self._release()
             else:
                 self.pulse_left = JAM_PULSE[1]
@@ -571,6 +554,7 @@ class _Peeling:
             steps=self.steps,
             steps_per_second=rate,
             message="peeling",
+            pushes=self.pushes,
         )
 
 

@@ -58,7 +58,7 @@ class PeelingParameters:
     pull: float = 15.0
     alignment: float = 15.0
     turn_rad: float = 0.03
-    geom_size: float = 0.994
+    geom_size: float = 0.9995
     step_s: tuple[float, float] = (0.004, 0.1)
     step_in_contact_s: float = 0.06
     drag: tuple[float, float] = (0.1, 2.0)

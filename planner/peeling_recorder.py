@@ -9,15 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.frames import PHASES
+from planner.peeling_proof import Proof
 from planner.peeling_window import Bend, Peelable
 from planner.windows import Windows
 
 Array = NDArray[np.float64]
 CLOSE: Final = 0.02
 """Clearances above this are not told apart."""
-LOOK_DISTANCE: Final = 0.08
-"""The way between two snapshots is looked at wherever a module has moved by so much."""
-FEWEST_LOOKS: Final = 3
 WORSE: Final = 0.002
 """A place between that is this much closer than both snapshots asks for another in between."""
 FARTHEST_TURN: Final = float(np.cos(0.1))
@@ -27,27 +25,28 @@ FARTHEST_TURN: Final = float(np.cos(0.1))
 class PeelRecorder:
     """Takes every step, keeps the snapshots that the record needs, and passes them on.
 
-    As ``planner.recorder.Recorder``, for configurations that are folded, bent, then straight.
+    As ``planner.recorder.Recorder``, for configurations that are folded, bent, then straight. What
+    is kept was swept as the certificate sweeps it, at the snapshots and everywhere between them.
     """
 
     def __init__(
         self,
         peelable: Peelable,
+        proof: Proof,
         *,
         snapshot_rad: float,
         snapshot_distance: float,
-        size: float,
         sink: Callable[[Windows], None] | None,
     ) -> None:
         self._peelable = peelable
+        self._proof = proof
         self._snapshot_rad = snapshot_rad
         self._snapshot_distance = snapshot_distance
-        self._size = size
         self._sink = sink
         self._waiting: list[Bend] = []
         self._kept: list[Windows] = []
         self._last: Bend | None = None
-        self._least = np.inf
+        self._least = CLOSE
 
     def add(self, bend: Bend) -> None:
         """Takes a step that may still be taken back."""
@@ -57,11 +56,10 @@ class PeelRecorder:
         """Forgets the steps since the last ``commit``."""
         self._waiting = []
 
-    def commit(self, *, end: bool = False, least: float = -np.inf) -> bool:
-        """Makes the steps so far final and passes their snapshots on.
+    def commit(self, *, least: float = -np.inf) -> bool:
+        """Makes the steps so far final and passes their snapshots on; the last one is one of them.
 
         Args:
-            end: Keep the last step as a snapshot in any case.
             least: When a snapshot or a place on the way to it has a clearance below this, all the
                 steps are forgotten instead.
 
@@ -69,12 +67,13 @@ class PeelRecorder:
             Whether they were kept.
         """
         waiting = self._waiting
+        self._waiting = []
         last = self._last
-        self._least = np.inf
+        self._least = CLOSE
         chosen: list[Bend] = []
         first = 0
         for k, bend in enumerate(waiting):
-            if last is None:
+            if last is None or k == len(waiting) - 1:
                 pick = k
             elif self._far(last, bend):
                 pick = max(first, k - 1)
@@ -85,18 +84,16 @@ class PeelRecorder:
             last = waiting[pick]
             chosen.append(last)
             first = pick + 1
-        if end and waiting[first:]:
-            if last is not None:
-                chosen.extend(self._between(last, waiting[-1], waiting[first:-1]))
-            last = waiting[-1]
-            chosen.append(last)
         if self._least < least:
-            self._waiting = []
             return False
         self._last = last
-        self._waiting = [] if end else waiting[first:]
         self._emit(chosen)
         return True
+
+    def append(self, bends: list[Bend]) -> None:
+        """Adds snapshots that were made without a simulation, and proved, after a ``commit``."""
+        self._last = bends[-1]
+        self._emit(bends)
 
     def windows(self) -> Windows:
         """All snapshots so far."""
@@ -140,17 +137,9 @@ class PeelRecorder:
 
     def _between(self, a: Bend, b: Bend, bends: list[Bend]) -> list[Bend]:
         """The snapshots that are needed between two."""
-        first, one, other = self._peelable.together(a, b)
-        looks = max(FEWEST_LOOKS, int(self._moved(a, b) / LOOK_DISTANCE))
-        least = min(
-            self._clearance(first, one + k / (looks + 1) * (other - one))
-            for k in range(1, looks + 1)
-        )
-        ends = self._clearance(b.first, b.angles)
-        if least < ends - WORSE and bends:
-            ends = min(ends, self._clearance(a.first, a.angles))
-        if not bends or least >= ends - WORSE:
-            self._least = min(self._least, least, ends)
+        least, each = self._proof.keeps((a, b), CLOSE)
+        if not bends or least >= each.min() - WORSE:
+            self._least = min(self._least, least)
             return []
         middle = len(bends) // 2
         return [
@@ -158,6 +147,3 @@ class PeelRecorder:
             bends[middle],
             *self._between(bends[middle], b, bends[middle + 1 :]),
         ]
-
-    def _clearance(self, first: int, angles: Array) -> float:
-        return self._peelable.clearance(first, angles, size=self._size, enough=CLOSE)

@@ -1,4 +1,4 @@
-"""Window: the modules between the folded core and the straight rod, and how close they are."""
+"""Window: the modules between the folded core and the straight rod."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain import Chain
-from planner.kernels.core import window_clearance
 from planner.kernels.kinematics import chain_poses
 from planner.peeling_core import Core
 
 Array = NDArray[np.float64]
-MOST_ENOUGH = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,7 +34,7 @@ class Bend:
 
 
 class Peelable:
-    """A chain that is peeled: its core, and the clearance of its configurations."""
+    """A chain that is peeled: its core, and the poses of its windows."""
 
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
@@ -99,33 +97,3 @@ class Peelable:
             rotations,
         )
         return positions, rotations
-
-    def clearance(self, first: int, angles: Array, *, size: float, enough: float) -> float:
-        """The least distance of any two modules of a configuration, not more than ``enough``."""
-        module = self.chain.module
-        positions, rotations = self.poses(first, angles)
-        value, _, _ = window_clearance(
-            positions,
-            rotations,
-            first,
-            len(self) - first - len(positions),
-            self.core.grid,
-            self.core.low,
-            module.vertices,
-            module.face_normals,
-            module.edge_directions,
-            module.radius,
-            size,
-            min(enough, MOST_ENOUGH),
-        )
-        return float(value)
-
-    def clear_between(self, a: Bend, b: Bend, *, size: float, least: float, parts: int) -> bool:
-        """Whether the way from a to b stays clear, looked at in so many places after a."""
-        first, one, other = self.together(a, b)
-        for k in range(1, parts + 1):
-            s = k / parts
-            angles = (1.0 - s) * one + s * other
-            if self.clearance(first, angles, size=size, enough=least) < least:
-                return False
-        return True

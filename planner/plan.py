@@ -55,6 +55,7 @@ class Plan:
         playback: Status, reason, steps, seconds and errors of the playback; None without one.
         certificate: What was verified.
         attempts: Every explosion that was tried, the last one is the record.
+        smoothing: What smoothing has changed, see ``planner.smoothed``; None of a recorded plan.
     """
 
     chain: Chain
@@ -69,6 +70,7 @@ class Plan:
     certificate: Certificate
     attempts: tuple[dict[str, Any], ...] = ()
     start: Chain | None = None
+    smoothing: dict[str, Any] | None = None
 
     @classmethod
     def assembled(
@@ -179,7 +181,9 @@ class Plan:
             "preset": self.preset,
             "seed": self.seed,
             "refold": self._refold(),
+            "smoothing": self.smoothing,
             "stuck": self._stuck(),
+            "attempts": len(self.attempts),
             "explosion": self.explosion or nothing,
             "playback": self.playback,
             "certificate": self.certificate.as_dict(),
@@ -224,6 +228,7 @@ class Plan:
             "seed": self.seed,
             "versions": self.versions,
             "attempts": list(self.attempts),
+            "smoothing": self.smoothing,
             "explosion": self.explosion,
             "playback": self.playback,
             "certificate": self.certificate.as_dict(),
@@ -288,6 +293,7 @@ class Plan:
                 certificate=Certificate.from_dict(values["certificate"]),
                 attempts=tuple(values.get("attempts", ())),
                 start=chain_from_attributes(start) if (start := values.get("start")) else None,
+                smoothing=values.get("smoothing"),
                 **{k: values[k] for k in _VALUES},
             )
         except _UNREADABLE as error:

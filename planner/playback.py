@@ -40,7 +40,7 @@ FRAME_DISTANCE: Final = 0.35
 FRAME_STEPS: Final = 50
 FOLDED_WITHIN: Final = 0.1
 """RMS position error in pitches below which a chain counts as folded."""
-LAW_SAMPLES_A_RAD: Final = 45
+LAW_SAMPLES_A_RAD: Final = 180
 REPORT_EVERY_S: Final = 0.1
 CHECK_EVERY: Final = 25
 
@@ -348,7 +348,7 @@ class _Run:
         steps = max(FEWEST_STEPS, int(p.steps_per_rad * reference.length_rad))
         samples = max(100, int(LAW_SAMPLES_A_RAD * reference.length_rad))
         law = torque_bounded_law(
-            reference, self.tree, steps=steps, step_s=p.step_s, samples=samples
+            reference, chain.module, steps=steps, step_s=p.step_s, samples=samples
         )
         return reference, law
 

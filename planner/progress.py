@@ -16,6 +16,7 @@ class Progress:
         steps: Simulation steps so far.
         steps_per_second: Simulation steps a second of wall time, lately.
         message: A few plain words.
+        pushes: How many pushes in a row moved nothing on; from a few on it may well be stuck.
     """
 
     stage: str
@@ -23,6 +24,7 @@ class Progress:
     steps: int = 0
     steps_per_second: float = 0.0
     message: str = ""
+    pushes: int = 0
 
 
 Report = Callable[[Progress], None]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
@@ -50,7 +51,11 @@ class Reference:
         lengths = record_lengths(chain, angles, distance_weight)
         total = float(lengths[-1])
         count = max(DEGREE + 1, int(np.ceil(total / spacing_rad)) + 1)
-        where = np.linspace(0.0, total, count)
+        knots = np.concatenate(
+            [np.zeros(DEGREE), np.linspace(0.0, 1.0, count - DEGREE + 1), np.ones(DEGREE)]
+        )
+        # At the means of their knots, so that u runs evenly along the record at its ends too.
+        where = total * sliding_window_view(knots[1:-1], DEGREE).mean(axis=1)
         right = np.clip(np.searchsorted(lengths, where), 1, len(lengths) - 1)
         span = lengths[right] - lengths[right - 1]
         part = np.where(span > 0, (where - lengths[right - 1]) / np.where(span > 0, span, 1), 1.0)
@@ -59,9 +64,6 @@ class Reference:
         # The stops of a simulated joint give a little. A B-spline stays within its control points.
         limit = chain.module.angle_limit_rad
         np.clip(controls, -limit, limit, out=controls)
-        knots = np.concatenate(
-            [np.zeros(DEGREE), np.linspace(0.0, 1.0, count - DEGREE + 1), np.ones(DEGREE)]
-        )
         spline = BSpline(knots, controls, DEGREE)
         first = spline.derivative()
         return cls(spline=spline, first=first, second=first.derivative(), length_rad=total)

@@ -23,6 +23,8 @@ from planner.wishes import MODULE_COUNTS, Wishes
 
 MODULE_SIZES: Final = (0.1, 1.0)
 LARGEST_SEED: Final = 2**32 - 1
+SMOOTH_SPACING_RAD: Final = 0.06
+"""Of the curve through a smoothed motion, the spacing of its frames."""
 SHORT_SEED: Final = 2**31
 """Path searches take seeds below this."""
 
@@ -38,6 +40,7 @@ class Request:
         module_size: Size at which the plan is verified; None for the preset's.
         strategy: How the chain is let go: ``auto``, or one of ``planner.strategies``.
         refold: Whether the chain begins folded as the plan beside it says, not straight.
+        smooth: Whether the plan beside it is smoothed, in place of an explosion.
         module, modules, method, repair, ends, as_voxels, start: See ``planner.wishes.Wishes``.
     """
 
@@ -54,6 +57,7 @@ class Request:
     as_voxels: bool = False
     start: Cell | None = None
     refold: bool = False
+    smooth: bool = False
 
     @classmethod
     def of(cls, **given: Any) -> Request:
@@ -85,6 +89,14 @@ class Request:
         try:
             self.parameters()
             self.wishes().check()
+            plain = Request()
+            for name in ("preset", "strategy") if self.smooth else ():
+                if getattr(self, name) != getattr(plain, name):
+                    raise InputError(
+                        f"smooth-{name}",
+                        f"got the {name} {getattr(self, name)} for a plan that is smoothed, "
+                        f"expected {getattr(plain, name)}; it is not recorded again.",
+                    )
         except InputError as error:
             raise _placed(error) from None
 
@@ -112,6 +124,9 @@ class Request:
         if self.strategy not in STRATEGY_WISHES:
             raise unknown_strategy(self.strategy)
         found = replace(found, strategy=self.strategy)
+        if self.smooth:
+            # Frames are joined by straight lines: a finer curve would go round their corners.
+            found = replace(found, playback=replace(found.playback, spacing_rad=SMOOTH_SPACING_RAD))
         if self.module_size is None:
             return found
         low, high = MODULE_SIZES

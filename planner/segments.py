@@ -104,6 +104,13 @@ class State:
         if self.spin.any():
             self.rotation = self.rotation @ turned(self.spin * step_s)
 
+    def stop_at(self, most_rad: float) -> None:
+        """Leaves no hinge beyond its range: a simulated stop gives a little, a joint does not."""
+        beyond = np.abs(self.angles) > most_rad
+        if beyond.any():
+            self.angles[beyond] = np.copysign(most_rad, self.angles[beyond])
+            self.rates[beyond] = 0.0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Acceleration:

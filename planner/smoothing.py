@@ -8,6 +8,9 @@ in any part of the motion (Geraerts, Overmars: Creating high-quality paths for m
 2007; Hauser, Ng-Thow-Hing: Fast smoothing of manipulator trajectories using optimal
 bounded-acceleration shortcuts, 2010), with collisions to choose the part instead of chance.
 
+A shorter motion may take more torque: straight lines have kinks, and what a simulation recorded has
+none. So what a motion costs is its length and the time that it takes with bounded torque.
+
 Every motion that is kept has been proved clear by ``planner.sweep``, all between its frames too.
 """
 
@@ -21,19 +24,22 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
 from planner.chain import Chain
+from planner.dynamics import floating_torques
 from planner.errors import InputError
 from planner.kernels.smoothing import blamed_hinges, displacements
 from planner.progress import Cancelled, never
 from planner.smoothing_targets import along, mean, parts, softened, straight, worthwhile
-from planner.smoothness import DISTANCE_WEIGHT, Pace, Smoothness, smoothness
 from planner.sweep import Sweep, sweep
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
-LOOKS: Final = 10_000
+LOOKS: Final = 20_000
 """Configurations that are looked at."""
+TORQUE_WEIGHTS: Final = ((0.6, 0.15), (1.0, 0.6))
+"""Up to which share of the looks torque weighs how much, in units of the length's weight. Little at
+first: what is tangled is not to be had shorter without a detour through more torque."""
 TIGHT: Final = 0.98
 """Module size at which modules must not come closer than before."""
 FRAMES: Final = 150
@@ -42,7 +48,7 @@ SPACING_RAD: Final = (0.015, 0.06)
 there are ``FRAMES`` at first, but within these."""
 SLACK: Final = 0.001
 """Frames and places halfway are this much clearer than asked for, in pitches."""
-PIECES: Final = (3, 6, 12, 24, 48)
+PIECES: Final = (1, 3, 6, 12, 24, 48)
 """Parts of a motion that are simplified at a time."""
 FEWEST_FRAMES: Final = 4
 GENTLE_ROUNDS: Final = 1
@@ -54,6 +60,10 @@ WORTHWHILE: Final = 0.005
 MOST_REPAIRS: Final = 6
 ROUNDING: Final = 1e-9
 LEAST_BOUND: Final = 1e-9
+LEAST_EFFORT: Final = 1e-9
+LEAST_SPAN_RAD: Final = 1e-6
+DISTANCE_WEIGHT: Final = 0.03
+"""Radians that a displacement of one pitch counts as, as in a playback's reference."""
 RUN: Final = 6
 """Steps that are swept at once."""
 
@@ -64,15 +74,10 @@ class Smoothed:
 
     Attributes:
         angles: (F, J) hinge angles; the first and the last frame are those that were given.
-        time_s: (F,) when it passes each frame, within the bounds of speed and torque.
-        before, after: What can be said of the motion that was given, and of this one.
         looks: Configurations that were looked at.
     """
 
     angles: Array
-    time_s: Array
-    before: Smoothness
-    after: Smoothness
     looks: int
 
 
@@ -83,8 +88,6 @@ def smooth(
     size: float,
     seed: int = 0,
     looks: int = LOOKS,
-    max_speed_rad_s: float = 1.0,
-    max_torque: float = np.inf,
     cancelled: Cancelled = never,
 ) -> Smoothed:
     """Smooths a motion. What comes of it depends on the arguments alone.
@@ -97,8 +100,6 @@ def smooth(
         seed: Decides where straight lines begin.
         looks: About how many configurations may be looked at. One costs some 0.6 µs of processor
             time for each cube, three times as much for each tetrahedron.
-        max_speed_rad_s, max_torque: Bounds of every hinge's speed and torque; the torque in units
-            of module mass · pitch² / s², floating, without gravity.
         cancelled: Asked now and then whether to stop and take what there is.
 
     Raises:
@@ -112,15 +113,7 @@ def smooth(
         )
     angles = np.ascontiguousarray(angles, dtype=np.float64)
     run = _Smoothing(chain, angles, size, looks, np.random.default_rng(seed))
-    found = run.smoothed(cancelled)
-    pace = Pace.of(chain, found)
-    return Smoothed(
-        angles=found,
-        time_s=pace.times(max_speed_rad_s, max_torque),
-        before=smoothness(chain, angles, Pace.of(chain, angles)),
-        after=smoothness(chain, found, pace),
-        looks=run.looks,
-    )
+    return Smoothed(angles=run.smoothed(cancelled), looks=run.looks)
 
 
 class _Smoothing:
@@ -139,12 +132,24 @@ class _Smoothing:
         self.bound = min(found.bound, LEAST_BOUND)
         length = float(self._measured(angles)[0].sum())
         self.spacing = float(np.clip(length / FRAMES, *SPACING_RAD))
+        self.torque_weight = 0.0
 
     def smoothed(self, cancelled: Cancelled) -> Array:
         """(F, J) the best motion found."""
         best = self._resampled(self.given)
         if len(best) < FEWEST_FRAMES:
             return best
+        lengths, costs = self._measured(best)
+        unit = costs.sum() / max(float(self._efforts(best, lengths).sum()), LEAST_EFFORT)
+        whole = self.most_looks
+        for share, weight in TORQUE_WEIGHTS:
+            self.most_looks = int(share * whole)
+            self.torque_weight = weight * unit
+            best = self._cheaper(best, cancelled)
+        return best
+
+    def _cheaper(self, best: Array, cancelled: Cancelled) -> Array:
+        """(F, J) a motion that costs as little as passes can bring it to."""
         stale = 0
         while stale < 2 and self.looks < self.most_looks and not cancelled():
             found = self._resampled(self._simplified(best, cancelled))
@@ -268,7 +273,7 @@ class _Smoothing:
         return np.concatenate([np.zeros(0, dtype=np.int64), *left])
 
     def _measured(self, angles: Array) -> tuple[Array, Array]:
-        """(F − 1,) the lengths of all steps, and what they cost.
+        """(F − 1,) the lengths of all steps, and what they cost without torque.
 
         A step costs its length and, as a length is that of what goes farthest, how far hinges turn
         and modules move on average.
@@ -289,8 +294,27 @@ class _Smoothing:
         lengths = np.maximum(turned.max(axis=1), DISTANCE_WEIGHT * largest)
         return lengths, lengths + turned.mean(axis=1) + DISTANCE_WEIGHT * mean
 
+    def _efforts(self, angles: Array, lengths: Array) -> Array:
+        """(F − 1,) the time that each step takes when no hinge may have more torque than 1.
+
+        Along a curve that is run through evenly the torque is b(u) u̇², see ``planner.timelaw``, so
+        a place is passed at 1 / √|b|. Rates along the length are those of parabolas through frames.
+        """
+        spans = np.maximum(lengths, LEAST_SPAN_RAD)[:, None]
+        slopes = np.diff(angles, axis=0) / spans
+        rates = np.concatenate([slopes[:1], slopes])
+        bends = np.zeros_like(angles)
+        both = spans[1:] + spans[:-1]
+        rates[1:-1] = (slopes[:-1] * spans[1:] + slopes[1:] * spans[:-1]) / both
+        bends[1:-1] = 2.0 * np.diff(slopes, axis=0) / both
+        torques = floating_torques(self.chain.module, angles, rates, bends)
+        paces = np.sqrt(np.abs(torques).max(axis=1))
+        return 0.5 * (paces[1:] + paces[:-1]) * spans[:, 0]
+
     def _costs(self, angles: Array) -> Array:
-        return self._measured(angles)[1]
+        """(F − 1,) what all steps cost."""
+        lengths, costs = self._measured(angles)
+        return costs + self.torque_weight * self._efforts(angles, lengths)
 
     def _refined(self, angles: Array) -> Array:
         """The same motion with frames halfway of steps that are too long."""

@@ -16,14 +16,14 @@ from typing import Any, Final
 
 from planner import attempts
 from planner.best_record import BestRecord
+from planner.candidates import Candidates
 from planner.certificate import Certificate, certify
 from planner.chain import Chain
-from planner.diagnosis import diagnose
 from planner.exports import mjcf
 from planner.files import write_whole
 from planner.frames import PHASES
 from planner.measuring import write_figures
-from planner.parameters import ExplosionParameters, Parameters
+from planner.parameters import ExplosionParameters
 from planner.plan import Plan
 from planner.playback import Playback, play_back
 from planner.portfolio import Choice, Try
@@ -31,8 +31,11 @@ from planner.preparation import prepare
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.record import Record
 from planner.request import SHORT_SEED, Request
-from planner.strategies import BASELINE, let_go, strategies_for, windowed
+from planner.smoothed import before_and_after, check_smoothable, smoothed_record
+from planner.smoothing_ways import RECORDED_PLAN, WAYS
+from planner.strategies import BASELINE, on_lattice, strategies_for
 from planner.timeline import TimelineWriter, chain_attributes, chain_from_attributes
+from planner.tries import Tries, make_try
 from planner.unfolding import START_CHAIN, START_PLAN, Unfolding, check_fits
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
@@ -44,6 +47,7 @@ def run_stage(
     *,
     progress: Report = silent,
     cancelled: Cancelled = never,
+    tries: Tries | None = None,
 ) -> dict[str, Any]:
     """Runs one stage of the fold in a directory.
 
@@ -52,6 +56,8 @@ def run_stage(
         directory: Holds ``request.json`` and ``input``, and the files of the stages so far.
         progress: Told how far it is.
         cancelled: Asked now and then whether to stop.
+        tries: Makes what may be tried next beside; it must outlast all stages of the fold. None for
+            one explosion after the other.
 
     Returns:
         The stage's figures, as plain JSON values.
@@ -59,7 +65,10 @@ def run_stage(
     Raises:
         InputError: From ``read``, when the input cannot be used.
     """
-    result = _STAGES[stage](directory, progress, cancelled)
+    if stage == "explode":
+        result = _explode(directory, progress, cancelled, tries or Tries(directory))
+    else:
+        result = _STAGES[stage](directory, progress, cancelled)
     progress(Progress(stage=stage, fraction=1.0, message="done"))
     return result
 
@@ -73,18 +82,30 @@ def next_stage(stage: str, result: dict[str, Any]) -> str | None:
 
 
 def run_stages(
-    directory: FilePath, *, progress: Report = silent, cancelled: Cancelled = never
+    directory: FilePath,
+    *,
+    progress: Report = silent,
+    cancelled: Cancelled = never,
+    workers: int = 1,
 ) -> dict[str, Any]:
     """Runs all stages, those again that a refused plan makes necessary; the last one's result.
+
+    Args:
+        directory: As for ``run_stage``.
+        progress, cancelled: As for ``run_stage``.
+        workers: Explosions that are made at once at most. The plan is the same for any number.
 
     Raises:
         InputError: When the input cannot be used.
     """
     stage: str | None = STAGES[0]
     result: dict[str, Any] = {}
-    while stage is not None:
-        result = run_stage(stage, directory, progress=progress, cancelled=cancelled)
-        stage = next_stage(stage, result)
+    with Tries(directory, workers) as tries:
+        while stage is not None:
+            result = run_stage(
+                stage, directory, progress=progress, cancelled=cancelled, tries=tries
+            )
+            stage = next_stage(stage, result)
     return result
 
 
@@ -105,11 +126,6 @@ def _request(directory: FilePath) -> Request:
 
 def _chain(directory: FilePath) -> Chain:
     return chain_from_attributes(json.loads((directory / "chain.json").read_bytes()))
-
-
-def _candidates(directory: FilePath) -> list[Chain]:
-    found = json.loads((directory / "candidates.json").read_bytes())
-    return [chain_from_attributes(attributes) for attributes in found]
 
 
 def _record(directory: FilePath) -> Record | None:
@@ -135,10 +151,20 @@ def _unfolding(directory: FilePath, request: Request) -> Unfolding | None:
     return Unfolding.of_plan(Plan.load(directory / START_PLAN))
 
 
+def _recorded(directory: FilePath) -> Plan:
+    """The plan that is smoothed."""
+    return Plan.load(directory / RECORDED_PLAN)
+
+
 def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
     del progress, cancelled
     request = _request(directory)
     request.check()
+    if request.smooth:
+        plan = _recorded(directory)
+        check_smoothable(plan)
+        only = Candidates((plan.chain,), two_ended=False)
+        return _noted(directory, only, kind="plan", method=None, notes=[], knot=None)
     prepared = prepare(
         (directory / "input").read_bytes(),
         request.filename,
@@ -153,15 +179,27 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
         chains = tuple(replace(c, pitch_m=start.pitch_m) for c in chains if len(c) == len(start))
         chain = chains[0]
     strategies_for(chain, request.parameters(), refolds=request.refold)  # or it is refused
+    # A chain comes as it is wanted; what only shows cells may as well begin at their other end.
+    told = prepared.kind == "chain" or request.start is not None or request.refold
+    return _noted(
+        directory,
+        Candidates(chains, two_ended=not told and on_lattice(chain)),
+        kind=prepared.kind,
+        method=prepared.method,
+        notes=list(prepared.notes),
+        knot=None if prepared.knot is None else prepared.knot.verdict,
+    )
+
+
+def _noted(directory: FilePath, candidates: Candidates, **how: Any) -> dict[str, Any]:
+    """Keeps the chains that may be folded; what is said of how they were found."""
+    chain = candidates.chains[0]
     (directory / attempts.FILE).unlink(missing_ok=True)
-    _write_json(directory / "candidates.json", [chain_attributes(c) for c in chains])
+    candidates.save(directory)
     _write_json(directory / "chain.json", chain_attributes(chain))
     return {
-        "kind": prepared.kind,
-        "method": prepared.method,
-        "candidates": len(chains),
-        "notes": list(prepared.notes),
-        "knot": None if prepared.knot is None else prepared.knot.verdict,
+        **how,
+        "candidates": len(candidates.chains),
         "name": chain.name,
         "module": chain.module.name,
         "modules": len(chain),
@@ -171,37 +209,41 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
     }
 
 
-def _explode(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+def _explode(
+    directory: FilePath, progress: Report, cancelled: Cancelled, tries: Tries
+) -> dict[str, Any]:
     request = _request(directory)
     # What an earlier fold left in this directory must not pass for a result of this one.
     for name in ("record.npz", "playback.npz", "picture.png"):
         (directory / name).unlink(missing_ok=True)
     rmtree(directory / "figures.zarr", ignore_errors=True)
-    candidates = _candidates(directory)
+    candidates = Candidates.load(directory)
     if request.parameters().explosion is None:
-        TimelineWriter.create(directory / "timeline.zarr", candidates[0])
+        TimelineWriter.create(directory / "timeline.zarr", candidates.chains[0])
         attempts.save(directory, [])
         return {"status": "none", "reason": "", "steps": 0, "frames": 0, "seconds": 0.0}
     choice = _choice(directory)
     tried = attempts.before_explosion(directory, choice)
     best = BestRecord(directory)
     while (todo := choice.after(tried)) is not None:
-        chain = candidates[todo.candidate]
+        chain = candidates.chain_of(todo)
         _write_json(directory / "chain.json", chain_attributes(chain))
-        record = _exploded(directory, request.parameters(), chain, todo, progress, cancelled)
-        found = diagnose(chain, record)
-        tried.append(
-            {
-                "candidate": todo.candidate,
-                "seed": todo.seed,
-                **record.summary(),
-                "diagnosis": found and found.as_dict(),
-            }
-        )
+        attempts.save(directory, [*tried, attempts.begun(todo)])
+        if request.smooth:
+            record = _smoothed(directory, request, todo, progress, cancelled)
+            attempt = attempts.made(todo, chain, record)
+        else:
+            tries.come_to(choice, tried, todo)
+            record, attempt = tries.take(progress, cancelled) or make_try(
+                directory, request.parameters(), chain, todo, tries.watched(progress), cancelled
+            )
+        tried.append(attempt)
         best.look_at(chain, record)
         if record.status in ("straight", "cancelled"):
             break
     record = best.keep()
+    if record.status != "straight" or len(tried) == 1:
+        tries.rest()  # what comes out at once is rarely refused
     attempts.save(directory, tried)
     record.save(directory / "record.npz")
     return {**record.summary(), "attempts": len(tried)}
@@ -210,41 +252,34 @@ def _explode(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
 def _choice(directory: FilePath) -> Choice:
     """What may be tried of a fold."""
     request = _request(directory)
+    if request.smooth:
+        return Choice(strategies=(WAYS,), seed=request.seed, seeds=1)
     parameters = request.parameters()
+    candidates = Candidates.load(directory)
     return Choice(
         strategies=tuple(
-            strategies_for(chain, parameters, refolds=request.refold)
-            for chain in _candidates(directory)
+            strategies_for(chain, parameters, refolds=request.refold) for chain in candidates.chains
         ),
         seed=request.seed,
+        two_ended=candidates.two_ended,
+        forces=isinstance(parameters.explosion, ExplosionParameters),
     )
 
 
-def _exploded(
-    directory: FilePath,
-    parameters: Parameters,
-    chain: Chain,
-    todo: Try,
-    progress: Report,
-    cancelled: Cancelled,
+def _smoothed(
+    directory: FilePath, request: Request, todo: Try, progress: Report, cancelled: Cancelled
 ) -> Record:
-    """One explosion, on a timeline of its own."""
-    writer = TimelineWriter.create(
-        directory / "timeline.zarr", chain, windowed=windowed(todo.strategy)
-    )
-    record = let_go(
-        chain,
+    """One smoothing, of which there is nothing to see before it is played back."""
+    recorded = _recorded(directory)
+    TimelineWriter.create(directory / "timeline.zarr", recorded.chain)
+    progress(Progress(stage="explode", fraction=0.1, message="smoothing"))
+    return smoothed_record(
+        recorded,
         todo.strategy,
-        parameters,
+        size=request.parameters().module_size,
         seed=todo.seed,
-        sink=writer.append,
-        progress=progress,
         cancelled=cancelled,
     )
-    writer.flush()
-    if record.status != "straight":
-        writer.close("failed")
-    return record
 
 
 def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
@@ -262,12 +297,13 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
         }
     unfolding = _unfolding(directory, request)
     start_s, frames = 0.0, 0
-    if record is not None and unfolding is None:
+    whole = unfolding is not None or request.smooth
+    if record is not None and not whole:
         start_s, frames = float(record.frames.time_s[-1]), len(record.frames)
     tried = attempts.before_playback(directory, _choice(directory))
     attempts.save(directory, tried)
     timeline = directory / "timeline.zarr"
-    if unfolding is not None:  # a refold's timeline goes from one shape to the other
+    if whole:  # a refold's timeline goes from one shape to the other; a smoothed one only folds
         TimelineWriter.create(timeline, chain)
     with TimelineWriter.reopen(timeline, frames=frames) as writer:
         playback = play_back(
@@ -343,6 +379,8 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
         tuple(attempts.load(directory)),
         _start(directory, request),
     )
+    if request.smooth:
+        plan = replace(plan, smoothing=before_and_after(_recorded(directory), plan))
     write_whole(directory / "model.xml", mjcf.write(plan))
     plan.save_npz(directory / "plan.npz")
     plan.save_json(directory / "plan.json")
@@ -378,7 +416,6 @@ def _write_json(path: FilePath, values: object) -> None:
 _Stage = Callable[[FilePath, Report, Cancelled], dict[str, Any]]
 _STAGES: Final[dict[str, _Stage]] = {
     "read": _read,
-    "explode": _explode,
     "play_back": _play_back,
     "certify": _certify,
     "export": _export,

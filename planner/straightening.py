@@ -17,6 +17,7 @@ from planner.sweep import sweep
 
 Array = NDArray[np.float64]
 LEAST_CLEARANCE: Final = 0.02
+"""At least as clear, or half as clear as the straight chain is: some modules are close in that."""
 FRAME_S: Final = 0.1
 CHUNK: Final = 128
 LOOK_EVERY: Final = 4
@@ -53,15 +54,12 @@ def straightening(
     scales[-1] = 0.0
     count = len(scales)
     way = scales[:, None] * angles
+    least = min(LEAST_CLEARANCE, 0.5 * _clearance(chain, way[-1], size, 2.0 * LEAST_CLEARANCE))
     for row in way[::LOOK_EVERY]:  # before all is proved
-        poses = forward_kinematics(chain.module, row, root=chain.root)
-        place = closest(
-            chain.module, poses.positions, poses.rotations, size=size, enough=LEAST_CLEARANCE
-        )
-        if place.clearance < LEAST_CLEARANCE:
+        if _clearance(chain, row, size, least) < least:
             return None
     swept = sweep(chain, np.concatenate([angles[None], way]), size=size)
-    if swept.clearance < LEAST_CLEARANCE or swept.bound <= 0.0:
+    if swept.clearance < least or swept.bound <= 0.0:
         return None
     centre = _centres(chain, state, angles[None])[0].mean(axis=0)
     offsets = np.concatenate(
@@ -77,6 +75,14 @@ def straightening(
         root_position=state.position + centre - offsets,
         root_wxyz=np.broadcast_to(wxyz_from_matrix(state.rotation), (count, 4)).copy(),
     )
+
+
+def _clearance(chain: Chain, angles: Array, size: float, enough: float) -> float:
+    """Of one configuration; anything above ``enough`` is not told apart."""
+    poses = forward_kinematics(chain.module, angles, root=chain.root)
+    return closest(
+        chain.module, poses.positions, poses.rotations, size=size, enough=enough
+    ).clearance
 
 
 def _moved(chain: Chain, state: State, scales: Array) -> Array:

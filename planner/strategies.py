@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from planner.parameters import (
     unknown_strategy,
 )
 from planner.peeling import peel
+from planner.peeling_parameters import PeelingParameters
 from planner.progress import Cancelled, Report, never, silent
 from planner.published import explode_as_published
 from planner.record import Record
@@ -40,6 +41,9 @@ SIMULTANEOUS_UP_TO: Final = 600
 BLOCKS_FROM: Final = 160
 BLOCKS_AT_MOST: Final = 1500
 """Modules from which on blocks come apart first, and above which they don't do so in time."""
+
+GENTLE: Final = 0.5
+_Forces = TypeVar("_Forces", ExplosionParameters, PeelingParameters)
 
 
 def strategies_for(
@@ -103,6 +107,7 @@ def let_go(
     parameters: Parameters,
     *,
     seed: int = 0,
+    gentle: bool = False,
     sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
@@ -114,6 +119,7 @@ def let_go(
         strategy: One of ``STRATEGIES``.
         parameters: Of the fold.
         seed: What randomness starts from.
+        gentle: With half the tension, and steps that bring modules half as near.
         sink: Gets the snapshots as they are made: ``Windows`` if ``windowed`` says so.
         progress: Told how far it is, a few times a second.
         cancelled: Asked now and then whether to stop.
@@ -126,17 +132,27 @@ def let_go(
     if strategy == BASELINE:
         return unbend_one_by_one(chain, sink=sink)
     if strategy == "peel":
-        finer = replace(
-            parameters.peeling,
-            verify_size=max(parameters.peeling.verify_size, parameters.module_size),
-        )
+        finer = _suited(parameters.peeling, parameters.module_size, gentle)
         return peel(chain, finer, seed=seed, sink=sink, progress=progress, cancelled=cancelled)
+    how = _suited(how, parameters.module_size, gentle)
     if strategy == "blocks":
         found = explode_blocks_first(
             chain, how, seed=seed, sink=sink, progress=progress, cancelled=cancelled
         )
         return replace(found, strategy="blocks")
     return explode(chain, how, seed=seed, sink=sink, progress=progress, cancelled=cancelled)
+
+
+def _suited(parameters: _Forces, module_size: float, gentle: bool) -> _Forces:
+    """The same, for the module size that the plan is verified at, with half the force if gentle."""
+    share = GENTLE if gentle else 1.0
+    return replace(
+        parameters,
+        verify_size=max(parameters.verify_size, module_size),
+        tension=share * parameters.tension,
+        pair_cap=share * parameters.pair_cap,
+        pair_cap_loose=share * parameters.pair_cap_loose,
+    )
 
 
 def windowed(strategy: str) -> bool:

@@ -37,7 +37,7 @@ from planner.errors import InputError
 from planner.kernels.bodies import ROTATION, VELOCITY, WIDTH
 from planner.kernels.pairs import near_pairs
 from planner.kernels.sweep import Angles, Found, Shape, rigid_clearances, sweep_frames
-from planner.kinematics import forward_kinematics
+from planner.kinematics import Poses, forward_kinematics
 from planner.progress import Cancelled, never
 from planner.windows import Windows
 
@@ -103,7 +103,7 @@ def _swept(
         if at_rest is None
         else at_rest.frames(chain, first, np.diff(offsets))
     )
-    shape = _shape(chain, size, at_rest)
+    shape = _shape(chain, size, None) if at_rest is None else windows_shape(chain, size)
     per_frame = np.full(frames, enough)
 
     def part(start: int) -> Found:
@@ -197,10 +197,6 @@ def _extents(chain: Chain, motion: Array | Windows) -> tuple[Ints, Ints]:
 class _AtRest:
     """The folded shape and the straight rod, with the clearance of all their beginnings."""
 
-    positions: Array
-    rotations: Array
-    places: Array
-    turns: Array
     folded: tuple[Array, Ints]
     straight: tuple[Array, Ints]
 
@@ -208,21 +204,12 @@ class _AtRest:
     def of(cls, chain: Chain, size: float, enough: float) -> _AtRest:
         module = chain.module
 
-        def clearances(positions: Array, rotations: Array) -> tuple[Array, Ints]:
-            pairs = near_pairs(positions, 2.0 * module.radius * size + enough, module.apart)
+        def clearances(poses: Poses) -> tuple[Array, Ints]:
+            pairs = near_pairs(poses.positions, 2.0 * module.radius * size + enough, module.apart)
             hull = (module.vertices, module.face_normals, module.edge_directions)
-            return rigid_clearances(positions, rotations, pairs, *hull, size, enough)
+            return rigid_clearances(poses.positions, poses.rotations, pairs, *hull, size, enough)
 
-        folded = chain.folded_poses
-        straight = forward_kinematics(module, np.zeros_like(chain.folded_rad))
-        return cls(
-            positions=folded.positions,
-            rotations=folded.rotations,
-            places=straight.positions,
-            turns=straight.rotations,
-            folded=clearances(folded.positions, folded.rotations),
-            straight=clearances(straight.positions, straight.rotations),
-        )
+        return cls(folded=clearances(chain.folded_poses), straight=clearances(_straight(chain)))
 
     def frames(self, chain: Chain, first: Ints, widths: Ints) -> tuple[Array, Ints]:
         """(F,) clearance of what is at rest in each window's frame, and (F, 2) the modules."""
@@ -237,13 +224,23 @@ class _AtRest:
         return np.minimum(below, above), who
 
 
-def _shape(chain: Chain, size: float, at_rest: _AtRest | None) -> Shape:
+def windows_shape(chain: Chain, size: float) -> Shape:
+    """What ``planner.kernels.sweep`` knows of a chain whose motion is windows."""
+    return _shape(chain, size, (chain.folded_poses, _straight(chain)))
+
+
+def _straight(chain: Chain) -> Poses:
+    return forward_kinematics(chain.module, np.zeros_like(chain.folded_rad))
+
+
+def _shape(chain: Chain, size: float, at_rest: tuple[Poses, Poses] | None) -> Shape:
+    """A shape: with a core and a rod where the folded and the straight chain are given."""
     module, n = chain.module, len(chain)
     core = np.zeros((n, WIDTH))
     core[:, ROTATION:VELOCITY] = np.eye(3).ravel()
     if at_rest is not None:
-        core[:, :ROTATION] = at_rest.positions
-        core[:, ROTATION:VELOCITY] = at_rest.rotations.reshape(n, 9)
+        core[:, :ROTATION] = at_rest[0].positions
+        core[:, ROTATION:VELOCITY] = at_rest[0].rotations.reshape(n, 9)
     centres = core[:, :ROTATION]
     low, high = centres.min(axis=0), centres.max(axis=0)
     # About as many cells as modules, even where a shape is thin and far apart.
@@ -276,6 +273,6 @@ def _shape(chain: Chain, size: float, at_rest: _AtRest | None) -> Shape:
         cells=cells,
         starts=np.concatenate([[0], np.cumsum(counts)]),
         members=np.argsort(flat, kind="stable"),
-        places=np.zeros((0, 3)) if at_rest is None else at_rest.places,
-        rotations=np.zeros((0, 3, 3)) if at_rest is None else at_rest.turns,
+        places=np.zeros((0, 3)) if at_rest is None else at_rest[1].positions,
+        rotations=np.zeros((0, 3, 3)) if at_rest is None else at_rest[1].rotations,
     )

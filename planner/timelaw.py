@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
+from planner.dynamics import floating_torques
+from planner.modules import Module
 from planner.reference import Reference
-from planner.tree import Tree
 
 Array = NDArray[np.float64]
 FASTEST: Final = 2.0
@@ -49,7 +50,7 @@ class TimeLaw:
 
 
 def torque_bounded_law(
-    reference: Reference, tree: Tree, *, steps: int, step_s: float, samples: int
+    reference: Reference, module: Module, *, steps: int, step_s: float, samples: int
 ) -> TimeLaw:
     """The law that bounds the largest hinge torque of a freely floating chain.
 
@@ -60,13 +61,16 @@ def torque_bounded_law(
 
     Args:
         reference: The curve.
-        tree: A tree of the chain; its state is overwritten.
+        module: The kind of module that the chain is made of.
         steps: S.
         step_s: Time of a step.
         samples: Places at which a and b are evaluated.
     """
     u = np.linspace(0.0, 1.0, samples)
-    z = torque_bounded_profile(u, *_torque_terms(reference, tree, u))
+    where, first, second = reference.spline(u), reference.first(u), reference.second(u)
+    a = floating_torques(module, where, np.zeros_like(first), first)
+    b = floating_torques(module, where, first, second)
+    z = torque_bounded_profile(u, a, b)
     return _law_from_profile(u, z, steps, step_s)
 
 
@@ -90,18 +94,6 @@ def torque_bounded_profile(u: Array, a: Array, b: Array) -> Array:
             break
         ceiling = np.minimum(ceiling, limit)
     return _smoothed(z)
-
-
-def _torque_terms(reference: Reference, tree: Tree, u: Array) -> tuple[Array, Array]:
-    first, second, where = reference.first(u), reference.second(u), reference.spline(u)
-    a = np.empty_like(where)
-    b = np.empty_like(where)
-    for k in range(len(u)):
-        tree.evaluate(where[k], first[k])
-        b[k] = tree.torques_for(second[k])
-        tree.evaluate(where[k], np.zeros_like(first[k]))
-        a[k] = tree.torques_for(first[k])
-    return a, b
 
 
 def _passes(u: Array, a: Array, b: Array, ceiling: Array) -> Array:

@@ -124,9 +124,10 @@ def _differences(plan: Plan, other: Plan) -> list[str]:
 def _results(plan: Plan, timeline: Timeline) -> tuple[Record | None, Playback | None]:
     frames = timeline.motion()
     record = playback = None
-    # A refold's timeline shows what was made of the explosion, from one shape to the other.
+    # The timeline of a refold, and of a smoothed plan, shows only what was made of the record.
+    made = plan.start is not None or plan.smoothing is not None
     exploded = frames[np.flatnonzero(frames.phase == PHASES.index("explosion"))]
-    if plan.explosion is not None and (plan.start is None or len(exploded)):
+    if plan.explosion is not None and (not made or len(exploded)):
         figures = {k: v for k, v in plan.explosion.items() if k != "frames"}
         record = Record(frames=exploded, **figures)
     if plan.playback is not None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
+from planner.pathfinding.layers import has_whole_layers
 from planner.rungs import Ladder, Made, Place, Rung
 from planner.sampling import too_fine
 
@@ -24,6 +25,10 @@ OFF_COUNT: Final = 0.3
 """How much more of the shape is to be kept for a count that is off by as much as it is itself."""
 NEARLY_AS_GOOD: Final = 0.01
 UPRIGHT_BONUS: Final = 0.02
+LAYERED_FROM: Final = 75
+"""Cells from which on layers that hang together count: so many blocks of 2×2×2 are peeled."""
+FOR_LAYERS: Final = 0.02
+"""How much less of the shape such cells may keep."""
 SLACKS: Final = (0.03, 0.1, 0.3, 1.0)
 """How much less of the shape offered counts may keep: more where there are none that keep more."""
 OTHER_PITCHES: Final = {False: (1.08, 1.25), True: (0.93, 0.8)}
@@ -199,9 +204,17 @@ class Chooser:
                 more = entries.first(by_score, 24 if many else 6, each=4)
                 found = self._made_of(entries, more, cells)
             if found:
-                worth = [_score(m) - OFF_COUNT * abs(m.count - cells) / cells for m in found]
-                least = max(worth) - NEARLY_AS_GOOD
-                good_ones = (m for m, w in zip(found, worth, strict=True) if w >= least)
+                most = max(_worth(made, cells) for made in found)
+                good_ones = [m for m in found if _worth(m, cells) >= most - NEARLY_AS_GOOD]
+                if cells >= LAYERED_FROM:
+                    more = entries.first(by_score, 24 if many else 6, each=4)
+                    layered = [
+                        made
+                        for made in (*found, *self._made_of(entries, more, cells))
+                        if _worth(made, cells) >= most - FOR_LAYERS
+                        and has_whole_layers(made.joined.cells)
+                    ]
+                    good_ones = layered or good_ones
                 return min(good_ones, key=lambda made: self._rank(made, cells))
         by_off = np.lexsort((entries.misfits, -entries.scores, off))
         nearest = by_off[np.sort(np.unique(entries.counts[by_off], return_index=True)[1])]
@@ -314,6 +327,11 @@ def _bonus(turn: int) -> float:
 
 def _score(made: Made) -> float:
     return round(made.iou + _bonus(made.turn), 9)
+
+
+def _worth(made: Made, cells: int) -> float:
+    """What is kept, less what the count is off."""
+    return _score(made) - OFF_COUNT * abs(made.count - cells) / cells
 
 
 def _merit(rung: Rung, cells: int) -> float:

@@ -1,44 +1,57 @@
-"""Beginnings: what refolds begin with, which is a finished fold."""
+"""Beginnings: the finished folds that refolds begin with, and whose plans are smoothed."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final, Literal
 
+from planner.smoothing_ways import RECORDED_PLAN
 from planner.unfolding import START_CHAIN, START_PLAN
 from server.context import Context
+from server.database import FoldRow
 from server.problems import Problem
+
+Use = Literal["refold", "smooth"]
+FILES: Final[dict[str, dict[str, str]]] = {
+    "refold": {START_CHAIN: "chain.json", START_PLAN: "plan.npz"},
+    "smooth": {RECORDED_PLAN: "plan.npz"},
+}
+"""What is copied for each use: what it is called there, and in the finished fold."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beginning:
-    """What a refold begins with: a fold, by files that are copied.
+    """What a refold begins with, or what is smoothed: a fold, by files that are copied.
 
     Attributes:
+        use: What is made of it.
+        fold: Its id; None when it is only known by its files.
         name: What people call its shape.
         module, modules: What its chain is made of.
-        chain, plan: Its files.
+        files: Where the files are, by what they are called when copied.
         digest: Of the plan's content.
     """
 
+    use: Use
+    fold: str | None
     name: str
     module: str
     modules: int
-    chain: Path
-    plan: Path
+    files: dict[str, Path]
     digest: str
 
     def copy(self, directory: Path) -> None:
-        """Copies its files into the directory of a refold, so that the fold may be deleted."""
-        shutil.copyfile(self.chain, directory / START_CHAIN)
-        shutil.copyfile(self.plan, directory / START_PLAN)
+        """Copies its files into another fold's directory, so that the fold may be deleted."""
+        for name, path in self.files.items():
+            shutil.copyfile(path, directory / name)
 
 
-def beginning_of(context: Context, fold_id: str) -> Beginning:
-    """A finished fold, as what a refold begins with.
+def beginning_of(context: Context, fold_id: str, use: Use) -> Beginning:
+    """A finished fold, as what another one is made of.
 
     Raises:
         NoSuchFoldError: When there is no such fold.
@@ -48,35 +61,45 @@ def beginning_of(context: Context, fold_id: str) -> Beginning:
     if not row.over:
         raise Problem(
             409,
-            "refold-not-ready",
-            f"{row.name} is still {row.status}, expected a finished fold; refold it when it is "
+            f"{use}-not-ready",
+            f"{row.name} is still {row.status}, expected a finished fold; {use} it when it is "
             "over.",
             headers={"Retry-After": "5"},
         )
-    return _beginning(directory, "plan.npz", "chain.json", row.name)
+    files = {name: directory / source for name, source in FILES[use].items()}
+    return _beginning(use, fold_id, row, directory, files)
 
 
-def beginning_noted(directory: Path, name: str | None) -> Beginning | None:
-    """What a fold that is a refold began with; None when it began straight."""
-    return None if name is None else _beginning(directory, START_PLAN, START_CHAIN, name)
+def beginning_noted(directory: Path, row: FoldRow) -> Beginning | None:
+    """What a fold was made of that is a refold or smoothed; None when it is neither."""
+    if row.refold is None and row.smooths is None:
+        return None
+    use: Use = "refold" if row.smooths is None else "smooth"
+    found = _beginning(use, row.smooths, row, directory, {n: directory / n for n in FILES[use]})
+    return found if row.refold is None else replace(found, name=row.refold)
 
 
-def _beginning(directory: Path, plan: str, chain: str, name: str) -> Beginning:
+def _beginning(
+    use: Use, fold: str | None, row: FoldRow, directory: Path, files: dict[str, Path]
+) -> Beginning:
+    plan, chain = files[START_PLAN if use == "refold" else RECORDED_PLAN], directory / "chain.json"
+    name = row.name
     try:
-        attributes = json.loads((directory / chain).read_bytes())
-        with open(directory / plan, "rb") as file:
+        attributes = json.loads(files.get(START_CHAIN, chain).read_bytes())
+        with open(plan, "rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
     except (OSError, ValueError) as error:
         raise Problem(
             422,
-            "refold-no-plan",
+            f"{use}-no-plan",
             f"{name} ended without a plan, expected a fold that has one; fold it again.",
         ) from error
     return Beginning(
+        use=use,
+        fold=fold,
         name=name,
         module=str(attributes["module"]),
         modules=int(attributes["modules"]),
-        chain=directory / chain,
-        plan=directory / plan,
+        files=files,
         digest=digest,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterable
 from importlib import import_module
@@ -15,6 +16,7 @@ COMMANDS: Final = (
     "worker",
     "fold",
     "refold",
+    "smooth",
     "shape",
     "verify",
     "play",
@@ -56,6 +58,9 @@ def _version(asked: bool) -> None:
 
 def main() -> None:
     """The entry point. Only the command that is asked for is imported: others may be heavy."""
+    # Read when NumPy is imported. Threads of linear algebra bring nothing at these sizes.
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
     asked = sys.argv[1:2]
     application(asked if asked and asked[0] in COMMANDS else COMMANDS)(prog_name="foldback")
 

@@ -22,7 +22,8 @@ class FoldRow(Base):
     """One fold of a visitor.
 
     ``status`` is one of ``STATUSES``; ``stage`` one of ``planner.stages.STAGES`` or None;
-    ``refold`` is the name of the shape that a refold begins as, None where the chain is straight.
+    ``refold`` is the name of the shape that a refold begins as, None where the chain is straight;
+    ``smooths`` is the id of the fold whose plan is smoothed, None where it is recorded.
 
     ``turn`` is its place in the queue, the least first, and ``cost_s`` what computing it is
     expected to take. ``worker`` computes it; ``epoch`` counts how often it has changed hands, and
@@ -63,6 +64,7 @@ class FoldRow(Base):
     seen_at: Mapped[float | None] = mapped_column(default=None)
     pinned: Mapped[bool] = mapped_column(default=False)
     strategy: Mapped[str] = mapped_column(sa.String(16), default="auto")
+    smooths: Mapped[str | None] = mapped_column(sa.String(32), default=None)
 
     @property
     def created(self) -> datetime:

@@ -15,6 +15,9 @@ STRATEGIES: Final = {
     "blocks": "Blocks first",
     "peel": "Unit by unit, from the far end",
     "one-by-one": "One joint after the other (a baseline)",
+    "smoothed": "Smoothed from a recorded motion",
+    "softened": "Smoothed a little from a recorded motion",
+    "recorded": "A recorded motion, timed anew",
 }
 PRESETS: Final = {
     "default": "Default",

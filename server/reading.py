@@ -53,6 +53,8 @@ def check(directory: Path) -> dict[str, Any]:
         InputError: When it can't.
     """
     request = json.loads((directory / "request.json").read_bytes())
+    if request.get("smooth"):
+        return _smoothed(directory, request)
     data = (directory / "input").read_bytes()
     more = {"as_voxels": True} if request.get("as_voxels") else {}
     found = read(data, filename=request["filename"], **more)
@@ -91,6 +93,20 @@ def _begins(directory: Path) -> Chain:
     from planner.plan import Plan
 
     return Unfolding.of_plan(Plan.load(directory / START_PLAN)).chain
+
+
+def _smoothed(directory: Path, request: dict[str, Any]) -> dict[str, Any]:
+    """The same for a plan that is to be smoothed."""
+    from planner.plan import Plan
+    from planner.request import Request
+    from planner.smoothed import check_smoothable
+    from planner.smoothing_ways import RECORDED_PLAN
+
+    Request(preset=request["preset"], strategy=request["strategy"], smooth=True).check()
+    plan = Plan.load(directory / RECORDED_PLAN)
+    check_smoothable(plan)
+    chain = plan.chain
+    return {"name": chain.name, "module": chain.module.name, "modules": len(chain)}
 
 
 def preview(directory: Path) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from typing import Any, Final, TypedDict
 
 from sqlalchemy.exc import SQLAlchemyError
 
+from planner.ended import look_back
 from planner.errors import InputError, TimelineError
 from planner.timeline import Timeline, TimelineWriter
 from planner.unfolding import START_CHAIN
@@ -147,6 +148,8 @@ class Runner:
         if outcome["ended"]:
             self._release(worker)
             self._close(fold_id)
+            if outcome["status"] != "verified" and not outcome["summary"]:
+                outcome["summary"] = self._looked_back(fold_id)
             log.info(
                 "fold %s: %s in stage %s",
                 *(fold_id, outcome["status"], stage),
@@ -301,6 +304,14 @@ class Runner:
         with contextlib.suppress(TimelineError, OSError, ValueError, KeyError):
             if Timeline.open(path).status == "growing":
                 TimelineWriter.reopen(path).close("failed")
+
+    def _looked_back(self, fold_id: str) -> dict[str, Any]:
+        """What is known of a fold that did not come to its end: where it was, what was tried."""
+        try:
+            return look_back(self._store.folders.place(fold_id))
+        except Exception:
+            log.exception("fold %s cannot be looked at", fold_id, extra={"fold": fold_id})
+            return {}
 
     def _release(self, worker: str) -> None:
         child = self._taken.pop(worker, None)

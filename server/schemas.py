@@ -142,12 +142,18 @@ class Fold(BaseModel):
     refold: str | None = Field(
         description="The shape that a refold begins as; null when the chain begins straight."
     )
+    smooths: str | None = Field(
+        description="The id of the fold whose plan it smooths; null when it is recorded."
+    )
     preset: str
     seed: int
     module_size: float | None
     strategy: str = Field(description="How its chain is let go: `auto` is what suits it.")
     progress: Progress
-    summary: dict[str, Any] = Field(description="Figures of the plan; empty until it is over.")
+    summary: dict[str, Any] = Field(
+        description="Figures of the plan; empty until it is over. `stuck` tells why and at which "
+        "modules it failed, where that is known."
+    )
     error: Fault | None
     links: Links
 
@@ -164,6 +170,7 @@ class Fold(BaseModel):
             module=row.module,
             shape=row.shape,
             refold=row.refold,
+            smooths=row.smooths,
             preset=row.preset,
             seed=row.seed,
             module_size=row.module_size,

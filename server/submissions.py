@@ -16,7 +16,6 @@ from typing import BinaryIO, Final
 from planner.errors import InputError
 from planner.parameters import AUTO
 from planner.request import Request
-from planner.unfolding import START_CHAIN, START_PLAN
 from server.beginnings import Beginning
 from server.children import ChildError
 from server.context import Context
@@ -60,6 +59,16 @@ class Submission:
         )
 
     @property
+    def refolds(self) -> Beginning | None:
+        """What it begins folded as."""
+        return self.beginning if self.beginning and self.beginning.use == "refold" else None
+
+    @property
+    def smooths(self) -> Beginning | None:
+        """Whose plan is to be smoothed."""
+        return self.beginning if self.beginning and self.beginning.use == "smooth" else None
+
+    @property
     def content_key(self) -> str:
         """The same for the same bytes, parameters and version: such folds are computed once."""
         parameters = {
@@ -70,7 +79,7 @@ class Submission:
             "module_size": self.module_size,
             "content": self.upload.digest,
             **self.wishes.changed(),
-            **({} if self.beginning is None else {"refold": self.beginning.digest}),
+            **({} if self.beginning is None else {self.beginning.use: self.beginning.digest}),
             **({} if self.strategy == AUTO else {"strategy": self.strategy}),
         }
         return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()
@@ -123,8 +132,9 @@ def submit(context: Context, submission: Submission) -> Receipt:
             progress={},
             summary={},
             error=None,
-            refold=submission.beginning and submission.beginning.name,
+            refold=submission.refolds and submission.refolds.name,
             strategy=submission.strategy,
+            smooths=submission.smooths and submission.smooths.fold,
         )
         try:
             added = context.store.add(row, token)
@@ -234,11 +244,11 @@ def _write(directory: Path, submission: Submission) -> None:
         "module_size": submission.module_size,
         **submission.wishes.changed(),
         "strategy": submission.strategy,
-        **({} if submission.beginning is None else {"refold": True}),
+        **({} if submission.beginning is None else {submission.beginning.use: True}),
     }
     if submission.beginning is not None:
         submission.beginning.copy(directory)
-        for name in (START_CHAIN, START_PLAN):
+        for name in submission.beginning.files:
             _sync(directory / name)
     with open(directory / "request.json", "w") as file:
         json.dump(request, file)

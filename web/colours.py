@@ -1,6 +1,7 @@
 """Colours: what a module's colour says, and the conversion that viser's instances need.
 
-Red alone means joint error, one blue alone means selected, grey means nothing was recorded.
+Red alone means joint error, one blue alone means selected, one orange alone means that it sticks
+there, grey means nothing was recorded.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ UNKNOWN: Final[Rgb] = (168, 172, 179)
 ERROR: Final[Rgb] = (208, 10, 18)
 """A module whose joint error reaches the end of the scale."""
 SELECTED: Final[Rgb] = (10, 84, 240)
+STUCK: Final[Rgb] = (255, 140, 0)
+"""A module where a fold that failed sticks."""
 FIRST: Final[Rgb] = (255, 255, 255)
 LAST: Final[Rgb] = (38, 42, 50)
 

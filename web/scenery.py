@@ -24,7 +24,17 @@ from planner.chain import Chain
 from planner.modules import CUBE
 from planner.rotations import wxyz_from_matrix
 from web.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, TURN_RAD_S
-from web.colours import ERROR, FIRST, LAST, NEUTRAL, SELECTED, UNKNOWN, error_ramp, ramp_colours
+from web.colours import (
+    ERROR,
+    FIRST,
+    LAST,
+    NEUTRAL,
+    SELECTED,
+    STUCK,
+    UNKNOWN,
+    error_ramp,
+    ramp_colours,
+)
 from web.columns import encode
 from web.meshes import SHOWN_SIZE
 from web.scene import Scene
@@ -92,6 +102,7 @@ def scenery_of(chain: Chain, stretch: int | None = None) -> bytes:
             "unknown": UNKNOWN,
             "error": ERROR,
             "selected": SELECTED,
+            "stuck": STUCK,
             "first": FIRST,
             "last": LAST,
         },

@@ -147,7 +147,7 @@ def _rigid(
             angular[i, r] += turn[r]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def many_floating_torques(
     angles: Array,
     rates: Array,

@@ -51,7 +51,8 @@ def window_forces(
         source: (3,) where that comes from.
         aim: (3,) unit vector of the pull.
         first: Number of the window's first module in the chain.
-        grid, low: See ``planner.kernels.core.window_clearance``.
+        grid: (X, Y, Z) number of the module in each cell when folded, −1 for none.
+        low: (3,) the cell that the grid begins with.
         cutoff: Modules and cells farther apart don't repel.
         gain: γ of eq. 3.
         tension: The largest radial force that adds up from the end to a hinge.
@@ -262,7 +263,7 @@ def haste(
         positions, rotations, velocities, spins: Of its modules, in the world's frame.
         first: Number of the window's first module in the chain.
         rod: Modules of the rod.
-        grid, low: See ``planner.kernels.core.window_clearance``.
+        grid, low: See ``window_forces``.
         cutoff: Pairs farther apart are not looked at.
         radius: The module's.
         caps: What they may do.

@@ -107,7 +107,11 @@ def _least_beyond(grid: Ints, way: tuple[int, ...], none: int) -> Ints:
     last = len(source) - 1
     for k in range(last - 1, -1, -1) if way[axis] > 0 else range(1, last + 1):
         next_layer = np.minimum(source[k + way[axis]], beyond[k + way[axis]])
-        beyond[k] = np.roll(next_layer, shift, axis=(0, 1))
+        moved = np.roll(next_layer, shift, axis=(0, 1))
+        for side, far in enumerate(shift):  # what came round from the other side is not there
+            if far:
+                np.moveaxis(moved, side, 0)[0 if far > 0 else -1] = none
+        beyond[k] = moved
     return found
 
 

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
+from planner.bridges import parts_of
+
 Ints = NDArray[np.int64]
 
 ROUNDS: Final = 4
@@ -63,6 +65,18 @@ def layered_path(coarse: Ints, axis: int, rng: np.random.Generator) -> Ints | No
         found[at : at + len(way), axis] = 2 * int(heights[0]) + level
         at += len(way)
     return found
+
+
+def has_whole_layers(grid: NDArray[np.bool_]) -> bool:
+    """Whether some axis has layers that each hang together: then there mostly is such a path.
+
+    Args:
+        grid: (X, Y, Z) which cells a solid in one piece has.
+    """
+    return any(
+        all(len(parts_of(layer)[1]) <= 1 for layer in np.moveaxis(grid, axis, 0))
+        for axis in range(3)
+    )
 
 
 Cell = tuple[int, int]

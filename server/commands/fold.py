@@ -12,10 +12,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from planner.cores import cores
 from planner.errors import InputError
 from planner.progress import Progress as StageProgress
 from planner.request import Request
 from planner.stages import STAGES, next_stage, run_stage, write_request
+from planner.tries import Tries
 from server.command_inputs import make_directory, read_input, refuse
 
 WORDS = {
@@ -62,6 +64,12 @@ def fold(
     as_voxels: Annotated[
         bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")
     ] = False,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Explosions at once, when one sticks; as many as there are cores."
+        ),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object as the last line.")
     ] = False,
@@ -88,7 +96,7 @@ def fold(
         run_stage(STAGES[0], out)
     except InputError as error:
         refuse(error, as_json)
-    summary = compute(out)
+    summary = compute(out, workers)
     if as_json:
         print(json.dumps(summary), flush=True)
     else:
@@ -97,26 +105,35 @@ def fold(
         raise typer.Exit(3)
 
 
-def compute(out: Path) -> dict[str, Any]:
-    """Runs the stages after reading, with a bar for each; the plan's figures."""
+def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
+    """Runs the stages after reading, with a bar for each; the plan's figures.
+
+    Args:
+        out: The fold's directory.
+        workers: Explosions at once at most; as many as there are cores when None.
+        words: What stages are called that do something else than usual.
+    """
     summary: dict[str, Any] = {}
-    with Progress(
-        TextColumn("{task.description:<10}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f}%"),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[note]}"),
-        console=Console(stderr=True),
-    ) as bars:
+    with (
+        Tries(out, workers or cores()) as tries,
+        Progress(
+            TextColumn("{task.description:<10}"),
+            BarColumn(),
+            TextColumn("{task.percentage:>3.0f}%"),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[note]}"),
+            console=Console(stderr=True),
+        ) as bars,
+    ):
         stage: str | None = STAGES[1]
         while stage is not None:
-            bar = bars.add_task(WORDS[stage], total=1.0, note="")
+            bar = bars.add_task({**WORDS, **words}[stage], total=1.0, note="")
 
             def report(progress: StageProgress, bar: Any = bar) -> None:
                 note = f"{progress.steps} steps" if progress.steps else ""
                 bars.update(bar, completed=progress.fraction, note=note)
 
-            summary = run_stage(stage, out, progress=report)
+            summary = run_stage(stage, out, progress=report, tries=tries)
             stage = next_stage(stage, summary)
     return summary
 
@@ -135,7 +152,7 @@ def show(summary: dict[str, Any], out: Path) -> None:
     row("Begins as", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])
     row("Strategy", summary["explosion"].get("strategy"))
-    row("Explosion", summary["explosion"]["steps"], "steps")
+    row("Explosion", summary["explosion"]["steps"] or None, "steps")
     row("Playback", playback and playback["steps"], "steps")
     row("Module size", certificate["module_size"])
     row("Least clearance", certificate["min_clearance"], "pitch")

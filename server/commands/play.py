@@ -102,7 +102,7 @@ def row_of(directory: Path) -> FolderRow:
         "status": status,
         "reason": None if verified else reason.removeprefix("failed: "),
         "certificate": certificate,
-        **{k: plan[k] for k in ("explosion", "playback", "seed") if k in plan},
+        **{k: plan[k] for k in ("explosion", "playback", "seed", "smoothing") if k in plan},
     }
     if plan.get("start"):
         summary["refold"] = {"start": plan["start"]["name"]}

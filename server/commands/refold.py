@@ -44,6 +44,12 @@ def refold(
         str | None,
         typer.Option(metavar="FLOAT", help="Size at which to verify, as a fraction of the pitch."),
     ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Explosions at once, when one sticks; as many as there are cores."
+        ),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object as the last line.")
     ] = False,
@@ -71,14 +77,14 @@ def refold(
             error = Gallery().advised(error, begins.module.name, len(begins))
         refuse(error, as_json)
     if folded is None:
-        summary = compute(out / FIRST)
+        summary = compute(out / FIRST, workers)
         folded = Plan.load(out / FIRST / "plan.npz")
         try:
             Unfolding.of_plan(folded)
         except InputError:
             _end(summary, out / FIRST, as_json)
     write_start(out, folded)
-    _end(compute(out), out, as_json)
+    _end(compute(out, workers), out, as_json)
 
 
 def _end(summary: dict[str, object], out: Path, as_json: bool) -> None:

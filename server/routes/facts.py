@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, cast
@@ -13,11 +14,14 @@ from planner.exports import exports_of
 from planner.modules import CUBE, MODULES
 from planner.parameters import AUTO
 from planner.request import LARGEST_SEED, Request
+from planner.smoothing_ways import MOST_ANGLES
 from planner.timeline import Timeline
 from server.quantities import DIGITS, PRESETS, STRATEGIES, length_m, quantity, sentence
 from server.quantities import parameters as parameters_in_words
+from server.routes.failures import attempts, failure
 from server.routes.finding import Found
 from server.schemas import export_href
+from server.smoothing_words import note_of, rows_of
 from server.timelines import frames_promised
 
 RUNNING: Final = ("queued", "running")
@@ -58,10 +62,13 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
         "verdict": _verdict(row, summary, certificate),
         "cover": "Loading the view" if not running else "Waiting for the first frame",
         "problem": problem,
-        "stuck": summary.get("stuck"),
+        "failure": failure(row, summary),
+        "attempts": attempts(directory) if not running else [],
         "again": _again(row) if api else None,
         "frames": frames_promised(directory),
         "refoldable": api and row.status == "verified",
+        "smoothable": api and _smoothable(row, summary),
+        "smoothing": _smoothing(row, summary, api=api),
         "compare": _compare(row) if api and not running else [],
         "embed": f"/embed/{row.id}" if embed else None,
         "movies": api and not running and frames_promised(directory) > 0,
@@ -96,6 +103,8 @@ def shown_name(name: str) -> str:
 def _title(row: Any) -> str:
     """What the fold is called; a refold, by both shapes."""
     name = shown_name(row.name) or "New fold"
+    if getattr(row, "smooths", None):
+        return f"{name}, smoothed"
     start = getattr(row, "refold", None)
     return f"{shown_name(start)} → {name}" if start else name
 
@@ -146,6 +155,9 @@ def _again(row: Any) -> dict[str, Any] | None:
     plain = Request()
     if row.preset != plain.preset:
         return {"text": "Try with the default preset", "form": {**form, "preset": plain.preset}}
+    if row.module_size is not None and row.module_size > plain.parameters().module_size:
+        usual = {key: value for key, value in form.items() if key != "module_size"}
+        return {"text": "Try the usual module size", "form": usual}
     seed = (row.seed + 1) % (LARGEST_SEED + 1)
     return {"text": "Try another seed", "form": {**form, "seed": seed}}
 
@@ -155,6 +167,12 @@ def _compare(row: Any) -> list[dict[str, Any]]:
     form: dict[str, Any] = {"fold": row.id, "seed": row.seed}
     if row.module_size is not None:
         form["module_size"] = row.module_size
+    seed = (row.seed + 1) % (LARGEST_SEED + 1)
+    other = {**form, "preset": row.preset, "seed": seed}
+    another = {"text": "Another seed", "hint": f"Seed {seed}", "form": other}
+    if getattr(row, "smooths", None):
+        recorded = {"text": "As recorded", "hint": "What was smoothed", "id": row.smooths}
+        return [recorded, another]
     ways = (
         ("default", "Reverse explosion", "Our preset"),
         ("direct", "Direct servoing", "Straight to the shape, without a record"),
@@ -165,9 +183,27 @@ def _compare(row: Any) -> list[dict[str, Any]]:
         for preset, text, hint in ways
         if preset != row.preset
     ]
-    seed = (row.seed + 1) % (LARGEST_SEED + 1)
-    other = {**form, "preset": row.preset, "seed": seed}
-    return [*found, {"text": "Another seed", "hint": f"Seed {seed}", "form": other}]
+    return [*found, another]
+
+
+def _smoothable(row: Any, summary: dict[str, Any]) -> bool:
+    """Whether smoothing is worth asking for: not twice, and not of what is too long for it."""
+    if row.status != "verified" or summary.get("refold") or summary.get("smoothing"):
+        return False
+    frames = (summary.get("explosion") or {}).get("frames") or 0
+    return frames * int(summary.get("hinges") or 0) <= MOST_ANGLES
+
+
+def _smoothing(row: Any, summary: dict[str, Any], *, api: bool) -> dict[str, Any] | None:
+    """What smoothing has changed, in words; None of a recorded plan."""
+    if not (smoothing := summary.get("smoothing")):
+        return None
+    of = getattr(row, "smooths", None)
+    return {
+        "rows": [asdict(told) for told in rows_of(smoothing)],
+        "note": note_of(smoothing),
+        "compare": f"/compare?a={of}&b={row.id}" if api and of else None,
+    }
 
 
 def _joints(row: Any) -> int | None:
@@ -186,6 +222,7 @@ def _properties(
     playback = summary.get("playback") or {}
     chain = _json(directory / "chain.json")
     plan = _settings_of(directory / "plan.json") if row.status in ("verified", "failed") else {}
+    made = "Smoothing" if summary.get("smoothing") else "Explosion"
     groups: list[tuple[str, list[tuple[str, Any]]]] = [
         (
             "Fold",
@@ -228,9 +265,9 @@ def _properties(
             "Computation",
             [
                 ("Strategy", STRATEGIES.get(str(explosion.get("strategy")))),
-                ("Explosion steps", explosion.get("steps")),
-                ("Explosion frames", explosion.get("frames")),
-                ("Explosion, wall time", _quantity(explosion, "seconds", "s", 2)),
+                (f"{made} steps", explosion.get("steps") or None),
+                (f"{made} frames", explosion.get("frames")),
+                (f"{made}, wall time", _quantity(explosion, "seconds", "s", 2)),
                 ("Playback steps", playback.get("steps")),
                 ("Playback, wall time", _quantity(playback, "seconds", "s", 2)),
                 ("Certificate, wall time", _quantity(certificate, "seconds", "s", 2)),
@@ -266,8 +303,9 @@ def _quantity(values: dict[str, Any], key: str, unit: str, digits: int = DIGITS)
 
 def _told(reason: str, summary: dict[str, Any]) -> str:
     """A reason in the page's words: frames are counted from 1, along the whole timeline."""
-    # A refold's timeline is that of its plan alone.
-    explosion = 0 if summary.get("refold") else (summary.get("explosion") or {}).get("frames")
+    # A refold's timeline is that of its plan alone, and so is a smoothed plan's.
+    alone = summary.get("refold") or summary.get("smoothing")
+    explosion = 0 if alone else (summary.get("explosion") or {}).get("frames")
 
     def on_the_timeline(found: re.Match[str]) -> str:
         if not isinstance(explosion, int):

@@ -122,6 +122,15 @@ def post_fold(
             "shape, which must have as many modules of the same kind.",
         ),
     ] = None,
+    smooth: Annotated[
+        str | None,
+        Form(
+            max_length=64,
+            pattern=ID,
+            description="Or the id of a verified fold: its motion, made shorter and quieter, as a "
+            "fold of its own. It is not recorded again, so preset and strategy stay as usual.",
+        ),
+    ] = None,
     preset: Annotated[
         Literal["default", "paper", "direct"],
         Form(description="`direct` servoes straight to the shape: the baseline that fails."),
@@ -141,21 +150,31 @@ def post_fold(
     ] = "auto",
 ) -> Accepted:
     """Accepts it and puts it into the queue. The same upload again gives the same fold."""
-    source, filename = input_of(context, file, shape, preview, fold)
+    source, filename = input_of(context, file, shape, preview, fold, smooth)
+    if smooth is not None and refold is not None:
+        source.close()
+        raise Problem(
+            422, "smooth-or-refold", "got the form fields 'smooth' and 'refold', expected one."
+        )
     with source:
         cells = _previewed(context, preview, replace(wishes, seed=seed))
-        if fold is not None:
-            shape = context.store.fold(fold).shape
-            wishes, cells = noted(context.store.directory(fold))
+        again = smooth if fold is None else fold
+        if again is not None:
+            row = context.store.fold(again)
+            shape = row.shape
+            wishes, cells = noted(context.store.directory(again))
+            if smooth is not None and module_size is None:
+                module_size = row.module_size
         beginning = None
-        if refold is not None:
-            beginning = beginning_of(context, refold)
+        if smooth is not None:
+            beginning = beginning_of(context, smooth, "smooth")
+        elif refold is not None:
+            beginning = beginning_of(context, refold, "refold")
             if file is not None or preview is not None:  # others know what they are made of
                 modules = wishes.modules or beginning.modules
                 wishes = replace(wishes, module=beginning.module, modules=modules)
         elif fold is not None:
-            row = context.store.fold(fold)
-            beginning = beginning_noted(context.store.directory(fold), row.refold)
+            beginning = beginning_noted(context.store.directory(fold), context.store.fold(fold))
         with context.uploads.kept(source, filename) as upload:
             receipt = submit(
                 context,
@@ -266,6 +285,7 @@ def input_of(
     shape: str | None,
     preview: str | None,
     fold: str | None = None,
+    smooth: str | None = None,
 ) -> tuple[BinaryIO, str | None]:
     """What a form brings, open, and its name: a file, or what the service has already.
 
@@ -281,6 +301,7 @@ def input_of(
             ("shape", shape),
             ("preview", preview),
             ("fold", fold),
+            ("smooth", smooth),
         )
         if value is not None
     ]
@@ -288,16 +309,16 @@ def input_of(
         raise Problem(
             422,
             "file-or-shape",
-            f"got {' and '.join(given) or 'none'} of the form fields 'file', 'shape', 'preview' "
-            "and 'fold', expected one of them.",
+            f"got {' and '.join(given) or 'none'} of the form fields 'file', 'shape', "
+            "'preview', 'fold' and 'smooth', expected one of them.",
         )
     if file is not None:
         return file.file, clean_filename(file.filename)
     if preview is not None:
         return context.previews.upload(preview)
-    if fold is not None:
-        context.store.fold(fold)
-        return input_noted(context.store.directory(fold))
+    if (again := smooth if fold is None else fold) is not None:
+        context.store.fold(again)
+        return input_noted(context.store.directory(again))
     found = context.gallery.shape(shape or "")
     if found is None:
         raise Problem(

@@ -77,6 +77,12 @@ async def landing(request: Request) -> Response:
     )
 
 
+@router.get("/what-folds", response_class=HTMLResponse)
+async def what_folds() -> Response:
+    """The success map, and what it says: ``make success-map`` draws it."""
+    return page("what_folds.html")
+
+
 @router.get("/featured/scenery")
 async def featured_scenery(request: Request) -> Response:
     """What is known of the chain on the first page."""

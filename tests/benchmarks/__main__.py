@@ -19,6 +19,9 @@ from tests.benchmarks.movies import movies
 from tests.benchmarks.page import page
 from tests.benchmarks.paths import paths
 from tests.benchmarks.peeling import peeling
+from tests.benchmarks.portfolio import portfolio
+from tests.benchmarks.scaling import scaling
+from tests.benchmarks.seeds import seeds
 from tests.benchmarks.smoothing import smoothing
 from tests.benchmarks.sweeps import sweeps
 from tests.benchmarks.tetrahedra import tetrahedra
@@ -26,9 +29,12 @@ from tests.benchmarks.tetrahedra import tetrahedra
 SECTIONS = {
     "folds": folds,
     "gallery": gallery,
+    "seeds": seeds,
     "meshes": meshes,
     "paths": paths,
     "peeling": peeling,
+    "scaling": scaling,
+    "portfolio": portfolio,
     "sweeps": sweeps,
     "tetrahedra": tetrahedra,
     "smoothing": smoothing,

@@ -1,4 +1,7 @@
-"""The success map as a picture: a field for each method and kind of path, a bar for each size."""
+"""The success map as a picture: a field for each method, in it a row for each kind of path.
+
+What is verified is told by how far a cell is filled and by a cross where nothing is, colours apart.
+"""
 
 from __future__ import annotations
 
@@ -6,80 +9,121 @@ from collections.abc import Sequence
 from html import escape
 from typing import Final
 
-SIDE: Final = 20
-GAP: Final = 3
-LEFT: Final = 96
-TOP: Final = 64
-NONE: Final = "#e9e7e2"
-BAD: Final = (201, 72, 60)
-GOOD: Final = (43, 132, 94)
+SIDE: Final = 24
+LEFT: Final = 76
+GAP: Final = 18
+FIELDS_A_ROW: Final = 4
+HEAD: Final = 64
+"""Above the cells of a field: its name and the numbers of modules."""
+STYLE: Final = """
+svg { background: #faf9f7; }
+text { fill: #2a2e35; font: 12px system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; }
+.name { font-weight: 600; font-size: 13px; }
+.size { font-size: 10.5px; fill: #545a63; }
+.ground { fill: #faf9f7; }
+.cell { fill: #f3dcc0; }
+.good { fill: #1f5f9e; }
+.none { fill: none; stroke: #c9c5bc; }
+.cross { stroke: #9a4a00; stroke-width: 2; }
+@media (prefers-color-scheme: dark) {
+  svg { background: #15181d; }
+  text { fill: #eceef1; }
+  .size { fill: #a3aab4; }
+  .ground { fill: #15181d; }
+  .cell { fill: #4a3620; }
+  .good { fill: #62a8ea; }
+  .none { stroke: #3a414b; }
+  .cross { stroke: #ffb35c; }
+}
+"""
 
-Shares = dict[tuple[str, str, int], tuple[int, int]]
+Share = tuple[int, int]
+Shares = dict[tuple[str, str, int], Share]
 
 
 def picture(
     shares: Shares, methods: Sequence[str], kinds: Sequence[str], sizes: Sequence[int]
 ) -> str:
-    """SVG: columns are methods and sizes, rows are kinds of path; green is verified.
+    """SVG: a field for each method, in it kinds of path from above and sizes from the left.
 
     Args:
         shares: By method, kind and modules: how many are verified, and of how many.
         methods, kinds, sizes: In the order in which they are drawn.
     """
-    field = len(sizes) * SIDE + 3 * GAP
-    width = LEFT + len(methods) * field + 16
-    height = TOP + len(kinds) * (SIDE + GAP) + 56
+    wide = len(sizes) * SIDE + GAP
+    tall = HEAD + len(kinds) * SIDE + GAP
+    columns = min(FIELDS_A_ROW, len(methods))
+    width = LEFT + columns * wide + 8
+    # The key takes the place behind the last field, or a row of its own.
+    height = (len(methods) // columns + 1) * tall + 8
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
-        f'width="{width}" height="{height}" font-family="system-ui, sans-serif" font-size="12" '
-        'fill="#2a2e35">',
+        f'width="{width}" height="{height}" role="img">',
         "<title>Share of verified folds by method, kind of path and number of modules</title>",
-        f'<rect width="{width}" height="{height}" fill="#faf9f7"/>',
+        f"<style>{STYLE}</style>",
+        f'<rect class="ground" width="{width}" height="{height}"/>',
     ]
-    for column, method in enumerate(methods):
-        x = LEFT + column * field
-        parts.append(f'<text x="{x}" y="{TOP - 34}" font-weight="600">{escape(method)}</text>')
-        for place, size in enumerate(sizes):
-            middle = x + place * SIDE + SIDE / 2
-            parts.append(
-                f'<text transform="translate({middle + 3} {TOP - 6}) rotate(-60)" font-size="9" '
-                f'fill="#6b7078">{size}</text>'
-            )
-            for row, kind in enumerate(kinds):
-                parts.append(_cell(shares.get((method, kind, size)), x + place * SIDE, row))
-    for row, kind in enumerate(kinds):
-        y = TOP + row * (SIDE + GAP) + SIDE / 2 + 4
-        parts.append(f'<text x="{LEFT - 10}" y="{y}" text-anchor="end">{escape(kind)}</text>')
-    parts.append(_key(height - 26))
+    for number, method in enumerate(methods):
+        x, y = LEFT + number % columns * wide, number // columns * tall
+        parts.append(_field(shares, method, kinds, sizes, x, y))
+        if number % columns == 0:
+            parts += [
+                f'<text x="{LEFT - 8}" y="{y + HEAD + row * SIDE + 16}" text-anchor="end">'
+                f"{escape(kind)}</text>"
+                for row, kind in enumerate(kinds)
+            ]
+    place = len(methods)
+    parts.append(_key(LEFT + place % columns * wide, place // columns * tall + HEAD))
     parts.append("</svg>\n")
     return "\n".join(parts)
 
 
-def _cell(share: tuple[int, int] | None, x: float, row: int) -> str:
-    y = TOP + row * (SIDE + GAP)
-    fill = NONE if share is None else _colour(share[0] / share[1])
-    told = "not run" if share is None else f"{share[0]} of {share[1]} verified"
-    return (
-        f'<rect x="{x}" y="{y}" width="{SIDE - 1}" height="{SIDE}" rx="2" fill="{fill}">'
-        f"<title>{told}</title></rect>"
-    )
+def _field(
+    shares: Shares, method: str, kinds: Sequence[str], sizes: Sequence[int], x: int, y: int
+) -> str:
+    parts = [f'<text class="name" x="{x}" y="{y + 20}">{escape(method)}</text>']
+    for place, size in enumerate(sizes):
+        left = x + place * SIDE
+        parts.append(
+            f'<text class="size" transform="translate({left + 13} {y + HEAD - 6}) rotate(-50)">'
+            f"{size}</text>"
+        )
+        for row, kind in enumerate(kinds):
+            share = shares.get((method, kind, size))
+            told = "not run" if share is None else f"{share[0]} of {share[1]} verified"
+            cell = _cell(share, left, y + HEAD + row * SIDE)
+            parts.append(f"<g><title>{told}</title>{cell}</g>")
+    return "\n".join(parts)
 
 
-def _key(y: float) -> str:
-    parts: list[str] = []
-    x = float(LEFT)
-    for fill, text in (
-        (_colour(1.0), "all verified"),
-        (_colour(0.5), "some"),
-        (_colour(0.0), "none"),
-        (NONE, "not run"),
-    ):
-        parts.append(f'<rect x="{x}" y="{y}" width="12" height="12" rx="2" fill="{fill}"/>')
-        parts.append(f'<text x="{x + 18}" y="{y + 10}">{text}</text>')
-        x += 36 + 7 * len(text)
+def _cell(share: Share | None, x: float, y: float) -> str:
+    """A cell that is filled from below as far as folds are verified; a cross where none is."""
+    side = SIDE - 3
+    box = f'x="{x}" width="{side}" rx="3"'
+    if share is None:
+        return f'<rect class="none" {box} y="{y}" height="{side}"/>'
+    parts = [f'<rect class="cell" {box} y="{y}" height="{side}"/>']
+    if share[0]:
+        high = side * share[0] / share[1]
+        parts.append(f'<rect class="good" {box} y="{y + side - high:.1f}" height="{high:.1f}"/>')
+    else:
+        across = side - 12
+        parts.append(
+            f'<path class="cross" d="M{x + 6} {y + 6}l{across} {across}m{-across} 0l{across} '
+            f'{-across}"/>'
+        )
     return "".join(parts)
 
 
-def _colour(share: float) -> str:
-    mixed = (round(b + share * (g - b)) for b, g in zip(BAD, GOOD, strict=True))
-    return "#" + "".join(f"{value:02x}" for value in mixed)
+def _key(x: int, y: int) -> str:
+    told: tuple[tuple[Share | None, str], ...] = (
+        ((1, 1), "all verified"),
+        ((1, 2), "some"),
+        ((0, 1), "none"),
+        (None, "not run"),
+    )
+    return "\n".join(
+        f'{_cell(share, x, y + k * (SIDE + 4))}<text x="{x + 30}" y="{y + k * (SIDE + 4) + 15}">'
+        f"{text}</text>"
+        for k, (share, text) in enumerate(told)
+    )

@@ -50,6 +50,7 @@ def findings(page: Page) -> dict[str, list[str]]:
         "/gallery",
         "/gallery?q=nothing-is-called-this",
         "/shapes/new",
+        "/what-folds",
         "/folds/nosuchfold",
         "/previews/nosuchpreview",
     ],
@@ -95,7 +96,7 @@ def test_preview(visit: Visit) -> None:
 def test_folds_that_are_verified_and_failed(visit: Visit, service: Service) -> None:
     folds = {
         "good": service.fold(shape="wrench-24"),
-        "bad": service.fold(shape="tetra-dodecahedron", preset="direct"),
+        "bad": service.fold(shape="wrench-80", module_size=1.0),
     }
     for tone, fold in folds.items():
         service.wait_over(fold["id"])
@@ -104,6 +105,8 @@ def test_folds_that_are_verified_and_failed(visit: Visit, service: Service) -> N
         page.locator("#cover.gone").wait_for(state="attached")
         page.locator("#details").click()
         page.locator("#tab-properties").click()
+        assert findings(page) == {}
+        page.locator("#tab-attempts:not([hidden])").click()
         assert findings(page) == {}
     assert findings(visit("/gallery?status=verified")) == {}
 

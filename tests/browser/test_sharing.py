@@ -187,6 +187,36 @@ def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, fold:
     keep(page, "refold-ends")
 
 
+def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
+    visit: Visit, service: Service, fold: str
+) -> None:
+    page = visit(f"/folds/{fold}")
+    page.locator("#smooth").click()
+    page.wait_for_url(lambda url: "/folds/" in url and fold not in url)
+    expect(page.locator("#verdict")).to_have_text(re.compile("^verified"))
+    expect(page.locator("#name")).to_have_text(re.compile(", smoothed$"))
+    expect(page.locator("#smooth")).to_be_hidden()
+    expect(page.locator("#phases span")).to_have_text(["Playback"])
+    smoothed = page.url.rsplit("/", 1)[1].partition("#")[0]
+    plan = Plan.load(service.data_dir / "folds" / smoothed / "plan.npz")
+    assert plan.smoothing is not None
+    page.locator("#details").click()
+    rows = page.locator("#panel-properties table tbody tr")
+    expect(rows.first).to_contain_text("Frames")
+    told = rows.evaluate_all("(all) => all.map((r) => [...r.children].map((c) => c.textContent))")
+    frames = [str(plan.smoothing[side]["frames"]) for side in ("before", "after")]
+    assert told[0][:3] == ["Frames", *frames]
+    ratio = plan.smoothing["after"]["frames"] / plan.smoothing["before"]["frames"]
+    assert told[0][3] == f"× {ratio:.2f}"
+    assert len(told) == len(plan.smoothing["after"])
+    keep(page, "smoothed")
+    page.get_by_role("link", name="Compare on one playhead").click()
+    page.wait_for_url(f"**/compare?a={fold}&b={smoothed}")
+    for k in range(2):
+        page.locator(f"#side-{k} .sketch.gone").wait_for(state="attached")
+    expect(page.locator("#side-1")).to_contain_text("smoothed")
+
+
 def test_everything_on_offer_can_be_taken_away(visit: Visit, service: Service, fold: str) -> None:
     page = visit(f"/folds/{fold}")
     page.locator("#details").click()

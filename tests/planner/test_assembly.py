@@ -107,6 +107,15 @@ def filled(blocks: Ints) -> Ints:
     return (4 * blocks[:, None] + box(4, 4, 4)).reshape(-1, 3)
 
 
+def test_a_line_that_leaves_a_flat_ring_does_not_come_back_on_the_other_side() -> None:
+    ring = box(10, 10, 2)
+    ring = ring[~((ring[:, :2] >= 3) & (ring[:, :2] <= 6)).all(axis=1)]
+    path = layered_path(ring, 2, np.random.default_rng(0))
+    assert path is not None
+    # From the highest layer on: up, and up to all eight sides.
+    assert peelable(path).ways.min() >= 9
+
+
 def test_a_path_is_peeled_from_its_better_end() -> None:
     inward = buried()
     assert peelable(inward, 1).score < peelable(inward[::-1], 1).score

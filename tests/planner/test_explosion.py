@@ -8,14 +8,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from planner.chain import Chain
 from planner.errors import SimulationError
 from planner.explosion import explode
 from planner.frames import Frames
 from planner.parameters import ExplosionParameters
 from planner.progress import Progress
+from planner.readers import read
 from planner.segments import Acceleration, Segments, State
 from planner.sweep import sweep
 from tests.planner.chains import coil, knotted, line, overlapping
+from tests.planner.conftest import SHAPES
 
 Array = NDArray[np.float64]
 DEFAULT = ExplosionParameters()
@@ -47,6 +50,25 @@ def test_snapshots_follow_one_another_closely(shape: str, folded: Callable[..., 
     # that was, which may have grown by 3 % since.
     assert turned.max() <= 1.03 * max(DEFAULT.snapshot_rad, DEFAULT.joint_cap_rad)
     assert moved.max() <= 1.03 * max(DEFAULT.snapshot_distance, DEFAULT.body_cap)
+
+
+def test_contacts_are_as_shallow_as_the_size_to_verify_wants() -> None:
+    chain = Chain.from_path(read((SHAPES / "cactus.json").read_bytes()))
+    clearances = {}
+    for size in (0.95, 0.99):
+        record = explode(chain, replace(DEFAULT, verify_size=size))
+        assert isinstance(record.frames, Frames)
+        clearances[size] = sweep(chain, record.frames.joint_angles_rad, size=0.99).clearance
+    assert clearances[0.95] < 0.0 < clearances[0.99]
+
+
+def test_tetrahedra_come_apart_that_nearly_fill_their_place() -> None:
+    chain = read((SHAPES / "tetra-letter-f.json").read_bytes())
+    assert isinstance(chain, Chain)
+    record = explode(chain, replace(DEFAULT, verify_size=0.99))
+    assert record.status == "straight"
+    assert isinstance(record.frames, Frames)
+    assert sweep(chain, record.frames.joint_angles_rad, size=0.99).clearance > 0.0
 
 
 @pytest.mark.parametrize("shape", REAL)
@@ -207,6 +229,25 @@ def test_a_hiccup_is_survived_by_going_back(monkeypatch: pytest.MonkeyPatch) -> 
     record = explode(coil(24), DEFAULT)
     assert record.status == "straight"
     assert (np.diff(record.frames.time_s) > 0.0).all()
+
+
+def test_it_goes_back_to_where_contacts_were_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    original = Segments.accelerations
+    looked_at: list[Array] = []
+    calls = 0
+
+    def hiccup(self: Segments, state: State, forces: Array) -> Acceleration:
+        nonlocal calls
+        calls += 1
+        if calls in (26, 51):  # right after a commit
+            raise SimulationError("a hiccup.")
+        if calls in (27, 52):
+            assert any(np.array_equal(state.angles, angles) for angles in looked_at)
+        looked_at.append(state.angles.copy())
+        return original(self, state, forces)
+
+    monkeypatch.setattr(Segments, "accelerations", hiccup)
+    assert explode(coil(24), DEFAULT).status == "straight"
 
 
 def test_a_knot_stays_tied_and_is_reported() -> None:

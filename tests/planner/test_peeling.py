@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 
 from planner.chain import Chain
-from planner.clearance import closest
 from planner.errors import InputError
-from planner.kinematics import forward_kinematics
+from planner.kinematic import windowed_frames
 from planner.motion import motion_arrays
+from planner.parameters import PlaybackParameters
 from planner.pathfinding.assembly import assembly_path, solid_path
 from planner.pathfinding.snake import snake_path
 from planner.paths import Path
 from planner.peeling import peel, turned_towards
 from planner.peeling_parameters import PeelingParameters
+from planner.peeling_proof import Proof
 from planner.peeling_window import Bend, Peelable
 from planner.progress import Progress
 from planner.record import Record
@@ -151,19 +152,57 @@ def test_only_cubes_on_the_lattice_are_peeled() -> None:
         peel(Chain.from_angles(bent.module, angles), DEFAULT)
 
 
-def test_the_clearance_of_a_window_is_that_of_the_whole_chain() -> None:
+def test_the_recorder_proves_what_the_certificate_proves() -> None:
     chain, record = snake()
-    peelable = Peelable(chain)
+    proof = Proof(chain, 0.98)
     frames = record.frames
-    for k in range(5, len(frames), len(frames) // 15):
-        bent = frames.angles_rad[frames.offsets[k] : frames.offsets[k + 1]].astype(np.float64)
-        ours = peelable.clearance(int(frames.first[k]) // 2, bent, size=0.95, enough=0.3)
-        poses = forward_kinematics(chain.module, frames.angles(chain, k, k + 1)[0])
-        theirs = closest(
-            chain.module, poses.positions, poses.rotations, size=0.95, enough=0.3
-        ).clearance
-        # The core against itself is not looked at: its modules are 0.05 apart.
-        assert min(ours, 0.05) == pytest.approx(min(theirs, 0.05), abs=1e-5)
+    bends = [
+        Bend(
+            time_s=float(frames.time_s[k]),
+            first=int(frames.first[k]) // 2,
+            angles=frames.angles_rad[frames.offsets[k] : frames.offsets[k + 1]].astype(np.float64),
+        )
+        for k in range(100, 160)
+    ]
+    least, each = proof.keeps(bends, 0.015)
+    found = sweep(chain, frames[100:160], size=0.98)
+    assert least == pytest.approx(min(found.clearance, 0.015), abs=1e-12)
+    np.testing.assert_allclose(each, np.minimum(found.per_frame, 0.015), atol=1e-12)
+
+
+def test_nothing_is_proved_of_a_way_through_the_core() -> None:
+    chain, _ = snake()
+    proof = Proof(chain, 0.98)
+    first = 200
+    folded = chain.folded_rad[2 * first : 2 * first + 40]
+    here = Bend(time_s=0.0, first=first, angles=folded)
+    there = Bend(time_s=1.0, first=first, angles=-folded)
+    assert proof.keeps([here], 0.015)[0] == 0.015
+    assert proof.keeps([here, there], 0.015)[0] <= 0.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [0, 1])
+def test_what_is_recorded_of_a_ring_is_certified(seed: int) -> None:
+    """Its layers are rings; joints are driven against their stops all the time."""
+    voxels = np.array([c for c in np.ndindex(8, 8, 3) if not {2, 3, 4, 5} >= {*c[:2]}])
+    cells = solid_path(voxels, np.random.default_rng(0), side=2)
+    assert cells is not None
+    chain = chain_of(cells)
+    record = peel(chain, DEFAULT, seed=seed)
+    assert record.status == "straight", record.reason
+    assert isinstance(record.frames, Windows)
+    plan = windowed_frames(chain, record.frames, PlaybackParameters(), start_s=0.0)
+    assert plan[::-1].passes_as(record.frames)
+    found = sweep(chain, plan, size=0.98)
+    assert found.clearance > 0.0
+    assert found.bound > 0.0
+
+
+def test_no_joint_is_recorded_beyond_its_range() -> None:
+    for case in (snake, blocks):
+        chain, record = case()
+        assert np.abs(record.frames.angles_rad).max() <= np.float32(chain.module.angle_limit_rad)
 
 
 def test_configurations_with_other_windows_are_held_together() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -38,10 +38,9 @@ def way(choice: Choice, kind: str) -> list[Try]:
     """All that is tried when everything fails for one reason."""
     tried: list[dict[str, Any]] = []
     while (todo := choice.after(tried)) is not None:
-        names = {"candidate": todo.candidate, "seed": todo.seed, "strategy": todo.strategy}
         last = {"status": "straight", "verdict": "failed: it"} if kind == "refused" else stuck(kind)
-        tried.append({**last, **names})
-    return [Try(a["candidate"], a["seed"], a["strategy"]) for a in tried]
+        tried.append({**last, **asdict(todo)})
+    return [Try(**{name: a[name] for name in Try.__dataclass_fields__}) for a in tried]
 
 
 def test_why_it_failed_decides_what_is_next() -> None:
@@ -73,6 +72,33 @@ def test_it_ends_and_tries_nothing_twice(kind: str) -> None:
     assert 1 < len(tried) <= MOST
     assert len(set(tried)) == len(tried)
     assert all(found.strategy in choice.strategies[found.candidate] for found in tried)
+
+
+def test_a_buried_unit_is_reached_from_the_other_end() -> None:
+    choice = Choice(strategies=(("peel", "blocks"),), seed=0, two_ended=True)
+    assert way(choice, "buried")[:3] == [
+        Try(0, 0, "peel"),
+        Try(0, 0, "peel", other_end=True),
+        Try(0, 0, "blocks", other_end=True),
+    ]
+    # Blocks and all at once begin at no end.
+    both = Choice(strategies=(("blocks", "simultaneous"),), seed=0, two_ended=True)
+    assert not any(found.other_end for found in way(both, "buried"))
+
+
+def test_what_presses_too_hard_is_let_go_more_gently() -> None:
+    choice = Choice(strategies=(BOTH,), seed=0, forces=True)
+    assert way(choice, "contacts")[1] == Try(0, 0, "simultaneous", gentle=True)
+    assert way(choice, "refused")[3] == Try(0, 2, "simultaneous", gentle=True)
+
+
+def test_a_chain_from_its_other_end_fills_the_same_cells() -> None:
+    box = snake((3, 3, 4))
+    other = box.from_other_end()
+    assert (other.name, other.pitch_m, other.module) == (box.name, box.pitch_m, box.module)
+    np.testing.assert_allclose(
+        other.folded_poses.positions, box.folded_poses.positions[::-1], atol=1e-12
+    )
 
 
 def test_finer_frames_are_no_explosion() -> None:
@@ -184,12 +210,12 @@ def test_all_that_was_tried_is_in_the_plan(
     summary = run_stages(tmp_path / "auto")
     assert summary["status"] == "verified"
     plan = Plan.load(tmp_path / "auto" / "plan.npz")
-    assert [(a["strategy"], a["status"]) for a in plan.attempts] == [
+    assert [(a["strategy"], a["status"]) for a in plan.attempts[-2:]] == [
         ("simultaneous", "stalled"),
         ("peel", "straight"),
     ]
     assert plan.attempts[0]["diagnosis"]["kind"] in ("contacts", "joints", "limit")
-    assert plan.attempts[1]["diagnosis"] is None
+    assert plan.attempts[-1]["diagnosis"] is None
     (tmp_path / "one").mkdir()
     write_request(tmp_path / "one", Request(strategy="simultaneous"), path)
     failed = run_stages(tmp_path / "one")

@@ -142,7 +142,8 @@ def test_a_stage_killed_half_way_leaves_nothing_half_written(
         run_stage(stage, directory, cancelled=killed)
     left = {path.name for path in directory.iterdir()}
     earlier = [name for s in STAGES[: STAGES.index(stage)] for name in OUTPUTS[s]]
-    assert left == {*earlier, "request.json", "input", "timeline.zarr"}
+    under_way = {"attempts.json"} if stage == "explode" else set[str]()
+    assert left == {*earlier, *under_way, "request.json", "input", "timeline.zarr"}
     Timeline.open(directory / "timeline.zarr").frames()
     run(directory, *STAGES[STAGES.index(stage) :])
     again = Plan.load(directory / "plan.npz")
@@ -265,12 +266,12 @@ def test_a_chain_that_sticks_makes_room_for_the_next_candidate(
 ) -> None:
     cells = [[x, y, z] for x in range(4) for y in range(2) for z in range(2)]
     data = json.dumps({"format": "foldback-voxels/1", "name": "bar", "cells": cells}).encode()
-    # One strategy, so that there is nothing else to change.
+    # One strategy, so that there is little else to change.
     write_request(tmp_path, Request(filename="bar.json", strategy="simultaneous"), data)
     read = run_stage("read", tmp_path)
     assert read["kind"] == "voxels"
     assert read["candidates"] >= 2
-    candidates = json.loads((tmp_path / "candidates.json").read_bytes())
+    candidates = json.loads((tmp_path / "candidates.json").read_bytes())["chains"]
 
     def stuck_at_first(chain: Chain, *arguments: Any, **more: Any) -> Record:
         record = explode(chain, *arguments, **more)

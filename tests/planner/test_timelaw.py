@@ -30,7 +30,7 @@ def bounded(folded: Callable[..., Any]) -> tuple[Reference, Tree, TimeLaw]:
     angles = fold.record.frames.joint_angles_rad[::-1]
     reference = Reference.through(fold.chain, angles, spacing_rad=0.03, distance_weight=0.03)
     tree = Tree(fold.chain, Material(), step_s=0.02)
-    law = torque_bounded_law(reference, tree, steps=900, step_s=0.02, samples=220)
+    law = torque_bounded_law(reference, fold.chain.module, steps=900, step_s=0.02, samples=220)
     return reference, tree, law
 
 
@@ -86,7 +86,6 @@ def test_a_curve_that_stays_where_it_is_has_a_law(folded: Callable[..., Any]) ->
     chain = folded("wrench-24").chain
     still = np.zeros((2, len(chain.folded_rad)))
     reference = Reference.through(chain, still, spacing_rad=0.03, distance_weight=0.03)
-    tree = Tree(chain, Material(), step_s=0.02)
-    law = torque_bounded_law(reference, tree, steps=400, step_s=0.02, samples=100)
+    law = torque_bounded_law(reference, chain.module, steps=400, step_s=0.02, samples=100)
     assert np.isfinite(law.u).all()
     assert law.u[-1] == pytest.approx(1.0)

@@ -13,6 +13,7 @@ from scipy import ndimage
 
 from planner.bridges import bridged
 from planner.errors import InputError
+from planner.pathfinding.layers import has_whole_layers
 from planner.sampling import sample
 from planner.solids import Solid
 from planner.voxeliser import Voxels, voxelise
@@ -98,6 +99,19 @@ def test_a_torus_has_one_hole_and_a_ball_none() -> None:
     assert euler_characteristic(ring.cells) == 0
     ball = voxelise(solid_of(trimesh.creation.icosphere()), cells=600).shape
     assert euler_characteristic(ball.cells) == 1
+
+
+def test_large_solids_have_layers_in_one_piece_where_little_is_lost() -> None:
+    ring = trimesh.creation.torus(3.0, 1.2)
+    voxels = voxelise(solid_of(ring), cells=125)
+    assert has_whole_layers(grid_of(voxels.shape.cells))
+    assert voxels.iou > 0.65
+
+
+def test_a_solid_may_have_no_axis_with_whole_layers() -> None:
+    frame = (np.indices((3, 3, 3)) == 1).sum(axis=0) <= 1  # the twelve edges of a cube
+    assert not has_whole_layers(frame)
+    assert has_whole_layers(np.ones((2, 3, 4), dtype=bool))
 
 
 def test_a_hollow_ball_stays_hollow() -> None:

@@ -1,11 +1,63 @@
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path as FilePath
+
+import pytest
+
 from planner.folding import fold
 from planner.paths import Path
 from planner.warm_up import SMALL_SHAPE, warm_up
+
+COMPILED_LATER = """
+import json, sys
+from pathlib import Path as FilePath
+from tempfile import TemporaryDirectory
+from numba.core.dispatcher import Dispatcher
+from planner.formats import write_path
+from planner.pathfinding.assembly import layered_snake
+from planner.paths import Path
+from planner.stages import Request, run_stages, write_request
+from planner.warm_up import warm_up
+
+def kernels():
+    names = [name for name in sys.modules if name.startswith("planner.kernels.")]
+    return {
+        f"{name}.{kernel}": len(found.signatures)
+        for name in names
+        for kernel, found in vars(sys.modules[name]).items()
+        if isinstance(found, Dispatcher)
+    }
+
+warm_up()
+before = kernels()
+path = write_path(Path.from_cells(layered_snake((4, 4, 4)), name="box"))
+for strategy in ("simultaneous", "peel", "blocks"):
+    with TemporaryDirectory() as place:
+        write_request(FilePath(place), Request(strategy=strategy), path)
+        assert run_stages(FilePath(place))["status"] == "verified", strategy
+print(json.dumps([name for name, count in kernels().items() if count != before.get(name, 0)]))
+"""
 
 
 def test_warming_up_takes_the_whole_way() -> None:
     warm_up()
     plan = fold(Path.from_cells(SMALL_SHAPE, name="warm-up"))
     assert plan.certificate.verdict == "verified"
+
+
+@pytest.mark.slow
+def test_nothing_is_compiled_afterwards_whatever_the_strategy() -> None:
+    """In a process of its own: in this one other tests have compiled."""
+    answer = subprocess.run(
+        [sys.executable, "-c", COMPILED_LATER],
+        env={**os.environ, "PYTHONPATH": str(FilePath(__file__).parents[2])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert answer.returncode == 0, answer.stderr
+    assert json.loads(answer.stdout.splitlines()[-1]) == []

@@ -135,7 +135,7 @@ def test_the_first_schema_comes_up_with_all_its_rows(
             assert {name: getattr(row, name) for name in fold} == fold
             assert store.owns(row.id, TOKEN)
             assert not store.owns(row.id, "another")
-            assert (row.refold, row.worker, row.seen_at) == (None, None, None)
+            assert (row.refold, row.smooths, row.worker, row.seen_at) == (None, None, None, None)
             assert (row.turn, row.cost_s, row.epoch, row.kept, row.bytes) == (0, 0.0, 0, 0, 0)
             assert row.pinned is False
         assert store.counts() == dict.fromkeys(STATUSES, 1)
@@ -152,7 +152,7 @@ def test_the_first_schema_comes_up_with_all_its_rows(
         assert Schema.of(connection).behind == 0
 
 
-@pytest.mark.parametrize("revision", ["0001", "0002", "0003", "0004"])
+@pytest.mark.parametrize("revision", ["0001", "0002", "0003", "0004", "0005"])
 def test_every_version_on_the_way_comes_up(engine: sa.Engine, revision: str) -> None:
     upgrade(engine, revision)
     migrate(engine)

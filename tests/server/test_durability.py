@@ -7,6 +7,7 @@ import sqlite3
 
 import pytest
 
+from planner.timeline import Timeline
 from tests.server.service import SNAKE, Service
 
 pytestmark = pytest.mark.slow
@@ -92,6 +93,11 @@ def test_a_child_killed_fails_its_fold_alone_with_a_clear_word(service_with) -> 
     assert state["status"] == "failed"
     assert state["error"]["code"] == "crashed"
     assert "SIGKILL" in state["error"]["detail"]
+    # What was there of it stays, and tells where it was.
+    stuck = state["summary"]["stuck"]
+    assert stuck["kind"] == "stopped" and stuck["modules"]
+    timeline = Timeline.open(service.data_dir / "folds" / accepted["id"] / "timeline.zarr")
+    assert timeline.status == "failed" and len(timeline) > 2
     check_finished(service, waiting)
     # It was the machine's fault, not the shape's: asked for again it is computed again.
     again = service.fold(shape="wrench-160")

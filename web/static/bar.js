@@ -10,7 +10,7 @@ export class Bar {
     this.worst = worst;
     this.outline = null;
     this.state = null;
-    this.stuck = null;
+    this.onStuck = () => {};
     this.scrubbing = false;
     this.scrub = get("scrub");
     const send = (message) => () => player.send(message);
@@ -48,17 +48,14 @@ export class Bar {
     this.player.send({ do: "seek", frame });
   }
 
-  // Where an explosion came to nothing; null when it did not.
+  // Where a fold came to nothing; null when it did not.
   sticksAt(stuck) {
-    this.stuck = stuck;
     for (const option of get("jump").options) if (option.value === "stuck") option.hidden = !stuck;
   }
 
   jump(where) {
     if (where === "stuck") {
-      if (!this.stuck) return;
-      this.player.send({ do: "seek", percent: 100 });
-      if (this.stuck.modules.length) this.player.send({ do: "select", module: this.stuck.modules[0] });
+      this.onStuck();
       return;
     }
     if (where === "straight" || where === "folded") {

@@ -1,5 +1,5 @@
 // Where one goes from a fold: beside another one, or on into another shape.
-import { UNREACHABLE, foldAsked } from "./asking.js";
+import { UNREACHABLE, askForFold, foldAsked } from "./asking.js";
 import { element } from "./words.js";
 
 const get = (id) => document.getElementById(id);
@@ -8,6 +8,7 @@ export class Companions {
   constructor(toast) {
     this.toast = toast;
     for (const name of ["compare", "refold"]) get(name).onclick = () => { this.fill(name); get(`${name}-dialog`).showModal(); };
+    get("smooth").onclick = () => this.smooth();
     get("refold-file").onchange = (event) => this.refoldInto(event.target);
   }
 
@@ -17,6 +18,7 @@ export class Companions {
     this.others = facts.compare;
     get("compare").hidden = facts.running;
     get("refold").hidden = !facts.refoldable;
+    get("smooth").hidden = !facts.smoothable;
   }
 
   fill(name) {
@@ -25,9 +27,9 @@ export class Companions {
 
   fillCompare() {
     const ways = get("compare-ways");
-    ways.replaceChildren(...this.others.map(({ text, hint, form }) => this.way(text, hint, async () => {
-      const other = await foldAsked(form);
-      location.href = `/compare?a=${this.id}&b=${other.id}`;
+    ways.replaceChildren(...this.others.map(({ text, hint, form, id }) => this.way(text, hint, async () => {
+      if (id) location.href = `/compare?a=${id}&b=${this.id}`;
+      else location.href = `/compare?a=${this.id}&b=${(await foldAsked(form)).id}`;
     })));
     get("compare-form").onsubmit = (event) => {
       event.preventDefault();
@@ -58,6 +60,13 @@ export class Companions {
       const refold = await foldAsked({ refold: this.id, shape: name });
       location.href = `/folds/${refold.id}`;
     }, `/shapes/${name}.svg`)));
+  }
+
+  async smooth() {
+    get("smooth").disabled = true;
+    const refused = await askForFold({ smooth: this.id });
+    if (refused) this.toast(refused);
+    get("smooth").disabled = false;
   }
 
   async refoldInto(field) {

@@ -3,7 +3,8 @@ import { copyText, element } from "./words.js";
 
 const get = (id) => document.getElementById(id);
 const LONG = 28; // characters; beside their label they would stand in a narrow column
-const TABS = ["module", "plots", "properties", "downloads"];
+const BEFORE_AFTER = "Smoothing, before and after";
+const TABS = ["attempts", "module", "plots", "properties", "downloads"];
 
 export class Drawer {
   constructor(toast) {
@@ -15,17 +16,18 @@ export class Drawer {
     addEventListener("keydown", onKey);
     get("view").addEventListener("load", () => get("view").contentWindow.addEventListener("keydown", onKey, { capture: true }));
     const tabs = TABS.filter((name) => get(`tab-${name}`));
-    tabs.forEach((name, k) => {
+    for (const name of tabs) {
       const tab = get(`tab-${name}`);
       tab.onclick = () => this.choose(name);
       tab.onkeydown = (event) => {
         const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
         if (!by) return;
-        const next = tabs[(k + by + tabs.length) % tabs.length];
+        const there = tabs.filter((other) => !get(`tab-${other}`).hidden);
+        const next = there[(there.indexOf(name) + by + there.length) % there.length];
         this.choose(next);
         get(`tab-${next}`).focus();
       };
-    });
+    }
   }
 
   open(open) {
@@ -69,13 +71,27 @@ export class Drawer {
       }
       return element("div", { class: "group" }, element("h3", {}, heading), list);
     });
+    const { smoothing } = facts;
+    if (smoothing) groups.unshift(this.smoothing(smoothing));
     const copy = element("button", { class: "button", type: "button" }, "Copy all");
     copy.onclick = () => {
-      const text = facts.properties
+      const changed = smoothing ? [{ heading: BEFORE_AFTER, rows: smoothing.rows.map(({ label, before, after, ratio }) => ({ label, value: `${before} → ${after} (${ratio})` })) }] : [];
+      const text = [...changed, ...facts.properties]
         .map(({ heading, rows }) => [heading, ...rows.map(({ label, value }) => `  ${label}: ${value}`)].join("\n"))
         .join("\n");
       copyText(text, () => this.toast("Properties copied"), () => this.toast("Copying is not allowed here"));
     };
     get("panel-properties").replaceChildren(...groups, element("div", { class: "drawer-foot" }, copy));
+  }
+
+  // What smoothing has changed.
+  smoothing({ rows, note, compare }) {
+    const table = element("table", { class: "joints" },
+      element("thead", {}, element("tr", {},
+        ...["Figure", "Before", "After", "Ratio"].map((text) => element("th", { scope: "col" }, text)))),
+      element("tbody", {}, ...rows.map(({ label, ...values }) =>
+        element("tr", {}, element("th", { scope: "row" }, label), ...Object.values(values).map((text) => element("td", {}, text))))));
+    return element("div", { class: "group" }, element("h3", {}, BEFORE_AFTER), rows.length ? table : null,
+      element("p", { class: "hint" }, note), compare ? element("a", { class: "button", href: compare }, "Compare on one playhead") : null);
   }
 }

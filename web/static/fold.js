@@ -2,6 +2,7 @@
 import { askForFold } from "./asking.js";
 import { Companions } from "./companions.js";
 import { Drawer } from "./drawer.js";
+import { Failure } from "./failure.js";
 import { Figures } from "./figures.js";
 import { Source } from "./film.js";
 import { Progress } from "./progress.js";
@@ -14,11 +15,12 @@ const get = (id) => document.getElementById(id);
 const facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
 const drawer = new Drawer(toast);
-const { film, place, bar } = view({
+const { film, player, place, bar } = view({
   over: !facts.running,
   source: new Source(`/folds/${facts.id}`), figures, drawer, load: (frame) => { frame.src = "/view"; },
 });
 const takeAway = new TakeAway(get("panel-downloads"));
+const failure = new Failure({ player, bar, drawer });
 const companions = new Companions(toast);
 
 function cover(text, more = "", button = null) {
@@ -38,7 +40,7 @@ function show(facts) {
   companions.facts(facts);
   takeAway.facts(facts);
   share.facts(facts);
-  bar.sticksAt(facts.stuck ?? null);
+  failure.facts(facts);
   if (!facts.running) { film.finish(); figures.begin(); }
   const { again, problem } = facts;
   get("again").hidden = !again;

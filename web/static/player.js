@@ -2,10 +2,11 @@
 //
 // It takes the messages of playhead.js and one more, select {module}: highlight a module, null for
 // none. It tells what is by events: waiting, begun, outline, state, module, drawn, painted.
-import { Follower, anglesOf, blended, distanceNeeded, fewPoints, framing, positionOf } from "./camera.js";
+import { Follower, anglesOf, blended, distanceNeeded, fewPoints, framing, outward, positionOf } from "./camera.js";
 import { colouring } from "./colours.js";
 import { picked } from "./kinematics.js";
 import { Playhead } from "./playhead.js";
+import { clearestSight } from "./sight.js";
 import { StandIn } from "./stand_in.js";
 import { Teller } from "./teller.js";
 
@@ -19,6 +20,7 @@ const MOST_GOALS = 4000;
 const ROOM = 1.08; // how much farther than needed the camera stays, so that nothing touches the edge
 const STEEPEST = 1.2;
 const BESIDE = 0.4; // how blue the neighbours of the selected module are
+const AROUND = 3; // pitches around what is looked at that stay in view
 
 // As planner/modules.py calls a hinge.
 function nameOf({ rigid_links: rigid, hinge_names: names }, j) {
@@ -42,6 +44,8 @@ export class Player extends Teller {
     this.playhead = new Playhead(film);
     this.colouring = null;
     this.selected = null;
+    this.marked = [];
+    this.looked = null;
     this.shown = null;
     this.told = "";
     this.toldAt = 0;
@@ -65,6 +69,7 @@ export class Player extends Teller {
   send(message) {
     if (!this.film.chain || !this.colouring) return false;
     const { follow } = this.is;
+    if (message.do === "set" && "follow" in message) this.lookAt([]);
     if (message.do === "select") this.select(message.module);
     else if (!this.playhead.do(message)) return false;
     if (message.do === "set") {
@@ -82,6 +87,27 @@ export class Player extends Teller {
     this.selected = module;
     this.show(true);
     this.tellModule();
+  }
+
+  // Modules that stay highlighted.
+  mark(modules) {
+    this.marked = modules.filter((module) => module < this.film.chain.modules);
+    this.show(true);
+  }
+
+  // Has the camera follow some modules instead of the whole chain; none for all again.
+  lookAt(modules) {
+    if (!modules.length && !this.looked) return;
+    this.looked = modules.length ? modules : null;
+    this.direction = null;
+    if (this.looked && this.shown) {
+      const { azimuth_rad: azimuth, elevation_rad: elevation } = this.film.scenery.header.camera;
+      this.direction = clearestSight(this.shown.positions, this.looked, [azimuth, elevation], outward);
+      if (!this.is.follow) this.playhead.do({ do: "set", follow: true });
+    }
+    this.goals.clear();
+    this.aim();
+    this.show(true);
   }
 
   pick(origin, direction) {
@@ -212,8 +238,9 @@ export class Player extends Teller {
   colours() {
     const colours = this.colouring.of(this.shown, this.film);
     const { selected } = this;
+    const { selected: blue, stuck } = this.film.scenery.header.colours;
+    for (const module of this.marked) colours.set(stuck, 3 * module);
     if (selected === null) return colours;
-    const blue = this.film.scenery.header.colours.selected;
     for (const beside of [selected - 1, selected + 1]) {
       if (beside < 0 || beside >= this.film.chain.modules) continue;
       for (let c = 0; c < 3; c++) colours[3 * beside + c] += (blue[c] - colours[3 * beside + c]) * BESIDE;
@@ -239,13 +266,17 @@ export class Player extends Teller {
 
   // What the camera looks at of the modules to have in view; looked up once for a snapshot.
   points(snapshot) {
+    if (this.looked) {
+      return this.looked.map((i) => Array.from(snapshot.positions.subarray(3 * i, 3 * i + 3), (v) => v * this.pitch));
+    }
     snapshot.points ??= fewPoints(snapshot.positions, snapshot.framed).map((p) => p.map((v) => v * this.pitch));
     return snapshot.points;
   }
 
   get seeing() {
     const { camera, chain } = this.film.scenery.header;
-    return { radius: chain.radius * this.pitch, aspect: this.aspect, field: camera.field_of_view_rad, home: camera.azimuth_rad };
+    const radius = this.looked ? AROUND : chain.radius;
+    return { radius: radius * this.pitch, aspect: this.aspect, field: camera.field_of_view_rad, home: camera.azimuth_rad };
   }
 
   frameIt(snapshot, azimuth = null) {

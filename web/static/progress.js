@@ -5,6 +5,7 @@ const RETRY_MS = 10000;
 const CANCEL_MS = 10000;
 const LONG_MS = 4000;
 const READY = "getting ready";
+const SMOOTHING = "smoothing"; // in place of an explosion
 const OVER = ["verified", "failed", "cancelled"];
 const get = (id) => document.getElementById(id);
 
@@ -36,7 +37,7 @@ export class Progress {
   show(now) {
     if (now.message !== READY) clearTimeout(this.waiting);
     if (OVER.includes(now.status)) return; // the verdict follows
-    let text = STAGES[now.stage] ?? "Waiting";
+    let text = now.message === SMOOTHING ? "Smoothing" : STAGES[now.stage] ?? "Waiting";
     if (this.cancelling) text = "Cancelling…";
     else if (now.status === "queued") {
       text = now.queue_position > 0 ? `In the queue, place ${now.queue_position}` : "In the queue";

@@ -1,0 +1,46 @@
+"""Candidates: the chains that a fold may try, as its directory keeps them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Final
+
+from planner.chain import Chain
+from planner.files import write_whole
+from planner.portfolio import Try
+from planner.timeline import chain_attributes, chain_from_attributes
+
+FILE: Final = "candidates.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Candidates:
+    """Chains through the same shape.
+
+    Attributes:
+        chains: The likeliest first.
+        two_ended: Whether they may as well begin at their other end.
+    """
+
+    chains: tuple[Chain, ...]
+    two_ended: bool
+
+    @classmethod
+    def load(cls, directory: FilePath) -> Candidates:
+        """Those of the fold in a directory."""
+        values = json.loads((directory / FILE).read_bytes())
+        chains = tuple(chain_from_attributes(attributes) for attributes in values["chains"])
+        return cls(chains, values["two_ended"])
+
+    def save(self, directory: FilePath) -> None:
+        """Keeps them in a fold's directory."""
+        chains = [chain_attributes(chain) for chain in self.chains]
+        values = {"chains": chains, "two_ended": self.two_ended}
+        write_whole(directory / FILE, json.dumps(values).encode())
+
+    def chain_of(self, todo: Try) -> Chain:
+        """The chain of a try."""
+        chain = self.chains[todo.candidate]
+        return chain.from_other_end() if todo.other_end else chain

@@ -1,0 +1,60 @@
+"""Ended: what is shown of a fold that somebody or some limit has ended before its own end."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from shutil import rmtree
+from typing import Any
+
+from planner.best_record import ASIDE, bring_back, share_bent
+from planner.chain import Chain
+from planner.diagnosis import stopped
+from planner.errors import TimelineError
+from planner.frames import PHASES, Frames
+from planner.timeline import Timeline
+
+EXPLOSION = PHASES.index("explosion")
+
+
+def look_back(directory: FilePath) -> dict[str, Any]:
+    """Of several explosions keeps the one that came farthest, and tells where it was.
+
+    Args:
+        directory: Of a fold that nothing computes any more.
+
+    Returns:
+        ``stuck``, as of ``Plan.summary``; empty when nothing was recorded.
+    """
+    last = _keep_best(directory)
+    if last is None:
+        return {}
+    chain, frame = last
+    return {"stuck": stopped(chain, frame).as_dict()}
+
+
+def _keep_best(directory: FilePath) -> tuple[Chain, Frames] | None:
+    """The chain and the last frame of the timeline that stays."""
+    timeline, aside = directory / "timeline.zarr", directory / ASIDE
+    here, other = _last(timeline), _last(aside)
+    if other is not None and (here is None or _left(*other) < _left(*here)):
+        bring_back(directory, other[0])
+        here = other
+    rmtree(aside, ignore_errors=True)
+    return here
+
+
+def _last(path: FilePath) -> tuple[Chain, Frames] | None:
+    try:
+        timeline = Timeline.open(path)
+        if not len(timeline):
+            return None
+        return timeline.chain, timeline.frames(len(timeline) - 1)
+    except (TimelineError, OSError, ValueError, KeyError):
+        return None
+
+
+def _left(chain: Chain, last: Frames) -> float:
+    """What is left of the folded chain's bends; nothing once it was straight and folds again."""
+    if last.phase[-1] != EXPLOSION:
+        return 0.0
+    return share_bent(chain, last)

@@ -1,0 +1,120 @@
+"""Smoothed: a plan that is made from a verified one, with a shorter and quieter motion.
+
+Its record is a smoothed motion in place of an explosion. What follows is the same as for any fold:
+it is played back along a smooth curve, and the certificate judges that.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.frames import Frames
+from planner.plan import Plan
+from planner.progress import Cancelled, never
+from planner.quality import Quality
+from planner.record import Record
+from planner.reference import record_lengths
+from planner.smoothing import DISTANCE_WEIGHT, LOOKS, SPACING_RAD, smooth
+from planner.smoothing_ways import MOST_ANGLES, RECORDED, SMOOTHED
+
+Array = NDArray[np.float64]
+FEW_LOOKS: Final = LOOKS // 4
+
+
+def check_smoothable(plan: Plan) -> None:
+    """Refuses a plan that cannot be smoothed.
+
+    Raises:
+        InputError: ``smooth-refold``, ``smooth-not-verified``, ``smooth-no-motion`` or
+            ``smooth-too-long``.
+    """
+    name = plan.chain.name
+    if plan.start is not None:
+        raise InputError(
+            "smooth-refold",
+            f"got {name} as a refold, expected a fold that begins straight; smooth that one.",
+        )
+    if not plan.verified:
+        raise InputError(
+            "smooth-not-verified",
+            f"got a plan of {name} that is not verified, expected one that is; fold it again, with "
+            "another seed or preset.",
+        )
+    if not plan.certificate.fold_time_s:
+        raise InputError(
+            "smooth-no-motion", f"got a plan of {name} in which nothing moves, expected a motion."
+        )
+    hinges = len(plan.chain.folded_rad)
+    if len(plan.motion) * hinges <= MOST_ANGLES:
+        length = record_lengths(plan.chain, plan.joint_angles_rad, DISTANCE_WEIGHT)[-1]
+        frames = max(len(plan.motion), int(length / SPACING_RAD[0]))
+        if frames * hinges <= MOST_ANGLES:
+            return
+    raise InputError(
+        "smooth-too-long",
+        f"got a plan of {len(plan.motion)} frames of {hinges} hinges, expected at most "
+        f"{MOST_ANGLES} angles in all; `foldback retime` bounds the speed of longer ones.",
+    )
+
+
+def smoothed_record(
+    plan: Plan, way: str, *, size: float, seed: int, cancelled: Cancelled = never
+) -> Record:
+    """What takes the place of an explosion: a plan's motion smoothed, from folded to straight.
+
+    Args:
+        plan: A plan that may be smoothed.
+        way: One of ``WAYS``.
+        size: Module size that it is to be verified at, as a fraction of the pitch.
+        seed: What randomness starts from.
+        cancelled: Asked now and then whether to stop; what there is by then is taken.
+    """
+    begun = time.perf_counter()
+    whole = plan.whole()
+    angles = whole.joint_angles_rad
+    if way != RECORDED:
+        looks = LOOKS if way == SMOOTHED else FEW_LOOKS
+        angles = smooth(
+            plan.chain, angles, size=size, seed=seed, looks=looks, cancelled=cancelled
+        ).angles
+    count = len(angles)
+    stopped = cancelled()
+    return Record(
+        status="cancelled" if stopped else "straight",
+        reason="it was cancelled" if stopped else "",
+        frames=Frames.of_phase(
+            "explosion",
+            time_s=np.linspace(0.0, float(whole.time_s[-1]), count),
+            joint_angles_rad=angles[::-1],
+            root_position=np.repeat(whole.root_position[:1], count, axis=0),
+            root_wxyz=np.repeat(whole.root_wxyz[:1], count, axis=0),
+        ),
+        steps=0,
+        seconds=time.perf_counter() - begun,
+        strategy=way,
+    )
+
+
+def before_and_after(recorded: Plan, smoothed: Plan) -> dict[str, Any]:
+    """What smoothing has changed, both plans taking as long as the recorded one; plain values.
+
+    Args:
+        recorded: The plan that was smoothed.
+        smoothed: What came of it; without a playback there is nothing to compare.
+    """
+    seconds = recorded.certificate.fold_time_s
+    assert seconds is not None
+    after = None
+    if smoothed.certificate.peak_torque_nm is not None:
+        after = Quality.of(smoothed, seconds).as_dict()
+    return {
+        "way": (smoothed.explosion or {}).get("strategy"),
+        "seconds": seconds,
+        "before": Quality.of(recorded, seconds).as_dict(),
+        "after": after,
+    }

@@ -1,0 +1,66 @@
+"""Folds with several seeds are run once each, and told apart by how they came to be verified."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.benchmarks import seeds
+from tests.benchmarks.seeds import SEEDS, Case, cases, run, run_missing, section_of
+
+
+def test_every_shape_comes_with_every_seed() -> None:
+    found = list(cases())
+    assert len(found) == len(set(found))
+    shapes = {(case.kind, case.shape) for case in found}
+    assert len(found) == SEEDS * len(shapes)
+    assert {case.seed for case in found[: len(shapes)]} == {0}
+    assert {kind for kind, _ in shapes} == {"gallery", "mesh"}
+
+
+def test_a_gallery_shape_and_a_mesh_are_folded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(seeds, "MODULES", 24)
+    for case in (
+        Case(kind="gallery", shape="letter-l", seed=1),
+        Case(kind="mesh", shape="bracket", seed=0),
+    ):
+        row = run(case)
+        assert row["verdict"] == "verified"
+        assert (row["kind"], row["shape"], row["seed"]) == (case.kind, case.shape, case.seed)
+        assert row["modules"] >= 16 and row["attempts"] >= 1
+
+
+def test_it_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ran: list[Case] = []
+
+    def ran_once(case: Case) -> dict[str, Any]:
+        ran.append(case)
+        names = {"kind": case.kind, "shape": case.shape, "seed": case.seed}
+        return {**names, "verdict": "verified", "attempts": 1, "cpu s": 1.0}
+
+    monkeypatch.setattr(seeds, "RUNS", tmp_path / "out" / "seeds.jsonl")
+    monkeypatch.setattr(seeds, "warm_up", lambda: None)
+    monkeypatch.setattr(seeds, "run", ran_once)
+    assert run_missing(0.0) == []
+    assert len(run_missing()) == len(ran) == len(list(cases()))
+    run_missing()
+    assert len(ran) == len(list(cases()))
+    lines = (tmp_path / "out" / "seeds.jsonl").read_text().splitlines()
+    assert all(json.loads(line)["verdict"] == "verified" for line in lines)
+
+
+def test_what_needed_the_portfolio_is_shown() -> None:
+    def row(shape: str, verdict: str, attempts: int) -> dict[str, Any]:
+        named = {"kind": "gallery", "shape": shape, "seed": 0}
+        return {**named, "verdict": verdict, "attempts": attempts, "cpu s": 2.0}
+
+    section = section_of(
+        [row("a", "verified", 1), row("b", "verified", 3), row("c", "failed: x", 6)]
+    )
+    assert [found["shape"] for found in section.rows] == ["b", "c"]
+    told = {figure.name: (figure.value, figure.met) for figure in section.figures}
+    assert told["gallery: verified at once"] == ("1 of 3 (33.3 %)", False)
+    assert told["gallery: verified with the portfolio"] == ("2 of 3", False)

@@ -1,0 +1,166 @@
+"""Folds that came to nothing: the reason in words, how far they came, and where they stick."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from planner.timeline import Timeline
+from tests.browser.conftest import keep, picture
+from tests.browser.test_fold_page import shown_frame
+from tests.planner.test_knots import OVERHAND, walk
+from tests.server.service import Service, owner
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+Visit = Callable[..., Page]
+TAIL = 20
+LAPTOP = {"width": 1280, "height": 800, "color_scheme": "light"}
+PHONE = {"width": 390, "height": 844, "has_touch": True}
+ORANGE = """() => {
+  const { player } = window.foldback;
+  const stuck = player.film.scenery.header.colours.stuck;
+  const colours = player.colours();
+  const is = (i) => stuck.every((v, c) => colours[3 * i + c] === v);
+  return Array.from({ length: colours.length / 3 }, (_, i) => i).filter(is);
+}"""
+INSIDE = """(modules) => {
+  const { view, shown, pitch } = window.foldback.player;
+  const { position, target } = view;
+  const far = (point) => Math.hypot(...point.map((v, k) => v - target[k])) / pitch;
+  const place = (i) => [0, 1, 2].map((k) => shown.positions[3 * i + k] * pitch);
+  return { nearest: Math.min(...modules.map((i) => far(place(i)))), distance: far(position) };
+}"""
+
+
+@pytest.fixture(scope="module")
+def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """A service whose stages may take little time."""
+    service = Service(tmp_path_factory.mktemp("hasty") / "data", stage_seconds=8).start()
+    yield service
+    assert service.stop() == 0
+
+
+def opened(page: Page) -> Page:
+    page.locator("#sketch.gone").wait_for(state="attached")
+    page.wait_for_function("() => window.foldback.film.complete")
+    return page
+
+
+def looked_at(page: Page, name: str) -> list[int]:
+    """Presses what shows where it sticks; the modules that are highlighted there."""
+    if not page.locator("#stuck-more").is_visible():
+        page.locator("#stuck-fold").click()
+    page.locator("#stuck-go").click()
+    seen = picture(page)
+    keep(page, name)
+    found = page.evaluate(ORANGE)
+    if found:
+        orange = (seen[..., 0] > 120) & (seen[..., 0] - seen[..., 2] > 90)
+        assert (orange & (seen[..., 1] > 0.35 * seen[..., 0])).sum() > 400
+        near = page.evaluate(INSIDE, found)
+        assert near["nearest"] < near["distance"] / 2
+    return found
+
+
+def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
+    fold = service.fold(shape="wrench-80", module_size=1.0)["id"]
+    state = service.wait_over(fold)
+    assert state["status"] == "failed"
+    place = state["summary"]["certificate"]["min_clearance_at"]
+    page = opened(visit(f"/folds/{fold}", **LAPTOP))
+    expect(page.locator("#stuck-heading")).to_have_text("Modules overlap")
+    expect(page.locator("#stuck-text")).to_contain_text("At a module size of 1, modules")
+    assert looked_at(page, "failure-size") == sorted(place["modules"])
+    explosion = state["summary"]["explosion"]["frames"]
+    assert shown_frame(page) == pytest.approx(explosion + place["frame"], abs=1)
+    page.locator("#stuck-attempts").click()
+    expect(page.locator(".attempts li")).to_have_count(4)
+    expect(page.locator(".attempts li").first).to_contain_text("All at once")
+    expect(page.locator(".attempts li").first).to_contain_text("overlap")
+    keep(page, "failure-attempts")
+    for tab in page.locator(".tabs button").all():
+        box, bar = tab.bounding_box(), page.locator(".drawer").bounding_box()
+        assert box and bar and box["x"] + box["width"] <= bar["x"] + bar["width"] - 36
+    page.locator("#panel-attempts .inline").first.click()
+    expect(page.locator("#panel-module h2")).to_contain_text(f"Module {place['modules'][0]}")
+    # The whole chain is followed again once somebody asks for it.
+    near = page.evaluate(INSIDE, place["modules"])["distance"]
+    page.locator("#follow").click()
+    page.locator("#follow").click()
+    picture(page)
+    assert page.evaluate(INSIDE, place["modules"])["distance"] > near
+    expect(page.locator("#again")).to_contain_text("Try the usual module size")
+
+
+@pytest.mark.long
+def test_a_time_limit_on_a_phone(visit: Visit, hasty: Service) -> None:
+    fold = hasty.fold(shape="wrench-160", preset="paper")["id"]
+    state = hasty.wait_over(fold)
+    assert state["error"]["code"] == "time-limit"
+    frames = Timeline.open(hasty.data_dir / "folds" / fold / "timeline.zarr")
+    assert frames.status == "failed" and len(frames) > 2
+    page = opened(visit(f"{hasty.http.base_url}/folds/{fold}", **PHONE))
+    expect(page.locator("#stuck-heading")).to_have_text("Not finished")
+    expect(page.locator("#stuck-more")).to_be_hidden()
+    keep(page, "failure-time-phone")
+    page.locator("#stuck-fold").click()
+    expect(page.locator("#stuck-text")).to_contain_text("Exploding took longer than the 8 s")
+    expect(page.locator("#stuck-attempts")).to_have_text("What was tried")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    found = looked_at(page, "failure-time-phone-where")
+    assert found == state["summary"]["stuck"]["modules"] and len(found) > 10
+    assert shown_frame(page) == len(frames) - 1
+    page.keyboard.press("Home")
+    expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 1 of"))
+
+
+def test_a_cancelled_fold(visit: Visit, service: Service) -> None:
+    accepted = service.fold(shape="wrench-160", preset="paper")
+    service.wait_exploding(accepted["id"])
+    service.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
+    assert service.wait_over(accepted["id"])["status"] == "cancelled"
+    page = opened(visit(f"/folds/{accepted['id']}", **LAPTOP))
+    expect(page.locator("#stuck-text")).to_contain_text("It was cancelled. It was still on its way")
+    expect(page.locator("#stuck-go")).to_have_text("Show where")
+    assert looked_at(page, "failure-cancelled")
+    page.locator("#jump").select_option("stuck")
+    expect(page.locator("#again")).to_contain_text("Fold again")
+
+
+@pytest.mark.long
+def test_a_knot(visit: Visit, service: Service) -> None:
+    corners = [(-TAIL, 0, 0), *OVERHAND[1:-1], (4, 6 + TAIL, 2)]
+    fold = service.fold(walk(tuple(corners)).tolist())["id"]
+    state = service.wait_over(fold)
+    assert (state["status"], state["summary"]["stuck"]["kind"]) == ("failed", "knot")
+    for options, name in ((LAPTOP, "failure-knot"), (PHONE, "failure-knot-phone")):
+        page = opened(visit(f"/folds/{fold}", **options))
+        expect(page.locator("#stuck-heading")).to_have_text("Stuck: a knot")
+        found = looked_at(page, name)
+        assert found == state["summary"]["stuck"]["modules"]
+        # The knot is in the middle, between the tails.
+        assert min(found) > TAIL and max(found) < len(walk(tuple(corners))) - TAIL
+        assert shown_frame(page) == page.evaluate("() => window.foldback.film.last")
+    page.locator("#stuck-fold").click()
+    page.locator("#stuck-attempts").click()
+    tried = page.locator(".attempts li")
+    assert tried.count() >= 2
+    for attempt in tried.all():
+        expect(attempt).to_contain_text("its path is knotted")
+    keep(page, "failure-knot-attempts")
+
+
+def test_a_verified_fold_has_no_such_card(visit: Visit, service: Service) -> None:
+    fold = service.fold(shape="wrench-24")["id"]
+    service.wait_over(fold)
+    page = opened(visit(f"/folds/{fold}"))
+    expect(page.locator("#stuck")).to_be_hidden()
+    assert page.locator("#jump option[value=stuck]").is_hidden()
+    assert page.evaluate(ORANGE) == []
+    # What came out at once has nothing to tell of attempts.
+    page.locator("#details").click()
+    expect(page.locator("#tab-properties")).to_be_visible()
+    expect(page.locator("#tab-attempts")).to_be_hidden()

@@ -1,0 +1,102 @@
+"""What is kept and told of a fold that a limit or somebody has ended."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+
+from planner import attempts
+from planner.best_record import ASIDE
+from planner.chain import Chain
+from planner.ended import look_back
+from planner.formats import write_path
+from planner.frames import Frames
+from planner.paths import Path
+from planner.portfolio import Try
+from planner.stages import Request, run_stage, write_request
+from planner.timeline import Timeline, TimelineWriter, chain_from_attributes
+from tests.planner.peels import snake
+
+CHAIN = snake((2, 2, 3))
+OTHER = snake((3, 2, 2))
+
+
+def recorded(path: FilePath, chain: Chain, share: float, phase: str = "explosion") -> None:
+    """A timeline that goes from folded to a share of its bends."""
+    angles = np.linspace(1.0, share, 4)[:, None] * chain.folded_rad
+    folded = chain.folded_poses
+    frames = Frames.of_phase(
+        "playback" if phase == "playback" else "explosion",
+        time_s=np.arange(4.0),
+        joint_angles_rad=angles,
+        root_position=np.tile(folded.positions[chain.root], (4, 1)),
+        root_wxyz=np.tile(folded.wxyzs[chain.root], (4, 1)),
+    )
+    with TimelineWriter.create(path, chain) as writer:
+        writer.append(frames)
+
+
+def test_it_tells_which_modules_are_still_bent(tmp_path: FilePath) -> None:
+    recorded(tmp_path / "timeline.zarr", CHAIN, 0.8)
+    stuck = look_back(tmp_path)["stuck"]
+    bends = np.abs(CHAIN.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
+    assert stuck["modules"] == (np.flatnonzero(bends) + 1).tolist()
+    assert stuck["kind"] == "stopped" and "on its way" in stuck["words"]
+
+
+def test_slight_bends_count_where_there_are_no_others(tmp_path: FilePath) -> None:
+    recorded(tmp_path / "timeline.zarr", CHAIN, 0.3)
+    assert look_back(tmp_path)["stuck"]["modules"]
+    recorded(tmp_path / "timeline.zarr", CHAIN, 1e-3)
+    assert look_back(tmp_path)["stuck"]["modules"] == []
+
+
+def test_of_a_playback_it_tells_what_is_not_folded_yet(tmp_path: FilePath) -> None:
+    recorded(tmp_path / "timeline.zarr", CHAIN, 0.0, "playback")
+    turns = np.flatnonzero(np.abs(CHAIN.folded_rad).reshape(-1, 2).max(axis=1) > 1.0) + 1
+    assert look_back(tmp_path)["stuck"]["modules"] == turns.tolist()
+
+
+@pytest.mark.parametrize(("aside", "kept"), [(0.3, OTHER), (0.9, CHAIN)])
+def test_the_explosion_that_came_farthest_stays(
+    aside: float, kept: Chain, tmp_path: FilePath
+) -> None:
+    recorded(tmp_path / "timeline.zarr", CHAIN, 0.6)
+    recorded(tmp_path / ASIDE, OTHER, aside)
+    (tmp_path / "chain.json").write_text(json.dumps({}))
+    look_back(tmp_path)
+    left = Timeline.open(tmp_path / "timeline.zarr")
+    np.testing.assert_array_equal(left.chain.folded_rad, kept.folded_rad)
+    assert not (tmp_path / ASIDE).exists()
+    if kept is OTHER:
+        told = chain_from_attributes(json.loads((tmp_path / "chain.json").read_text()))
+        np.testing.assert_array_equal(told.folded_rad, kept.folded_rad)
+
+
+def test_without_a_frame_there_is_nothing_to_tell(tmp_path: FilePath) -> None:
+    assert look_back(tmp_path) == {}
+    TimelineWriter.create(tmp_path / "timeline.zarr", CHAIN).close("failed")
+    assert look_back(tmp_path) == {}
+
+
+def test_what_was_tried_is_known_while_the_next_is_under_way(tmp_path: FilePath) -> None:
+    cells = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), (1, 0, 1)]
+    write_request(tmp_path, Request(), write_path(Path.from_cells(cells, name="hook")))
+    run_stage("read", tmp_path)
+    seen: list[object] = []
+
+    def look() -> bool:
+        seen.append(json.loads((tmp_path / "attempts.json").read_text()))
+        return False
+
+    run_stage("explode", tmp_path, cancelled=look)
+    begun = attempts.begun(Try(0, 0, "simultaneous"))
+    assert seen[0] == [begun]
+    (after,) = attempts.load(tmp_path)
+    assert after["status"] == "straight"
+    # Cut off there, it begins anew.
+    attempts.save(tmp_path, [begun])
+    assert run_stage("explode", tmp_path)["attempts"] == 1

@@ -1,0 +1,96 @@
+"""No plan is called verified that MuJoCo, the exported model and the plan's angles contradict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.exports import mjcf
+from planner.formats import write_path
+from planner.pathfinding.assembly import layered_snake
+from planner.paths import Path
+from planner.plan import Plan
+from planner.stages import Request, run_stages, write_request
+from tests.planner.conftest import SHAPES
+from tests.planner.outsider import Outsider, moment_at, moments
+from tests.planner.plans import changed
+
+QUARTERS = 4
+POSES_WITHIN = 1e-6
+OVERLAP_WITHIN = 1e-9
+DISTANCE_WITHIN = 1e-5
+"""MuJoCo's own distances of hulls are found by iteration."""
+QUICK = ("wrench-24", "mallet-24", "mallet-64", "letter-l", "tetra-cube-2")
+"""Folded within a moment, or by other tests anyway."""
+ALL = [
+    pytest.param(name, marks=() if name in QUICK else pytest.mark.long)
+    for name in sorted(file.stem for file in SHAPES.glob("*.json"))
+]
+
+
+def check(plan: Plan, xml: str) -> int:
+    """Replays a plan; the number of configurations looked at."""
+    assert plan.verified, plan.certificate.verdict
+    chain, frames = plan.chain, plan.whole()
+    outsider = Outsider(xml, list(chain.joint_names), chain.root)
+    assert len(outsider.positions) == len(chain)
+    count, off, overlap = 0, 0.0, 0.0
+    for moment in moments(frames, QUARTERS):
+        outsider.put(moment)
+        ours = chain.poses(moment.angles, moment.position, moment.wxyz).positions
+        off = max(off, float(np.linalg.norm(outsider.positions - ours, axis=1).max()))
+        overlap = max(overlap, outsider.overlap())
+        count += 1
+    assert off < POSES_WITHIN
+    assert overlap <= OVERLAP_WITHIN
+    certificate = plan.certificate
+    place = certificate.min_clearance_at
+    if place is not None and place.modules is not None:
+        outsider.put(moment_at(frames, place.frame))
+        assert certificate.min_clearance is not None
+        # Separating axes tell at most the distance; across a corner of both it is √3 times that.
+        least, distance = max(0.0, certificate.min_clearance), outsider.distance(*place.modules)
+        assert least - DISTANCE_WITHIN <= distance <= np.sqrt(3.0) * least + DISTANCE_WITHIN
+    return count
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_exported_model_agrees_with_the_certificate(
+    name: str, folded: Callable[..., Any]
+) -> None:
+    fold = folded(name)
+    xml = (fold.directory / "model.xml").read_text()
+    assert check(fold.plan, xml) == QUARTERS * (len(fold.plan.time_s) - 1) + 1
+
+
+@pytest.mark.parametrize("sides", [(4, 4, 6), pytest.param((6, 6, 8), marks=pytest.mark.long)])
+def test_so_does_a_peeled_chain_in_pieces(
+    sides: tuple[int, int, int], tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mjcf, "LONGEST_TREE", 64)
+    cells = [tuple(cell) for cell in layered_snake(sides).tolist()]
+    request = Request(strategy="peel", module_size=0.98)
+    write_request(tmp_path, request, write_path(Path.from_cells(cells, name="box")))
+    run_stages(tmp_path)
+    plan = Plan.load(tmp_path / "plan.npz")
+    assert (plan.explosion or {})["strategy"] == "peel"
+    xml = (tmp_path / "model.xml").read_text()
+    assert xml.count("<freejoint") + xml.count('type="free"') > 1
+    assert check(plan, xml) > QUARTERS * 50
+
+
+def test_the_replay_would_notice(folded: Callable[..., Any]) -> None:
+    """A frame in which modules pass through each other, and a model of larger modules."""
+    fold = folded("wrench-24")
+    xml = (fold.directory / "model.xml").read_text()
+    angles = fold.plan.joint_angles_rad.copy()
+    angles[60] = np.tile([np.pi / 2, 0.0], 22)
+    with pytest.raises(AssertionError):
+        check(changed(fold.plan, joint_angles_rad=angles), xml)
+    larger = mjcf.mjcf(fold.plan.chain, module_size=1.02)
+    with pytest.raises(AssertionError):
+        check(fold.plan, larger)

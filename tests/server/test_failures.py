@@ -1,0 +1,98 @@
+"""Where a fold sticks and what was tried, as its page tells it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from server.routes.failures import attempts, failure
+
+KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted."}
+
+
+def row(status: str = "failed", error: dict[str, Any] | None = None) -> Any:
+    return SimpleNamespace(status=status, error=error)
+
+
+def test_what_is_verified_or_goes_on_has_no_failure() -> None:
+    for status in ("verified", "running", "queued"):
+        assert failure(row(status), {"stuck": KNOT}) is None
+    assert failure(row(), {}) is None
+
+
+def test_a_stuck_explosion_is_shown_at_its_end() -> None:
+    assert failure(row(), {"stuck": KNOT, "certificate": {}}) == {
+        "heading": "Stuck: a knot",
+        "text": "Its path is knotted.",
+        "modules": [5, 6, 9],
+        "frame": None,
+    }
+
+
+def test_a_limit_says_what_was_exceeded_and_how_far_it_came() -> None:
+    stuck = {"kind": "stopped", "modules": [3, 8], "words": "it was on its way"}
+    error = {"code": "time-limit", "detail": "the stage 'explode' took long.", "where": "explode"}
+    told = failure(row(error=error), {"stuck": stuck})
+    assert told is not None
+    assert told["text"] == "Exploding took long. It was on its way, with 2 joints to go."
+    cancelled = failure(row("cancelled"), {"stuck": stuck})
+    assert cancelled is not None and cancelled["text"].startswith(
+        "It was cancelled. It was on its way"
+    )
+
+
+def test_an_overlap_is_shown_where_it_is_along_the_timeline() -> None:
+    place = {"frame": 12.5, "modules": [3, 7]}
+    certificate = {
+        "module_size": 1.0,
+        "min_clearance": -0.0119,
+        "min_clearance_at": place,
+        "min_clearance_playback": 0.0,
+        "min_clearance_playback_at": None,
+    }
+    summary = {"certificate": certificate, "explosion": {"frames": 200}, "refold": None}
+    told = failure(row(), summary)
+    assert told == {
+        "heading": "Modules overlap",
+        "text": "At a module size of 1, modules 3 and 7 overlap by 0.012 pitch.",
+        "modules": [3, 7],
+        "frame": 212.5,
+    }
+    refold = failure(row(), {**summary, "refold": {"start": "a"}})
+    assert refold is not None and refold["frame"] == 12.5
+
+
+def test_a_playback_that_ends_elsewhere_says_so() -> None:
+    summary = {"certificate": {"min_clearance": 0.1}, "reason": "the playback ends 1 pitch away"}
+    told = failure(row(), summary)
+    assert told is not None
+    assert (told["heading"], told["modules"]) == ("It ends beside its shape", [])
+    assert told["text"] == "The playback ends 1 pitch away."
+
+
+def test_every_attempt_tells_how_it_was_made_and_how_it_ended(tmp_path: Path) -> None:
+    assert attempts(tmp_path) == []
+    made = {"candidate": 0, "seed": 4, "strategy": "simultaneous", "steps": 8400}
+    tried = [
+        {**made, "status": "stalled", "diagnosis": KNOT, "verdict": "failed: the explosion …"},
+        {**made, "strategy": "peel", "status": "timeout", "diagnosis": None},
+        {**made, "status": "straight", "verdict": "failed: in the plan, it overlaps (frame 3 of)"},
+        {**made, "status": "straight", "verdict": "verified", "finer": 4, "candidate": 1},
+        {**made, "status": "straight"},
+        {"candidate": 1, "seed": 4, "strategy": "peel", "status": "begun"},
+    ]
+    (tmp_path / "attempts.json").write_text(json.dumps(tried))
+    told = attempts(tmp_path)
+    assert [a["end"] for a in told] == [
+        "Stuck after 8400 steps: its path is knotted",
+        "Not straight after 8400 steps",
+        "In the plan, it overlaps",
+        "Verified",
+        "Straight, not checked",
+        "Cut off",
+    ]
+    assert [a["tone"] for a in told] == ["bad", "bad", "bad", "good", "off", "off"]
+    assert told[0]["strategy"] == "All at once"
+    assert told[3]["how"] == "Path 2, seed 4, played back with finer frames"

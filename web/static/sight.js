@@ -1,0 +1,36 @@
+// From where modules are seen best: from a side on which the fewest others stand before them.
+const TURNS = 16;
+const RISES = [0.15, 0.5, 0.9, -0.3];
+const MOST = 12; // modules that are looked for
+const WIDE = 0.8; // pitches; who is nearer to the line of sight hides what is behind
+
+const spread = (modules) => modules.filter((_, k) => k % Math.ceil(modules.length / MOST) === 0);
+
+// Azimuth and elevation, the nearest to `home` of those that are as good.
+export function clearestSight(positions, modules, [azimuth, elevation], outward) {
+  const few = spread(modules);
+  const own = new Set(modules);
+  let best = null;
+  for (let k = 0; k < TURNS; k++) {
+    for (const rise of RISES) {
+      const turn = azimuth + (Math.PI * (k % 2 ? -(k + 1) : k)) / TURNS;
+      const way = outward(turn, rise);
+      const hidden = few.reduce((sum, module) => sum + before(positions, module, way, own), 0);
+      const cost = hidden + 0.02 * k + 0.1 * Math.abs(rise - elevation);
+      if (!best || cost < best.cost) best = { cost, sight: [turn, rise] };
+    }
+  }
+  return best.sight;
+}
+
+// Whether something stands before a module, seen along `way`: 1 or 0.
+function before(positions, module, [x, y, z], own) {
+  const [a, b, c] = positions.subarray(3 * module, 3 * module + 3);
+  for (let i = 0; i < positions.length / 3; i++) {
+    if (own.has(i)) continue;
+    const [u, v, w] = [positions[3 * i] - a, positions[3 * i + 1] - b, positions[3 * i + 2] - c];
+    const along = u * x + v * y + w * z;
+    if (along > 0.5 && u * u + v * v + w * w - along * along < WIDE * WIDE) return 1;
+  }
+  return 0;
+}
