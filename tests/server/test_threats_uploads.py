@@ -314,6 +314,20 @@ def test_what_is_no_upload_is_small(desk: Service, kind: str) -> None:
     assert answer.status_code == 413
 
 
+def test_what_is_too_large_is_told_so_however_it_comes(desk: Service) -> None:
+    data = b"shape=" + b"a" * 180_000
+    with connected(desk) as client:
+        client.sendall(
+            b"POST /api/folds HTTP/1.1\r\nHost: localhost\r\nContent-Type: %s\r\n"
+            b"Content-Length: %d\r\n\r\n" % (FORM.encode(), len(data))
+        )
+        for start in range(0, len(data), 20_000):
+            client.sendall(data[start : start + 20_000])
+            time.sleep(0.02)
+        status, _, body = answer_of(client)
+    assert (status, json.loads(body)["code"]) == (413, "too-large")
+
+
 FORM = "application/x-www-form-urlencoded"
 
 
