@@ -488,7 +488,9 @@ class _Peeling:
         self.state = saved
         self.step_s = max(self.parameters.step_s[0], 0.5 * self.step_s)
         self.tension = max(0.05, 0.5 * self.tension)
-        self.depth = 0.0
+        # Its contacts may be deeper than allowed already: what makes them less deep is no reason
+        # to go back again.
+        self.depth = np.inf
 
     def _finish(self) -> bool:
         """Ends the run by pure kinematics if the window can be straightened without a touch."""

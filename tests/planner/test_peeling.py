@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from planner.chain import Chain
+from planner.contact_depth import ContactDepth
 from planner.errors import InputError
 from planner.kinematic import windowed_frames
 from planner.motion import motion_arrays
@@ -17,7 +18,7 @@ from planner.parameters import PlaybackParameters
 from planner.pathfinding.assembly import assembly_path, solid_path
 from planner.pathfinding.snake import snake_path
 from planner.paths import Path
-from planner.peeling import peel, turned_towards
+from planner.peeling import _Peeling, peel, turned_towards
 from planner.peeling_parameters import PeelingParameters
 from planner.peeling_proof import Proof
 from planner.peeling_window import Bend, Peelable
@@ -125,6 +126,23 @@ def test_a_knot_stalls_with_a_reason() -> None:
     assert "stuck" in record.reason and "knotted" in record.reason
     assert len(record.frames) > 1
     np.testing.assert_allclose(record.frames.angles(chain, 0, 1)[0], chain.folded_rad, atol=1e-6)
+
+
+def test_a_run_goes_on_from_contacts_that_were_too_deep_when_it_went_back() -> None:
+    """A ball of 10 000 went back to the same state for ever: each first step was too deep."""
+    run = _Peeling(chain_of(snake_path((4, 4, 4))), DEFAULT, 0, None)
+    before = (run.time_s, run.state.copy())
+    while run.depth < 1e-4:
+        before = (run.time_s, run.state.copy())
+        run._step()
+        assert run.steps < 500
+    run.allowed = ContactDepth(most=0.5 * run.depth, back_off=0.4 * run.depth)
+    run.saved = before
+    run._go_back()
+    angles = run.state.angles.copy()
+    run._step()
+    assert run.retries == 1
+    assert (run.state.angles != angles).any()
 
 
 def test_too_few_steps_and_a_cancel_end_as_data() -> None:
