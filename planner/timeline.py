@@ -35,6 +35,9 @@ FRAMES_A_CHUNK: Final = 128
 WINDOWS_A_CHUNK: Final = 4096
 ANGLES_A_CHUNK: Final = 2**16
 FLUSH_EVERY_S: Final = 0.15
+FLUSH_SHARE: Final = 0.1
+"""Of a writer's time, what flushes may take: what they cost does not depend on what they write."""
+FLUSH_EVERY_S_AT_MOST: Final = 1.0
 
 
 def _frame_columns(joints: int) -> dict[str, tuple[tuple[int, ...], str, int]]:
@@ -98,7 +101,8 @@ class TimelineWriter:
         self._frames = frames
         self._windowed = windowed
         self._waiting: list[Motion] = []
-        self._last_flush = time.monotonic()
+        self._arrays: dict[str, zarr.Array[Any]] = {}
+        self._next_flush = time.monotonic() + FLUSH_EVERY_S
         self._status: Status = "growing"
 
     @classmethod
@@ -164,7 +168,7 @@ class TimelineWriter:
         return self._frames + sum(len(w) for w in self._waiting)
 
     def append(self, frames: Motion) -> None:
-        """Adds frames; they reach the disk within ``FLUSH_EVERY_S`` of further calls.
+        """Adds frames; they reach the disk within ``FLUSH_EVERY_S_AT_MOST`` of further calls.
 
         Raises:
             TimelineError: When they are not of the kind or of the chain that it is for.
@@ -189,12 +193,13 @@ class TimelineWriter:
             )
         if len(frames):
             self._waiting.append(frames)
-        if time.monotonic() - self._last_flush >= FLUSH_EVERY_S:
+        if time.monotonic() >= self._next_flush:
             self.flush()
 
     def flush(self) -> None:
         """Writes what waits and makes it visible to readers."""
-        self._last_flush = time.monotonic()
+        begun = time.monotonic()
+        self._next_flush = begun + FLUSH_EVERY_S
         if not self._waiting:
             return
         motion = joined(self._waiting)
@@ -217,9 +222,14 @@ class TimelineWriter:
             array[self._frames : stop] = column.astype(array.dtype)
         self._frames = stop
         self._mark("growing")
+        now = time.monotonic()
+        pause = min((now - begun) / FLUSH_SHARE, FLUSH_EVERY_S_AT_MOST)
+        self._next_flush = now + max(pause, FLUSH_EVERY_S)
 
     def _array(self, name: str) -> zarr.Array[Any]:
-        return cast("zarr.Array[Any]", self._group[name])
+        if name not in self._arrays:
+            self._arrays[name] = cast("zarr.Array[Any]", self._group[name])
+        return self._arrays[name]
 
     def close(self, status: Status = "complete") -> None:
         """Writes what waits and closes the timeline for good."""

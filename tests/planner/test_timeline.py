@@ -129,6 +129,31 @@ def test_frames_that_wait_are_counted_by_the_writer_and_not_seen_by_readers(
     assert len(Timeline.open(place)) == 0
 
 
+def test_a_writer_whose_flushes_are_slow_flushes_less_often(
+    place: FilePath, hook_chain: Chain, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = 0.0
+    flushes: list[float] = []
+    monkeypatch.setattr(timeline_module.time, "monotonic", lambda: now)
+    writer = TimelineWriter.create(place, hook_chain)
+    mark = writer._mark
+
+    def slow_mark(status: timeline_module.Status) -> None:
+        nonlocal now
+        mark(status)
+        flushes.append(now)
+        now += 0.03 if now < 10.0 else 2.0
+
+    monkeypatch.setattr(writer, "_mark", slow_mark)
+    for k in range(400):
+        now += 0.05
+        writer.append(some_frames(1, start=k))
+    cheap = np.diff([at for at in flushes if at < 10.0])
+    dear = np.diff([at for at in flushes if at > 10.0])
+    assert ((cheap > 0.32) & (cheap < 0.4)).all()  # a tenth of the time
+    assert ((dear > 2.9) & (dear < 3.2)).all()  # and never more than a second after the last
+
+
 def test_a_killed_writer_leaves_only_whole_frames(
     place: FilePath, hook_chain: Chain, monkeypatch: pytest.MonkeyPatch
 ) -> None:
