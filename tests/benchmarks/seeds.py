@@ -20,9 +20,9 @@ from rich.console import Console
 from examples.run_gallery import SHAPES
 from planner.errors import InputError
 from planner.request import Request
-from planner.stages import run_stages, write_request
 from planner.warm_up import warm_up
 from tests.benchmarks.meshes import MESHES
+from tests.benchmarks.stored import judge, run_missing
 from tests.benchmarks.tables import Section
 
 RUNS: Final = Path(__file__).parents[2] / "out" / "seeds.jsonl"
@@ -56,18 +56,17 @@ def run(case: Case) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="foldback-seeds-") as place:
         directory = Path(place)
         try:
-            write_request(directory, *_input(case))
-            summary = run_stages(directory)
+            verdict = judge(directory, *_input(case))["verdict"]
+            modules = json.loads((directory / "chain.json").read_bytes())["modules"]
             tried = json.loads((directory / "attempts.json").read_bytes())
         except InputError as error:
-            summary = {"modules": 0, "certificate": {"verdict": f"refused: {error.code}"}}
-            tried = [{}]
+            modules, verdict, tried = 0, f"refused: {error.code}", [{}]
     first, last = tried[0], tried[-1]
     why = first.get("verdict") or (first.get("diagnosis") or {}).get("kind", "")
     return {
         **asdict(case),
-        "modules": summary["modules"],
-        "verdict": summary["certificate"]["verdict"],
+        "modules": modules,
+        "verdict": verdict,
         "attempts": len(tried),
         "strategy": last.get("strategy"),
         "first": "" if len(tried) == 1 else why,
@@ -86,34 +85,11 @@ def _input(case: Case) -> tuple[Request, bytes]:
     return request, mesh.export(file_type="stl")
 
 
-def known() -> dict[Case, dict[str, Any]]:
-    """The runs that are stored."""
-    lines = RUNS.read_text().splitlines() if RUNS.exists() else []
-    rows = [json.loads(line) for line in lines]
-    return {Case(kind=r["kind"], shape=r["shape"], seed=r["seed"]): r for r in rows}
-
-
-def run_missing(minutes: float = float("inf")) -> list[dict[str, Any]]:
-    """Runs what is not stored yet, for so long; all that is stored then."""
-    stored = known()
-    RUNS.parent.mkdir(exist_ok=True)
-    warm_up()
-    until = time.monotonic() + 60.0 * minutes
-    for case in cases():
-        if case in stored:
-            continue
-        if time.monotonic() > until:
-            break
-        stored[case] = run(case)
-        with RUNS.open("a") as file:
-            file.write(json.dumps(stored[case]) + "\n")
-    return list(stored.values())
-
-
 def seeds(reference_seconds: float) -> Section:
     """Every shape with every seed."""
     del reference_seconds
-    return section_of(run_missing())
+    warm_up()
+    return section_of(run_missing(RUNS, cases(), run))
 
 
 def section_of(rows: list[dict[str, Any]]) -> Section:
@@ -151,7 +127,11 @@ def main() -> None:
     """Runs what is missing, then prints all."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=float("inf"))
-    section_of(run_missing(parser.parse_args().minutes)).show(Console(width=160))
+    parser.add_argument("--workers", type=int, default=1)
+    wishes = parser.parse_args()
+    warm_up()
+    rows = run_missing(RUNS, cases(), run, minutes=wishes.minutes, workers=wishes.workers)
+    section_of(rows).show(Console(width=160))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ anew. A run that takes longer than ``BUDGET_S`` of the processor counts as not v
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
 import time
 from dataclasses import asdict, dataclass
@@ -29,8 +28,8 @@ from planner.pathfinding.lattice import neighbours
 from planner.paths import Path
 from planner.request import Request
 from planner.shapes import Shape
-from planner.stages import STAGES, next_stage, run_stage, write_request
 from planner.warm_up import warm_up
+from tests.benchmarks.stored import judge, run_missing
 from tests.benchmarks.success_picture import picture
 
 Ints = NDArray[np.int64]
@@ -135,23 +134,11 @@ def run(case: Case) -> dict[str, Any]:
         directory = FilePath(place)
         request = Request(seed=case.seed, module_size=MODULE_SIZE, **METHODS[case.method])
         try:
-            write_request(directory, request, write_path(path))
-            stage: str | None = STAGES[0]
-            while stage is not None and stage != "export":
-                result = run_stage(stage, directory, cancelled=over)
-                outcome["verdict"] = result.get("verdict", "")
-                stage = next_stage(stage, result)
+            found = judge(directory, request, write_path(path), cancelled=over)
+            outcome["verdict"] = found["verdict"]
         except InputError as error:
             outcome["verdict"] = f"refused: {error.code}"
     return {**outcome, "seconds": round(time.process_time() - begun, 2)}
-
-
-def known(path: FilePath) -> dict[Case, dict[str, Any]]:
-    """The runs that are stored."""
-    names = tuple(Case.__dataclass_fields__)
-    lines = path.read_text().splitlines() if path.exists() else []
-    found = [json.loads(line) for line in lines]
-    return {Case(**{name: row[name] for name in names}): row for row in found}
 
 
 def shares(rows: list[dict[str, Any]]) -> dict[tuple[str, str, int], tuple[int, int]]:
@@ -186,20 +173,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--largest", type=int, default=max(BOXES))
     parser.add_argument("--minutes", type=float, default=float("inf"))
+    parser.add_argument("--workers", type=int, default=1)
     wishes = parser.parse_args()
-    RUNS.parent.mkdir(exist_ok=True)
     warm_up()
-    until = time.monotonic() + 60.0 * wishes.minutes
-    stored = known(RUNS)
-    for case in cases(wishes.largest):
-        if case in stored:
-            continue
-        if time.monotonic() > until:
-            break
-        stored[case] = run(case)
-        with RUNS.open("a") as file:
-            file.write(json.dumps(stored[case]) + "\n")
-    rows = list(stored.values())
+    rows = run_missing(
+        RUNS, cases(wishes.largest), run, minutes=wishes.minutes, workers=wishes.workers
+    )
     show(rows, Console())
     PICTURE.write_text(picture(shares(rows), tuple(METHODS), KINDS, tuple(BOXES)))
 

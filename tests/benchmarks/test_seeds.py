@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.benchmarks import seeds
-from tests.benchmarks.seeds import SEEDS, Case, cases, run, run_missing, section_of
+from tests.benchmarks.seeds import SEEDS, Case, cases, run, section_of
 
 
 def test_every_shape_comes_with_every_seed() -> None:
@@ -31,25 +29,6 @@ def test_a_gallery_shape_and_a_mesh_are_folded(monkeypatch: pytest.MonkeyPatch) 
         assert row["verdict"] == "verified"
         assert (row["kind"], row["shape"], row["seed"]) == (case.kind, case.shape, case.seed)
         assert row["modules"] >= 16 and row["attempts"] >= 1
-
-
-def test_it_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    ran: list[Case] = []
-
-    def ran_once(case: Case) -> dict[str, Any]:
-        ran.append(case)
-        names = {"kind": case.kind, "shape": case.shape, "seed": case.seed}
-        return {**names, "verdict": "verified", "attempts": 1, "cpu s": 1.0}
-
-    monkeypatch.setattr(seeds, "RUNS", tmp_path / "out" / "seeds.jsonl")
-    monkeypatch.setattr(seeds, "warm_up", lambda: None)
-    monkeypatch.setattr(seeds, "run", ran_once)
-    assert run_missing(0.0) == []
-    assert len(run_missing()) == len(ran) == len(list(cases()))
-    run_missing()
-    assert len(ran) == len(list(cases()))
-    lines = (tmp_path / "out" / "seeds.jsonl").read_text().splitlines()
-    assert all(json.loads(line)["verdict"] == "verified" for line in lines)
 
 
 def test_what_needed_the_portfolio_is_shown() -> None:

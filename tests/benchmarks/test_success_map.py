@@ -11,7 +11,8 @@ import pytest
 
 from planner.paths import Path
 from tests.benchmarks import success_map
-from tests.benchmarks.success_map import BOXES, KINDS, METHODS, Case, cases, known, path_of, run
+from tests.benchmarks.stored import stored
+from tests.benchmarks.success_map import BOXES, KINDS, METHODS, Case, cases, path_of, run
 from tests.benchmarks.success_picture import picture
 
 
@@ -54,7 +55,7 @@ def test_it_goes_on_where_it_was(tmp_path: FilePath, monkeypatch: pytest.MonkeyP
     assert len(first.splitlines()) == len(KINDS)
     success_map.main()
     assert runs.read_text() == first
-    assert {case.kind for case in known(runs)} == set(KINDS)
+    assert {case.kind for case in stored(runs, Case)} == set(KINDS)
     drawn = ElementTree.parse(drawing).getroot()
     titles = [element.text for element in drawn.iter() if element.tag.endswith("title")]
     assert "0 of 1 verified" in titles
