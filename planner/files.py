@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import ctypes
 import os
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path as FilePath
+from tempfile import TemporaryDirectory
 
 
 def write_whole(path: FilePath, data: bytes) -> None:
@@ -12,6 +15,18 @@ def write_whole(path: FilePath, data: bytes) -> None:
     aside = path.with_name(f".{path.name}.{os.getpid()}")
     aside.write_bytes(data)
     aside.replace(path)
+
+
+@contextmanager
+def directory_or_aside(directory: str | FilePath | None) -> Generator[FilePath]:
+    """A directory, made if it is not there; for None one that goes away afterwards."""
+    if directory is None:
+        with TemporaryDirectory(prefix="foldback-") as aside:
+            yield FilePath(aside)
+        return
+    folder = FilePath(directory)
+    folder.mkdir(parents=True, exist_ok=True)
+    yield folder
 
 
 def settle(directory: FilePath) -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from tempfile import TemporaryDirectory
 
 from planner.chain import Chain
+from planner.files import directory_or_aside
 from planner.formats import write_chain, write_path
 from planner.paths import Path
 from planner.plan import Plan
@@ -40,21 +40,9 @@ def fold(
     Raises:
         InputError: An unknown preset, or a seed or module size out of range.
     """
-    if directory is None:
-        with TemporaryDirectory(prefix="foldback-") as aside:
-            return fold(
-                shape,
-                preset=preset,
-                seed=seed,
-                module_size=module_size,
-                directory=aside,
-                progress=progress,
-                workers=workers,
-            )
-    folder = FilePath(directory)
-    folder.mkdir(parents=True, exist_ok=True)
-    data = write_path(shape) if isinstance(shape, Path) else write_chain(shape)
-    request = Request(filename=shape.name, preset=preset, seed=seed, module_size=module_size)
-    write_request(folder, request, data)
-    run_stages(folder, progress=progress, workers=workers)
-    return Plan.load(folder / "plan.npz")
+    with directory_or_aside(directory) as folder:
+        data = write_path(shape) if isinstance(shape, Path) else write_chain(shape)
+        request = Request(filename=shape.name, preset=preset, seed=seed, module_size=module_size)
+        write_request(folder, request, data)
+        run_stages(folder, progress=progress, workers=workers)
+        return Plan.load(folder / "plan.npz")

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path as FilePath
-from tempfile import TemporaryDirectory
 
 from planner.chain import Chain
-from planner.files import write_whole
+from planner.files import directory_or_aside, write_whole
 from planner.formats import write_chain, write_path
 from planner.paths import Path
 from planner.plan import Plan
@@ -48,25 +47,13 @@ def refold(
         InputError: ``refold-differs`` when the modules or their number do, ``refold-not-folded``
             when ``start`` does not lead from straight to folded, or as ``planner.fold``.
     """
-    if directory is None:
-        with TemporaryDirectory(prefix="foldback-") as aside:
-            return refold(
-                start,
-                shape,
-                preset=preset,
-                seed=seed,
-                module_size=module_size,
-                directory=aside,
-                progress=progress,
-            )
-    folder = FilePath(directory)
-    folder.mkdir(parents=True, exist_ok=True)
-    data = write_path(shape) if isinstance(shape, Path) else write_chain(shape)
-    request = Request(filename=shape.name, preset=preset, seed=seed, module_size=module_size)
-    write_start(folder, start)
-    write_request(folder, replace(request, refold=True), data)
-    run_stages(folder, progress=progress)
-    return Plan.load(folder / "plan.npz")
+    with directory_or_aside(directory) as folder:
+        data = write_path(shape) if isinstance(shape, Path) else write_chain(shape)
+        request = Request(filename=shape.name, preset=preset, seed=seed, module_size=module_size)
+        write_start(folder, start)
+        write_request(folder, replace(request, refold=True), data)
+        run_stages(folder, progress=progress)
+        return Plan.load(folder / "plan.npz")
 
 
 def write_start(directory: FilePath, start: Plan) -> None:

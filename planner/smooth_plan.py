@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from tempfile import TemporaryDirectory
 
+from planner.files import directory_or_aside
 from planner.formats import write_chain
 from planner.plan import Plan
 from planner.progress import Report, silent
@@ -36,16 +36,10 @@ def smooth_plan(
     Raises:
         InputError: As ``planner.smoothed.check_smoothable``, or for a seed or size out of range.
     """
-    if directory is None:
-        with TemporaryDirectory(prefix="foldback-") as aside:
-            return smooth_plan(
-                plan, seed=seed, module_size=module_size, directory=aside, progress=progress
-            )
-    folder = FilePath(directory)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_smooth(folder, plan, seed=seed, module_size=module_size)
-    run_stages(folder, progress=progress)
-    return Plan.load(folder / "plan.npz")
+    with directory_or_aside(directory) as folder:
+        write_smooth(folder, plan, seed=seed, module_size=module_size)
+        run_stages(folder, progress=progress)
+        return Plan.load(folder / "plan.npz")
 
 
 def write_smooth(directory: FilePath, plan: Plan, *, seed: int, module_size: float | None) -> None:

@@ -15,10 +15,11 @@ from planner.exports import EXPORTS, Export, export_named, exports_of
 from planner.files import write_whole
 from planner.plan import Plan
 from server.command_inputs import make_directory, refuse
+from server.command_options import AsJson, FoldDirectory
 
 
 def export(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="What `fold` has written.")],
+    directory: FoldDirectory,
     out: Annotated[Path, typer.Option(help="Directory for the files; made if it is not there.")],
     formats: Annotated[
         str | None,
@@ -29,9 +30,7 @@ def export(
             "is given.",
         ),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object as the last line.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Take a finished fold away as URDF, MCAP, an animated scene and more."""
     try:

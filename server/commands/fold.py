@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -19,6 +20,7 @@ from planner.request import Request
 from planner.stages import STAGES, next_stage, run_stage, write_request
 from planner.tries import Tries
 from server.command_inputs import make_directory, read_input, refuse
+from server.command_options import AsJson, ModuleSize, PlanDirectory, Preset, Seed, Workers
 
 WORDS = {
     "explode": "Exploding",
@@ -29,7 +31,7 @@ WORDS = {
 
 
 def fold(
-    out: Annotated[Path, typer.Option(help="Directory for the plan; made if it is not there.")],
+    out: PlanDirectory,
     shape: Annotated[
         str | None,
         typer.Argument(metavar="INPUT", help="A mesh, voxels, a path, a chain, or an example."),
@@ -38,14 +40,9 @@ def fold(
         str | None,
         typer.Option(help="Or a chain of tetrahedra, one sign a hinge: '0 - - + 0'."),
     ] = None,
-    preset: Annotated[str, typer.Option(help="default, paper or direct.")] = "default",
-    seed: Annotated[
-        str, typer.Option(metavar="INTEGER", help="What randomness starts from.")
-    ] = "0",
-    module_size: Annotated[
-        str | None,
-        typer.Option(metavar="FLOAT", help="Size at which to verify, as a fraction of the pitch."),
-    ] = None,
+    preset: Preset = "default",
+    seed: Seed = "0",
+    module_size: ModuleSize = None,
     strategy: Annotated[
         str, typer.Option(help="How it is let go: auto, simultaneous, blocks, peel, or one-by-one.")
     ] = "auto",
@@ -64,15 +61,8 @@ def fold(
     as_voxels: Annotated[
         bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")
     ] = False,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Explosions at once, when one sticks; as many as there are cores."
-        ),
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object as the last line.")
-    ] = False,
+    workers: Workers = None,
+    as_json: AsJson = False,
 ) -> None:
     """Explode, fold and verify a chain or a shape; exits 0 verified, 3 not, 2 for bad input."""
     try:
@@ -96,13 +86,23 @@ def fold(
         run_stage(STAGES[0], out)
     except InputError as error:
         refuse(error, as_json)
-    summary = compute(out, workers)
+    finish(compute(out, workers), out, as_json)
+
+
+def finish(
+    summary: dict[str, Any],
+    out: Path,
+    as_json: bool,
+    more: Callable[[dict[str, Any]], None] | None = None,
+) -> NoReturn:
+    """Prints a plan's figures, for people with ``more`` of them, and exits 0 verified, 3 not."""
     if as_json:
         print(json.dumps(summary), flush=True)
     else:
         show(summary, out)
-    if summary["status"] != "verified":
-        raise typer.Exit(3)
+        if more is not None:
+            more(summary)
+    raise typer.Exit(0 if summary["status"] == "verified" else 3)
 
 
 def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from planner.errors import InputError
 from server.children import ChildError
 from server.command_inputs import refuse
+from server.command_options import AsJson, FoldDirectory
 from server.filming import film
 from server.limits import ChildLimits
 from server.settings import Settings
@@ -23,7 +24,7 @@ from web.movie import FORMATS, Movie
 
 
 def movie(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="What `fold` has written.")],
+    directory: FoldDirectory,
     out: Annotated[Path, typer.Option(help="The file to write: .mp4 or .gif.")] = Path("fold.mp4"),
     width: Annotated[int | None, typer.Option(help="Of a picture in pixels, even.")] = None,
     height: Annotated[int | None, typer.Option(help="Of a picture in pixels, even.")] = None,
@@ -44,9 +45,7 @@ def movie(
     last: Annotated[
         int | None, typer.Option("--to", help="Last frame; before the first it runs backwards.")
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object as the last line.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Film a fold: the straight chain folds into its shape."""
     try:

@@ -19,7 +19,8 @@ from planner.stages import STAGES, run_stage, write_request
 from planner.timeline import chain_from_attributes
 from planner.unfolding import Unfolding
 from server.command_inputs import make_directory, read_input, refuse
-from server.commands.fold import compute, show
+from server.command_options import AsJson, ModuleSize, PlanDirectory, Preset, Seed, Workers
+from server.commands.fold import compute, finish
 from server.gallery import Gallery
 
 FIRST = "start"
@@ -35,24 +36,12 @@ def refold(
         str,
         typer.Argument(metavar="B", help="As many modules of the same kind, folded or not."),
     ],
-    out: Annotated[Path, typer.Option(help="Directory for the plan; made if it is not there.")],
-    preset: Annotated[str, typer.Option(help="default, paper or direct.")] = "default",
-    seed: Annotated[
-        str, typer.Option(metavar="INTEGER", help="What randomness starts from.")
-    ] = "0",
-    module_size: Annotated[
-        str | None,
-        typer.Option(metavar="FLOAT", help="Size at which to verify, as a fraction of the pitch."),
-    ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Explosions at once, when one sticks; as many as there are cores."
-        ),
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object as the last line.")
-    ] = False,
+    out: PlanDirectory,
+    preset: Preset = "default",
+    seed: Seed = "0",
+    module_size: ModuleSize = None,
+    workers: Workers = None,
+    as_json: AsJson = False,
 ) -> None:
     """Unfold a folded chain and fold it into another shape; exits as `fold` does."""
     begins: Chain | None = None
@@ -82,17 +71,9 @@ def refold(
         try:
             Unfolding.of_plan(folded)
         except InputError:
-            _end(summary, out / FIRST, as_json)
+            finish(summary, out / FIRST, as_json)
     write_start(out, folded)
-    _end(compute(out, workers), out, as_json)
-
-
-def _end(summary: dict[str, object], out: Path, as_json: bool) -> None:
-    if as_json:
-        print(json.dumps(summary), flush=True)
-    else:
-        show(summary, out)
-    raise typer.Exit(0 if summary["status"] == "verified" else 3)
+    finish(compute(out, workers), out, as_json)
 
 
 def _plan(name: str) -> Plan | None:

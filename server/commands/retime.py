@@ -20,12 +20,13 @@ from planner.plan import Plan
 from planner.retiming import Trajectory, clearance
 from planner.retiming import retime as retime_plan
 from server.command_inputs import refuse
+from server.command_options import AsJson, FoldDirectory
 
 SHOWN = 10
 
 
 def retime(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="What `fold` has written.")],
+    directory: FoldDirectory,
     max_speed: Annotated[float, typer.Option(help="Largest speed of a joint, in rad/s.")],
     max_acceleration: Annotated[
         float, typer.Option(help="Largest acceleration of a joint, in rad/s².")
@@ -53,9 +54,7 @@ def retime(
     table: Annotated[
         Path | None, typer.Option(help="Where to write the torques of all joints, as .csv.")
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object as the last line.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Give a plan time stamps within a robot's limits; exits 3 when it would not do."""
     try:

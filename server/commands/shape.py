@@ -17,6 +17,7 @@ from planner.paths import Path as CellPath
 from planner.preparation import Preparation, prepare_in_any_order
 from planner.request import SHORT_SEED, Request
 from server.command_inputs import read_input, refuse
+from server.command_options import AsJson, Seed
 
 
 def shape(
@@ -39,12 +40,8 @@ def shape(
     as_voxels: Annotated[
         bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")
     ] = False,
-    seed: Annotated[
-        str, typer.Option(metavar="INTEGER", help="What randomness starts from.")
-    ] = "0",
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object as the last line.")
-    ] = False,
+    seed: Seed = "0",
+    as_json: AsJson = False,
 ) -> None:
     """Find a path through a shape. Exits 0 with a path, 3 when there is none, 2 for bad input."""
     try:

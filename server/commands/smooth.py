@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -16,23 +14,20 @@ from planner.request import Request
 from planner.smooth_plan import write_smooth
 from planner.stages import STAGES, run_stage
 from server.command_inputs import make_directory, refuse
-from server.commands.fold import compute, show
+from server.command_options import AsJson, FoldDirectory, PlanDirectory, Seed
+from server.commands.fold import compute, finish
 from server.smoothing_words import note_of, rows_of
 
 
 def smooth(
-    fold: Annotated[Path, typer.Argument(metavar="DIR", help="What `fold` has written.")],
-    out: Annotated[Path, typer.Option(help="Directory for the plan; made if it is not there.")],
-    seed: Annotated[
-        str, typer.Option(metavar="INTEGER", help="What randomness starts from.")
-    ] = "0",
+    fold: FoldDirectory,
+    out: PlanDirectory,
+    seed: Seed = "0",
     module_size: Annotated[
         str | None,
         typer.Option(metavar="FLOAT", help="Size at which to verify, if not the plan's own."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object as the last line.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Make a folding shorter and quieter, as clear as before; exits as `fold` does."""
     try:
@@ -50,19 +45,12 @@ def smooth(
         run_stage(STAGES[0], out)
     except InputError as error:
         refuse(error, as_json)
-    summary = compute(out, 1, explode="Smoothing")
-    if as_json:
-        print(json.dumps(summary), flush=True)
-    else:
-        show(summary, out)
-        compare(summary)
-    raise typer.Exit(0 if summary["status"] == "verified" else 3)
+    finish(compute(out, 1, explode="Smoothing"), out, as_json, more=compare)
 
 
-def compare(summary: dict[str, object]) -> None:
+def compare(summary: dict[str, Any]) -> None:
     """Prints what smoothing has changed."""
     smoothing = summary["smoothing"]
-    assert isinstance(smoothing, dict)
     table = Table("", box=None, pad_edge=False)
     for heading in ("Before", "After", "Ratio"):
         table.add_column(heading, justify="right")

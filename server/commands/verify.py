@@ -16,10 +16,11 @@ from planner.sizes import largest_size as find_largest
 from planner.verification import Verification
 from planner.verification import verify as verify_files
 from server.command_inputs import refuse
+from server.command_options import AsJson, FoldDirectory
 
 
 def verify(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="What `fold` has written.")],
+    directory: FoldDirectory,
     module_size: Annotated[
         str | None, typer.Option(metavar="FLOAT", help="Another size than the plan's own.")
     ] = None,
@@ -27,9 +28,7 @@ def verify(
         bool,
         typer.Option("--largest-size", help="Also find the largest module that stays clear."),
     ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object as the last line.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Check a plan anew, by exact kinematics and by a replay in plain MuJoCo."""
     try:

@@ -1,0 +1,24 @@
+"""Options that several commands have, each with one name and one help text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object as the last line.")]
+FoldDirectory = Annotated[Path, typer.Argument(metavar="DIR", help="What `fold` has written.")]
+PlanDirectory = Annotated[
+    Path, typer.Option("--out", help="Directory for the plan; made if it is not there.")
+]
+Preset = Annotated[str, typer.Option(help="default, paper or direct.")]
+Seed = Annotated[str, typer.Option(metavar="INTEGER", help="What randomness starts from.")]
+ModuleSize = Annotated[
+    str | None,
+    typer.Option(metavar="FLOAT", help="Size at which to verify, as a fraction of the pitch."),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(min=1, help="Explosions at once, when one sticks; as many as there are cores."),
+]
