@@ -110,7 +110,8 @@ class _BlocksFirst(Explosion):
 
     def step(self) -> int:
         contacts = super().step()
-        if isinstance(self.engine, Blocks) and not self.steps % WINDOW:
+        went_back = contacts < 0  # to a state that may have to be looked at first
+        if isinstance(self.engine, Blocks) and not self.steps % WINDOW and not went_back:
             bent = self._bent()
             eased = bent < (1.0 - LEAST_EASED) * self.bent
             self.bent = bent

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import Final
+from typing import Any, Final
 
 from planner.chain import Chain
 from planner.files import write_whole
@@ -30,7 +30,9 @@ class Candidates:
     @classmethod
     def load(cls, directory: FilePath) -> Candidates:
         """Those of the fold in a directory."""
-        values = json.loads((directory / FILE).read_bytes())
+        values: Any = json.loads((directory / FILE).read_bytes())
+        if isinstance(values, list):  # of a fold that was read before there were other ends
+            values = {"chains": values, "two_ended": False}
         chains = tuple(chain_from_attributes(attributes) for attributes in values["chains"])
         return cls(chains, values["two_ended"])
 

@@ -19,7 +19,7 @@ from planner.progress import Cancelled, never
 from planner.quality import Quality
 from planner.record import Record
 from planner.reference import record_lengths
-from planner.smoothing import DISTANCE_WEIGHT, LOOKS, SPACING_RAD, smooth
+from planner.smoothing import DISTANCE_WEIGHT, LOOKS, smooth, spacing_of
 from planner.smoothing_ways import MOST_ANGLES, RECORDED, SMOOTHED
 
 Array = NDArray[np.float64]
@@ -49,17 +49,16 @@ def check_smoothable(plan: Plan) -> None:
         raise InputError(
             "smooth-no-motion", f"got a plan of {name} in which nothing moves, expected a motion."
         )
-    hinges = len(plan.chain.folded_rad)
-    if len(plan.motion) * hinges <= MOST_ANGLES:
+    hinges, frames = len(plan.chain.folded_rad), len(plan.motion)
+    if frames * hinges <= MOST_ANGLES:
         length = record_lengths(plan.chain, plan.joint_angles_rad, DISTANCE_WEIGHT)[-1]
-        frames = max(len(plan.motion), int(length / SPACING_RAD[0]))
-        if frames * hinges <= MOST_ANGLES:
-            return
-    raise InputError(
-        "smooth-too-long",
-        f"got a plan of {len(plan.motion)} frames of {hinges} hinges, expected at most "
-        f"{MOST_ANGLES} angles in all; `foldback retime` bounds the speed of longer ones.",
-    )
+        frames = max(frames, int(length / spacing_of(length)))
+    if frames * hinges > MOST_ANGLES:
+        raise InputError(
+            "smooth-too-long",
+            f"got a motion that takes {frames} frames of {hinges} hinges, expected at most "
+            f"{MOST_ANGLES} angles in all; `foldback retime` bounds the speed of longer ones.",
+        )
 
 
 def smoothed_record(

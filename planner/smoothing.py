@@ -116,6 +116,11 @@ def smooth(
     return Smoothed(angles=run.smoothed(cancelled), looks=run.looks)
 
 
+def spacing_of(length_rad: float) -> float:
+    """How far apart the frames of a motion of some length are."""
+    return float(np.clip(length_rad / FRAMES, *SPACING_RAD))
+
+
 class _Smoothing:
     def __init__(
         self, chain: Chain, angles: Array, size: float, looks: int, rng: np.random.Generator
@@ -131,7 +136,7 @@ class _Smoothing:
         self.margin = found.clearance
         self.bound = min(found.bound, LEAST_BOUND)
         length = float(self._measured(angles)[0].sum())
-        self.spacing = float(np.clip(length / FRAMES, *SPACING_RAD))
+        self.spacing = spacing_of(length)
         self.torque_weight = 0.0
 
     def smoothed(self, cancelled: Cancelled) -> Array:

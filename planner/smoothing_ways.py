@@ -10,5 +10,5 @@ SMOOTHED, SOFTENED, RECORDED = "smoothed", "softened", "recorded"
 WAYS: Final = (SMOOTHED, SOFTENED, RECORDED)
 """What is tried, each when the certificate refuses what came of the one before: shortcuts and
 means, a few of them, none at all."""
-MOST_ANGLES: Final = 2**25
+MOST_ANGLES: Final = 2**23
 """Frames times hinges of a plan that may be smoothed."""

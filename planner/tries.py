@@ -23,13 +23,13 @@ from planner.attempts import Attempt, made
 from planner.chain import Chain
 from planner.files import write_whole
 from planner.parameters import Parameters
-from planner.portfolio import Choice, Try
+from planner.portfolio import MOST, Choice, Try
 from planner.progress import Cancelled, Progress, Report
 from planner.record import Record
 from planner.strategies import let_go, windowed
 from planner.timeline import TimelineWriter
 
-ASIDE: Final = "tries"
+ASIDE: Final = ".foldback-tries"
 """Folder in a fold's directory, with one for each try that is made beside."""
 STALLING: Final = 2
 """Pushes in a row that moved nothing on, from which on the next tries are begun."""
@@ -72,12 +72,13 @@ class Tries:
 
     Args:
         directory: Of the fold; its input must have been read.
-        workers: Explosions that are made at once at most; with one there are no processes.
+        workers: Explosions that are made at once at most; with one there are no processes. More
+            than a fold may have would bring nothing.
     """
 
     def __init__(self, directory: FilePath, workers: int = 1) -> None:
         self._directory = directory.resolve()
-        self._workers = workers
+        self._workers = min(workers, MOST)
         self._beside: dict[Try, _Beside] = {}
         self._ahead: Callable[[], list[Try]] = list
         self._here: Try | None = None
@@ -168,7 +169,11 @@ class Tries:
             return
         fresh = [todo for todo in self._ahead() if todo not in self._beside]
         for todo in fresh[:room]:
-            self._beside[todo] = _Beside(self._directory, todo)
+            try:
+                self._beside[todo] = _Beside(self._directory, todo)
+            except OSError:  # no process or no room to be had: what is made here goes on alone
+                self._workers = 1
+                return
 
 
 class _Beside:
@@ -179,6 +184,7 @@ class _Beside:
 
     def __init__(self, directory: FilePath, todo: Try) -> None:
         self.place = directory / ASIDE / "-".join(map(str, astuple(todo)))
+        rmtree(self.place, ignore_errors=True)
         self.place.mkdir(parents=True)
         modules = [str(FilePath(__file__).parents[1]), *filter(None, [os.getenv("PYTHONPATH")])]
         self._process = subprocess.Popen(

@@ -18,9 +18,11 @@ from server.problems import Problem
 Use = Literal["refold", "smooth"]
 FILES: Final[dict[str, dict[str, str]]] = {
     "refold": {START_CHAIN: "chain.json", START_PLAN: "plan.npz"},
-    "smooth": {RECORDED_PLAN: "plan.npz"},
+    "smooth": {RECORDED_PLAN: "plan.npz", START_CHAIN: "chain.json"},
 }
 """What is copied for each use: what it is called there, and in the finished fold."""
+BROUGHT: Final = tuple(name for files in FILES.values() for name in files)
+"""All that may be there of a fold before it begins, beside its input."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +69,7 @@ def beginning_of(context: Context, fold_id: str, use: Use) -> Beginning:
             headers={"Retry-After": "5"},
         )
     files = {name: directory / source for name, source in FILES[use].items()}
-    return _beginning(use, fold_id, row, directory, files)
+    return _beginning(use, fold_id, row, files)
 
 
 def beginning_noted(directory: Path, row: FoldRow) -> Beginning | None:
@@ -75,17 +77,15 @@ def beginning_noted(directory: Path, row: FoldRow) -> Beginning | None:
     if row.refold is None and row.smooths is None:
         return None
     use: Use = "refold" if row.smooths is None else "smooth"
-    found = _beginning(use, row.smooths, row, directory, {n: directory / n for n in FILES[use]})
+    found = _beginning(use, row.smooths, row, {name: directory / name for name in FILES[use]})
     return found if row.refold is None else replace(found, name=row.refold)
 
 
-def _beginning(
-    use: Use, fold: str | None, row: FoldRow, directory: Path, files: dict[str, Path]
-) -> Beginning:
-    plan, chain = files[START_PLAN if use == "refold" else RECORDED_PLAN], directory / "chain.json"
+def _beginning(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path]) -> Beginning:
+    plan = files[START_PLAN if use == "refold" else RECORDED_PLAN]
     name = row.name
     try:
-        attributes = json.loads(files.get(START_CHAIN, chain).read_bytes())
+        attributes = json.loads(files[START_CHAIN].read_bytes())
         with open(plan, "rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
     except (OSError, ValueError) as error:

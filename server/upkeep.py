@@ -12,7 +12,7 @@ import sqlalchemy as sa
 from dbos import DBOSClient
 from sqlalchemy.orm import Session
 
-from planner.unfolding import START_CHAIN, START_PLAN
+from server.beginnings import BROUGHT
 from server.database import ENDED, FoldRow, MovieRow, WorkerRow, engine_for
 from server.jobs import APPLICATION, Jobs
 from server.schema import Schema
@@ -23,7 +23,7 @@ from server.store import NoSuchFoldError, Store
 DAY_S: Final = 86400.0
 MOVING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
 """States of a job that somebody will go on with."""
-INPUTS: Final = ("input", "request.json", "cells.json", START_CHAIN, START_PLAN)
+INPUTS: Final = ("input", "request.json", "cells.json", *BROUGHT)
 """Files of a fold that were there before anything was computed."""
 
 

@@ -18,7 +18,7 @@ from planner.smoothing_ways import MOST_ANGLES
 from planner.timeline import Timeline
 from server.quantities import DIGITS, PRESETS, STRATEGIES, length_m, quantity, sentence
 from server.quantities import parameters as parameters_in_words
-from server.routes.failures import attempts, failure
+from server.routes.failures import attempts, exploding, failure
 from server.routes.finding import Found
 from server.schemas import export_href
 from server.smoothing_words import note_of, rows_of
@@ -303,12 +303,10 @@ def _quantity(values: dict[str, Any], key: str, unit: str, digits: int = DIGITS)
 
 def _told(reason: str, summary: dict[str, Any]) -> str:
     """A reason in the page's words: frames are counted from 1, along the whole timeline."""
-    # A refold's timeline is that of its plan alone, and so is a smoothed plan's.
-    alone = summary.get("refold") or summary.get("smoothing")
-    explosion = 0 if alone else (summary.get("explosion") or {}).get("frames")
+    explosion = exploding(summary)
 
     def on_the_timeline(found: re.Match[str]) -> str:
-        if not isinstance(explosion, int):
+        if explosion is None:
             return ""  # the percentage before it says where
         return f" (frame {explosion + int(float(found[1])) + 1})"
 

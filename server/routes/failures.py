@@ -53,15 +53,22 @@ def failure(row: Any, summary: dict[str, Any]) -> dict[str, Any] | None:
             text += f", with {len(modules)} joints to go" if modules else ""
     elif overlap := _overlap(summary):
         kind, modules, text = "overlap", overlap["modules"] or [], overlap["words"]
-        # A refold's timeline is that of its plan alone.
-        explosion = 0 if summary.get("refold") else (summary.get("explosion") or {}).get("frames")
-        frame = overlap["frame"] + (explosion or 0)
+        frame = overlap["frame"] + (exploding(summary) or 0)
     elif "certificate" in summary:
         kind, modules, text = "off", [], str(summary.get("reason") or "")
     else:
         return None
     text = sentence(text.rstrip("."))
     return {"heading": HEADINGS[kind], "text": f"{text}.", "modules": modules, "frame": frame}
+
+
+def exploding(summary: dict[str, Any]) -> int | None:
+    """Frames of the explosion, before those of the plan on a fold's timeline; None if unknown."""
+    # A refold's timeline is that of its plan alone, and so is a smoothed plan's.
+    if summary.get("refold") or summary.get("smoothing"):
+        return 0
+    frames = (summary.get("explosion") or {}).get("frames")
+    return frames if isinstance(frames, int) else None
 
 
 def _plain(detail: str) -> str:

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.blocks_first import block_starts, explode_blocks_first
+from planner.blocks_first import WINDOW, _BlocksFirst, block_starts, explode_blocks_first
 from planner.blocks_first_model import Blocks
 from planner.chain import Chain
 from planner.errors import InputError
+from planner.explosion import Explosion
 from planner.model import Material
 from planner.modules import TETRAHEDRON
 from planner.parameters import ExplosionParameters
@@ -132,3 +133,20 @@ def test_the_same_seed_gives_the_same_record() -> None:
     first, again = (explode_blocks_first(chain, short, seed=2) for _ in range(2))
     assert first.status == "timeout"
     np.testing.assert_array_equal(first.frames.joint_angles_rad, again.frames.joint_angles_rad)
+
+
+def test_blocks_are_not_let_go_in_the_step_that_went_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The state gone back to is kept already; what a former look called sound may not be."""
+    chain = solid(2, 2, 1)
+    run = _BlocksFirst(chain, DEFAULT, 0, None, block_starts(len(chain), 64, 2))
+    run.steps = 10 * WINDOW
+    went_back = -1
+    monkeypatch.setattr(Explosion, "step", lambda _: went_back)
+    run.step()
+    assert isinstance(run.engine, Blocks)
+    went_back = 0
+    run.engine.place(run.state)
+    run.step()
+    assert isinstance(run.engine, Segments)

@@ -388,3 +388,13 @@ def test_what_was_published_is_not_tried_again(
     directory = begun(tmp_path / "fold", preset="direct")
     assert run_stages(directory)["status"] == "failed"
     assert Plan.load(directory / "plan.json").attempts == ()
+
+
+def test_a_fold_that_was_read_before_there_were_other_ends_goes_on(tmp_path: FilePath) -> None:
+    path = Path.from_cells(np.round(coil(12).folded_poses.positions).astype(int), name="coil")
+    write_request(tmp_path, Request(), write_path(path))
+    run_stage("read", tmp_path)
+    candidates = tmp_path / "candidates.json"
+    chains = json.loads(candidates.read_bytes())["chains"]
+    candidates.write_text(json.dumps(chains))
+    assert run_stage("explode", tmp_path)["status"] == "straight"

@@ -23,7 +23,7 @@ from planner.formats import write_chain, write_path
 from planner.parameters import preset
 from planner.paths import Path
 from planner.plan import Plan
-from planner.portfolio import Choice, Try
+from planner.portfolio import MOST, Choice, Try
 from planner.progress import Progress, never, silent
 from planner.record import Record
 from planner.stages import Request, run_stage, run_stages, write_request
@@ -165,6 +165,54 @@ def test_a_process_that_fails_is_as_if_it_had_not_been(tmp_path: FilePath) -> No
         child.kill()
         tries.come_to(CHOICE, [STUCK], second)
         assert tries.take(silent, never) is None
+
+
+def test_one_that_cannot_be_begun_does_not_end_the_one_at_hand(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fold = read(tmp_path / "fold", write_path(COIL), seed=3)
+
+    def none_left(*_: Any, **__: Any) -> None:
+        raise BlockingIOError("no more processes")
+
+    monkeypatch.setattr("planner.tries.subprocess.Popen", none_left)
+    with Tries(fold, 2) as tries:
+        tries.come_to(CHOICE, [], FIRST)
+        told = tries.watched(silent)
+        told(PUSHED)
+        told(PUSHED)
+        assert not beside()
+    assert not (fold / ASIDE).exists()
+
+
+def test_no_more_are_begun_than_a_fold_may_have(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fold = read(tmp_path / "fold", write_path(COIL), seed=3)
+    begun: list[Try] = []
+
+    def begin(_: FilePath, todo: Try) -> Running:
+        begun.append(todo)
+        return Running()
+
+    monkeypatch.setattr("planner.tries._Beside", begin)
+    many = Choice(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
+    with Tries(fold, 64) as tries:
+        tries.come_to(many, [], Try(0, 3, "peel"))
+        tries.watched(silent)(PUSHED)
+    assert len(begun) == MOST - 1
+
+
+class Running:
+    """A try that takes its time."""
+
+    running = True
+
+    def attempt(self) -> None:
+        return None
+
+    def end(self) -> None:
+        return None
 
 
 FOLDS: dict[str, Callable[[FilePath], FilePath]] = {

@@ -60,8 +60,10 @@ def test_an_overlap_is_shown_where_it_is_along_the_timeline() -> None:
         "modules": [3, 7],
         "frame": 212.5,
     }
-    refold = failure(row(), {**summary, "refold": {"start": "a"}})
-    assert refold is not None and refold["frame"] == 12.5
+    # Their timelines are those of their plans alone.
+    for alone in ({"refold": {"start": "a"}}, {"smoothing": {"way": "smoothed"}}):
+        found = failure(row(), {**summary, **alone})
+        assert found is not None and found["frame"] == 12.5
 
 
 def test_a_playback_that_ends_elsewhere_says_so() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,11 @@ from typer.testing import CliRunner
 from planner.plan import Plan
 from planner.verification import verify
 from server.command_line import application
+from server.settings import Settings
+from server.upkeep import Upkeep
 from tests.server.service import SNAKE, Service, owner
+
+ServiceWith = Callable[..., Service]
 
 
 def refused(service: Service, **form: str) -> tuple[int, dict[str, Any]]:
@@ -97,6 +102,36 @@ def test_it_is_asked_for_once_and_repeated_as_one(
     other = service.fold(smooth=wrench, seed="1")
     assert other["id"] != fold_id
     service.http.post(f"/api/folds/{other['id']}/cancel", headers=owner(other))
+
+
+def test_it_is_computed_again_from_what_it_was_made_of(service: Service, wrench: str) -> None:
+    fold_id = service.fold(smooth=wrench, seed="2")["id"]
+    recorded = directory(service, fold_id) / "recorded.npz"
+    before = service.wait_over(fold_id), recorded.read_bytes()
+    upkeep = Upkeep(Settings(data_dir=service.data_dir))
+    try:
+        upkeep.requeue(fold_id, force=True)
+    finally:
+        upkeep.close()
+    after = service.wait_over(fold_id), recorded.read_bytes()
+    assert after[0]["status"] == before[0]["status"] == "verified"
+    assert after[1] == before[1]
+
+
+@pytest.mark.slow
+def test_one_that_was_cancelled_before_it_began_is_folded_again(
+    service_with: ServiceWith,
+) -> None:
+    idle = service_with(workers=0).start()
+    with idle.worker():
+        recorded = idle.fold(shape="wrench-24")["id"]
+        assert idle.wait_over(recorded)["status"] == "verified"
+    accepted = idle.fold(smooth=recorded)
+    idle.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
+    assert idle.wait_over(accepted["id"])["status"] == "cancelled"
+    again = idle.fold(fold=accepted["id"])
+    assert not again["existing"]
+    assert idle.state(again["id"])["smooths"] == recorded
 
 
 def test_wishes_that_it_cannot_have_are_refused(
