@@ -106,8 +106,9 @@ def test_folds_that_are_verified_and_failed(visit: Visit, service: Service) -> N
         page.locator("#details").click()
         page.locator("#tab-properties").click()
         assert findings(page) == {}
-        page.locator("#tab-attempts:not([hidden])").click()
-        assert findings(page) == {}
+        if tone == "bad":  # what came out at once has nothing to tell of attempts
+            page.locator("#tab-attempts").click()
+            assert findings(page) == {}
     assert findings(visit("/gallery?status=verified")) == {}
 
 
