@@ -8,8 +8,9 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+from planner.fold_files import write_request
 from planner.request import Request
-from planner.stages import run_stages, write_request
+from planner.stages import run_stages
 from web.film import Film
 from web.reel import thinned
 

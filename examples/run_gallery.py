@@ -18,7 +18,9 @@ from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from planner.stages import Request, run_stages, write_request
+from planner.fold_files import write_request
+from planner.request import Request
+from planner.stages import run_stages
 from planner.warm_up import warm_up
 
 HERE = FilePath(__file__).parent

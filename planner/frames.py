@@ -47,6 +47,11 @@ class Frames:
         del chain
         return self[start:stop]
 
+    def angles(self, chain: Chain, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
+        """(f, J) all angles of the snapshots ``start`` to ``stop``: as ``Windows.angles``."""
+        del chain
+        return self.joint_angles_rad[start:stop]
+
     @classmethod
     def none(cls, joints: int) -> Frames:
         """No frame at all, of a chain with so many hinges."""

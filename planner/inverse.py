@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.dynamics import floating_torques
-from planner.frames import Frames
 from planner.motion import Motion
 
 Array = NDArray[np.float64]
@@ -63,9 +62,11 @@ def inverse_dynamics(chain: Chain, motion: Motion) -> Torques:
     step = max(1, MOST_ANGLES // len(chain.folded_rad))
     for start in range(0, len(middle), step):
         part = middle[start : start + step]
-        around = [motion[later[part + shift]].dense(chain) for shift in (-1, 0, 1)]
-        rates, accelerations = _parabolas(*around)
-        torques = floating_torques(chain.module, around[1].joint_angles_rad, rates, accelerations)
+        around = [motion[later[part + shift]] for shift in (-1, 0, 1)]
+        times = [frames.time_s for frames in around]
+        angles = [frames.angles(chain) for frames in around]
+        rates, accelerations = _parabolas(times, angles)
+        torques = floating_torques(chain.module, angles[1], rates, accelerations)
         largest[start : start + step] = np.abs(torques).max(axis=1)
     frames = later[middle]
     weights = np.gradient(motion.time_s[frames]) if len(frames) > 1 else np.ones(1)
@@ -73,11 +74,16 @@ def inverse_dynamics(chain: Chain, motion: Motion) -> Torques:
     return Torques(frames=frames, largest=largest, rms=rms)
 
 
-def _parabolas(before: Frames, at: Frames, after: Frames) -> tuple[Array, Array]:
-    """(K, J) first and (K, J) second derivatives at the middle one of three frames each."""
-    earlier = (at.time_s - before.time_s)[:, None]
-    later = (after.time_s - at.time_s)[:, None]
-    come = (at.joint_angles_rad - before.joint_angles_rad) / earlier
-    go = (after.joint_angles_rad - at.joint_angles_rad) / later
+def _parabolas(times: list[Array], angles: list[Array]) -> tuple[Array, Array]:
+    """(K, J) first and second derivatives at the middle one of three frames each.
+
+    Args:
+        times: (K,) each, before, at and after.
+        angles: (K, J) each.
+    """
+    earlier = (times[1] - times[0])[:, None]
+    later = (times[2] - times[1])[:, None]
+    come = (angles[1] - angles[0]) / earlier
+    go = (angles[2] - angles[1]) / later
     rates = (come * later + go * earlier) / (earlier + later)
     return rates, 2.0 * (go - come) / (earlier + later)

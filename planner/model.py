@@ -7,6 +7,7 @@ in ``Chain.joint_names``. In both models every hinge coordinate of MuJoCo *is* t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -137,28 +138,66 @@ def set_inertia(body: Any, module: Module, mass: float) -> None:
     body.inertia = (module.inertia * mass).tolist()
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Link:
+    """A body in the frame of its neighbour, and its hinges in its own, as MuJoCo takes them."""
+
+    position: list[float]
+    wxyz: list[float]
+    hinge_position: list[float]
+    axes: list[list[float]]
+
+
+@cache
+def _to_next(module: Module) -> _Link:
+    return _Link(
+        position=(module.anchor + module.turn @ module.offset).tolist(),
+        wxyz=wxyz_from_matrix(module.turn).tolist(),
+        hinge_position=(-module.offset).tolist(),
+        axes=(module.axes @ module.turn).tolist(),
+    )
+
+
+@cache
+def _to_previous(module: Module) -> _Link:
+    return _Link(
+        position=(-module.offset - module.turn.T @ module.anchor).tolist(),
+        wxyz=wxyz_from_matrix(module.turn.T).tolist(),
+        hinge_position=module.anchor.tolist(),
+        axes=(-module.axes[::-1]).tolist(),
+    )
+
+
 def add_next_body(parent: Any, chain: Chain, index: int, name: str, material: Material) -> Any:
     """Adds the body of module ``index`` to that of module ``index − 1``, with its hinges."""
-    module = chain.module
-    body = parent.add_body()
-    body.name = name
-    body.pos = (module.anchor + module.turn @ module.offset).tolist()
-    body.quat = wxyz_from_matrix(module.turn).tolist()
-    for name_, axis in zip(hinge_names(chain, index - 1), module.axes, strict=False):
-        _add_hinge(body, name_, -module.offset, module.turn.T @ axis, module, material)
-    return body
+    hinges = hinge_names(chain, index - 1)
+    return _add_linked(parent, name, hinges, _to_next(chain.module), chain.module, material)
 
 
 def add_previous_body(parent: Any, chain: Chain, index: int, name: str, material: Material) -> Any:
     """Adds the body of module ``index`` to that of module ``index + 1``, with its hinges."""
-    module = chain.module
+    hinges = hinge_names(chain, index)[::-1]
+    return _add_linked(parent, name, hinges, _to_previous(chain.module), chain.module, material)
+
+
+def _add_linked(
+    parent: Any, name: str, hinges: tuple[str, ...], link: _Link, module: Module, material: Material
+) -> Any:
     body = parent.add_body()
     body.name = name
-    body.pos = (-module.offset - module.turn.T @ module.anchor).tolist()
-    body.quat = wxyz_from_matrix(module.turn.T).tolist()
-    hinges = hinge_names(chain, index)
-    for name_, axis in zip(hinges[::-1], module.axes[::-1], strict=False):
-        _add_hinge(body, name_, module.anchor, -axis, module, material)
+    body.pos = link.position
+    body.quat = link.wxyz
+    stop = module.angle_limit_rad if material.stop_rad is None else material.stop_rad
+    for hinge_name, axis in zip(hinges, link.axes, strict=False):
+        hinge = body.add_joint()
+        hinge.name = hinge_name
+        hinge.type = mujoco.mjtJoint.mjJNT_HINGE
+        hinge.pos = link.hinge_position
+        hinge.axis = axis
+        hinge.range = [-stop, stop]
+        hinge.stiffness[0] = material.stiffness
+        hinge.armature = material.armature
+        hinge.damping[0] = material.damping
     return body
 
 
@@ -323,18 +362,3 @@ def _add_rod(parent: Any, rod: Rod, material: Material) -> None:
         solimp=[0.95, 0.99, 0.005, 0.5, 2.0],
         margin=0.0,
     )
-
-
-def _add_hinge(
-    body: Any, name: str, position: Array, axis: Array, module: Module, material: Material
-) -> None:
-    hinge = body.add_joint()
-    hinge.name = name
-    hinge.type = mujoco.mjtJoint.mjJNT_HINGE
-    hinge.pos = position.tolist()
-    hinge.axis = axis.tolist()
-    stop = module.angle_limit_rad if material.stop_rad is None else material.stop_rad
-    hinge.range = [-stop, stop]
-    hinge.stiffness[0] = material.stiffness
-    hinge.armature = material.armature
-    hinge.damping[0] = material.damping

@@ -8,12 +8,13 @@ from pathlib import Path as FilePath
 
 from planner.chain import Chain
 from planner.files import directory_or_aside, write_whole
+from planner.fold_files import write_request
 from planner.formats import write_chain, write_path
 from planner.paths import Path
 from planner.plan import Plan
 from planner.progress import Report, silent
 from planner.request import Request
-from planner.stages import run_stages, write_request
+from planner.stages import run_stages
 from planner.timeline import chain_attributes
 from planner.unfolding import START_CHAIN, START_PLAN
 

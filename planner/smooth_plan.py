@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 
 from planner.files import directory_or_aside
+from planner.fold_files import write_request
 from planner.formats import write_chain
 from planner.plan import Plan
 from planner.progress import Report, silent
 from planner.request import Request
 from planner.smoothing_ways import RECORDED_PLAN
-from planner.stages import run_stages, write_request
+from planner.stages import run_stages
 
 
 def smooth_plan(

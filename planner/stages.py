@@ -11,32 +11,38 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path as FilePath
-from shutil import rmtree
 from typing import Any, Final
 
 from planner import attempts
-from planner.best_record import BestRecord
 from planner.candidates import Candidates
 from planner.certificate import Certificate, certify
-from planner.chain import Chain
+from planner.explode_stage import choice_of, explode_stage
 from planner.exports import mjcf
 from planner.files import write_whole
+from planner.fold_files import (
+    read_chain,
+    read_playback,
+    read_record,
+    read_recorded,
+    read_request,
+    read_start,
+    read_unfolding,
+    write_chain_folded,
+    write_json,
+)
 from planner.frames import PHASES
 from planner.measuring import write_figures
 from planner.parameters import ExplosionParameters
 from planner.plan import Plan
 from planner.playback import Playback, play_back
-from planner.portfolio import Choice, Try
 from planner.preparation import prepare
 from planner.progress import Cancelled, Progress, Report, never, silent
-from planner.record import Record
-from planner.request import SHORT_SEED, Request
-from planner.smoothed import before_and_after, check_smoothable, smoothed_record
-from planner.smoothing_ways import RECORDED_PLAN, WAYS
+from planner.request import SHORT_SEED
+from planner.smoothed import before_and_after, check_smoothable
 from planner.strategies import BASELINE, on_lattice, strategies_for
-from planner.timeline import TimelineWriter, chain_attributes, chain_from_attributes
-from planner.tries import Tries, make_try
-from planner.unfolding import START_CHAIN, START_PLAN, Unfolding, check_fits
+from planner.timeline import TimelineWriter
+from planner.tries import Tries
+from planner.unfolding import check_fits
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 
@@ -66,7 +72,7 @@ def run_stage(
         InputError: From ``read``, when the input cannot be used.
     """
     if stage == "explode":
-        result = _explode(directory, progress, cancelled, tries or Tries(directory))
+        result = explode_stage(directory, progress, cancelled, tries or Tries(directory))
     else:
         result = _STAGES[stage](directory, progress, cancelled)
     progress(Progress(stage=stage, fraction=1.0, message="done"))
@@ -109,59 +115,12 @@ def run_stages(
     return result
 
 
-def write_request(directory: FilePath, request: Request, data: bytes) -> None:
-    """Puts a request and its input into a fold's directory."""
-    values = {name: getattr(request, name) for name in Request.__dataclass_fields__}
-    write_whole(directory / "input", data)
-    write_whole(directory / "request.json", json.dumps(values).encode())
-
-
-def _request(directory: FilePath) -> Request:
-    values = json.loads((directory / "request.json").read_bytes())
-    if values.get("start") is not None:
-        x, y, z = values["start"]
-        values["start"] = (int(x), int(y), int(z))
-    return Request(**values)
-
-
-def _chain(directory: FilePath) -> Chain:
-    return chain_from_attributes(json.loads((directory / "chain.json").read_bytes()))
-
-
-def _record(directory: FilePath) -> Record | None:
-    path = directory / "record.npz"
-    return Record.load(path) if path.exists() else None
-
-
-def _playback(directory: FilePath) -> Playback | None:
-    path = directory / "playback.npz"
-    return Playback.load(path) if path.exists() else None
-
-
-def _start(directory: FilePath, request: Request) -> Chain | None:
-    """The chain as it is folded at the beginning of a refold."""
-    if not request.refold:
-        return None
-    return chain_from_attributes(json.loads((directory / START_CHAIN).read_bytes()))
-
-
-def _unfolding(directory: FilePath, request: Request) -> Unfolding | None:
-    if not request.refold:
-        return None
-    return Unfolding.of_plan(Plan.load(directory / START_PLAN))
-
-
-def _recorded(directory: FilePath) -> Plan:
-    """The plan that is smoothed."""
-    return Plan.load(directory / RECORDED_PLAN)
-
-
 def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
     del progress, cancelled
-    request = _request(directory)
+    request = read_request(directory)
     request.check()
     if request.smooth:
-        plan = _recorded(directory)
+        plan = read_recorded(directory)
         check_smoothable(plan)
         only = Candidates((plan.chain,), two_ended=False)
         return _noted(directory, only, kind="plan", method=None, notes=[], knot=None)
@@ -172,7 +131,7 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
         seed=request.seed % SHORT_SEED,
     )
     chain, chains = prepared.chain, prepared.chains
-    start = _start(directory, request)
+    start = read_start(directory, request)
     if start is not None:
         check_fits(start, chain.module.name, len(chain))
         # It is the same chain, whatever size the other shape was drawn in.
@@ -196,7 +155,7 @@ def _noted(directory: FilePath, candidates: Candidates, **how: Any) -> dict[str,
     chain = candidates.chains[0]
     (directory / attempts.FILE).unlink(missing_ok=True)
     candidates.save(directory)
-    _write_json(directory / "chain.json", chain_attributes(chain))
+    write_chain_folded(directory, chain)
     return {
         **how,
         "candidates": len(candidates.chains),
@@ -209,81 +168,8 @@ def _noted(directory: FilePath, candidates: Candidates, **how: Any) -> dict[str,
     }
 
 
-def _explode(
-    directory: FilePath, progress: Report, cancelled: Cancelled, tries: Tries
-) -> dict[str, Any]:
-    request = _request(directory)
-    # What an earlier fold left in this directory must not pass for a result of this one.
-    for name in ("record.npz", "playback.npz", "picture.png"):
-        (directory / name).unlink(missing_ok=True)
-    rmtree(directory / "figures.zarr", ignore_errors=True)
-    candidates = Candidates.load(directory)
-    if request.parameters().explosion is None:
-        TimelineWriter.create(directory / "timeline.zarr", candidates.chains[0])
-        attempts.save(directory, [])
-        return {"status": "none", "reason": "", "steps": 0, "frames": 0, "seconds": 0.0}
-    choice = _choice(directory)
-    tried = attempts.before_explosion(directory, choice)
-    best = BestRecord(directory)
-    while (todo := choice.after(tried)) is not None:
-        chain = candidates.chain_of(todo)
-        _write_json(directory / "chain.json", chain_attributes(chain))
-        attempts.save(directory, [*tried, attempts.begun(todo)])
-        if request.smooth:
-            record = _smoothed(directory, request, todo, progress, cancelled)
-            attempt = attempts.made(todo, chain, record)
-        else:
-            tries.come_to(choice, tried, todo)
-            record, attempt = tries.take(progress, cancelled) or make_try(
-                directory, request.parameters(), chain, todo, tries.watched(progress), cancelled
-            )
-        tried.append(attempt)
-        best.look_at(chain, record)
-        if record.status in ("straight", "cancelled"):
-            break
-    record = best.keep()
-    if record.status != "straight" or len(tried) == 1:
-        tries.rest()  # what comes out at once is rarely refused
-    attempts.save(directory, tried)
-    record.save(directory / "record.npz")
-    return {**record.summary(), "attempts": len(tried)}
-
-
-def _choice(directory: FilePath) -> Choice:
-    """What may be tried of a fold."""
-    request = _request(directory)
-    if request.smooth:
-        return Choice(strategies=(WAYS,), seed=request.seed, seeds=1)
-    parameters = request.parameters()
-    candidates = Candidates.load(directory)
-    return Choice(
-        strategies=tuple(
-            strategies_for(chain, parameters, refolds=request.refold) for chain in candidates.chains
-        ),
-        seed=request.seed,
-        two_ended=candidates.two_ended,
-        forces=isinstance(parameters.explosion, ExplosionParameters),
-    )
-
-
-def _smoothed(
-    directory: FilePath, request: Request, todo: Try, progress: Report, cancelled: Cancelled
-) -> Record:
-    """One smoothing, of which there is nothing to see before it is played back."""
-    recorded = _recorded(directory)
-    TimelineWriter.create(directory / "timeline.zarr", recorded.chain)
-    progress(Progress(stage="explode", fraction=0.1, message="smoothing"))
-    return smoothed_record(
-        recorded,
-        todo.strategy,
-        size=request.parameters().module_size,
-        seed=todo.seed,
-        cancelled=cancelled,
-    )
-
-
 def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
-    request, chain, record = _request(directory), _chain(directory), _record(directory)
+    request, chain, record = read_request(directory), read_chain(directory), read_record(directory)
     (directory / "playback.npz").unlink(missing_ok=True)
     parameters = request.parameters()
     if record is not None and record.status != "straight":
@@ -295,12 +181,12 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
             "rms_position_error": None,
             "max_angle_error_rad": None,
         }
-    unfolding = _unfolding(directory, request)
+    unfolding = read_unfolding(directory, request)
     start_s, frames = 0.0, 0
     whole = unfolding is not None or request.smooth
     if record is not None and not whole:
         start_s, frames = float(record.frames.time_s[-1]), len(record.frames)
-    tried = attempts.before_playback(directory, _choice(directory))
+    tried = attempts.before_playback(directory, choice_of(request, Candidates.load(directory)))
     attempts.save(directory, tried)
     timeline = directory / "timeline.zarr"
     if whole:  # a refold's timeline goes from one shape to the other; a smoothed one only folds
@@ -323,14 +209,14 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
 
 
 def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
-    request, playback = _request(directory), _playback(directory)
+    request, playback = read_request(directory), read_playback(directory)
     parameters = request.parameters()
     certificate = certify(
-        _chain(directory),
-        _record(directory),
+        read_chain(directory),
+        read_record(directory),
         playback,
         parameters,
-        start=_start(directory, request),
+        start=read_start(directory, request),
         progress=progress,
         cancelled=cancelled,
     )
@@ -342,11 +228,11 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
         # What was published, or is a baseline, is shown as it is, with what is wrong with it.
         ours = isinstance(parameters.explosion, ExplosionParameters)
         if ours and parameters.strategy != BASELINE and not cancelled():
-            again = attempts.following(tried, _choice(directory))
+            again = attempts.following(tried, choice_of(request, Candidates.load(directory)))
         if again == "explode" and _overlaps_unfolding(certificate, playback):
             again = None  # which is the same whatever the other shape's path
     values = certificate.as_dict()
-    _write_json(directory / "certificate.json", values)
+    write_json(directory / "certificate.json", values)
     return {**values, "again": again}
 
 
@@ -366,21 +252,21 @@ def _overlaps_unfolding(certificate: Certificate, playback: Playback | None) -> 
 
 def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
     del progress, cancelled
-    request, chain = _request(directory), _chain(directory)
+    request, chain = read_request(directory), read_chain(directory)
     parameters = request.parameters()
     certificate = Certificate.from_dict(json.loads((directory / "certificate.json").read_bytes()))
     plan = Plan.assembled(
         chain,
         parameters,
         request.seed,
-        _record(directory),
-        _playback(directory),
+        read_record(directory),
+        read_playback(directory),
         certificate,
         tuple(attempts.load(directory)),
-        _start(directory, request),
+        read_start(directory, request),
     )
     if request.smooth:
-        plan = replace(plan, smoothing=before_and_after(_recorded(directory), plan))
+        plan = replace(plan, smoothing=before_and_after(read_recorded(directory), plan))
     write_whole(directory / "model.xml", mjcf.write(plan))
     plan.save_npz(directory / "plan.npz")
     plan.save_json(directory / "plan.json")
@@ -403,14 +289,10 @@ def work_out_figures(directory: FilePath) -> FilePath:
     write_figures(
         directory / "timeline.zarr",
         path,
-        _request(directory).parameters(),
+        read_request(directory).parameters(),
         certificate=known and Certificate.from_dict(known),
     )
     return path
-
-
-def _write_json(path: FilePath, values: object) -> None:
-    write_whole(path, json.dumps(values).encode())
 
 
 _Stage = Callable[[FilePath, Report, Cancelled], dict[str, Any]]
@@ -420,12 +302,3 @@ _STAGES: Final[dict[str, _Stage]] = {
     "certify": _certify,
     "export": _export,
 }
-__all__ = [
-    "STAGES",
-    "Request",
-    "next_stage",
-    "run_stage",
-    "run_stages",
-    "work_out_figures",
-    "write_request",
-]

@@ -9,14 +9,16 @@ from typing import Final
 import numpy as np
 
 from planner.dynamics import floating_torques
+from planner.fold_files import write_request
 from planner.folding import fold
 from planner.formats import write_path
 from planner.measuring import clearances_of
 from planner.modules import CUBE
 from planner.pathfinding.assembly import layered_snake
 from planner.paths import Path
+from planner.request import Request
 from planner.retiming import retime
-from planner.stages import Request, run_stages, write_request
+from planner.stages import run_stages
 from planner.warm_up_paths import SMALL_SHAPE, warm_up_chains, warm_up_paths
 
 SMALL_BOX: Final = (2, 4, 5)

@@ -17,6 +17,7 @@ from planner.chain import Chain
 from planner.frames import Frames
 from planner.kernels.windows import window_steps
 from planner.kinematics import forward_kinematics
+from planner.rotations import wxyz_from_matrix
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -162,6 +163,6 @@ class Windows:
             phase=self.phase[part],
             joint_angles_rad=angles,
             root_position=poses.positions[:, chain.root],
-            root_wxyz=poses.wxyzs[:, chain.root],
+            root_wxyz=wxyz_from_matrix(poses.rotations[:, chain.root]),
             joint_error_rad=np.full_like(angles, np.nan),
         )

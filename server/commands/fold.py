@@ -15,9 +15,10 @@ from rich.table import Table
 
 from planner.cores import cores
 from planner.errors import InputError
+from planner.fold_files import write_request
 from planner.progress import Progress as StageProgress
 from planner.request import Request
-from planner.stages import STAGES, next_stage, run_stage, write_request
+from planner.stages import STAGES, next_stage, run_stage
 from planner.tries import Tries
 from server.command_inputs import make_directory, read_input, refuse
 from server.command_options import AsJson, ModuleSize, PlanDirectory, Preset, Seed, Workers

@@ -11,11 +11,12 @@ import typer
 
 from planner.chain import Chain
 from planner.errors import InputError
+from planner.fold_files import write_request
 from planner.formats import write_chain
 from planner.plan import Plan
 from planner.refold import write_start, write_start_chain
 from planner.request import Request
-from planner.stages import STAGES, run_stage, write_request
+from planner.stages import STAGES, run_stage
 from planner.timeline import chain_from_attributes
 from planner.unfolding import Unfolding
 from server.command_inputs import make_directory, read_input, refuse

@@ -16,11 +16,12 @@ from typing import Any
 import trimesh
 from rich.console import Console
 
+from planner.fold_files import write_request
 from planner.formats import write_chain
 from planner.motion import motion_arrays
 from planner.plan import Plan
 from planner.request import Request
-from planner.stages import run_stages, write_request
+from planner.stages import run_stages
 from planner.warm_up import warm_up
 from tests.benchmarks.tables import Section
 from tests.planner.chains import knotted

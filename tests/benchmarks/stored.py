@@ -12,9 +12,10 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
+from planner.fold_files import write_request
 from planner.progress import Cancelled, never
 from planner.request import Request
-from planner.stages import STAGES, next_stage, run_stage, write_request
+from planner.stages import STAGES, next_stage, run_stage
 
 Case = TypeVar("Case")
 Row = dict[str, Any]
@@ -41,7 +42,7 @@ def run_missing(
     Args:
         path: One JSON object a line; made when it is not there.
         cases: All of them.
-        run: Makes the row of a case; with more than one worker, in a process of its own.
+        run: Makes the row of a case, in a process of its own.
         minutes: After so many none is begun any more.
         workers: Cases at once.
     """
@@ -61,9 +62,6 @@ def run_missing(
 def _each(
     cases: Iterator[Case], run: Callable[[Case], Row], workers: int
 ) -> Iterator[tuple[Case, Row]]:
-    if workers == 1:
-        yield from ((case, run(case)) for case in cases)
-        return
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         running: dict[Future[Row], Case] = {}
         while True:

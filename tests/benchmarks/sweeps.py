@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from examples.run_gallery import SHAPES
 from planner.chain import Chain
+from planner.fold_files import write_request
 from planner.plan import Plan
 from planner.record import Record
-from planner.stages import Request, run_stages, write_request
+from planner.request import Request
+from planner.stages import run_stages
 from planner.sweep import Sweep, sweep
 from planner.windows import Windows
 from tests.benchmarks.tables import Section

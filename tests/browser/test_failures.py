@@ -100,7 +100,7 @@ def test_a_time_limit_on_a_phone(visit: Visit, hasty: Service) -> None:
     fold = hasty.fold(shape="wrench-160", preset="paper")["id"]
     state = hasty.wait_over(fold)
     assert state["error"]["code"] == "time-limit"
-    frames = Timeline.open(hasty.data_dir / "folds" / fold / "timeline.zarr")
+    frames = Timeline.open(hasty.directory(fold) / "timeline.zarr")
     assert frames.status == "failed" and len(frames) > 2
     page = opened(visit(f"{hasty.http.base_url}/folds/{fold}", **PHONE))
     expect(page.locator("#stuck-heading")).to_have_text("Not finished")

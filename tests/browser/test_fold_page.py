@@ -86,7 +86,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
     page.locator("#sketch.gone").wait_for(state="attached")
     assert "#" not in page.url  # nothing was done yet that a link should tell of
     fold_id = page.url.rsplit("/", 1)[1]
-    timeline = Timeline.open(service.data_dir / "folds" / fold_id / "timeline.zarr")
+    timeline = Timeline.open(service.directory(fold_id) / "timeline.zarr")
     frames, chain = timeline.frames(), timeline.chain
     film = Film(timeline.path)
 

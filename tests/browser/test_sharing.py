@@ -176,8 +176,8 @@ def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, fold:
     names = page.locator("#phases span")
     expect(names).to_have_text(["Unfolding", "Playback"])
     refold = page.url.rsplit("/", 1)[1].partition("#")[0]
-    plan = Plan.load(service.data_dir / "folds" / refold / "plan.npz")
-    first = Plan.load(service.data_dir / "folds" / fold / "plan.npz")
+    plan = Plan.load(service.directory(refold) / "plan.npz")
+    first = Plan.load(service.directory(fold) / "plan.npz")
     assert np.allclose(plan.joint_angles_rad[0], first.chain.folded_rad, atol=1e-9)
     assert np.allclose(plan.joint_angles_rad[-1], plan.chain.folded_rad, atol=1e-9)
     page.locator("#sketch.gone").wait_for(state="attached")
@@ -198,7 +198,7 @@ def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
     expect(page.locator("#smooth")).to_be_hidden()
     expect(page.locator("#phases span")).to_have_text(["Playback"])
     smoothed = page.url.rsplit("/", 1)[1].partition("#")[0]
-    plan = Plan.load(service.data_dir / "folds" / smoothed / "plan.npz")
+    plan = Plan.load(service.directory(smoothed) / "plan.npz")
     assert plan.smoothing is not None
     page.locator("#details").click()
     rows = page.locator("#panel-properties table tbody tr")

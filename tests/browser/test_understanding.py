@@ -28,7 +28,7 @@ def fold(service: Service) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def figures(service: Service, fold: str) -> Figures:
-    return Figures.load(service.data_dir / "folds" / fold / "figures.zarr")
+    return Figures.load(service.directory(fold) / "figures.zarr")
 
 
 def opened(visit: Visit, fold: str, **options: object) -> Page:
@@ -101,7 +101,7 @@ def test_jumps_lead_to_the_worst_moments(
 
 def test_from_straight_to_folded(visit: Visit, service: Service, fold: str) -> None:
     page = opened(visit, fold, width=1440)
-    frames = Timeline.open(service.data_dir / "folds" / fold / "timeline.zarr").frames()
+    frames = Timeline.open(service.directory(fold) / "timeline.zarr").frames()
     first = int(np.flatnonzero(frames.phase == 1)[0])
     page.locator("#jump").select_option("straight")
     expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {first + 1} of"))

@@ -9,12 +9,14 @@ import pytest
 from hypothesis import settings
 
 from planner.chain import Chain
+from planner.fold_files import write_request
 from planner.parameters import Parameters
 from planner.paths import Path
 from planner.plan import Plan
 from planner.playback import Playback
 from planner.record import Record
-from planner.stages import Request, run_stages, write_request
+from planner.request import Request
+from planner.stages import run_stages
 
 # A busy machine, or kernels that compile first, must not fail a property.
 settings.register_profile("patient", deadline=None)

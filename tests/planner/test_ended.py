@@ -12,11 +12,13 @@ from planner import attempts
 from planner.best_record import ASIDE
 from planner.chain import Chain
 from planner.ended import look_back
+from planner.fold_files import write_request
 from planner.formats import write_path
 from planner.frames import Frames
 from planner.paths import Path
 from planner.portfolio import Try
-from planner.stages import Request, run_stage, write_request
+from planner.request import Request
+from planner.stages import run_stage
 from planner.timeline import Timeline, TimelineWriter, chain_from_attributes
 from tests.planner.peels import snake
 

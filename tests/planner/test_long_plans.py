@@ -21,6 +21,7 @@ from planner.exports import export_named
 from planner.exports.mjcf import keys_of, mjcf
 from planner.exports.mjcf_pieces import PIECE, coordinates, starts_of
 from planner.figures import Curves, Figures
+from planner.fold_files import write_request
 from planner.formats import write_path
 from planner.frames import PHASES, Frames
 from planner.inverse import inverse_dynamics
@@ -33,8 +34,9 @@ from planner.plan import Plan
 from planner.playback import Playback
 from planner.record import Record
 from planner.replay import replay
+from planner.request import Request
 from planner.shapes import Shape
-from planner.stages import Request, run_stage, run_stages, write_request
+from planner.stages import run_stage, run_stages
 from planner.strategies import strategies_for
 from planner.timeline import Timeline, TimelineWriter
 from planner.unfolding import Unfolding

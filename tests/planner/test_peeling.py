@@ -52,6 +52,17 @@ def blocks() -> tuple[Chain, Record]:
     return chain, peel(chain, DEFAULT)
 
 
+def solid(voxels: np.ndarray, seed: int) -> tuple[Chain, Windows]:
+    """A solid whose path goes layer by layer, off its core."""
+    cells = solid_path(voxels, np.random.default_rng(0), side=2)
+    assert cells is not None
+    chain = chain_of(cells)
+    record = peel(chain, DEFAULT, seed=seed)
+    assert record.status == "straight", record.reason
+    assert isinstance(record.frames, Windows)
+    return chain, record.frames
+
+
 @pytest.mark.parametrize("case", [snake, blocks])
 def test_a_chain_comes_off_straight(case: Case) -> None:
     chain, record = case()
@@ -84,13 +95,8 @@ def test_a_snake_is_clear_at_a_size_of_98_percent() -> None:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_table_is_clear_at_98_percent_between_all_frames(seed: int) -> None:
     voxels = np.array([c for c in np.ndindex(8, 8, 6) if c[2] >= 4 or {0, 1, 6, 7} >= {*c[:2]}])
-    cells = solid_path(voxels, np.random.default_rng(0), side=2)
-    assert cells is not None
-    chain = chain_of(cells)
-    record = peel(chain, DEFAULT, seed=seed)
-    assert record.status == "straight", record.reason
-    assert isinstance(record.frames, Windows)
-    found = sweep(chain, record.frames, size=0.98)
+    chain, frames = solid(voxels, seed)
+    found = sweep(chain, frames, size=0.98)
     assert found.clearance > 0.0
     assert found.bound > 0.0
 
@@ -204,14 +210,9 @@ def test_nothing_is_proved_of_a_way_through_the_core() -> None:
 def test_what_is_recorded_of_a_ring_is_certified(seed: int) -> None:
     """Its layers are rings; joints are driven against their stops all the time."""
     voxels = np.array([c for c in np.ndindex(8, 8, 3) if not {2, 3, 4, 5} >= {*c[:2]}])
-    cells = solid_path(voxels, np.random.default_rng(0), side=2)
-    assert cells is not None
-    chain = chain_of(cells)
-    record = peel(chain, DEFAULT, seed=seed)
-    assert record.status == "straight", record.reason
-    assert isinstance(record.frames, Windows)
-    plan = windowed_frames(chain, record.frames, PlaybackParameters(), start_s=0.0)
-    assert plan[::-1].passes_as(record.frames)
+    chain, frames = solid(voxels, seed)
+    plan = windowed_frames(chain, frames, PlaybackParameters(), start_s=0.0)
+    assert plan[::-1].passes_as(frames)
     found = sweep(chain, plan, size=0.98)
     assert found.clearance > 0.0
     assert found.bound > 0.0

@@ -14,6 +14,7 @@ from planner.best_record import BestRecord, bent
 from planner.chain import Chain
 from planner.diagnosis import diagnose
 from planner.explosion import explode
+from planner.fold_files import write_request
 from planner.formats import write_path
 from planner.frames import Frames
 from planner.parameters import ExplosionParameters
@@ -23,7 +24,8 @@ from planner.peeling_parameters import PeelingParameters
 from planner.plan import Plan
 from planner.portfolio import MOST, Choice, Try
 from planner.record import Record
-from planner.stages import Request, run_stages, write_request
+from planner.request import Request
+from planner.stages import run_stages
 from planner.timeline import Timeline, TimelineWriter
 from tests.planner.peels import snake
 

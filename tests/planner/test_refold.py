@@ -17,6 +17,7 @@ from planner.chain import Chain
 from planner.errors import InputError
 from planner.exports import export_named
 from planner.figures import Figures
+from planner.fold_files import write_request
 from planner.folding import fold
 from planner.frames import PHASES, Frames
 from planner.measuring import figures_of
@@ -27,7 +28,8 @@ from planner.progress import Progress
 from planner.readers import read
 from planner.record import Record
 from planner.refold import refold, write_start
-from planner.stages import STAGES, Request, run_stage, write_request
+from planner.request import Request
+from planner.stages import STAGES, run_stage
 from planner.timeline import Timeline
 from planner.unfolding import Unfolding, check_fits
 from planner.verification import verify

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from planner.exports import mjcf
+from planner.fold_files import write_request
 from planner.formats import write_path
 from planner.pathfinding.assembly import layered_snake
 from planner.paths import Path
 from planner.plan import Plan
-from planner.stages import Request, run_stages, write_request
+from planner.request import Request
+from planner.stages import run_stages
 from tests.planner.conftest import SHAPES
 from tests.planner.outsider import Outsider, moment_at, moments
 from tests.planner.plans import changed

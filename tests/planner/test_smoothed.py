@@ -122,7 +122,7 @@ def test_what_the_certificate_refuses_is_smoothed_less(
         angles[len(angles) // 2] = plan.chain.module.angle_limit_rad
         return replace(record, frames=replace(record.frames, joint_angles_rad=angles))
 
-    monkeypatch.setattr(stages, "smoothed_record", spoiled)
+    monkeypatch.setattr("planner.explode_stage.smoothed_record", spoiled)
     plan = smooth_plan(wrench, directory=tmp_path)
     assert tried == [SMOOTHED, SOFTENED, RECORDED]
     assert plan.verified

@@ -15,14 +15,16 @@ from planner.certificate import Certificate, Place, certify
 from planner.chain import Chain
 from planner.errors import InputError, SimulationError
 from planner.explosion import explode
+from planner.fold_files import write_request
 from planner.formats import write_path
 from planner.frames import PHASES
 from planner.paths import Path
 from planner.plan import Plan
 from planner.progress import Progress
 from planner.record import Record
+from planner.request import Request
 from planner.segments import Acceleration, Segments, State
-from planner.stages import STAGES, Request, next_stage, run_stage, run_stages, write_request
+from planner.stages import STAGES, next_stage, run_stage, run_stages
 from planner.timeline import Timeline
 from tests.planner.chains import coil
 

@@ -19,6 +19,7 @@ import pytest
 
 from planner.chain import Chain
 from planner.cores import cores
+from planner.fold_files import write_request
 from planner.formats import write_chain, write_path
 from planner.parameters import preset
 from planner.paths import Path
@@ -26,7 +27,8 @@ from planner.plan import Plan
 from planner.portfolio import MOST, Choice, Try
 from planner.progress import Progress, never, silent
 from planner.record import Record
-from planner.stages import Request, run_stage, run_stages, write_request
+from planner.request import Request
+from planner.stages import run_stage, run_stages
 from planner.timeline import Timeline
 from planner.tries import ASIDE, STALLING, Tries, make_try
 from tests.planner.chains import coil, knotted

@@ -20,7 +20,9 @@ from numba.core.dispatcher import Dispatcher
 from planner.formats import write_path
 from planner.pathfinding.assembly import layered_snake
 from planner.paths import Path
-from planner.stages import Request, run_stages, write_request
+from planner.fold_files import write_request
+from planner.request import Request
+from planner.stages import run_stages
 from planner.warm_up import warm_up
 
 def kernels():

@@ -130,6 +130,15 @@ class Service:
         assert answer.status_code == 202, answer.text
         return answer.json()
 
+    def refused(self, **form: str) -> tuple[int, dict[str, Any]]:
+        """How a request without a file is answered."""
+        answer = self.http.post("/api/folds", data=form)
+        return answer.status_code, answer.json()
+
+    def directory(self, fold_id: str) -> Path:
+        """Where the files of a fold are."""
+        return self.data_dir / "folds" / fold_id
+
     def state(self, fold_id: str) -> dict[str, Any]:
         answer = self.http.get(f"/api/folds/{fold_id}")
         assert answer.status_code == 200, answer.text

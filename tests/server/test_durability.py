@@ -41,7 +41,7 @@ def test_a_server_killed_in_mid_explosion(service_with) -> None:
     fold_id = service.fold(shape="wrench-160")["id"]
     waiting = service.fold(SNAKE)["id"]
     assert service.wait_exploding(fold_id)["status"] == "running"
-    read = service.data_dir / "folds" / fold_id / "candidates.json"
+    read = service.directory(fold_id) / "candidates.json"
     made = read.stat().st_mtime_ns
     service.kill()
     service.start()
@@ -96,7 +96,7 @@ def test_a_child_killed_fails_its_fold_alone_with_a_clear_word(service_with) -> 
     # What was there of it stays, and tells where it was.
     stuck = state["summary"]["stuck"]
     assert stuck["kind"] == "stopped" and stuck["modules"]
-    timeline = Timeline.open(service.data_dir / "folds" / accepted["id"] / "timeline.zarr")
+    timeline = Timeline.open(service.directory(accepted["id"]) / "timeline.zarr")
     assert timeline.status == "failed" and len(timeline) > 2
     check_finished(service, waiting)
     # It was the machine's fault, not the shape's: asked for again it is computed again.

@@ -40,7 +40,7 @@ NAMES = [export.name for export in EXPORTS]
 
 
 def directory_of(service: Service, fold: dict[str, Any]) -> Path:
-    return service.data_dir / "folds" / fold["id"]
+    return service.directory(fold["id"])
 
 
 def test_a_finished_fold_lists_all_of_them(service: Service, finished: dict[str, Any]) -> None:

@@ -186,7 +186,7 @@ def test_only_owners_cancel_and_delete(desk: Service) -> None:
     assert desk.state(mine["id"])["status"] == "queued"
     assert desk.http.delete(here, headers=owner(mine)).status_code == 204
     assert desk.http.get(here).status_code == 404
-    assert not (desk.data_dir / "folds" / mine["id"]).exists()
+    assert not (desk.directory(mine["id"])).exists()
 
 
 def test_a_fold_that_two_asked_for_ends_only_with_both(desk: Service) -> None:
@@ -208,7 +208,7 @@ def test_a_running_fold_is_cancelled_and_the_same_can_be_asked_anew(service: Ser
     assert events[-1][1]["status"] == "cancelled"
     # Its frames stay to be looked at; the worker is free for others; the same begins anew.
     assert service.http.get(f"/api/folds/{accepted['id']}/frames").json()["total"] > 0
-    timeline = service.data_dir / "folds" / accepted["id"] / "timeline.zarr"
+    timeline = service.directory(accepted["id"]) / "timeline.zarr"
     assert Timeline.open(timeline).status == "failed"  # nobody waits for more
     again = service.fold(shape="wrench-160", preset="paper")
     assert again["id"] != accepted["id"]
@@ -217,7 +217,7 @@ def test_a_running_fold_is_cancelled_and_the_same_can_be_asked_anew(service: Ser
     assert service.http.get(f"/api/folds/{again['id']}").status_code == 404
     other = service.fold(SNAKE, seed="12")
     assert service.wait_over(other["id"])["status"] == "verified"
-    assert not (service.data_dir / "folds" / again["id"]).exists()
+    assert not (service.directory(again["id"])).exists()
 
 
 def test_figures_and_health(service: Service, finished: dict[str, Any]) -> None:

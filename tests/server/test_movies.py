@@ -210,7 +210,7 @@ def film(directory: Path, out: Path, *words: str, **environment: str) -> Any:
 def test_the_command_films_a_directory(
     service: Service, finished: dict[str, Any], tmp_path: Path
 ) -> None:
-    directory = service.data_dir / "folds" / finished["id"]
+    directory = service.directory(finished["id"])
     size = ["--width", "128", "--height", "72", "--fps", "10", "--seconds", "0.3"]
     done = film(directory, tmp_path / "fold.mp4", *size, "--from", "5", "--to", "0", "--json")
     assert done.exit_code == 0, done.stderr
@@ -235,7 +235,7 @@ def test_the_command_films_a_directory(
 def test_without_opengl_it_says_what_to_install(
     service: Service, finished: dict[str, Any], tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    directory = service.data_dir / "folds" / finished["id"]
+    directory = service.directory(finished["id"])
     failed = film(directory, tmp_path / "fold.mp4", **environment)
     assert failed.exit_code == 1
     assert failed.stderr.count("no-gl: no OpenGL is there") == 1

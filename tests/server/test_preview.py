@@ -138,7 +138,7 @@ def test_a_path_begins_where_it_is_asked_to(desk: Service) -> None:
     assert (begun["cells"][0], begun["start"], begun["not_started"]) == (cell, cell, "")
     assert is_path(begun["cells"])
     fold = desk.fold(preview=found["id"], modules="64", start=start)
-    request = json.loads((desk.data_dir / "folds" / fold["id"] / "request.json").read_text())
+    request = json.loads((desk.directory(fold["id"]) / "request.json").read_text())
     assert request["start"] == cell
     nowhere = ask(desk, preview=found["id"], modules="64", start="99,0,0")
     assert (nowhere.status_code, nowhere.json()["code"]) == (422, "not-a-cell")
@@ -347,7 +347,7 @@ def test_old_previews_make_room_for_new_ones(service_with) -> None:
 def test_a_fold_takes_a_preview_and_its_wishes(desk: Service) -> None:
     found = report(desk, stl(), modules="64")
     first = desk.fold(preview=found["id"], modules="64")
-    request = json.loads((desk.data_dir / "folds" / first["id"] / "request.json").read_text())
+    request = json.loads((desk.directory(first["id"]) / "request.json").read_text())
     assert request["modules"] == 64
     assert request["filename"] == "thing.bin"
     assert desk.fold(preview=found["id"], modules="64")["id"] == first["id"]

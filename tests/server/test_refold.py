@@ -20,11 +20,6 @@ from tests.planner.plans import changed
 from tests.server.service import SNAKE, Service, owner
 
 
-def refused(service: Service, **form: str) -> tuple[int, dict[str, Any]]:
-    answer = service.http.post("/api/folds", data=form)
-    return answer.status_code, answer.json()
-
-
 @pytest.fixture(scope="module")
 def wrench(service: Service) -> str:
     """The id of a finished fold of a gallery shape."""
@@ -38,10 +33,6 @@ def mallet(service: Service, wrench: str) -> dict[str, Any]:
     """The wrench refolded into a mallet: what the request was answered, and how it ended."""
     accepted = service.fold(refold=wrench, shape="mallet-24")
     return {"accepted": accepted, "state": service.wait_over(accepted["id"])}
-
-
-def directory(service: Service, fold_id: str) -> Path:
-    return service.data_dir / "folds" / fold_id
 
 
 def test_a_finished_fold_goes_on_to_another_shape(
@@ -58,17 +49,17 @@ def test_a_finished_fold_goes_on_to_another_shape(
     assert [*dict.fromkeys(phases)] == ["unfolding", "playback"]
     assert phases.index("playback") == state["summary"]["refold"]["straight_frame"]
     assert body["joint_angles_rad"][0] == pytest.approx(
-        Plan.load(directory(service, wrench) / "plan.npz").chain.folded_rad.tolist()
+        Plan.load(service.directory(wrench) / "plan.npz").chain.folded_rad.tolist()
     )
     assert service.http.get(f"{here}/plan.json").json()["start"]["name"] == "wrench-24"
-    assert verify(directory(service, state["id"])).verified
+    assert verify(service.directory(state["id"])).verified
 
 
 def test_a_robot_is_to_be_brought_to_the_shape_that_it_begins_with(
     service: Service, wrench: str, mallet: dict[str, Any]
 ) -> None:
     base = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
-    folded = Plan.load(directory(service, wrench) / "plan.npz").chain.folded_rad
+    folded = Plan.load(service.directory(wrench) / "plan.npz").chain.folded_rad
     assert np.abs(folded).max() > 1.5
     with connect(f"{base}/api/folds/{mallet['state']['id']}/play", max_size=None) as socket:
         begin, waiting = (json.loads(socket.recv(timeout=30)) for _ in range(2))
@@ -97,14 +88,14 @@ def test_a_refold_keeps_its_beginning_and_is_repeated_as_one(
     service: Service, wrench: str, mallet: dict[str, Any]
 ) -> None:
     fold_id = mallet["accepted"]["id"]
-    theirs, mine = directory(service, wrench), directory(service, fold_id)
+    theirs, mine = service.directory(wrench), service.directory(fold_id)
     assert (mine / "start.npz").read_bytes() == (theirs / "plan.npz").read_bytes()
     assert (mine / "start.json").read_bytes() == (theirs / "chain.json").read_bytes()
     repeated = service.fold(fold=fold_id)
     assert (repeated["existing"], repeated["id"]) == (True, fold_id)
     other = service.fold(fold=fold_id, seed="1")
     assert service.state(other["id"])["refold"] == mallet["state"]["refold"]
-    request = json.loads((directory(service, other["id"]) / "request.json").read_bytes())
+    request = json.loads((service.directory(other["id"]) / "request.json").read_bytes())
     assert request["refold"] is True
     service.http.post(f"/api/folds/{other['id']}/cancel", headers=owner(other))
 
@@ -119,7 +110,7 @@ def test_what_fits_is_listed(service: Service, wrench: str) -> None:
 
 def test_a_shape_that_differs_is_refused_with_those_that_fit(service: Service, wrench: str) -> None:
     for shape, what in (("mallet-64", "64 cubes"), ("tetra-dodecahedron", "24 tetrahedra")):
-        status, problem = refused(service, refold=wrench, shape=shape)
+        status, problem = service.refused(refold=wrench, shape=shape)
         assert (status, problem["code"]) == (422, "refold-differs")
         assert f"got a shape of {what}, expected one of 24 cubes" in problem["detail"]
         assert "examples that fit: mallet-24, wrench-24." in problem["detail"]
@@ -141,14 +132,14 @@ def test_what_is_only_known_after_a_search_is_refused_then(service: Service, wre
 
 def test_only_a_finished_fold_with_a_plan_is_refolded(desk: Service) -> None:
     waiting = desk.fold(SNAKE, seed="31")
-    status, problem = refused(desk, refold=waiting["id"], shape="mallet-24")
+    status, problem = desk.refused(refold=waiting["id"], shape="mallet-24")
     assert (status, problem["code"]) == (409, "refold-not-ready")
     assert "queued" in problem["detail"]
     desk.http.post(f"/api/folds/{waiting['id']}/cancel", headers=owner(waiting))
-    status, problem = refused(desk, refold=waiting["id"], shape="mallet-24")
+    status, problem = desk.refused(refold=waiting["id"], shape="mallet-24")
     assert (status, problem["code"]) == (422, "refold-no-plan")
-    assert refused(desk, refold="nosuchfold", shape="mallet-24")[0] == 404
-    assert refused(desk, refold=waiting["id"])[1]["code"] == "file-or-shape"
+    assert desk.refused(refold="nosuchfold", shape="mallet-24")[0] == 404
+    assert desk.refused(refold=waiting["id"])[1]["code"] == "file-or-shape"
 
 
 def test_a_plan_that_never_comes_to_its_shape_is_no_beginning(
@@ -156,11 +147,11 @@ def test_a_plan_that_never_comes_to_its_shape_is_no_beginning(
 ) -> None:
     over = desk.fold(SNAKE, seed="32")
     desk.http.post(f"/api/folds/{over['id']}/cancel", headers=owner(over))
-    theirs, mine = directory(service, wrench), directory(desk, over["id"])
+    theirs, mine = service.directory(wrench), desk.directory(over["id"])
     plan = Plan.load(theirs / "plan.npz")
     changed(plan, joint_angles_rad=0.9 * plan.joint_angles_rad).save_npz(mine / "plan.npz")
     shutil.copyfile(theirs / "chain.json", mine / "chain.json")
-    status, problem = refused(desk, refold=over["id"], shape="mallet-24")
+    status, problem = desk.refused(refold=over["id"], shape="mallet-24")
     assert (status, problem["code"]) == (422, "refold-not-folded")
     assert "wrench-24 that does not lead from straight to folded" in problem["detail"]
 

@@ -231,7 +231,7 @@ def test_only_finished_and_verified_folds_are_played(service: Service, desk: Ser
         assert refusal(socket) == ("not-ready", 1008)
     doubtful = service.fold(SNAKE, seed="4")["id"]
     assert service.wait_over(doubtful)["status"] == "verified"
-    path = service.data_dir / "folds" / doubtful / "plan.npz"
+    path = service.directory(doubtful) / "plan.npz"
     plan = Plan.load(path)
     replace(plan, certificate=replace(plan.certificate, verdict="failed: so it says")).save_npz(
         path
@@ -333,7 +333,7 @@ def test_motors_are_judged(service: Service, finished: Finished) -> None:
 def test_the_command_line_does_the_same(
     service: Service, finished: Finished, tmp_path: Path
 ) -> None:
-    directory = service.data_dir / "folds" / finished["id"]
+    directory = service.directory(finished["id"])
     out, table = tmp_path / "robot.json", tmp_path / "motors.csv"
 
     def retime(*more: str) -> subprocess.CompletedProcess[str]:

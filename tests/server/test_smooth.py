@@ -23,11 +23,6 @@ from tests.server.service import SNAKE, Service, owner
 ServiceWith = Callable[..., Service]
 
 
-def refused(service: Service, **form: str) -> tuple[int, dict[str, Any]]:
-    answer = service.http.post("/api/folds", data=form)
-    return answer.status_code, answer.json()
-
-
 @pytest.fixture(scope="module")
 def wrench(service: Service) -> str:
     """The id of a finished fold of a gallery shape."""
@@ -43,10 +38,6 @@ def smoothed(service: Service, wrench: str) -> dict[str, Any]:
     return {"accepted": accepted, "state": service.wait_over(accepted["id"])}
 
 
-def directory(service: Service, fold_id: str) -> Path:
-    return service.data_dir / "folds" / fold_id
-
-
 def test_a_verified_fold_is_smoothed_as_a_fold_of_its_own(
     service: Service, wrench: str, smoothed: dict[str, Any]
 ) -> None:
@@ -55,7 +46,7 @@ def test_a_verified_fold_is_smoothed_as_a_fold_of_its_own(
     assert (state["smooths"], state["refold"], state["shape"]) == (wrench, None, "wrench-24")
     assert (state["module_size"], state["name"]) == (0.9, service.state(wrench)["name"])
     told = state["summary"]["smoothing"]
-    recorded = Plan.load(directory(service, wrench) / "plan.npz")
+    recorded = Plan.load(service.directory(wrench) / "plan.npz")
     assert told["before"]["frames"] == len(recorded.time_s)
     assert told["after"]["length_rad"] < told["before"]["length_rad"]
     here = f"/api/folds/{state['id']}"
@@ -63,7 +54,7 @@ def test_a_verified_fold_is_smoothed_as_a_fold_of_its_own(
     assert {body["phases"][i] for i in body["phase"]} == {"playback"}
     assert len(body["phase"]) == told["after"]["frames"]
     assert service.http.get(f"{here}/plan.json").json()["smoothing"] == told
-    assert verify(directory(service, state["id"])).verified
+    assert verify(service.directory(state["id"])).verified
     assert service.state(wrench)["smooths"] is None
 
 
@@ -97,8 +88,8 @@ def test_it_is_asked_for_once_and_repeated_as_one(
         assert (again["existing"], again["id"]) == (True, fold_id)
     listed = service.http.get("/api/folds").json()["folds"]
     assert fold_id not in {f["id"] for f in listed}
-    plan = directory(service, wrench) / "plan.npz"
-    assert (directory(service, fold_id) / "recorded.npz").read_bytes() == plan.read_bytes()
+    plan = service.directory(wrench) / "plan.npz"
+    assert (service.directory(fold_id) / "recorded.npz").read_bytes() == plan.read_bytes()
     other = service.fold(smooth=wrench, seed="1")
     assert other["id"] != fold_id
     service.http.post(f"/api/folds/{other['id']}/cancel", headers=owner(other))
@@ -106,7 +97,7 @@ def test_it_is_asked_for_once_and_repeated_as_one(
 
 def test_it_is_computed_again_from_what_it_was_made_of(service: Service, wrench: str) -> None:
     fold_id = service.fold(smooth=wrench, seed="2")["id"]
-    recorded = directory(service, fold_id) / "recorded.npz"
+    recorded = service.directory(fold_id) / "recorded.npz"
     before = service.wait_over(fold_id), recorded.read_bytes()
     upkeep = Upkeep(Settings(data_dir=service.data_dir))
     try:
@@ -144,25 +135,25 @@ def test_wishes_that_it_cannot_have_are_refused(
         ({"smooth": wrench, "refold": wrench}, "smooth-or-refold"),
         ({"fold": smoothed["accepted"]["id"], "preset": "direct"}, "smooth-preset"),
     ):
-        status, problem = refused(service, **form)
+        status, problem = service.refused(**form)
         assert (status, problem["code"]) == (422, code), problem
-    assert refused(service, smooth="nosuchfold")[0] == 404
-    assert refused(service, smooth="a\x00b")[0] == 422
+    assert service.refused(smooth="nosuchfold")[0] == 404
+    assert service.refused(smooth="a\x00b")[0] == 422
 
 
 def test_only_a_verified_fold_is_smoothed(desk: Service, service: Service, wrench: str) -> None:
     waiting = desk.fold(SNAKE, seed="43")
-    status, problem = refused(desk, smooth=waiting["id"])
+    status, problem = desk.refused(smooth=waiting["id"])
     assert (status, problem["code"]) == (409, "smooth-not-ready")
     desk.http.post(f"/api/folds/{waiting['id']}/cancel", headers=owner(waiting))
-    status, problem = refused(desk, smooth=waiting["id"])
+    status, problem = desk.refused(smooth=waiting["id"])
     assert (status, problem["code"]) == (422, "smooth-no-plan")
-    theirs, mine = directory(service, wrench), directory(desk, waiting["id"])
+    theirs, mine = service.directory(wrench), desk.directory(waiting["id"])
     plan = Plan.load(theirs / "plan.npz")
     failed = replace(plan.certificate, verdict="failed: it overlaps")
     replace(plan, certificate=failed).save_npz(mine / "plan.npz")
     shutil.copyfile(theirs / "chain.json", mine / "chain.json")
-    status, problem = refused(desk, smooth=waiting["id"])
+    status, problem = desk.refused(smooth=waiting["id"])
     assert (status, problem["code"]) == (422, "smooth-not-verified")
     assert not desk.http.get(f"/folds/{waiting['id']}/facts").json()["smoothable"]
 
@@ -175,7 +166,7 @@ def cli(*arguments: object) -> tuple[int, str]:
 def test_a_plan_is_smoothed_on_the_command_line(
     service: Service, wrench: str, tmp_path: Path
 ) -> None:
-    recorded = directory(service, wrench)
+    recorded = service.directory(wrench)
     code, told = cli("smooth", recorded, "--out", tmp_path / "smooth")
     assert code == 0, told
     for word in ("Verdict", "Peak torque, mN·m", "Before", "After", "×"):
@@ -195,7 +186,7 @@ def test_the_command_line_refuses_what_is_no_plan(
     code, told = cli("smooth", tmp_path, "--out", tmp_path / "out", "--json")
     assert code == 2
     assert json.loads(told.splitlines()[-1])["error"]["code"] == "not-a-plan"
-    here = directory(service, wrench)
+    here = service.directory(wrench)
     code, told = cli("smooth", here, "--out", here, "--json")
     assert code == 2
     assert json.loads(told.splitlines()[-1])["error"]["code"] == "smooth-in-place"

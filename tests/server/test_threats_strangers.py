@@ -60,7 +60,7 @@ def test_a_hostile_name_stays_a_name(desk: Service, number: int) -> None:
     with desk.http.stream("GET", f"/api/folds/{fold_id}/events") as stream:
         lines = stream.iter_lines()
         assert next(lines) == "event: progress" and next(lines).startswith("data: {")
-    assert {p.name for p in (desk.data_dir / "folds" / fold_id).iterdir()} <= {
+    assert {p.name for p in (desk.directory(fold_id)).iterdir()} <= {
         "input",
         "request.json",
         "cells.json",

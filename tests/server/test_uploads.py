@@ -181,7 +181,7 @@ def test_names_of_files_are_harmless(desk: Service) -> None:
     fold_id = answer.json()["id"]
     shown = desk.state(fold_id)["name"]
     assert "/" not in shown and "\n" not in shown
-    request = json.loads((desk.data_dir / "folds" / fold_id / "request.json").read_text())
+    request = json.loads((desk.directory(fold_id) / "request.json").read_text())
     assert "/" not in request["filename"]
     assert "<script>" not in desk.http.get(f"/folds/{fold_id}").text
 

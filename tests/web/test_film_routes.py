@@ -36,7 +36,7 @@ def fold(service: Service) -> str:
 
 
 def test_a_whole_fold_comes_in_reels(service: Service, fold: str) -> None:
-    timeline = Timeline.open(service.data_dir / "folds" / fold / "timeline.zarr")
+    timeline = Timeline.open(service.directory(fold) / "timeline.zarr")
     frames = timeline.frames()
     angles = []
     at = 0
@@ -102,7 +102,7 @@ def test_a_file_is_a_download_and_no_page_of_ours(service: Service, fold: str) -
 
 
 def test_a_file_is_made_once_and_kept_beside_the_fold(service: Service, fold: str) -> None:
-    kept = service.data_dir / "folds" / fold / "exports"
+    kept = service.directory(fold) / "exports"
     for name, pattern in (
         ("standalone.html", "standalone-*.html"),
         ("recording.viser", "recording.viser"),
@@ -118,7 +118,7 @@ def test_a_file_is_made_once_and_kept_beside_the_fold(service: Service, fold: st
 def test_a_recording_is_viser_s_own(service: Service, fold: str) -> None:
     record = service.http.get(f"/folds/{fold}/recording.viser").content
     timed, buffers = opened_scene(record)
-    timeline = Timeline.open(service.data_dir / "folds" / fold / "timeline.zarr")
+    timeline = Timeline.open(service.directory(fold) / "timeline.zarr")
     places = [
         (t, m["updates"]["batched_positions"])
         for t, m in timed
@@ -159,7 +159,7 @@ def test_comparing_names_both(service: Service, fold: str) -> None:
 
 
 def test_play_shows_a_directory(tmp_path: Path, service: Service, fold: str) -> None:
-    directory = service.data_dir / "folds" / fold
+    directory = service.directory(fold)
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", "server.command_line", "play", str(directory), "--no-browser"],
         stdout=subprocess.PIPE,

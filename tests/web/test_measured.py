@@ -9,9 +9,10 @@ import pytest
 
 from planner.errors import TimelineError
 from planner.figures import Figures
+from planner.fold_files import write_request
 from planner.plan import Plan
 from planner.request import Request
-from planner.stages import run_stages, write_request
+from planner.stages import run_stages
 from planner.timeline import Timeline
 from tests.web.conftest import SNAKE
 from web.columns import decode

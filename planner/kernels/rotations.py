@@ -1,0 +1,65 @@
+"""Quaternions and matrices of one rotation after another, compiled."""
+# pyright: reportUntypedFunctionDecorator=false
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True, error_model="numpy")
+def matrices(wxyz: Array, out: Array) -> None:
+    """Writes the (k, 3, 3) matrices of (k, 4) quaternions of any length; NaN for one of none."""
+    for i in range(len(wxyz)):
+        w, x, y, z = wxyz[i, 0], wxyz[i, 1], wxyz[i, 2], wxyz[i, 3]
+        length = np.sqrt(w * w + x * x + y * y + z * z)
+        w /= length
+        x /= length
+        y /= length
+        z /= length
+        out[i, 0, 0] = 1 - 2 * (y * y + z * z)
+        out[i, 0, 1] = 2 * (x * y - w * z)
+        out[i, 0, 2] = 2 * (x * z + w * y)
+        out[i, 1, 0] = 2 * (x * y + w * z)
+        out[i, 1, 1] = 1 - 2 * (x * x + z * z)
+        out[i, 1, 2] = 2 * (y * z - w * x)
+        out[i, 2, 0] = 2 * (x * z - w * y)
+        out[i, 2, 1] = 2 * (y * z + w * x)
+        out[i, 2, 2] = 1 - 2 * (x * x + y * y)
+
+
+@njit(cache=True, error_model="numpy")
+def quaternions(matrix: Array, out: Array) -> None:
+    """Writes the (k, 4) unit quaternions of (k, 3, 3) matrices, w ≥ 0.
+
+    Each is a row of the outer product of the quaternion with itself, times four: that with the
+    largest square, which loses the least.
+    """
+    for i in range(len(matrix)):
+        m = matrix[i]
+        trace = m[0, 0] + m[1, 1] + m[2, 2]
+        best, largest = 0, 1 + trace
+        for k in range(3):
+            square = 1 + 2 * m[k, k] - trace
+            if square > largest:
+                best, largest = k + 1, square
+        a, b, c = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
+        d, e, f = m[1, 0] + m[0, 1], m[0, 2] + m[2, 0], m[2, 1] + m[1, 2]
+        if best == 0:
+            w, x, y, z = largest, a, b, c
+        elif best == 1:
+            w, x, y, z = a, largest, d, e
+        elif best == 2:
+            w, x, y, z = b, d, largest, f
+        else:
+            w, x, y, z = c, e, f, largest
+        length = np.sqrt(w * w + x * x + y * y + z * z)
+        if w < 0:
+            length = -length
+        out[i, 0] = w / length
+        out[i, 1] = x / length
+        out[i, 2] = y / length
+        out[i, 3] = z / length
