@@ -20,6 +20,7 @@ from rich.console import Console
 from planner.formats import write_path
 from planner.pathfinding.assembly import layered_snake
 from planner.paths import Path
+from planner.warm_up import warm_up
 from tests.benchmarks.command import fold
 from tests.benchmarks.machine import machine
 from tests.benchmarks.tables import Section
@@ -100,6 +101,7 @@ BOXES: Final = ("box-1152", "box-4096", "box-9600")
 
 def scaling(reference_seconds: float, names: tuple[str, ...] = tuple(CASES)) -> Section:
     """The commands of these names."""
+    warm_up()  # a fresh clone compiles for a minute
     section = Section(name="scaling")
     rows = {name: _run(name, {**CASES, **LONGER}[name], reference_seconds) for name in names}
     section.rows = list(rows.values())
