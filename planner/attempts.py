@@ -24,7 +24,10 @@ from planner.portfolio import Choice, Try
 from planner.record import Record
 
 FILE: Final = "attempts.json"
-MOST_VERDICTS: Final = 4
+MOST_JUDGED: Final = 6
+"""Playbacks of a fold that are judged."""
+MOST_REFUSED: Final = 4
+"""Explosions of a fold that may be refused."""
 FINER: Final = 4
 
 Attempt = dict[str, Any]
@@ -95,8 +98,12 @@ def following(attempts: list[Attempt], choice: Choice) -> str | None:
     last = attempts[-1]
     if last["verdict"].startswith("verified") or last["status"] != "straight":
         return None
-    if sum("verdict" in attempt for attempt in attempts) >= MOST_VERDICTS:
+    verdicts = [attempt for attempt in attempts if "verdict" in attempt]
+    refused = sum("finer" not in attempt for attempt in verdicts)
+    if len(verdicts) >= MOST_JUDGED:
         return None
     if last["between"] and "finer" not in last:
         return "play_back"
+    if refused >= MOST_REFUSED:
+        return None
     return "explode" if choice.after(attempts) is not None else None

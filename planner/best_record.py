@@ -17,6 +17,7 @@ from planner.record import Record
 from planner.timeline import chain_attributes
 
 ASIDE: Final = "best.zarr"
+HALF: Final = "best.part"
 
 
 class BestRecord:
@@ -36,8 +37,16 @@ class BestRecord:
             self._best = (left, chain, record)
         elif self._best is None or left < self._best[0]:
             self._best = (left, chain, record)
-            rmtree(self._directory / ASIDE, ignore_errors=True)
-            copytree(self._directory / "timeline.zarr", self._directory / ASIDE)
+            self._copy()
+
+    def _copy(self) -> None:
+        """Keeps a copy of the timeline; half of one would pass for a chain that is straight."""
+        aside = self._directory / ASIDE
+        half = self._directory / HALF
+        for old in (aside, half):
+            rmtree(old, ignore_errors=True)
+        copytree(self._directory / "timeline.zarr", half)
+        half.rename(aside)
 
     def keep(self) -> Record:
         """Puts the best one's timeline and chain where they are looked for.

@@ -5,6 +5,7 @@ It decides what is tried next, and shows people where to look.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final, Literal
 
@@ -21,7 +22,7 @@ from planner.record import Record
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Kind = Literal["knot", "buried", "contacts", "joints", "limit", "stopped"]
+Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped"]
 BENT_RAD: Final = 1.0
 MOST_BENT: Final = 0.5
 """Part of the largest bend from which on a joint counts, where none is bent so far."""
@@ -35,10 +36,11 @@ MOST_MODULES: Final = 200
 LARGEST_KNOT: Final = 4096
 """Modules up to which a knot is looked for."""
 WORDS: Final[dict[str, str]] = {
-    "knot": "its path is knotted, and the knot was drawn tight",
+    "knot": "its path is knotted, which pulling at its ends draws tight",
     "buried": "what comes next lies under modules that come later",
     "contacts": "too many modules press on each other at once",
     "joints": "some joints are held by their neighbours",
+    "broken": "the simulation broke off",
     "limit": "it was on its way when the steps it may take were used up",
     "stopped": "it was still on its way",
 }
@@ -50,7 +52,8 @@ class Diagnosis:
 
     Attributes:
         kind: ``knot`` in the path, a ``buried`` unit, a cluster of ``contacts``, stuck ``joints``,
-            or a ``limit`` that came first; ``stopped`` when it was ended from outside.
+            a simulation that is ``broken`` off, or a ``limit`` that came first; ``stopped`` when
+            it was ended from outside.
         modules: Where it sticks: modules whose joint is still bent, some of them at least.
     """
 
@@ -86,8 +89,12 @@ def diagnose(chain: Chain, record: Record) -> Diagnosis | None:
         core = int(np.argmax(np.abs(bent - folded) > 1e-6)) if (bent != folded).any() else 0
         beside = np.flatnonzero(bent[core:] > BENT_RAD) + core + first
         return _found(_kind_beside(core, record), beside)
+    if record.status == "diverged":
+        return _found("broken", stuck if len(stuck) else _most_bent(bent) + first)
     if not len(stuck):
-        return _found("limit", stuck)
+        if record.status == "timeout":
+            return _found("limit", stuck)
+        return _found("joints", _most_bent(bent) + first)
     poses = chain.poses(last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0])
     cluster = _largest_cluster(poses.positions, chain.module.apart)
     return _found("contacts" if len(cluster) >= CLUSTER * len(chain) else "joints", stuck)
@@ -98,11 +105,28 @@ def stopped(chain: Chain, last: Frames) -> Diagnosis:
 
     Args:
         chain: The chain.
-        last: Its last frame: of an explosion on its way to be straight, or to be folded.
+        last: Its last frame: of an explosion or a refold's unfolding on its way to be straight, or
+            of a playback on its way to be folded.
     """
     bent, folded = _bends(chain, last)
-    left = bent if PHASES[int(last.phase[-1])] == "explosion" else np.abs(bent - folded)
+    left = np.abs(bent - folded) if PHASES[int(last.phase[-1])] == "playback" else bent
     return _found("stopped", _most_bent(left) + chain.module.rigid_links)
+
+
+def stuck_of(
+    explosion: Mapping[str, Any] | None, attempts: Sequence[Mapping[str, Any]]
+) -> dict[str, Any] | None:
+    """Of an explosion that did not come to its end: why and where, as ``Diagnosis.as_dict``.
+
+    Args:
+        explosion: Its figures, as of ``Record.summary``.
+        attempts: What was tried, as a plan tells it; one of them is that explosion.
+    """
+    for attempt in attempts:
+        told = attempt.get("diagnosis")
+        if told and explosion == {key: attempt.get(key) for key in explosion or ()}:
+            return dict(told)
+    return None
 
 
 def _bends(chain: Chain, last: Frames) -> tuple[Array, Array]:

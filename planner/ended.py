@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Any
 
-from planner.best_record import ASIDE, bring_back, share_bent
+from planner import refused
+from planner.best_record import ASIDE, HALF, bring_back, share_bent
 from planner.chain import Chain
 from planner.diagnosis import stopped
 from planner.errors import TimelineError
+from planner.fold_files import read_record
 from planner.frames import PHASES, Frames
 from planner.timeline import Timeline
 
@@ -23,13 +26,26 @@ def look_back(directory: FilePath) -> dict[str, Any]:
         directory: Of a fold that nothing computes any more.
 
     Returns:
-        ``stuck``, as of ``Plan.summary``; empty when nothing was recorded.
+        ``stuck``, as of ``Plan.summary``; of a plan that was refused before, which came farther,
+        ``explosion`` and ``certificate``. Empty when nothing was recorded.
     """
-    last = _keep_best(directory)
-    if last is None:
-        return {}
-    chain, frame = last
-    return {"stuck": stopped(chain, frame).as_dict()}
+    rmtree(directory / HALF, ignore_errors=True)
+    if refused.bring_back(directory):
+        refused.drop(directory)
+        rmtree(directory / ASIDE, ignore_errors=True)
+        record = read_record(directory)
+        certificate = json.loads((directory / "certificate.json").read_bytes())
+        return {"explosion": record and record.summary(), "certificate": certificate}
+    return _told(_keep_best(directory))
+
+
+def where(directory: FilePath) -> dict[str, Any]:
+    """Where a fold ends that came to no plan, as ``look_back`` tells it; touches nothing."""
+    return _told(_last(directory / "timeline.zarr"))
+
+
+def _told(last: tuple[Chain, Frames] | None) -> dict[str, Any]:
+    return {} if last is None else {"stuck": stopped(*last).as_dict()}
 
 
 def _keep_best(directory: FilePath) -> tuple[Chain, Frames] | None:

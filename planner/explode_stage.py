@@ -6,7 +6,7 @@ from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Any
 
-from planner import attempts
+from planner import attempts, refused
 from planner.best_record import BestRecord
 from planner.candidates import Candidates
 from planner.fold_files import read_recorded, read_request, write_chain_folded
@@ -30,17 +30,21 @@ def explode_stage(
     Args and what it returns: as for ``planner.stages.run_stage``.
     """
     request = read_request(directory)
+    candidates = Candidates.load(directory)
+    choice = choice_of(request, candidates)
+    tried = attempts.before_explosion(directory, choice)
+    if tried:
+        refused.put_aside(directory)
+    else:
+        refused.drop(directory)
     # What an earlier fold left in this directory must not pass for a result of this one.
     for name in ("record.npz", "playback.npz", "picture.png"):
         (directory / name).unlink(missing_ok=True)
     rmtree(directory / "figures.zarr", ignore_errors=True)
-    candidates = Candidates.load(directory)
     if request.parameters().explosion is None:
         TimelineWriter.create(directory / "timeline.zarr", candidates.chains[0])
         attempts.save(directory, [])
         return {"status": "none", "reason": "", "steps": 0, "frames": 0, "seconds": 0.0}
-    choice = choice_of(request, candidates)
-    tried = attempts.before_explosion(directory, choice)
     best = BestRecord(directory)
     while (todo := choice.after(tried)) is not None:
         chain = candidates.chain_of(todo)
@@ -87,11 +91,16 @@ def _smoothed(
     """One smoothing, of which there is nothing to see before it is played back."""
     recorded = read_recorded(directory)
     TimelineWriter.create(directory / "timeline.zarr", recorded.chain)
-    progress(Progress(stage="explode", fraction=0.1, message="smoothing"))
+
+    def told(part: float) -> None:
+        progress(Progress(stage="explode", fraction=min(part, 0.99), message="smoothing"))
+
+    told(0.0)
     return smoothed_record(
         recorded,
         todo.strategy,
         size=request.parameters().module_size,
         seed=todo.seed,
+        told=told,
         cancelled=cancelled,
     )

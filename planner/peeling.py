@@ -58,6 +58,7 @@ STOP_GIVES_RAD: Final = 0.01
 ALIGNED: Final = 0.5
 TURNED: Final = 0.9
 LEAST_CLEARANCE: Final = 0.002
+ROUNDING: Final = 1e-9
 """Of a snapshot, of the way to it, and of what is made by kinematics."""
 FRAME_S: Final = 0.1
 REPORT_EVERY_S: Final = 0.1
@@ -121,6 +122,8 @@ class _Peeling:
             armature=parameters.armature,
             stop_rad=chain.module.angle_limit_rad - STOP_GIVES_RAD,
         )
+        # Folded neighbours are no farther apart than the module size leaves.
+        self.least = min(LEAST_CLEARANCE, 0.5 * (1.0 - parameters.verify_size) - ROUNDING)
         room = ROOM_USED * (parameters.geom_size - parameters.verify_size)
         self.allowed = ContactDepth.within(room, DEEP)
         self.caps = Caps(
@@ -436,7 +439,7 @@ class _Peeling:
         """
         self.segments.place(self.state)
         self.recorder.add(self._bend())
-        if not self.recorder.commit(least=LEAST_CLEARANCE):
+        if not self.recorder.commit(least=self.least):
             self._refused()
             return False
         self.time_s += 1e-6
@@ -453,7 +456,7 @@ class _Peeling:
 
     def _clear(self, bends: list[Bend]) -> bool:
         """Whether configurations, and the ways between them, may be kept."""
-        return self.proof.keeps(bends, LEAST_CLEARANCE)[0] >= LEAST_CLEARANCE
+        return self.proof.keeps(bends, self.least)[0] >= self.least
 
     def _bend(self) -> Bend:
         return Bend(

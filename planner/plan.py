@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from planner.certificate import Certificate
 from planner.chain import Chain
+from planner.diagnosis import stuck_of
 from planner.errors import InputError
 from planner.files import write_whole
 from planner.frames import PHASES, Frames
@@ -182,20 +183,12 @@ class Plan:
             "seed": self.seed,
             "refold": self._refold(),
             "smoothing": self.smoothing,
-            "stuck": self._stuck(),
+            "stuck": stuck_of(self.explosion, self.attempts),
             "attempts": len(self.attempts),
             "explosion": self.explosion or nothing,
             "playback": self.playback,
             "certificate": self.certificate.as_dict(),
         }
-
-    def _stuck(self) -> dict[str, Any] | None:
-        """Of an explosion that did not come to its end: why and where, see ``Diagnosis``."""
-        for attempt in self.attempts:
-            told = attempt.get("diagnosis")
-            if told and self.explosion == {key: attempt.get(key) for key in self.explosion or ()}:
-                return dict(told)
-        return None
 
     def _refold(self) -> dict[str, Any] | None:
         """Of a refold: what it begins folded as, and when it is straight."""

@@ -19,16 +19,18 @@ CHANGES: Final[dict[str, tuple[str, ...]]] = {
     "buried": ("end", "strategy", "path", "seed"),
     "contacts": ("forces", "strategy", "path", "seed"),
     "joints": ("path", "strategy", "end", "seed"),
+    "broken": ("strategy", "path", "seed"),
     "limit": ("strategy", "path"),
-    "refused": ("path", "seed", "forces", "strategy"),
+    "refused": ("path", "seed", "strategy", "forces"),
 }
 """What is changed first, for each reason: the end it begins at, forces, strategy, path or seed."""
 LIKELY: Final = {"peel": "buried"}
 """Why a strategy sticks, mostly; the others do so in joints."""
 
-ONE_ENDED: Final = ("peel",)
+ONE_ENDED: Final = ("peel", "one-by-one")
 """Strategies that begin at one end of the chain."""
-FORCELESS: Final = ("one-by-one",)
+SET: Final = ("one-by-one",)
+"""Strategies that neither forces nor seeds change anything of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,9 +131,9 @@ class Choice:
             if self.two_ended and here.strategy in ONE_ENDED:
                 yield replace(here, other_end=not here.other_end)
         elif change == "forces":
-            if self.forces and here.strategy not in FORCELESS:
+            if self.forces and here.strategy not in SET:
                 yield replace(here, gentle=True)
-        else:
+        elif here.strategy not in SET:
             for k in range(self.seeds):
                 yield replace(here, seed=(self.seed + k) % (LARGEST_SEED + 1))
 

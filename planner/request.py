@@ -24,7 +24,7 @@ from planner.wishes import MODULE_COUNTS, Wishes
 MODULE_SIZES: Final = (0.1, 1.0)
 LARGEST_SEED: Final = 2**32 - 1
 SMOOTH_SPACING_RAD: Final = 0.06
-"""Of the curve through a smoothed motion, the spacing of its frames."""
+"""Of the curve through a smoothed motion, the spacing of its control points."""
 SHORT_SEED: Final = 2**31
 """Path searches take seeds below this."""
 

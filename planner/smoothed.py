@@ -7,6 +7,8 @@ it is played back along a smooth curve, and the certificate judges that.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -21,6 +23,7 @@ from planner.record import Record
 from planner.reference import record_lengths
 from planner.smoothing import DISTANCE_WEIGHT, LOOKS, smooth, spacing_of
 from planner.smoothing_ways import MOST_ANGLES, RECORDED, SMOOTHED
+from planner.sweep import sweep
 
 Array = NDArray[np.float64]
 FEW_LOOKS: Final = LOOKS // 4
@@ -30,8 +33,8 @@ def check_smoothable(plan: Plan) -> None:
     """Refuses a plan that cannot be smoothed.
 
     Raises:
-        InputError: ``smooth-refold``, ``smooth-not-verified``, ``smooth-no-motion`` or
-            ``smooth-too-long``.
+        InputError: ``smooth-refold``, ``smooth-not-verified``, ``smooth-no-motion``,
+            ``smooth-no-torques`` or ``smooth-too-long``.
     """
     name = plan.chain.name
     if plan.start is not None:
@@ -49,6 +52,11 @@ def check_smoothable(plan: Plan) -> None:
         raise InputError(
             "smooth-no-motion", f"got a plan of {name} in which nothing moves, expected a motion."
         )
+    if plan.certificate.peak_torque_nm is None:
+        raise InputError(
+            "smooth-no-torques",
+            f"got a plan of {name} that tells no torques, as earlier versions made; fold it again.",
+        )
     hinges, frames = len(plan.chain.folded_rad), len(plan.motion)
     if frames * hinges <= MOST_ANGLES:
         length = record_lengths(plan.chain, plan.joint_angles_rad, DISTANCE_WEIGHT)[-1]
@@ -62,7 +70,13 @@ def check_smoothable(plan: Plan) -> None:
 
 
 def smoothed_record(
-    plan: Plan, way: str, *, size: float, seed: int, cancelled: Cancelled = never
+    plan: Plan,
+    way: str,
+    *,
+    size: float,
+    seed: int,
+    told: Callable[[float], None] | None = None,
+    cancelled: Cancelled = never,
 ) -> Record:
     """What takes the place of an explosion: a plan's motion smoothed, from folded to straight.
 
@@ -71,6 +85,7 @@ def smoothed_record(
         way: One of ``WAYS``.
         size: Module size that it is to be verified at, as a fraction of the pitch.
         seed: What randomness starts from.
+        told: Is told which part of it is done, now and then.
         cancelled: Asked now and then whether to stop; what there is by then is taken.
     """
     begun = time.perf_counter()
@@ -79,7 +94,7 @@ def smoothed_record(
     if way != RECORDED:
         looks = LOOKS if way == SMOOTHED else FEW_LOOKS
         angles = smooth(
-            plan.chain, angles, size=size, seed=seed, looks=looks, cancelled=cancelled
+            plan.chain, angles, size=size, seed=seed, looks=looks, told=told, cancelled=cancelled
         ).angles
     count = len(angles)
     stopped = cancelled()
@@ -111,9 +126,17 @@ def before_and_after(recorded: Plan, smoothed: Plan) -> dict[str, Any]:
     after = None
     if smoothed.certificate.peak_torque_nm is not None:
         after = Quality.of(smoothed, seconds).as_dict()
+    # Clearances are comparable at one module size only.
+    size = smoothed.certificate.module_size
+    before = Quality.of(recorded, seconds)
+    if recorded.certificate.module_size != size:
+        motion = recorded.motion
+        way = motion.joint_angles_rad if isinstance(motion, Frames) else motion
+        clearance = sweep(recorded.chain, way, size=size).clearance
+        before = replace(before, clearance=clearance)
     return {
         "way": (smoothed.explosion or {}).get("strategy"),
         "seconds": seconds,
-        "before": Quality.of(recorded, seconds).as_dict(),
+        "before": before.as_dict(),
         "after": after,
     }

@@ -16,6 +16,7 @@ Every motion that is kept has been proved clear by ``planner.sweep``, all betwee
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -88,6 +89,7 @@ def smooth(
     size: float,
     seed: int = 0,
     looks: int = LOOKS,
+    told: Callable[[float], None] | None = None,
     cancelled: Cancelled = never,
 ) -> Smoothed:
     """Smooths a motion. What comes of it depends on the arguments alone.
@@ -100,6 +102,7 @@ def smooth(
         seed: Decides where straight lines begin.
         looks: About how many configurations may be looked at. One costs some 0.6 µs of processor
             time for each cube, three times as much for each tetrahedron.
+        told: Is told which part of the looks is used up, now and then.
         cancelled: Asked now and then whether to stop and take what there is.
 
     Raises:
@@ -112,7 +115,7 @@ def smooth(
             f"got angles of the shape {angles.shape}, expected frames of {hinges} hinge angles.",
         )
     angles = np.ascontiguousarray(angles, dtype=np.float64)
-    run = _Smoothing(chain, angles, size, looks, np.random.default_rng(seed))
+    run = _Smoothing(chain, angles, size, looks, np.random.default_rng(seed), told)
     return Smoothed(angles=run.smoothed(cancelled), looks=run.looks)
 
 
@@ -123,9 +126,17 @@ def spacing_of(length_rad: float) -> float:
 
 class _Smoothing:
     def __init__(
-        self, chain: Chain, angles: Array, size: float, looks: int, rng: np.random.Generator
+        self,
+        chain: Chain,
+        angles: Array,
+        size: float,
+        looks: int,
+        rng: np.random.Generator,
+        told: Callable[[float], None] | None,
     ) -> None:
         self.chain = chain
+        self.all_looks = looks
+        self.told = told
         self.size = size
         self.tight = max(size, TIGHT)
         self.most_looks = looks
@@ -172,6 +183,8 @@ class _Smoothing:
             for pieces in PIECES:
                 if self.looks >= self.most_looks or cancelled():
                     return angles
+                if self.told is not None:
+                    self.told(self.looks / self.all_looks)
                 if len(angles) < FEWEST_FRAMES * pieces:
                     break
                 begins = parts(len(angles), pieces, self.rng)

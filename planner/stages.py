@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any, Final
 
-from planner import attempts
+from planner import attempts, refused
 from planner.candidates import Candidates
 from planner.certificate import Certificate, certify
 from planner.explode_stage import choice_of, explode_stage
@@ -71,6 +71,8 @@ def run_stage(
     Raises:
         InputError: From ``read``, when the input cannot be used.
     """
+    if stage == "export" and tries is not None:
+        tries.rest()  # what is written now is the end
     if stage == "explode":
         result = explode_stage(directory, progress, cancelled, tries or Tries(directory))
     else:
@@ -209,6 +211,8 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
 
 
 def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    if refused.finish(directory):
+        return {**_certificate(directory).as_dict(), "again": None}
     request, playback = read_request(directory), read_playback(directory)
     parameters = request.parameters()
     certificate = certify(
@@ -231,9 +235,16 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
             again = attempts.following(tried, choice_of(request, Candidates.load(directory)))
         if again == "explode" and _overlaps_unfolding(certificate, playback):
             again = None  # which is the same whatever the other shape's path
-    values = certificate.as_dict()
-    write_json(directory / "certificate.json", values)
-    return {**values, "again": again}
+    write_json(directory / "certificate.json", certificate.as_dict())
+    if certificate.verified:
+        refused.drop(directory)
+    elif again is None and not cancelled() and refused.bring_back(directory, certificate):
+        certificate = _certificate(directory)
+    return {**certificate.as_dict(), "again": again}
+
+
+def _certificate(directory: FilePath) -> Certificate:
+    return Certificate.from_dict(json.loads((directory / "certificate.json").read_bytes()))
 
 
 def _overlaps_unfolding(certificate: Certificate, playback: Playback | None) -> bool:
@@ -254,7 +265,7 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
     del progress, cancelled
     request, chain = read_request(directory), read_chain(directory)
     parameters = request.parameters()
-    certificate = Certificate.from_dict(json.loads((directory / "certificate.json").read_bytes()))
+    certificate = _certificate(directory)
     plan = Plan.assembled(
         chain,
         parameters,
@@ -271,6 +282,7 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
     plan.save_npz(directory / "plan.npz")
     plan.save_json(directory / "plan.json")
     work_out_figures(directory)
+    refused.drop(directory)
     return plan.summary()
 
 

@@ -16,9 +16,9 @@ from pathlib import Path as FilePath
 
 from planner.candidates import Candidates
 from planner.files import write_whole
+from planner.fold_files import read_request
 from planner.portfolio import Try
 from planner.progress import Progress
-from planner.request import Request
 from planner.tries import GRACE_S, make_try, write_made
 
 
@@ -29,7 +29,7 @@ def main() -> None:
     place = FilePath.cwd()
     fold = place.parent.parent
     todo = Try(**json.loads(sys.argv[1]))
-    request = Request(**json.loads((fold / "request.json").read_bytes()))
+    request = read_request(fold)
     chain = Candidates.load(fold).chain_of(todo)
     write_made(place, make_try(place, request.parameters(), chain, todo, _tell, unwanted.is_set))
 

@@ -18,6 +18,7 @@ from planner.pathfinding.assembly import layered_snake
 from planner.paths import Path
 from planner.request import Request
 from planner.retiming import retime
+from planner.smooth_plan import smooth_plan
 from planner.stages import run_stages
 from planner.warm_up_paths import SMALL_SHAPE, warm_up_chains, warm_up_paths
 
@@ -26,9 +27,11 @@ SMALL_BOX: Final = (2, 4, 5)
 
 
 def warm_up() -> None:
-    """Finds a path, folds and retimes a tiny shape, peels another: seconds, then a moment."""
+    """Finds a path, folds, retimes, smooths, peels tiny shapes: a moment once compiled."""
     warm_up_paths()
-    retime(fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up")), 1.0, 1.0)
+    plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
+    retime(plan, 1.0, 1.0)
+    smooth_plan(plan)
     chain = warm_up_chains()
     still = np.tile(chain.folded_rad, (2, 1))
     clearances_of(chain, still, size=0.95)

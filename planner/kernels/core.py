@@ -44,7 +44,7 @@ def box_cover(grid: Grid, last: int, out: Ints) -> int:
     """Covers the cells with numbers 0 to ``last`` with boxes, greedily; how many there are.
 
     Args:
-        grid: See ``window_clearance``.
+        grid: The number of the module in each cell; negative in an empty one.
         last: Largest number of a module that is covered.
         out: (B, 6) written: least cell and size of each box; B is enough for all.
     """

@@ -17,6 +17,8 @@ import uvicorn
 from fastapi import FastAPI
 from fastapi.responses import RedirectResponse
 
+from planner.diagnosis import stuck_of
+from planner.ended import where
 from planner.errors import TimelineError
 from planner.stages import work_out_figures
 from planner.timeline import Timeline
@@ -97,13 +99,17 @@ def row_of(directory: Path) -> FolderRow:
     certificate = plan.get("certificate") or _json(directory / "certificate.json")
     verified = certificate.get("verdict") == "verified"
     status = "verified" if verified else "failed"
-    reason = str(certificate.get("verdict") or "no certificate is there")
+    reason = str(certificate.get("verdict") or "it came to no plan")
     summary: dict[str, Any] = {
         "status": status,
         "reason": None if verified else reason.removeprefix("failed: "),
         "certificate": certificate,
         **{k: plan[k] for k in ("explosion", "playback", "seed", "smoothing") if k in plan},
     }
+    if plan:
+        summary["stuck"] = stuck_of(plan.get("explosion"), plan.get("attempts") or ())
+    elif not certificate:
+        summary |= where(directory)
     if plan.get("start"):
         summary["refold"] = {"start": plan["start"]["name"]}
     return FolderRow(

@@ -68,8 +68,8 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
         "frames": frames_promised(directory),
         "refoldable": api and row.status == "verified",
         "smoothable": api and _smoothable(row, summary),
-        "smoothing": _smoothing(row, summary, api=api),
-        "compare": _compare(row) if api and not running else [],
+        "smoothing": _smoothing(found if api else None, summary),
+        "compare": _compare(found) if api and not running else [],
         "embed": f"/embed/{row.id}" if embed else None,
         "movies": api and not running and frames_promised(directory) > 0,
         "robot": api and row.status == "verified",
@@ -162,8 +162,9 @@ def _again(row: Any) -> dict[str, Any] | None:
     return {"text": "Try another seed", "form": {**form, "seed": seed}}
 
 
-def _compare(row: Any) -> list[dict[str, Any]]:
+def _compare(found: Found) -> list[dict[str, Any]]:
     """What a fold may be set beside: words for a button, and the form to send for the other."""
+    row = found.row
     form: dict[str, Any] = {"fold": row.id, "seed": row.seed}
     if row.module_size is not None:
         form["module_size"] = row.module_size
@@ -171,19 +172,19 @@ def _compare(row: Any) -> list[dict[str, Any]]:
     other = {**form, "preset": row.preset, "seed": seed}
     another = {"text": "Another seed", "hint": f"Seed {seed}", "form": other}
     if getattr(row, "smooths", None):
-        recorded = {"text": "As recorded", "hint": "What was smoothed", "id": row.smooths}
-        return [recorded, another]
+        recorded = {"text": "As recorded", "hint": "What was smoothed", "id": found.recorded}
+        return [recorded, another] if found.recorded else [another]
     ways = (
         ("default", "Reverse explosion", "Our preset"),
         ("direct", "Direct servoing", "Straight to the shape, without a record"),
         ("paper", "As published", "The paper's parameters; takes minutes"),
     )
-    found = [
+    others = [
         {"text": text, "hint": hint, "form": {**form, "preset": preset}}
         for preset, text, hint in ways
         if preset != row.preset
     ]
-    return [*found, another]
+    return [*others, another]
 
 
 def _smoothable(row: Any, summary: dict[str, Any]) -> bool:
@@ -194,15 +195,15 @@ def _smoothable(row: Any, summary: dict[str, Any]) -> bool:
     return frames * int(summary.get("hinges") or 0) <= MOST_ANGLES
 
 
-def _smoothing(row: Any, summary: dict[str, Any], *, api: bool) -> dict[str, Any] | None:
-    """What smoothing has changed, in words; None of a recorded plan."""
+def _smoothing(found: Found | None, summary: dict[str, Any]) -> dict[str, Any] | None:
+    """What smoothing has changed, in words; None of a recorded plan. No links without a fold."""
     if not (smoothing := summary.get("smoothing")):
         return None
-    of = getattr(row, "smooths", None)
+    of = found and found.recorded
     return {
         "rows": [asdict(told) for told in rows_of(smoothing)],
         "note": note_of(smoothing),
-        "compare": f"/compare?a={of}&b={row.id}" if api and of else None,
+        "compare": f"/compare?a={of}&b={found.row.id}" if found and of else None,
     }
 
 

@@ -14,10 +14,12 @@ HEADINGS: Final = {
     "buried": "Stuck: buried modules",
     "contacts": "Stuck: modules press on each other",
     "joints": "Stuck: joints that do not turn",
+    "broken": "The simulation broke off",
     "limit": "Not finished",
     "stopped": "Not finished",
     "overlap": "Modules overlap",
     "off": "It ends beside its shape",
+    "refused": "Not verified",
 }
 STAGES: Final = {
     "read": "reading the input",
@@ -26,7 +28,10 @@ STAGES: Final = {
     "certify": "checking the clearance",
     "export": "writing the plan",
 }
-"""As ``words.js`` calls them."""
+MOVING: Final = ("explode", "play_back")
+"""Stages that end with another frame than they were ended at."""
+BESIDE: Final = re.compile(r"ends .* from the folded shape|does not end folded")
+"""Verdicts on where a fold ends."""
 ENDS: Final = {
     "stalled": "stuck",
     "timeout": "not straight",
@@ -48,14 +53,13 @@ def failure(row: Any, summary: dict[str, Any]) -> dict[str, Any] | None:
     if told := summary.get("stuck"):
         kind, modules, text = told["kind"], told["modules"], told["words"]
         if kind == "stopped":
-            why = str((row.error or {}).get("detail") or "it was cancelled.")
-            text = f"{_plain(why)} {sentence(told['words'])}"
-            text += f", with {len(modules)} joints to go" if modules else ""
+            text = _stopped(row, text)
     elif overlap := _overlap(summary):
         kind, modules, text = "overlap", overlap["modules"] or [], overlap["words"]
         frame = overlap["frame"] + (exploding(summary) or 0)
-    elif "certificate" in summary:
-        kind, modules, text = "off", [], str(summary.get("reason") or "")
+    elif summary.get("certificate"):
+        modules, text = [], str(summary.get("reason") or "")
+        kind = "off" if BESIDE.search(text) else "refused"
     else:
         return None
     text = sentence(text.rstrip("."))
@@ -69,6 +73,16 @@ def exploding(summary: dict[str, Any]) -> int | None:
         return 0
     frames = (summary.get("explosion") or {}).get("frames")
     return frames if isinstance(frames, int) else None
+
+
+def _stopped(row: Any, words: str) -> str:
+    """What ended a fold from outside, and where it was then."""
+    parts = ["it was cancelled"] if row.status == "cancelled" else []
+    if detail := (row.error or {}).get("detail"):
+        parts = [_plain(str(detail))]
+    if row.stage is None or row.stage in MOVING:
+        parts.append(words)
+    return ". ".join(sentence(part.rstrip(".")) for part in parts)
 
 
 def _plain(detail: str) -> str:

@@ -13,10 +13,15 @@ FOLD_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A fold: its row and the directory of its files."""
+    """A fold: its row and the directory of its files.
+
+    Attributes:
+        recorded: Of a smoothed fold, the id of the one that was smoothed, while that is there.
+    """
 
     row: Any
     directory: Path
+    recorded: str | None = None
 
 
 def find_now(app: Any, fold_id: str) -> Found | None:
@@ -24,14 +29,20 @@ def find_now(app: Any, fold_id: str) -> Found | None:
     if not FOLD_ID.fullmatch(fold_id):
         return None
     store = app.state.context.store
-    try:
-        row = store.fold(fold_id)
-    except LookupError:
-        return None
+    row = _row(store, fold_id)
     if row is None:
         return None
     store.looked(row)
-    return Found(row, store.folders.shown(row))
+    smooths = getattr(row, "smooths", None)
+    recorded = smooths if smooths and _row(store, smooths) is not None else None
+    return Found(row, store.folders.shown(row), recorded)
+
+
+def _row(store: Any, fold_id: str) -> Any:
+    try:
+        return store.fold(fold_id)
+    except LookupError:
+        return None
 
 
 async def find_fold(app: Any, fold_id: str) -> Found | None:

@@ -6,6 +6,7 @@ import asyncio
 import hashlib
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -53,7 +54,8 @@ async def embedded(request: Request, fold_id: str) -> Response:
             "There is no such fold", "The link may be incomplete, or the fold was deleted."
         )
     else:
-        facts = await asyncio.to_thread(fold_facts, found)
+        # Who may see the one need not have the link of the other.
+        facts = await asyncio.to_thread(fold_facts, replace(found, recorded=None))
         answer = page("embed.html", facts=facts, facts_json=script_json(facts), details=False)
     policy = POLICY.replace("frame-ancestors 'self'", _ancestors(request))
     answer.headers["Content-Security-Policy"] = policy

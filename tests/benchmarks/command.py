@@ -8,12 +8,17 @@ import re
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+import psutil
+
+LOOK_S: Final = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +29,8 @@ class Run:
         summary: Its JSON object.
         code: Its exit code.
         wall_s: From start to end of the process, imports included.
-        peak_mb: Most memory that was resident.
+        peak_mb: Most memory that was resident, of it and the processes that it starts; what they
+            share counts for each.
     """
 
     summary: dict[str, Any]
@@ -43,16 +49,30 @@ def fold(shape: str, *options: str, out: Path | None = None) -> Run:
         begun = time.perf_counter()
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
         assert process.stdout is not None
+        seen: list[int] = []
+        watch = threading.Thread(target=_watch, args=(process.pid, seen))
+        watch.start()
         output = process.stdout.read()
         _, status, usage = os.wait4(process.pid, 0)
         wall_s = time.perf_counter() - begun
         process.returncode = os.waitstatus_to_exitcode(status)
+        watch.join()
     return Run(
         summary=json.loads(output.splitlines()[-1]),
         code=process.returncode,
         wall_s=wall_s,
-        peak_mb=usage.ru_maxrss / 1024,
+        peak_mb=max(usage.ru_maxrss * 1024, *seen, 0) / 2**20,
     )
+
+
+def _watch(pid: int, seen: list[int]) -> None:
+    """Bytes that a process and those that it has started hold, until it ends."""
+    with suppress(psutil.Error):
+        process = psutil.Process(pid)
+        while process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
+            every = [process, *process.children(recursive=True)]
+            seen.append(sum(one.memory_info().rss for one in every))
+            time.sleep(LOOK_S)
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """The gallery and meshes of blocks with five seeds each: how many fold at once, how many at all.
 
-``python -m tests.benchmarks.seeds`` runs what is missing in ``out/seeds.jsonl``; it can be stopped
-at any time and goes on where it was.
+``python -m tests.benchmarks.seeds`` runs what is missing in ``out/seeds-….jsonl``, a file for each
+version of the planner; it can be stopped at any time and goes on where it was.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from planner.errors import InputError
 from planner.request import Request
 from planner.warm_up import warm_up
 from tests.benchmarks.meshes import MESHES
-from tests.benchmarks.stored import judge, run_missing
+from tests.benchmarks.stored import judge, run_missing, version_of
 from tests.benchmarks.tables import Section
 
-RUNS: Final = Path(__file__).parents[2] / "out" / "seeds.jsonl"
+OUT: Final = Path(__file__).parents[2] / "out"
 SEEDS: Final = 5
 MODULES: Final = 240
 """Of a mesh: some thirty blocks of 2×2×2."""
@@ -85,11 +85,16 @@ def _input(case: Case) -> tuple[Request, bytes]:
     return request, mesh.export(file_type="stl")
 
 
+def runs() -> Path:
+    """Where the runs of this version of the planner are stored."""
+    return OUT / f"seeds-{version_of('planner')}.jsonl"
+
+
 def seeds(reference_seconds: float) -> Section:
     """Every shape with every seed."""
     del reference_seconds
     warm_up()
-    return section_of(run_missing(RUNS, cases(), run))
+    return section_of(run_missing(runs(), cases(), run))
 
 
 def section_of(rows: list[dict[str, Any]]) -> Section:
@@ -130,7 +135,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1)
     wishes = parser.parse_args()
     warm_up()
-    rows = run_missing(RUNS, cases(), run, minutes=wishes.minutes, workers=wishes.workers)
+    rows = run_missing(runs(), cases(), run, minutes=wishes.minutes, workers=wishes.workers)
     section_of(rows).show(Console(width=160))
 
 

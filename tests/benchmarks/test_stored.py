@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from tests.benchmarks.seeds import Case
-from tests.benchmarks.stored import run_missing, stored
+from tests.benchmarks.stored import run_missing, stored, version_of
 
 CASES = [Case(kind="gallery", shape="letter-l", seed=seed) for seed in range(7)]
 
@@ -28,3 +28,7 @@ def test_what_is_stored_is_not_run_again(tmp_path: Path, workers: int) -> None:
     assert run_missing(path, CASES, nothing, workers=workers) == rows
     assert len(path.read_text().splitlines()) == 7
     assert set(stored(path, Case)) == set(CASES)
+
+
+def test_versions_of_packages_differ() -> None:
+    assert version_of("planner") == version_of("planner") != version_of("server")

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable, Iterator
 
 import pytest
 from playwright.sync_api import Page, expect
 
+from planner.pathfinding.assembly import layered_snake
 from planner.timeline import Timeline
 from tests.browser.conftest import keep, picture
 from tests.browser.test_fold_page import shown_frame
 from tests.planner.test_knots import OVERHAND, walk
-from tests.server.service import Service, owner
+from tests.server.service import Service, over, owner
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
@@ -117,6 +119,43 @@ def test_a_time_limit_on_a_phone(visit: Visit, hasty: Service) -> None:
     expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 1 of"))
 
 
+@pytest.mark.long
+def test_a_memory_limit(
+    visit: Visit, service: Service, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    cells = layered_snake((8, 8, 8)).tolist()
+    begun, ended = exploding_bytes(service, cells)
+    assert ended - begun > 2**23
+    limit = (begun + ended) // 2
+    small = Service(tmp_path_factory.mktemp("small") / "data", child_memory_bytes=limit).start()
+    try:
+        fold = small.fold(cells, strategy="simultaneous")["id"]
+        state = small.wait_over(fold)
+        assert (state["stage"], state["error"]["code"]) == ("explode", "memory-limit"), state
+        frames = Timeline.open(small.directory(fold) / "timeline.zarr")
+        assert frames.status == "failed" and len(frames) > 2
+        page = opened(visit(f"{small.http.base_url}/folds/{fold}", **LAPTOP))
+        expect(page.locator("#stuck-heading")).to_have_text("Not finished")
+        expect(page.locator("#stuck-text")).to_contain_text(f"more than the {limit // 2**20} MiB")
+        assert looked_at(page, "failure-memory") == state["summary"]["stuck"]["modules"]
+        assert shown_frame(page) == len(frames) - 1
+        page.keyboard.press("Home")
+        expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 1 of"))
+    finally:
+        assert small.stop() == 0
+
+
+def exploding_bytes(service: Service, cells: object) -> tuple[int, int]:
+    """What the process of a fold has in memory as its explosion begins, and as it ends."""
+    fold = service.fold(cells, strategy="simultaneous")["id"]
+    seen: list[int] = []
+    while not over(state := service.state(fold)):
+        if state["stage"] == "explode":
+            seen.append(max(p.memory_info().rss for p in service.processes("server.child")))
+        time.sleep(0.05)
+    return seen[0], seen[-1]
+
+
 def test_a_cancelled_fold(visit: Visit, service: Service) -> None:
     accepted = service.fold(shape="wrench-160", preset="paper")
     service.wait_exploding(accepted["id"])
@@ -126,6 +165,7 @@ def test_a_cancelled_fold(visit: Visit, service: Service) -> None:
     expect(page.locator("#stuck-text")).to_contain_text("It was cancelled. It was still on its way")
     expect(page.locator("#stuck-go")).to_have_text("Show where")
     assert looked_at(page, "failure-cancelled")
+    assert page.locator("#jump option[value=stuck]").get_attribute("hidden") is None
     page.locator("#jump").select_option("stuck")
     expect(page.locator("#again")).to_contain_text("Fold again")
 
@@ -158,7 +198,7 @@ def test_a_verified_fold_has_no_such_card(visit: Visit, service: Service) -> Non
     service.wait_over(fold)
     page = opened(visit(f"/folds/{fold}"))
     expect(page.locator("#stuck")).to_be_hidden()
-    assert page.locator("#jump option[value=stuck]").is_hidden()
+    expect(page.locator("#jump option[value=stuck]")).to_have_attribute("hidden", "")
     assert page.evaluate(ORANGE) == []
     # What came out at once has nothing to tell of attempts.
     page.locator("#details").click()

@@ -26,6 +26,10 @@ def coil(modules: int) -> Chain:
     return Chain.from_path(Path.from_cells(cells, name="coil"))
 
 
+COIL = Path.from_cells(np.round(coil(12).folded_poses.positions).astype(int), name="coil")
+"""A path that folds in a moment."""
+
+
 def random_angles(chain: Chain, rng: np.random.Generator, most: float = 1.5) -> Array:
     """(J,) hinge angles."""
     return rng.uniform(-most, most, len(chain.folded_rad))

@@ -11,7 +11,7 @@ import pytest
 from planner import attempts
 from planner.best_record import ASIDE
 from planner.chain import Chain
-from planner.ended import look_back
+from planner.ended import look_back, where
 from planner.fold_files import write_request
 from planner.formats import write_path
 from planner.frames import Frames
@@ -31,7 +31,7 @@ def recorded(path: FilePath, chain: Chain, share: float, phase: str = "explosion
     angles = np.linspace(1.0, share, 4)[:, None] * chain.folded_rad
     folded = chain.folded_poses
     frames = Frames.of_phase(
-        "playback" if phase == "playback" else "explosion",
+        phase,
         time_s=np.arange(4.0),
         joint_angles_rad=angles,
         root_position=np.tile(folded.positions[chain.root], (4, 1)),
@@ -60,6 +60,21 @@ def test_of_a_playback_it_tells_what_is_not_folded_yet(tmp_path: FilePath) -> No
     recorded(tmp_path / "timeline.zarr", CHAIN, 0.0, "playback")
     turns = np.flatnonzero(np.abs(CHAIN.folded_rad).reshape(-1, 2).max(axis=1) > 1.0) + 1
     assert look_back(tmp_path)["stuck"]["modules"] == turns.tolist()
+
+
+def test_of_an_unfolding_it_tells_what_is_not_straight_yet(tmp_path: FilePath) -> None:
+    """What is bent as the other shape is has to become straight first, too."""
+    recorded(tmp_path / "timeline.zarr", CHAIN, 1.0, "unfolding")
+    turns = np.flatnonzero(np.abs(CHAIN.folded_rad).reshape(-1, 2).max(axis=1) > 1.0) + 1
+    assert look_back(tmp_path)["stuck"]["modules"] == turns.tolist()
+
+
+def test_who_only_looks_changes_nothing(tmp_path: FilePath) -> None:
+    recorded(tmp_path / "timeline.zarr", CHAIN, 0.8)
+    recorded(tmp_path / ASIDE, OTHER, 0.3)
+    assert where(tmp_path)["stuck"]["modules"]
+    assert (tmp_path / ASIDE).exists()
+    assert where(tmp_path / "nothing") == {}
 
 
 @pytest.mark.parametrize(("aside", "kept"), [(0.3, OTHER), (0.9, CHAIN)])

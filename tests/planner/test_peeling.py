@@ -91,6 +91,13 @@ def test_a_snake_is_clear_at_a_size_of_98_percent() -> None:
     assert found.bound > 0.0
 
 
+def test_modules_that_leave_hardly_a_gap_are_peeled_too() -> None:
+    """Folded neighbours are as close as their size has it, which is no reason to go back."""
+    chain = chain_of(snake_path((4, 4, 4)))
+    record = peel(chain, replace(DEFAULT, geom_size=0.9995, verify_size=0.9985))
+    assert record.status == "straight", record.reason
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_table_is_clear_at_98_percent_between_all_frames(seed: int) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner import attempts
 from planner.best_record import BestRecord, bent
 from planner.chain import Chain
 from planner.diagnosis import diagnose
@@ -91,7 +92,9 @@ def test_a_buried_unit_is_reached_from_the_other_end() -> None:
 def test_what_presses_too_hard_is_let_go_more_gently() -> None:
     choice = Choice(strategies=(BOTH,), seed=0, forces=True)
     assert way(choice, "contacts")[1] == Try(0, 0, "simultaneous", gentle=True)
-    assert way(choice, "refused")[3] == Try(0, 2, "simultaneous", gentle=True)
+    assert way(choice, "refused")[3] == Try(0, 2, "peel")
+    alone = Choice(strategies=(("simultaneous",),), seed=0, forces=True)
+    assert way(alone, "refused")[3] == Try(0, 2, "simultaneous", gentle=True)
 
 
 def test_a_chain_from_its_other_end_fills_the_same_cells() -> None:
@@ -101,6 +104,28 @@ def test_a_chain_from_its_other_end_fills_the_same_cells() -> None:
     np.testing.assert_allclose(
         other.folded_poses.positions, box.folded_poses.positions[::-1], atol=1e-12
     )
+
+
+def test_what_no_seed_changes_is_not_repeated_with_others() -> None:
+    choice = Choice(strategies=(("peel", "one-by-one"),), seed=0, two_ended=True, forces=True)
+    laid = [found for found in way(choice, "buried") if found.strategy == "one-by-one"]
+    assert {found.seed for found in laid} == {0}
+    assert {found.other_end for found in laid} == {True, False}
+    assert not any(found.gentle for found in laid)
+
+
+def test_another_strategy_is_tried_before_a_fold_is_given_up() -> None:
+    choice = Choice(strategies=(BOTH,), seed=0, forces=True)
+    tried = [asdict(Try(0, 0, "simultaneous"))]
+    while True:
+        last = {**tried[-1], "status": "straight", "verdict": "failed: …", "between": False}
+        tried[-1] = last
+        if attempts.following(tried, choice) is None:
+            break
+        todo = choice.after(tried)
+        assert todo is not None
+        tried.append(asdict(todo))
+    assert [attempt["strategy"] for attempt in tried] == ["simultaneous"] * 3 + ["peel"]
 
 
 def test_finer_frames_are_no_explosion() -> None:
@@ -146,6 +171,11 @@ def test_a_diagnosis_tells_where_it_sticks() -> None:
     straight = replace(record.frames, joint_angles_rad=0.0 * stairs.folded_rad[None])
     late = diagnose(stairs, replace(record, frames=straight, status="timeout"))
     assert late is not None and (late.kind, late.modules) == ("limit", ())
+    half = replace(record.frames, joint_angles_rad=0.5 * stairs.folded_rad[None])
+    for status, kind in (("stalled", "joints"), ("diverged", "broken"), ("timeout", "limit")):
+        found = diagnose(stairs, replace(record, frames=half, status=status))
+        assert found is not None and found.kind == kind
+        assert bool(found.modules) == (kind != "limit")
     json.dumps(late.as_dict())
 
 
@@ -206,9 +236,8 @@ def test_all_that_was_tried_is_in_the_plan(
     ]
     cells += [(2 - x if y % 2 == 0 else x, 2 - y, 1) for y in range(3) for x in range(3)]
     path = write_path(Path.from_cells(cells, name="slab"))
-    write_request(tmp_path / "auto", Request(), path) if (
-        tmp_path / "auto"
-    ).mkdir() is None else None
+    (tmp_path / "auto").mkdir()
+    write_request(tmp_path / "auto", Request(), path)
     summary = run_stages(tmp_path / "auto")
     assert summary["status"] == "verified"
     plan = Plan.load(tmp_path / "auto" / "plan.npz")

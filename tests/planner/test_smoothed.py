@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from planner import stages
+from planner.certificate import Certificate, Place, certify
 from planner.errors import InputError
 from planner.frames import Frames
 from planner.plan import Plan
@@ -24,6 +25,7 @@ from planner.smooth_plan import smooth_plan, write_smooth
 from planner.smoothed import check_smoothable, smoothed_record
 from planner.smoothing_ways import RECORDED, SMOOTHED, SOFTENED
 from planner.stages import run_stages
+from planner.sweep import sweep
 from planner.timeline import Timeline
 from planner.verification import verify
 from tests.planner.conftest import Folded
@@ -135,6 +137,43 @@ def test_what_the_certificate_refuses_is_smoothed_less(
     ]
 
 
+def test_overlaps_between_frames_leave_the_last_way_to_be_tried(
+    folded: Callable[..., Folded], tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def judge(*arguments: Any, **more: Any) -> Certificate:
+        found = certify(*arguments, **more)
+        if json.loads((tmp_path / "attempts.json").read_text())[-1]["strategy"] == RECORDED:
+            return found
+        place = Place(frame=3.5, modules=(1, 9))
+        return replace(
+            found,
+            verdict="failed: in the simulated playback, modules 1 and 9 overlap",
+            min_clearance_playback=-0.001,
+            min_clearance_playback_at=place,
+        )
+
+    monkeypatch.setattr("planner.stages.certify", judge)
+    plan = smooth_plan(folded("wrench-24").plan, directory=tmp_path)
+    assert plan.verified
+    assert [(a["strategy"], a.get("finer", 1)) for a in plan.attempts] == [
+        *((SMOOTHED, 1), (SMOOTHED, 4), (SOFTENED, 1), (SOFTENED, 4), (RECORDED, 1))
+    ]
+
+
+def test_clearances_before_and_after_are_at_one_module_size(
+    folded: Callable[..., Folded],
+) -> None:
+    wrench = folded("wrench-24").plan
+    size = 0.99
+    plan = smooth_plan(wrench, module_size=size)
+    assert plan.smoothing is not None
+    before = plan.smoothing["before"]["clearance"]
+    assert wrench.certificate.min_clearance is not None
+    assert before < wrench.certificate.min_clearance
+    swept = sweep(wrench.chain, wrench.joint_angles_rad, size=size).clearance
+    assert before == pytest.approx(swept, abs=1e-9)
+
+
 def test_an_interrupted_smoothing_comes_to_the_same(
     made: FilePath, plan: Plan, tmp_path: FilePath
 ) -> None:
@@ -166,6 +205,8 @@ def test_what_cannot_be_smoothed_is_refused_in_words(
     assert refused(changed(wrench, certificate=certificate)) == "smooth-not-verified"
     still = replace(wrench.certificate, fold_time_s=0.0)
     assert refused(changed(wrench, certificate=still)) == "smooth-no-motion"
+    older = replace(wrench.certificate, peak_torque_nm=None)
+    assert refused(changed(wrench, certificate=older)) == "smooth-no-torques"
     assert refused(refold(wrench, folded("mallet-24").chain)) == "smooth-refold"
     monkeypatch.setattr("planner.smoothed.MOST_ANGLES", 1000)
     assert refused(wrench) == "smooth-too-long"

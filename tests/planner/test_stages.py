@@ -18,7 +18,6 @@ from planner.explosion import explode
 from planner.fold_files import write_request
 from planner.formats import write_path
 from planner.frames import PHASES
-from planner.paths import Path
 from planner.plan import Plan
 from planner.progress import Progress
 from planner.record import Record
@@ -26,10 +25,9 @@ from planner.request import Request
 from planner.segments import Acceleration, Segments, State
 from planner.stages import STAGES, next_stage, run_stage, run_stages
 from planner.timeline import Timeline
-from tests.planner.chains import coil
+from tests.planner.chains import COIL
 
 Array = NDArray[np.float64]
-COIL = Path.from_cells(np.round(coil(12).folded_poses.positions).astype(int), name="coil")
 OUTPUTS = {
     "read": ["candidates.json", "chain.json"],
     "explode": ["attempts.json", "record.npz"],
@@ -359,7 +357,9 @@ def test_a_plan_that_is_always_refused_ends_as_a_failure(
     directory = begun(tmp_path / "fold")
     assert run_stages(directory)["status"] == "failed"
     attempts = Plan.load(directory / "plan.json").attempts
-    assert [(a["seed"], a.get("finer", 1)) for a in attempts] == [(0, 1), (0, 4), (1, 1), (1, 4)]
+    assert [(a["seed"], a.get("finer", 1)) for a in attempts] == [
+        *((0, 1), (0, 4), (1, 1), (1, 4), (2, 1), (2, 4))
+    ]
 
 
 @pytest.mark.parametrize("at", [4, 5, 6])
@@ -393,8 +393,7 @@ def test_what_was_published_is_not_tried_again(
 
 
 def test_a_fold_that_was_read_before_there_were_other_ends_goes_on(tmp_path: FilePath) -> None:
-    path = Path.from_cells(np.round(coil(12).folded_poses.positions).astype(int), name="coil")
-    write_request(tmp_path, Request(), write_path(path))
+    write_request(tmp_path, Request(), write_path(COIL))
     run_stage("read", tmp_path)
     candidates = tmp_path / "candidates.json"
     chains = json.loads(candidates.read_bytes())["chains"]

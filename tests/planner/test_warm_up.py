@@ -21,7 +21,9 @@ from planner.formats import write_path
 from planner.pathfinding.assembly import layered_snake
 from planner.paths import Path
 from planner.fold_files import write_request
+from planner.plan import Plan
 from planner.request import Request
+from planner.smooth_plan import smooth_plan
 from planner.stages import run_stages
 from planner.warm_up import warm_up
 
@@ -41,6 +43,8 @@ for strategy in ("simultaneous", "peel", "blocks"):
     with TemporaryDirectory() as place:
         write_request(FilePath(place), Request(strategy=strategy), path)
         assert run_stages(FilePath(place))["status"] == "verified", strategy
+        if strategy == "simultaneous":
+            assert smooth_plan(Plan.load(FilePath(place) / "plan.npz")).verified
 print(json.dumps([name for name, count in kernels().items() if count != before.get(name, 0)]))
 """
 

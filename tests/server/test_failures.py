@@ -12,8 +12,10 @@ from server.routes.failures import attempts, failure
 KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted."}
 
 
-def row(status: str = "failed", error: dict[str, Any] | None = None) -> Any:
-    return SimpleNamespace(status=status, error=error)
+def row(
+    status: str = "failed", error: dict[str, Any] | None = None, stage: str | None = "explode"
+) -> Any:
+    return SimpleNamespace(status=status, error=error, stage=stage)
 
 
 def test_what_is_verified_or_goes_on_has_no_failure() -> None:
@@ -36,7 +38,11 @@ def test_a_limit_says_what_was_exceeded_and_how_far_it_came() -> None:
     error = {"code": "time-limit", "detail": "the stage 'explode' took long.", "where": "explode"}
     told = failure(row(error=error), {"stuck": stuck})
     assert told is not None
-    assert told["text"] == "Exploding took long. It was on its way, with 2 joints to go."
+    assert told["text"] == "Exploding took long. It was on its way."
+    # What was complete by then is not told to be on its way.
+    detail = {"detail": "the stage 'certify' failed: KeyError: 'x'"}
+    told = failure(row(error=detail, stage="certify"), {"stuck": stuck})
+    assert told is not None and told["text"] == "Checking the clearance failed: KeyError: 'x'."
     cancelled = failure(row("cancelled"), {"stuck": stuck})
     assert cancelled is not None and cancelled["text"].startswith(
         "It was cancelled. It was on its way"
@@ -67,11 +73,16 @@ def test_an_overlap_is_shown_where_it_is_along_the_timeline() -> None:
 
 
 def test_a_playback_that_ends_elsewhere_says_so() -> None:
-    summary = {"certificate": {"min_clearance": 0.1}, "reason": "the playback ends 1 pitch away"}
+    summary = {
+        "certificate": {"min_clearance": 0.1},
+        "reason": "the playback ends 1 pitch (RMS) from the folded shape",
+    }
     told = failure(row(), summary)
     assert told is not None
     assert (told["heading"], told["modules"]) == ("It ends beside its shape", [])
-    assert told["text"] == "The playback ends 1 pitch away."
+    assert told["text"] == "The playback ends 1 pitch (RMS) from the folded shape."
+    beyond = failure(row(), {**summary, "reason": "the plan bends a joint beyond its range"})
+    assert beyond is not None and beyond["heading"] == "Not verified"
 
 
 def test_every_attempt_tells_how_it_was_made_and_how_it_ended(tmp_path: Path) -> None:

@@ -58,6 +58,25 @@ def test_a_verified_fold_is_smoothed_as_a_fold_of_its_own(
     assert service.state(wrench)["smooths"] is None
 
 
+def test_it_leads_to_the_recorded_one_only_while_that_is_there(
+    service: Service, wrench: str, smoothed: dict[str, Any]
+) -> None:
+    accepted = service.fold(shape="wrench-24", seed="43", module_size="0.9")
+    service.wait_over(accepted["id"])
+    fold_id = service.fold(smooth=accepted["id"])["id"]
+    assert service.wait_over(fold_id)["status"] == "verified"
+    answer = service.http.delete(f"/api/folds/{accepted['id']}", headers=owner(accepted))
+    assert answer.status_code == 204
+    facts = service.http.get(f"/folds/{fold_id}/facts").json()
+    assert facts["smoothing"]["rows"] and facts["smoothing"]["compare"] is None
+    assert [other["text"] for other in facts["compare"]] == ["Another seed"]
+    # Nor does a site that shows it give away the link of the other.
+    shown = smoothed["state"]["id"]
+    assert wrench in service.http.get(f"/folds/{shown}").text
+    embedded = service.http.get(f"/embed/{shown}").text
+    assert shown in embedded and wrench not in embedded
+
+
 def test_its_page_says_what_has_changed(
     service: Service, wrench: str, smoothed: dict[str, Any]
 ) -> None:

@@ -40,6 +40,7 @@ export class Failure {
   }
 
   unfold(open) {
+    if (!open && get("stuck-more").contains(document.activeElement)) get("stuck-fold").focus();
     get("stuck-more").hidden = !open;
     get("stuck-fold").setAttribute("aria-expanded", String(open));
   }
@@ -79,5 +80,5 @@ export class Failure {
 
 function named(modules) {
   const some = modules.slice(0, NAMED).join(", ");
-  return `Modules ${some}${modules.length > NAMED ? ` and ${modules.length - NAMED} more` : ""}`;
+  return `Modules ${some}${modules.length > NAMED ? ", …" : ""}`;
 }

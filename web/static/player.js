@@ -46,6 +46,7 @@ export class Player extends Teller {
     this.selected = null;
     this.marked = [];
     this.looked = null;
+    this.seeks = false;
     this.shown = null;
     this.told = "";
     this.toldAt = 0;
@@ -99,15 +100,22 @@ export class Player extends Teller {
   lookAt(modules) {
     if (!modules.length && !this.looked) return;
     this.looked = modules.length ? modules : null;
-    this.direction = null;
-    if (this.looked && this.shown) {
-      const { azimuth_rad: azimuth, elevation_rad: elevation } = this.film.scenery.header.camera;
-      this.direction = clearestSight(this.shown.positions, this.looked, [azimuth, elevation], outward);
-      if (!this.is.follow) this.playhead.do({ do: "set", follow: true });
+    if (this.looked && !this.is.follow) {
+      this.playhead.do({ do: "set", follow: true });
+      this.takeOver();
     }
+    this.direction = null;
+    this.seeks = Boolean(this.looked);
     this.goals.clear();
-    this.aim();
     this.show(true);
+  }
+
+  // From where the modules to look at are seen best; once more when their frame is there.
+  seek() {
+    const { azimuth_rad: azimuth, elevation_rad: elevation } = this.film.scenery.header.camera;
+    this.direction = clearestSight(this.shown.positions, this.looked, [azimuth, elevation], outward);
+    this.seeks = !this.shown.exact;
+    this.goals.clear();
   }
 
   pick(origin, direction) {
@@ -191,6 +199,7 @@ export class Player extends Teller {
       const shown = film.snapshot(frame);
       if (!shown) return;
       this.shown = shown;
+      if (this.seeks) this.seek();
       this.aim();
       this.changed = true;
       if (this.selected !== null && moved) this.tellModule();
