@@ -79,7 +79,7 @@ def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
     explosion = state["summary"]["explosion"]["frames"]
     assert shown_frame(page) == pytest.approx(explosion + place["frame"], abs=1)
     page.locator("#stuck-attempts").click()
-    expect(page.locator(".attempts li")).to_have_count(4)
+    expect(page.locator(".attempts li")).to_have_count(6)
     expect(page.locator(".attempts li").first).to_contain_text("All at once")
     expect(page.locator(".attempts li").first).to_contain_text("overlap")
     keep(page, "failure-attempts")

@@ -63,6 +63,7 @@ export class Progress {
   }
 
   async end() {
+    clearTimeout(this.waiting);
     get("progress").hidden = true;
     get("cancel").hidden = true;
     const answer = await fetch(`/folds/${this.facts.id}/facts`);
@@ -72,6 +73,7 @@ export class Progress {
   async cancel() {
     get("cancel").disabled = true;
     this.cancelling = true;
+    clearTimeout(this.waiting);
     this.say("Cancelling…");
     const answer = await fetch(`/api/folds/${this.facts.id}/cancel`, {
       method: "POST",
