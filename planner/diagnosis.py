@@ -87,8 +87,10 @@ def diagnose(chain: Chain, record: Record) -> Diagnosis | None:
         return _found("knot", stuck if len(stuck) else _most_bent(bent) + first)
     if record.strategy == "peel":
         core = int(np.argmax(np.abs(bent - folded) > 1e-6)) if (bent != folded).any() else 0
-        beside = np.flatnonzero(bent[core:] > BENT_RAD) + core + first
-        return _found(_kind_beside(core, record), beside)
+        beside = np.flatnonzero(bent[core:] > BENT_RAD)
+        if not len(beside):
+            beside = _most_bent(bent[core:])
+        return _found(_kind_beside(core, record), beside + core + first)
     if record.status == "diverged":
         return _found("broken", stuck if len(stuck) else _most_bent(bent) + first)
     if not len(stuck):

@@ -196,6 +196,15 @@ def test_a_peeling_that_stops_says_what_is_buried() -> None:
     assert found is not None
     assert found.kind == "buried"
     assert found.modules and min(found.modules) > 10
+    # A joint that stays bent by less is where it sticks, too.
+    core = min(found.modules) - 2
+    angles = broken.frames.dense(chain, -1).joint_angles_rad
+    hardly = np.where(np.arange(angles.shape[1]) < 2 * core, chain.folded_rad, 0.5 * angles)
+    one = at_rest(chain, strategy="peel")
+    frames = replace(one.frames, joint_angles_rad=hardly)
+    slight = diagnose(chain, replace(one, frames=frames))
+    assert slight is not None and slight.kind == "buried"
+    assert slight.modules and min(slight.modules) > 10
 
 
 def test_the_one_that_came_farthest_is_kept(tmp_path: FilePath) -> None:
