@@ -19,7 +19,7 @@ from typing import Any, Final
 from planner.certificate import Certificate
 from planner.chain import Chain
 from planner.diagnosis import diagnose
-from planner.files import write_whole
+from planner.files import write_json
 from planner.portfolio import Choice, Try
 from planner.record import Record
 
@@ -41,7 +41,7 @@ def load(directory: FilePath) -> list[Attempt]:
 
 def save(directory: FilePath, attempts: list[Attempt]) -> None:
     """Keeps them."""
-    write_whole(directory / FILE, json.dumps(attempts).encode())
+    write_json(directory / FILE, attempts)
 
 
 def begun(todo: Try) -> Attempt:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path as FilePath
 from shutil import copytree, rmtree
 from typing import Final
@@ -11,10 +10,9 @@ import numpy as np
 
 from planner.chain import Chain
 from planner.errors import PlannerError
-from planner.files import write_whole
+from planner.fold_files import write_chain_folded
 from planner.frames import Frames
 from planner.record import Record
-from planner.timeline import chain_attributes
 
 ASIDE: Final = "best.zarr"
 HALF: Final = "best.part"
@@ -68,7 +66,7 @@ def bring_back(directory: FilePath, chain: Chain) -> None:
     timeline = directory / "timeline.zarr"
     rmtree(timeline, ignore_errors=True)
     (directory / ASIDE).rename(timeline)
-    write_whole(directory / "chain.json", json.dumps(chain_attributes(chain)).encode())
+    write_chain_folded(directory, chain)
 
 
 def bent(chain: Chain, record: Record) -> float:

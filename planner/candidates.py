@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 from typing import Any, Final
 
 from planner.chain import Chain
-from planner.files import write_whole
+from planner.files import write_json
 from planner.portfolio import Try
 from planner.timeline import chain_attributes, chain_from_attributes
 
@@ -40,7 +40,7 @@ class Candidates:
         """Keeps them in a fold's directory."""
         chains = [chain_attributes(chain) for chain in self.chains]
         values = {"chains": chains, "two_ended": self.two_ended}
-        write_whole(directory / FILE, json.dumps(values).encode())
+        write_json(directory / FILE, values)
 
     def chain_of(self, todo: Try) -> Chain:
         """The chain of a try."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import json
 import os
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -15,6 +16,11 @@ def write_whole(path: FilePath, data: bytes) -> None:
     aside = path.with_name(f".{path.name}.{os.getpid()}")
     aside.write_bytes(data)
     aside.replace(path)
+
+
+def write_json(path: FilePath, values: object) -> None:
+    """Writes plain values into a file that is either whole or not there."""
+    write_whole(path, json.dumps(values).encode())
 
 
 @contextmanager

@@ -6,7 +6,7 @@ import json
 from pathlib import Path as FilePath
 
 from planner.chain import Chain
-from planner.files import write_whole
+from planner.files import write_json, write_whole
 from planner.plan import Plan
 from planner.playback import Playback
 from planner.record import Record
@@ -71,8 +71,3 @@ def read_unfolding(directory: FilePath, request: Request) -> Unfolding | None:
 def read_recorded(directory: FilePath) -> Plan:
     """The plan that is smoothed."""
     return Plan.load(directory / RECORDED_PLAN)
-
-
-def write_json(path: FilePath, values: object) -> None:
-    """Writes plain values into a file that is either whole or not there."""
-    write_whole(path, json.dumps(values).encode())

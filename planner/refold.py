@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path as FilePath
 
 from planner.chain import Chain
-from planner.files import directory_or_aside, write_whole
+from planner.files import directory_or_aside, write_json
 from planner.fold_files import write_request
 from planner.formats import write_chain, write_path
 from planner.paths import Path
@@ -65,4 +64,4 @@ def write_start(directory: FilePath, start: Plan) -> None:
 
 def write_start_chain(directory: FilePath, chain: Chain) -> None:
     """Puts only its chain there, which is all that reading the other shape needs."""
-    write_whole(directory / START_CHAIN, json.dumps(chain_attributes(chain)).encode())
+    write_json(directory / START_CHAIN, chain_attributes(chain))

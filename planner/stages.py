@@ -18,7 +18,7 @@ from planner.candidates import Candidates
 from planner.certificate import Certificate, certify
 from planner.explode_stage import choice_of, explode_stage
 from planner.exports import mjcf
-from planner.files import write_whole
+from planner.files import write_json, write_whole
 from planner.fold_files import (
     read_chain,
     read_playback,
@@ -28,7 +28,6 @@ from planner.fold_files import (
     read_start,
     read_unfolding,
     write_chain_folded,
-    write_json,
 )
 from planner.frames import PHASES
 from planner.measuring import write_figures

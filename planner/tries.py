@@ -21,7 +21,7 @@ from typing import Any, Final
 
 from planner.attempts import Attempt, made
 from planner.chain import Chain
-from planner.files import write_whole
+from planner.files import write_json
 from planner.parameters import Parameters
 from planner.portfolio import MOST, Choice, Try
 from planner.progress import Cancelled, Progress, Report
@@ -243,4 +243,4 @@ def write_made(place: FilePath, made: Made) -> None:
     """Writes what a try came to; the attempt last, so that all is there when it is."""
     record, attempt = made
     record.save(place / "record.npz")
-    write_whole(place / "attempt.json", json.dumps(attempt).encode())
+    write_json(place / "attempt.json", attempt)

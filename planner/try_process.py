@@ -15,7 +15,7 @@ from dataclasses import asdict
 from pathlib import Path as FilePath
 
 from planner.candidates import Candidates
-from planner.files import write_whole
+from planner.files import write_json
 from planner.fold_files import read_request
 from planner.portfolio import Try
 from planner.progress import Progress
@@ -35,7 +35,7 @@ def main() -> None:
 
 
 def _tell(progress: Progress) -> None:
-    write_whole(FilePath("progress.json"), json.dumps(asdict(progress)).encode())
+    write_json(FilePath("progress.json"), asdict(progress))
 
 
 def _listen(unwanted: threading.Event) -> None:
