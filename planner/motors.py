@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planner.chain import Chain
 from planner.errors import InputError
 from planner.model import Material
-from planner.retiming import Trajectory
+from planner.trajectory import Trajectory
 from planner.tree import Tree
 
 Array = NDArray[np.float64]
@@ -205,7 +205,7 @@ def motor_table(
 def _stretches(trajectory: Trajectory, modules: int) -> tuple[Array, Array]:
     """Where they begin and end: cells of the trajectory, evenly many left out between two."""
     knots = trajectory.knot_times_s
-    wanted = min(MOST_STRETCHES * len(trajectory.path.slopes), max(64, LARGEST_WORK // modules))
+    wanted = min(MOST_STRETCHES * len(trajectory.path.lengths), max(64, LARGEST_WORK // modules))
     stride = max(1, round((len(knots) - 1) / wanted))
     chosen = np.unique(np.append(np.arange(0, len(knots), stride), len(knots) - 1))
     return knots[chosen[:-1]], knots[chosen[1:]]

@@ -17,8 +17,9 @@ from planner.exports.trajectory import export
 from planner.files import write_whole
 from planner.motors import STANDARD_GRAVITY_M_S2, Build, MotorTable, motor_table
 from planner.plan import Plan
-from planner.retiming import Trajectory, clearance
+from planner.retiming import clearance
 from planner.retiming import retime as retime_plan
+from planner.trajectory import Trajectory
 from server.command_inputs import refuse
 from server.command_options import AsJson, FoldDirectory
 

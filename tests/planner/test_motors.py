@@ -11,7 +11,8 @@ from planner.errors import InputError
 from planner.exports.mjcf import mjcf
 from planner.model import Material
 from planner.motors import Build, motor_table
-from planner.retiming import Trajectory, retime, retimed
+from planner.retiming import retime, retimed
+from planner.trajectory import Trajectory
 from planner.tree import Tree
 from planner.untyped import mujoco
 from tests.planner.chains import line
