@@ -16,7 +16,7 @@ from fastapi import FastAPI, Request, Response
 from server import problems
 from server.access import Access
 from server.census import Census
-from server.children import Reader
+from server.children import Pool, Reader
 from server.context import Context
 from server.exports import Exports
 from server.gallery import Gallery
@@ -30,6 +30,7 @@ from server.movies import Movies, NoSuchMovieError
 from server.preview_scenes import PreviewScenes
 from server.previews import NoSuchPreviewError, Previews
 from server.problems import Problem
+from server.rates import RequestRate
 from server.readiness import Readiness
 from server.routes import (
     artifacts,
@@ -45,6 +46,7 @@ from server.routes import (
     shapes,
     sharing,
 )
+from server.scratch import Scratch
 from server.security import (
     AllowedHosts,
     BodyLimit,
@@ -64,6 +66,10 @@ from server.workshop import Workshop
 from web.films import Films
 
 WARM_AFTER_S: Final = 1.5
+READERS: Final = 2
+"""Children that read uploads, and that prepare previews; a visitor has one of each at a time."""
+READING_PATIENCE_S: Final = 60.0
+"""How long an upload may wait for its turn to be read."""
 log = logging.getLogger("foldback.web")
 
 ROUTERS: Final = (
@@ -103,7 +109,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             warming.cancel()
             context.reader.close()
             context.preparer.close()
+            context.trajectories.close()
             context.workshop.close()
+            context.preview_scenes.close()
             context.jobs.close()
             context.store.close()
             census.close()
@@ -158,6 +166,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(SameOrigin, origins=settings.origins)
     app.add_middleware(PrintingAddresses)
     app.add_middleware(AllowedHosts, hosts=hosts_of(settings.host, settings.allowed_hosts))
+    app.add_middleware(
+        RequestRate,
+        rate=settings.requests_per_second_of_visitor,
+        burst=settings.requests_at_once_of_visitor,
+    )
     app.add_middleware(SecurityHeaders)
     app.add_middleware(Access, metrics=metrics)
     return app
@@ -184,12 +197,6 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         most_of_visitor=settings.files_waiting_of_visitor,
     )
     awaited = ChildLimits.of(settings, awaited=True)
-    answers = Gate(
-        "answers",
-        at_once=2,
-        most=settings.answers_waiting,
-        most_of_visitor=settings.answers_waiting_of_visitor,
-    )
     return Context(
         settings=settings,
         store=store,
@@ -197,11 +204,41 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         films=Films(),
         streams=Streams(settings.max_streams, settings.max_streams_of_visitor),
         robots=Streams(settings.max_robots, settings.max_robots_of_visitor, "robots"),
-        trajectories=Trajectories(answers),
-        answers=answers,
+        trajectories=Trajectories(
+            Pool("retimer", awaited, wall_s=settings.retime_seconds),
+            Scratch(settings.scratch_dir),
+            most=settings.answers_waiting,
+            most_of_visitor=settings.answers_waiting_of_visitor,
+        ),
+        answers=Gate(
+            "answers",
+            at_once=2,
+            most=settings.answers_waiting,
+            most_of_visitor=settings.answers_waiting_of_visitor,
+        ),
         uploads=Uploads(settings),
-        reader=Reader(awaited, wall_s=settings.read_seconds),
-        preparer=Reader(awaited, wall_s=settings.preview_seconds, kind="preparer"),
+        reader=Reader(
+            Pool("reader", awaited, wall_s=settings.read_seconds),
+            Gate(
+                "uploads",
+                at_once=READERS,
+                at_once_of_visitor=1,
+                most=settings.max_uploads,
+                most_of_visitor=settings.max_uploads_of_visitor,
+                patience_s=READING_PATIENCE_S,
+            ),
+        ),
+        preparer=Reader(
+            Pool("preparer", awaited, wall_s=settings.preview_seconds),
+            Gate(
+                "previews",
+                at_once=READERS,
+                at_once_of_visitor=1,
+                most=settings.previews_waiting,
+                most_of_visitor=settings.previews_waiting_of_visitor,
+                patience_s=READING_PATIENCE_S,
+            ),
+        ),
         previews=previews,
         preview_scenes=PreviewScenes(previews),
         workshop=workshop,

@@ -24,7 +24,7 @@ from planner.files import settle
 from planner.progress import Progress
 from server.limits import memory_words
 
-PATIENT: Final = ("stages", "movies")
+PATIENT: Final = ("stages", "movies", "retimer")
 """Kinds of children that nobody waits for at every moment: pages go first."""
 FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 FAILED: Final = (errno.EROFS, errno.EIO)
@@ -200,6 +200,20 @@ def _movies() -> Task:
     return film
 
 
+def _retimer() -> Task:
+    from server.retiming import motors, retime
+
+    def work_out(
+        task: str,
+        directory: Path,
+        progress: Callable[[Progress], None],
+        cancelled: Callable[[], bool],
+    ) -> dict[str, Any]:
+        return {"retime": retime, "motors": motors}[task](directory)
+
+    return work_out
+
+
 def main() -> None:
     """Serves requests until the parent is gone."""
     kind, limits = sys.argv[1], json.loads(sys.argv[2])
@@ -215,6 +229,7 @@ def main() -> None:
             "reader": _reader,
             "preparer": _preparer,
             "movies": _movies,
+            "retimer": _retimer,
         }
         task = kinds[kind]()
         _limit(limits["memory_bytes"], limits["cpu_s"])

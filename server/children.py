@@ -23,9 +23,10 @@ from typing import Any, Final, Literal
 import psutil
 
 from planner.errors import InputError
+from server.gates import Gate
 from server.limits import ChildLimits, environment_of_child, memory_words
 
-Kind = Literal["stages", "reader", "preparer", "movies"]
+Kind = Literal["stages", "reader", "preparer", "movies", "retimer"]
 POLL_S: Final = 0.05
 CANCEL_GRACE_S: Final = 0.7
 START_CPU_S: Final = 240.0
@@ -66,6 +67,8 @@ class Child:
             start_new_session=True,
         )
         self._ready = False
+        self.calls = 0
+        """How many tasks it was given."""
         self._reading = threading.Thread(target=self._read, name="child-events", daemon=True)
         self._reading.start()
 
@@ -103,6 +106,7 @@ class Child:
         """
         if not self._wait_ready(cancelled):
             return {"status": "cancelled", "reason": "cancelled"}
+        self.calls += 1
         self._send({"task": task, "directory": str(directory)})
         deadline = time.monotonic() + wall_s
         stop_at: float | None = None
@@ -267,32 +271,103 @@ class Children:
         return child
 
 
-class Reader:
-    """Reads uploads in one child that is kept, and replaced when an upload was too much for it."""
+class Pool:
+    """Children that do one task after the other, each replaced when a task was too much for it.
 
-    def __init__(
-        self, limits: ChildLimits, *, wall_s: float, kind: Literal["reader", "preparer"] = "reader"
-    ) -> None:
+    There are as many as there are calls at once. Safe to use from many threads.
+    """
+
+    def __init__(self, kind: Kind, limits: ChildLimits, *, wall_s: float) -> None:
         self._children = Children(kind, limits)
         self._wall_s = wall_s
         self._lock = threading.Lock()
-        self._counting = threading.Lock()
-        self._waiting = 0
-        self._calls = 0
-        self._child: Child | None = None
+        self._idle: list[Child] = []
 
     def start(self) -> None:
-        """Starts the child ahead of the first upload."""
+        """Starts a child ahead of the first call."""
         self._children.prewarm()
 
-    def check(self, directory: Path) -> dict[str, Any]:
+    def call(
+        self, task: str, directory: Path, *, cancelled: Callable[[], bool] | None = None
+    ) -> dict[str, Any]:
+        """Has one task done.
+
+        Args:
+            task: One that this kind of child knows.
+            directory: Where the input lies.
+            cancelled: Asked often; once True nobody wants the result, and the child is ended.
+
+        Returns:
+            The task's result; ``{"status": "cancelled"}`` when nobody wanted it.
+
+        Raises:
+            InputError: When the input can't be used.
+            ChildError: When the child crashed or went beyond a limit.
+        """
+        child = self._take()
+        try:
+            result = child.call(task, directory, wall_s=self._wall_s, cancelled=cancelled)
+        except ChildError:
+            self._replace(child)
+            raise
+        except InputError:
+            self._keep(child)
+            raise
+        self._keep(child)
+        return result
+
+    def close(self) -> None:
+        """Ends all children."""
+        self._children.close()
+
+    def _take(self) -> Child:
+        with self._lock:
+            while self._idle:
+                child = self._idle.pop()
+                if child.alive:
+                    return child
+                self._children.release(child)
+        return self._children.take()
+
+    def _keep(self, child: Child) -> None:
+        # Its limit of processor time is for all that it ever does; and it may have been ended,
+        # since nobody wanted what it did.
+        if child.calls >= CALLS_A_CHILD or not child.alive:
+            self._replace(child)
+            return
+        with self._lock:
+            self._idle.append(child)
+
+    def _replace(self, child: Child) -> None:
+        self._children.release(child)
+        self._children.prewarm()
+
+
+class Reader:
+    """Reads uploads in a pool of children, of which one visitor has one at a time.
+
+    Args:
+        pool: The children.
+        gate: Whose turn it is.
+    """
+
+    def __init__(self, pool: Pool, gate: Gate) -> None:
+        self._pool = pool
+        self._gate = gate
+
+    def start(self) -> None:
+        """Starts a child ahead of the first upload."""
+        self._pool.start()
+
+    def check(self, directory: Path, *, visitor: str) -> dict[str, Any]:
         """What the input in a directory is: ``name``, ``module``, ``modules``.
 
         Raises:
             InputError: When it can't be used.
+            Problem: When too many of the visitor's wait (429), or of all (503).
         """
         try:
-            return self.call("check", directory)
+            return self.call("check", directory, visitor=visitor)
         except ChildError as error:
             if error.code == "no-start":
                 raise
@@ -303,67 +378,19 @@ class Reader:
         task: str,
         directory: Path,
         *,
-        most_waiting: int | None = None,
+        visitor: str,
         cancelled: Callable[[], bool] | None = None,
     ) -> dict[str, Any]:
-        """Has one task done, when those that came before are done.
-
-        Args:
-            task: ``check``, or ``preview``.
-            directory: Where the input lies.
-            most_waiting: How many may wait for the child at once.
-            cancelled: Asked often; once True nobody wants the result, and the child is ended.
-
-        Returns:
-            The task's result; ``{"status": "cancelled"}`` when nobody wanted it.
+        """Has one task done in the visitor's turn; else as ``Pool.call``.
 
         Raises:
             InputError: When the input can't be used.
-            ChildError: When the child crashed or went beyond a limit; ``busy`` when too many wait.
+            ChildError: When the child crashed or went beyond a limit.
+            Problem: When too many of the visitor's wait (429), or of all (503).
         """
-        with self._counting:
-            if most_waiting is not None and self._waiting >= most_waiting:
-                raise ChildError("busy", "many shapes are being read just now; try again soon.")
-            self._waiting += 1
-        try:
-            while not self._lock.acquire(timeout=2 * POLL_S):
-                if cancelled is not None and cancelled():
-                    return {"status": "cancelled"}
-            try:
-                return self._call(task, directory, cancelled)
-            finally:
-                self._lock.release()
-        finally:
-            with self._counting:
-                self._waiting -= 1
-
-    def _call(
-        self, task: str, directory: Path, cancelled: Callable[[], bool] | None
-    ) -> dict[str, Any]:
-        child = self._child
-        self._calls += 1
-        if child is not None and self._calls % CALLS_A_CHILD == 0:
-            self._replace(child)  # its limit of processor time is for all that it ever read
-            child = None
-        if child is None:
-            child = self._child = self._children.take()
-        elif not child.alive:
-            self._children.release(child)
-            child = self._child = self._children.take()
-        try:
-            result = child.call(task, directory, wall_s=self._wall_s, cancelled=cancelled)
-        except ChildError:
-            self._replace(child)
-            raise
-        if not child.alive:  # it was ended, since nobody wanted what it did
-            self._replace(child)
-        return result
-
-    def _replace(self, child: Child) -> None:
-        self._child = None
-        self._children.release(child)
-        self._children.prewarm()
+        with self._gate.passed(visitor, unwanted=cancelled):
+            return self._pool.call(task, directory, cancelled=cancelled)
 
     def close(self) -> None:
-        """Ends the child."""
-        self._children.close()
+        """Ends the children."""
+        self._pool.close()

@@ -5,12 +5,16 @@ Without a storage there is nothing of this: then one directory is shared by all.
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import shutil
 import threading
 import time
+from collections import Counter
+from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -26,6 +30,75 @@ TOUCHES: Final = 8
 log = logging.getLogger("foldback.web")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldPreview:
+    """A preview that takes room.
+
+    Attributes:
+        name: Its id.
+        touched: When somebody looked at it last, in seconds of the clock.
+        size: Its bytes.
+        visitor: Whose upload it is.
+    """
+
+    name: str
+    touched: float
+    size: int
+    visitor: str
+
+
+def superfluous(
+    held: Iterable[HeldPreview],
+    settings: Settings,
+    *,
+    now: float,
+    coming: int = 0,
+    visitor: str = "",
+) -> list[str]:
+    """Names of the previews that go: old ones, and the oldest of whoever holds too much.
+
+    Where all together are too many, the one who holds most loses his own first.
+
+    Args:
+        held: All previews.
+        settings: Say how much there may be and how old.
+        now: Time of the clock.
+        coming: Bytes that a visitor is about to add.
+        visitor: Who that is.
+    """
+    oldest_first = sorted(held, key=lambda preview: preview.touched)
+    sizes: Counter[str] = Counter({visitor: coming})
+    for preview in oldest_first:
+        sizes[preview.visitor] += preview.size
+    gone: list[str] = []
+    kept: dict[str, list[HeldPreview]] = {}
+
+    def go(preview: HeldPreview) -> None:
+        gone.append(preview.name)
+        sizes[preview.visitor] -= preview.size
+
+    for preview in oldest_first:
+        old = now - preview.touched > settings.preview_keep_s
+        if old or sizes[preview.visitor] > settings.previews_of_visitor_bytes:
+            go(preview)
+        else:
+            kept.setdefault(preview.visitor, []).append(preview)
+    while sizes.total() > settings.previews_bytes and kept:
+        most = max(kept, key=lambda name: sizes[name])
+        go(kept[most].pop(0))
+        if not kept[most]:
+            del kept[most]
+    return gone
+
+
+def visitor_noted(about: bytes | None) -> str:
+    """Whose upload it is, as ``upload.json`` has it; nobody's of one that is older."""
+    try:
+        return str(json.loads(about or b"{}").get("visitor", ""))
+    except ValueError:
+        return ""
+
+
 class KeptPreviews:
     """See the module's description. Safe to use from many threads.
 
@@ -39,6 +112,8 @@ class KeptPreviews:
         self._storage = storage
         self._lock = threading.Lock()
         self._swept = -SWEEP_EVERY_S
+        self._visitors: dict[str, str] = {}
+        """Whose those in the storage are, as far as it was asked for."""
 
     def keep(self, preview_id: str, directory: Path) -> None:
         """Keeps an upload; its directory is gone when that fails.
@@ -119,16 +194,19 @@ class KeptPreviews:
         """
         if self._storage is None:
             return
-        now = time.time()
-        found = sorted(
-            (changed, size, name) for name, (changed, size) in self._storage.ages(ROOT).items()
-        )
-        total = sum(size for _, size, _ in found)
-        for changed, size, name in found:
-            old = now - changed > self._settings.preview_keep_s
-            if old or total > self._settings.previews_bytes:
-                self._storage.remove(f"{ROOT}/{name}")
-                total -= size
+        ages = self._storage.ages(ROOT)
+        self._visitors = {
+            name: visitor
+            if (visitor := self._visitors.get(name)) is not None
+            else visitor_noted(self._storage.read(f"{ROOT}/{name}/{UPLOAD}"))
+            for name in ages
+        }
+        held = [
+            HeldPreview(name=name, touched=changed, size=size, visitor=self._visitors[name])
+            for name, (changed, size) in ages.items()
+        ]
+        for name in superfluous(held, self._settings, now=time.time()):
+            self._storage.remove(f"{ROOT}/{name}")
 
     def _sweep(self) -> None:
         try:

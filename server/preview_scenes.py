@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-from collections import OrderedDict
 from pathlib import Path
 from typing import Final
 
 from server.previews import KEY, NoSuchPreviewError, Previews, read_report
-from server.problems import Problem
+from server.single_flight import SingleFlight
+from web.kept import Kept
 from web.preview_scene import preview_scene_of
 
-MOST_AT_ONCE: Final = 4
+AT_ONCE: Final = 2
+MOST_WAITING: Final = 8
+MOST_OF_VISITOR: Final = 3
 MOST_BYTES: Final = 32 * 2**20
 """Of scenes that are kept for those who come next."""
 
@@ -21,43 +23,30 @@ class PreviewScenes:
 
     def __init__(self, previews: Previews) -> None:
         self._previews = previews
-        self._kept: OrderedDict[Path, bytes] = OrderedDict()
-        self._making: dict[Path, asyncio.Task[bytes]] = {}
+        self._kept: Kept[bytes] = Kept(MOST_BYTES)
+        self._flight = SingleFlight(
+            "previews", at_once=AT_ONCE, most=MOST_WAITING, most_of_visitor=MOST_OF_VISITOR
+        )
 
-    async def scene(self, preview_id: str, key: str) -> bytes:
+    def close(self) -> None:
+        """Begins nothing any more."""
+        self._flight.close()
+
+    async def scene(self, preview_id: str, key: str, *, visitor: str) -> bytes:
         """What ``web.preview_scene`` makes of an upload with the wishes of ``key``.
 
         Raises:
             NoSuchPreviewError: When there is no such upload or report.
-            Problem: When too many scenes are being made (503).
+            Problem: When too many scenes of the visitor are being made (429), or of all (503).
         """
         if not KEY.fullmatch(key):
             raise NoSuchPreviewError(preview_id)
         place = await asyncio.to_thread(self._previews.place, preview_id, key)
-        if place in self._kept:
-            self._kept.move_to_end(place)
-            return self._kept[place]
-        task = self._making.get(place)
-        if task is None:
-            if len(self._making) >= MOST_AT_ONCE:
-                raise Problem(
-                    503,
-                    "busy",
-                    f"{len(self._making)} other previews are being drawn; try again in a moment.",
-                    headers={"Retry-After": "1"},
-                )
-            task = self._making[place] = asyncio.create_task(asyncio.to_thread(_made, place))
-            task.add_done_callback(lambda task: self._keep(place, task))
-        # Who goes away does not take the scene from the others that wait for it.
-        return await asyncio.shield(task)
-
-    def _keep(self, place: Path, task: asyncio.Task[bytes]) -> None:
-        del self._making[place]
-        if task.cancelled() or task.exception() is not None:
-            return
-        self._kept[place] = task.result()
-        while len(self._kept) > 1 and sum(map(len, self._kept.values())) > MOST_BYTES:
-            self._kept.popitem(last=False)
+        if (known := self._kept.get(place)) is not None:
+            return known
+        made = await self._flight.made(place, lambda: _made(place), visitor=visitor)
+        self._kept.keep(place, made, len(made))
+        return made
 
 
 def _made(place: Path) -> bytes:

@@ -21,7 +21,7 @@ from typing import Any, BinaryIO, Final
 from planner.errors import InputError
 from planner.modules import CUBE
 from server.children import ChildError, Reader
-from server.kept_previews import KeptPreviews
+from server.kept_previews import HeldPreview, KeptPreviews, superfluous, visitor_noted
 from server.problems import Problem
 from server.settings import Settings
 from server.storage import Storage
@@ -79,16 +79,16 @@ class Previews:
         self._lock = threading.Lock()
         self._swept = 0.0
 
-    def add(self, upload: Upload) -> str:
-        """Moves an upload here; its id, which nobody can guess.
+    def add(self, upload: Upload, visitor: str) -> str:
+        """Moves an upload of a visitor here; its id, which nobody can guess.
 
         Raises:
             Problem: When the disk has no room for it.
         """
-        self._sweep(upload.size)
+        self._sweep(upload.size, visitor)
         preview_id = new_id()
         try:
-            about = json.dumps({"filename": upload.filename})
+            about = json.dumps({"filename": upload.filename, "visitor": visitor})
             (upload.directory / "upload.json").write_text(about)
             os.rename(upload.directory, self._root / preview_id)
         except OSError as error:
@@ -159,7 +159,7 @@ class Previews:
         wishes: ShapeWishes,
         reader: Reader,
         *,
-        most_waiting: int,
+        visitor: str,
         gone: Callable[[], bool] | None = None,
     ) -> dict[str, Any]:
         """What comes of an upload with these wishes; computed once.
@@ -168,12 +168,13 @@ class Previews:
             preview_id: The upload's.
             wishes: How it is to become a path.
             reader: Who computes it.
-            most_waiting: How many may wait for that.
+            visitor: Who asks.
             gone: Asked often whether the one who asked has gone away.
 
         Raises:
             NoSuchPreviewError: When there is no such upload.
-            Problem: When it cannot be used (422), took too long (504), or too many wait (503).
+            Problem: When it cannot be used (422), took too long (504), or too many
+                wait (429, 503).
         """
         place = self.place(preview_id, wishes.key)
         directory = place.parent
@@ -196,7 +197,7 @@ class Previews:
         request["time_limit_s"] = self._settings.preview_search_seconds
         (place / "request.json").write_text(json.dumps(request))
         try:
-            reader.call("preview", place, most_waiting=most_waiting, cancelled=gone)
+            reader.call("preview", place, visitor=visitor, cancelled=gone)
         except InputError as error:
             raise Problem.of_input(error) from None
         except ChildError as error:
@@ -218,25 +219,17 @@ class Previews:
         report = read_report(self.place(preview_id, wishes.key))
         return report["cells"] if report is not None and report["module"] == CUBE.name else None
 
-    def _sweep(self, coming: int = 0) -> None:
-        """Forgets what is old, and the oldest while there is too much."""
+    def _sweep(self, coming: int = 0, visitor: str = "") -> None:
+        """Forgets what is old, and the oldest of whoever holds too much."""
         self._elsewhere.sweep_soon()
         with self._lock:
             now = time.time()
             if now - self._swept < SWEEP_EVERY_S and coming < 2**20:
                 return
             self._swept = now
-            found = sorted(
-                (touched, size, entry)
-                for entry in self._root.iterdir()
-                for touched, size in _kept(entry)
-            )
-            total = coming + sum(size for _, size, _ in found)
-            for touched, size, entry in found:
-                old = now - touched > self._settings.preview_keep_s
-                if old or total > self._settings.previews_bytes:
-                    shutil.rmtree(entry, ignore_errors=True)
-                    total -= size
+            held = [preview for entry in self._root.iterdir() for preview in _held(entry)]
+            for name in superfluous(held, self._settings, now=now, coming=coming, visitor=visitor):
+                shutil.rmtree(self._root / name, ignore_errors=True)
 
 
 def read_report(place: Path) -> dict[str, Any] | None:
@@ -247,18 +240,21 @@ def read_report(place: Path) -> dict[str, Any] | None:
         return None
 
 
-def _kept(directory: Path) -> Generator[tuple[float, int]]:
-    """When a directory was last touched, and its bytes; nothing when another process swept it."""
+def _held(directory: Path) -> Generator[HeldPreview]:
+    """What a directory holds; nothing when another process swept it."""
+    about = directory / "upload.json"
     try:
-        size = sum(f.stat().st_size for f in directory.rglob("*") if f.is_file())
-        yield directory.stat().st_mtime, size
+        yield HeldPreview(
+            name=directory.name,
+            touched=directory.stat().st_mtime,
+            size=sum(f.stat().st_size for f in directory.rglob("*") if f.is_file()),
+            visitor=visitor_noted(about.read_bytes() if about.is_file() else None),
+        )
     except OSError:
         return
 
 
 def _problem(error: ChildError, seconds: float) -> Problem:
-    if error.code == "busy":
-        return Problem(503, "busy", error.detail, headers={"Retry-After": "2"})
     if error.code == "time-limit":
         return Problem(
             504,

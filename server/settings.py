@@ -140,6 +140,16 @@ class Settings(BaseSettings):
     max_connections_of_visitor: int = Field(
         default=256, ge=1, description="Of them, of one; a trusted proxy may have all."
     )
+    requests_per_second_of_visitor: float = Field(
+        default=100.0,
+        gt=0,
+        description="Requests of one visitor that are answered in a second, on average.",
+    )
+    requests_at_once_of_visitor: int = Field(
+        default=1000,
+        ge=1,
+        description="Requests that one visitor may make at once after a while without any.",
+    )
     max_modules: int = Field(default=12_000, ge=3, description="Longest chain that is accepted.")
     min_free_disk_bytes: int = Field(
         default=64 * MIB, ge=0, description="Refuse uploads below this."
@@ -160,11 +170,18 @@ class Settings(BaseSettings):
     )
     answers_waiting_of_visitor: int = Field(default=4, ge=1, description="Of them, of one.")
     previews_waiting: int = Field(default=8, ge=1, description="Previews that may wait at once.")
+    previews_waiting_of_visitor: int = Field(default=3, ge=1, description="Of them, of one.")
+    retime_seconds: float = Field(
+        default=60.0, gt=0, description="Time to work out one trajectory, or a table of motors."
+    )
     preview_keep_s: float = Field(
         default=86400.0, gt=0, description="A preview untouched for so long is forgotten."
     )
     previews_bytes: int = Field(
         default=512 * MIB, ge=MIB, description="Disk that previews may take before that."
+    )
+    previews_of_visitor_bytes: int = Field(
+        default=128 * MIB, ge=MIB, description="Of it, for those of one visitor."
     )
     stage_seconds: float = Field(
         default=1800.0, gt=0, description="Wall time of one stage of a fold."
@@ -190,7 +207,7 @@ class Settings(BaseSettings):
     max_streams: int = Field(
         default=512, ge=1, description="Event streams (`/events`) that may be open at once."
     )
-    max_streams_of_visitor: int = Field(default=128, ge=1, description="Of them, to one address.")
+    max_streams_of_visitor: int = Field(default=16, ge=1, description="Of them, to one address.")
     max_robots: int = Field(
         default=32, ge=1, description="Robots (`/play`) that may be driven at once."
     )

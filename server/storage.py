@@ -149,6 +149,15 @@ class Storage:
         write_whole(directory / INDEX, json.dumps(marks).encode())
         return True
 
+    def read(self, key: str) -> bytes | None:
+        """One small file; None when there is none.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        with self._asking():
+            return self._get(key)
+
     def fetch_file(self, key: str, path: Path) -> bool:
         """Brings one file here, which may be large; False when there is none.
 

@@ -108,7 +108,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
     aside = submission.upload.directory
     try:
         _write(aside, submission)
-        found = _read(context, aside, submission.beginning)
+        found = _read(context, aside, submission.beginning, submission.visitor)
         _note(aside, submission)
         context.store.folders.adopt(aside, fold_id)
         row = FoldRow(
@@ -271,9 +271,9 @@ def _sync(directory: Path) -> None:
         os.close(handle)
 
 
-def _read(context: Context, directory: Path, beginning: Beginning | None) -> _Found:
+def _read(context: Context, directory: Path, beginning: Beginning | None, visitor: str) -> _Found:
     try:
-        found = context.reader.check(directory)
+        found = context.reader.check(directory, visitor=visitor)
     except InputError as error:
         if beginning is not None:
             error = context.gallery.advised(error, beginning.module, beginning.modules)

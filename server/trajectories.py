@@ -1,23 +1,35 @@
-"""Trajectories: retimed plans, a few at once, the last few kept."""
+"""Trajectories: retimed plans, worked out in a child process, the last few kept by their bytes.
+
+What the child has made is mapped from files that have no name any more by then: the parts of a long
+trajectory that nobody looks at take no memory, and its disk is free with its last user.
+"""
 
 from __future__ import annotations
 
+import json
 import threading
-from collections import OrderedDict
+import weakref
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from planner.readers.limits import megabytes
-from server.gates import Gate
+from server.children import ChildError, Pool
 from server.problems import Problem
+from server.scratch import Scratch
+from server.single_flight import SingleFlight
+from web.kept import Kept
 
 if TYPE_CHECKING:
-    from planner.plan import Plan
-    from planner.retiming import Trajectory
+    from planner.trajectory import Trajectory
 
-KEPT: Final = 4
+KEPT_BYTES: Final = 128 * 2**20
+"""Of trajectories that nobody may be using."""
+USED_BYTES: Final = 2**30
+"""Of all trajectories: those of robots that are being driven count too."""
+MOTORS: Final = "motors"
+"""File of a table of motors."""
 STREAMS: Final = 4
 """Trajectories that are being sent, which may take those who take them a while."""
 LARGEST_PLAN: Final = 64 * 2**20
@@ -25,37 +37,32 @@ LARGEST_PLAN: Final = 64 * 2**20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Retimed:
-    """A plan and its trajectory within some bounds."""
+class Wanted:
+    """Which trajectory: of which plan, within which bounds.
 
-    plan: Plan
-    trajectory: Trajectory
-
-
-class Trajectories:
-    """Retimes plans. Used from many threads.
-
-    Args:
-        gate: Whom to let compute.
+    Attributes:
+        plan: The plan's file.
+        changed_ns: When it was written.
+        size: Its bytes.
+        max_speed: Bound of every joint's speed, in rad/s.
+        max_acceleration: Bound of every joint's acceleration, in rad/s².
     """
 
-    def __init__(self, gate: Gate) -> None:
-        self.gate = gate
-        self._lock = threading.Lock()
-        self._streams = threading.BoundedSemaphore(STREAMS)
-        self._kept: OrderedDict[tuple[Path, int, float, float], Retimed] = OrderedDict()
+    plan: Path
+    changed_ns: int
+    size: int
+    max_speed: float
+    max_acceleration: float
 
-    def of(self, path: Path, max_speed: float, max_acceleration: float, visitor: str) -> Retimed:
-        """The plan in a file, within bounds on its joints' speed and acceleration.
+    @classmethod
+    def of(cls, plan: Path, max_speed: float, max_acceleration: float) -> Wanted:
+        """Looks at the plan's file.
 
         Raises:
-            Problem: When it is too large (413), or too many wait (429, 503).
-            InputError: When it cannot be retimed.
+            OSError: When there is none.
+            Problem: When it is too large (413).
         """
-        from planner.plan import Plan
-        from planner.retiming import retime
-
-        found = path.stat()
+        found = plan.stat()
         if found.st_size > LARGEST_PLAN:
             raise Problem(
                 413,
@@ -63,19 +70,124 @@ class Trajectories:
                 f"got a plan of {megabytes(found.st_size)}, expected at most "
                 f"{megabytes(LARGEST_PLAN)}; take plan.npz away and use `foldback retime`.",
             )
-        key = (path, found.st_mtime_ns, max_speed, max_acceleration)
-        with self._lock:
-            if key in self._kept:
-                self._kept.move_to_end(key)
-                return self._kept[key]
-        with self.gate.passed(visitor):
-            plan = Plan.load(path)
-            made = Retimed(plan=plan, trajectory=retime(plan, max_speed, max_acceleration))
-        with self._lock:
-            self._kept[key] = made
-            while len(self._kept) > KEPT:
-                self._kept.popitem(last=False)
-        return made
+        return cls(
+            plan=plan,
+            changed_ns=found.st_mtime_ns,
+            size=found.st_size,
+            max_speed=max_speed,
+            max_acceleration=max_acceleration,
+        )
+
+    def request(self) -> dict[str, Any]:
+        """As the child is told."""
+        return {
+            "plan": str(self.plan),
+            "max_speed": self.max_speed,
+            "max_acceleration": self.max_acceleration,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True, eq=False)
+class Retimed:
+    """A trajectory, the name of its chain, and whether its plan is verified."""
+
+    name: str
+    verified: bool
+    trajectory: Trajectory
+
+
+class Trajectories:
+    """Has plans retimed. Belongs to one event loop; whoever waits holds no thread.
+
+    Args:
+        pool: Children that retime.
+        scratch: Where they write.
+        most: How many trajectories and tables may be made or wait for it.
+        most_of_visitor: Of them, of one visitor.
+        kept_bytes: Of trajectories that are kept for those who come next.
+        used_bytes: Of those and of all that are in use.
+    """
+
+    def __init__(
+        self,
+        pool: Pool,
+        scratch: Scratch,
+        *,
+        most: int,
+        most_of_visitor: int,
+        kept_bytes: int = KEPT_BYTES,
+        used_bytes: int = USED_BYTES,
+    ) -> None:
+        self._pool = pool
+        self._scratch = scratch
+        self._flight = SingleFlight(
+            "motions", at_once=1, most=most, most_of_visitor=most_of_visitor
+        )
+        self._streams = threading.BoundedSemaphore(STREAMS)
+        self._kept: Kept[Retimed] = Kept(kept_bytes)
+        self._used: weakref.WeakValueDictionary[Wanted, Retimed] = weakref.WeakValueDictionary()
+        self._kept_bytes = kept_bytes
+        self._used_bytes = used_bytes
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all trajectories that are kept or in use."""
+        found = [retimed.trajectory for retimed in self._used.values()]
+        shared = {id(t.path.frames): t.path.frames.nbytes for t in found}
+        return sum(shared.values()) + sum(t.nbytes - t.path.frames.nbytes for t in found)
+
+    def close(self) -> None:
+        """Ends the children."""
+        self._flight.close()
+        self._pool.close()
+
+    async def of(self, wanted: Wanted, visitor: str) -> Retimed:
+        """The trajectory that is wanted; worked out once for all who want it.
+
+        Raises:
+            Problem: When it takes too much (413), too many wait (429, 503) or are in use (503), or
+                the disk is full (507).
+            InputError: When the plan cannot be retimed.
+        """
+        known = self._used.get(wanted)
+        if known is None:
+            known = await self._flight.made(wanted, lambda: self._retimed(wanted), visitor=visitor)
+            known = self._used.setdefault(wanted, self._shared(wanted, known))
+        self._kept.keep(wanted, known, known.trajectory.nbytes)
+        if self.nbytes > self._used_bytes:
+            self._kept = Kept(self._kept_bytes)
+        if self.nbytes > self._used_bytes:
+            raise Problem(
+                503,
+                "busy",
+                "Long motions are being played to others; try again in a moment.",
+                headers={"Retry-After": "30"},
+            )
+        return known
+
+    async def motors(
+        self,
+        wanted: Wanted,
+        build: dict[str, Any],
+        motor_torque_nm: float | None,
+        form: Literal["csv", "json"],
+        visitor: str,
+    ) -> bytes:
+        """The torques that a trajectory needs, as ``planner.motors.MotorTable`` writes them.
+
+        Raises:
+            Problem: As ``of``.
+            InputError: When the plan cannot be retimed, or the motors cannot be built.
+        """
+        request = {"build": build, "motor_torque_nm": motor_torque_nm, "form": form}
+        key = (wanted, json.dumps(request))
+
+        def made() -> bytes:
+            with self._scratch.directory() as place:
+                self._call("motors", place, {**wanted.request(), **request})
+                return (place / MOTORS).read_bytes()
+
+        return await self._flight.made(key, made, visitor=visitor)
 
     def stream(self) -> Callable[[], None]:
         """Begins to send a trajectory; what comes back is to be called once at the end.
@@ -91,3 +203,40 @@ class Trajectories:
                 headers={"Retry-After": "5"},
             )
         return self._streams.release
+
+    def _shared(self, wanted: Wanted, made: Retimed) -> Retimed:
+        """With the corners of another trajectory of the same plan: they depend on no bounds."""
+        for other, known in self._used.items():
+            if (other.plan, other.changed_ns) == (wanted.plan, wanted.changed_ns):
+                path = replace(made.trajectory.path, frames=known.trajectory.path.frames)
+                return replace(made, trajectory=replace(made.trajectory, path=path))
+        return made
+
+    def _retimed(self, wanted: Wanted) -> Retimed:
+        from planner.trajectory import Trajectory
+
+        with self._scratch.directory() as place:
+            told = self._call("retime", place, wanted.request())
+            return Retimed(
+                name=told["name"], verified=told["verified"], trajectory=Trajectory.load(place)
+            )
+
+    def _call(self, task: str, place: Path, request: dict[str, Any]) -> dict[str, Any]:
+        (place / "request.json").write_text(json.dumps(request))
+        try:
+            return self._pool.call(task, place)
+        except ChildError as error:
+            raise _problem(error) from error
+
+
+def _problem(error: ChildError) -> Problem:
+    if error.code in ("time-limit", "cpu-limit", "memory-limit"):
+        return Problem(
+            413,
+            "too-large",
+            "This motion takes more time or memory than it may here; take plan.npz away and use "
+            "`foldback retime`.",
+        )
+    if error.code in ("disk-full", "disk-failed"):
+        return Problem(507, "no-room", error.detail, headers={"Retry-After": "60"})
+    return Problem(503, error.code, error.detail, headers={"Retry-After": "5"})

@@ -1,19 +1,16 @@
-"""Workshop: makes what takes seconds and memory, each thing once, a few at a time.
-
-It has threads of its own, so that those of the event loop stay free for what is quick.
-"""
+"""Workshop: makes files of folds when they are first asked for, each once, a few at a time."""
 
 from __future__ import annotations
 
 import asyncio
 import shutil
 from collections.abc import Callable, Hashable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar
 
 from planner.files import write_whole
 from server.problems import Problem, no_such_fold
+from server.single_flight import SingleFlight
 from server.store import NoSuchFoldError
 
 AT_ONCE: Final = 2
@@ -61,59 +58,19 @@ class Workshop:
         self._min_free_disk_bytes = min_free_disk_bytes
         self._folder = folder
         self._kept = kept
-        self._threads = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="workshop")
-        self._making: dict[Hashable, asyncio.Future[Any]] = {}
-        self._most = most
-        self._most_of_visitor = most_of_visitor
-        self._visitors: dict[Hashable, str] = {}
-        """Who had each of the things made."""
+        self._flight = SingleFlight(
+            "files", at_once=AT_ONCE, most=most, most_of_visitor=most_of_visitor
+        )
 
     def close(self) -> None:
         """Begins nothing any more."""
-        self._threads.shutdown(wait=False, cancel_futures=True)
+        self._flight.close()
 
     async def made(
         self, key: Hashable, make: Callable[[], Thing], *, visitor: str | None = None
     ) -> Thing:
-        """What ``make`` returns; whoever asks for the same key meanwhile gets the same.
-
-        Raises:
-            Problem: When too many of the visitor's wait (429), or of all (503).
-        """
-        making = self._making.get(key)
-        if making is None:
-            self._check(visitor)
-            if visitor is not None:
-                self._visitors[key] = visitor
-            making = asyncio.get_running_loop().run_in_executor(self._threads, make)
-            self._making[key] = making
-
-            def done(making: asyncio.Future[Any]) -> None:
-                del self._making[key]
-                self._visitors.pop(key, None)
-                if not making.cancelled():
-                    making.exception()  # whoever waited was told; nobody may be left
-
-            making.add_done_callback(done)
-        # Who goes away does not take it from the others that wait for it.
-        return await asyncio.shield(making)
-
-    def _check(self, visitor: str | None) -> None:
-        own = list(self._visitors.values()).count(visitor) if visitor is not None else 0
-        if own >= self._most_of_visitor:
-            raise Problem(
-                429,
-                "busy",
-                f"{own} other files of yours are being made; try again in a moment.",
-                headers={"Retry-After": "3"},
-            )
-        if len(self._making) >= self._most:
-            raise Problem(
-                503,
-                "busy",
-                f"{len(self._making)} other files are being made; try again in a moment.",
-                headers={"Retry-After": "3"},
-            )
+        """As ``SingleFlight.made``, among the files."""
+        return await self._flight.made(key, make, visitor=visitor)
 
     async def file(
         self,

@@ -10,6 +10,7 @@ from typing import Any, Final
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
+from server.addresses import address_of
 from server.previews import KEY, NoSuchPreviewError, Previews, read_report
 from server.routes.facts import shown_name
 from server.routes.pages import not_found_page, page, script_json
@@ -64,7 +65,9 @@ async def drawing_of_preview(request: Request, preview_id: str, key: str = "") -
 @router.get("/previews/{preview_id}/scene/{key}")
 async def scene_of_preview(request: Request, preview_id: str, key: str) -> Response:
     """The same in 3D, for viser's client in the preview's page: see ``web.preview_scene``."""
-    data = await request.app.state.context.preview_scenes.scene(preview_id, key)
+    data = await request.app.state.context.preview_scenes.scene(
+        preview_id, key, visitor=address_of(request)
+    )
     return Response(data, media_type=BINARY, headers={"Cache-Control": KEPT})
 
 

@@ -6,12 +6,11 @@ import asyncio
 import contextlib
 from collections import deque
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
 
 import msgspec
 from fastapi import APIRouter, Query, Request, WebSocket, WebSocketDisconnect
-from fastapi.responses import JSONResponse, Response, StreamingResponse
+from fastapi.responses import Response, StreamingResponse
 
 from planner.errors import InputError
 from server.addresses import address_of
@@ -39,8 +38,8 @@ from server.problems import Problem
 from server.routes.artifacts import not_there
 from server.routes.finding import FOLD_ID
 from server.routes.folds import Here, problems
-from server.store import NoSuchFoldError
-from server.trajectories import Retimed
+from server.store import FoldRow, NoSuchFoldError
+from server.trajectories import Retimed, Wanted
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -88,7 +87,7 @@ Form = Literal["csv", "json"]
         **problems(404, 409, 413, 422, 503),
     },
 )
-def get_trajectory(
+async def get_trajectory(
     request: Request,
     fold_id: str,
     context: Here,
@@ -103,9 +102,8 @@ def get_trajectory(
     """The fastest motion along the plan within the bounds, at rest at both ends."""
     from planner.exports.trajectory import export
 
-    visitor = address_of(request)
-    found = _retimed(context, fold_id, max_speed, max_acceleration, visitor)
-    trajectory, plan = found.trajectory, found.plan
+    found = await _retimed(context, fold_id, max_speed, max_acceleration, address_of(request))
+    trajectory = found.trajectory
     moments = len(trajectory.time_s) if rate is None else rate * trajectory.duration_s + 2
     numbers = 2.0 * moments * len(trajectory.joint_names)
     if numbers > LARGEST_ANSWER:
@@ -118,7 +116,7 @@ def get_trajectory(
         )
     try:
         parts = export(
-            trajectory, form, name=plan.chain.name, plan_verified=plan.verified, rate_hz=rate
+            trajectory, form, name=found.name, plan_verified=found.verified, rate_hz=rate
         )
     except InputError as error:
         raise Problem.of_input(error) from error
@@ -142,7 +140,7 @@ def get_trajectory(
         **problems(404, 409, 413, 422, 503),
     },
 )
-def get_motors(
+async def get_motors(
     request: Request,
     fold_id: str,
     context: Here,
@@ -164,35 +162,27 @@ def get_motors(
     form: Annotated[Form, Query(alias="format")] = "json",
 ) -> Response:
     """By inverse dynamics over the motion that `trajectory` gives for the same bounds."""
-    from planner.motors import Build, motor_table
-
-    visitor = address_of(request)
-    found = _retimed(context, fold_id, max_speed, max_acceleration, visitor)
-    chain = found.plan.chain
-    if len(chain) > MOST_MODULES:
+    row, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
+    if row.modules > MOST_MODULES:
         raise Problem(
             413,
             "too-large",
-            f"got {len(chain)} modules, expected at most {MOST_MODULES}; use `foldback retime`.",
+            f"got {row.modules} modules, expected at most {MOST_MODULES}; use `foldback retime`.",
         )
-    build = Build(
-        module_mass_kg=module_mass,
-        pitch_m=chain.pitch_m if pitch is None else pitch,
-        gravity_m_s2=gravity,
-        held=not floating,
-    )
+    build = {
+        "module_mass_kg": module_mass,
+        "pitch_m": pitch,
+        "gravity_m_s2": gravity,
+        "held": not floating,
+    }
     try:
-        with context.answers.passed(visitor):
-            table = motor_table(chain, found.trajectory, build, motor_torque_nm=motor_torque)
+        data = await context.trajectories.motors(
+            wanted, build, motor_torque, form, address_of(request)
+        )
     except InputError as error:
         raise Problem.of_input(error) from error
-    if form == "csv":
-        return Response(
-            table.as_csv(),
-            media_type=MEDIA_TYPES[form],
-            headers={"Content-Disposition": 'attachment; filename="motors.csv"'},
-        )
-    return JSONResponse(table.as_dict())
+    headers = {"Content-Disposition": 'attachment; filename="motors.csv"'} if form == "csv" else {}
+    return Response(data, media_type=MEDIA_TYPES[form], headers=headers)
 
 
 @router.get("/play", include_in_schema=False)
@@ -222,7 +212,7 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
         ask = msgspec.convert(dict(websocket.query_params), Ask, strict=False)
         visitor = address_of(websocket)
         with context.robots.opened(visitor):
-            found = await asyncio.to_thread(_playable, context, fold_id, ask, visitor)
+            found = await _playable(context, fold_id, ask, visitor)
             await _Hand(websocket, found, ask, fold_id).play()
             await _close(websocket, DONE)
     except msgspec.ValidationError as error:
@@ -256,29 +246,40 @@ class _Stream(StreamingResponse):
             self._ends()
 
 
-def _retimed(
+def _wanted(
+    context: Context, fold_id: str, max_speed: float, max_acceleration: float
+) -> tuple[FoldRow, Wanted]:
+    """The row of a finished fold, and which trajectory of its plan is wanted."""
+    row = context.store.fold(fold_id)
+    path = context.store.directory(fold_id) / "plan.npz"
+    try:
+        if row.over:
+            return row, Wanted.of(path, max_speed, max_acceleration)
+    except OSError:
+        pass
+    raise not_there(row, "plan")
+
+
+async def _retimed(
     context: Context, fold_id: str, max_speed: float, max_acceleration: float, visitor: str
 ) -> Retimed:
     """The plan of a finished fold, retimed."""
-    row = context.store.fold(fold_id)
-    path: Path = context.store.directory(fold_id) / "plan.npz"
-    if not row.over or not path.is_file():
-        raise not_there(row, "plan")
+    _, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
     try:
-        return context.trajectories.of(path, max_speed, max_acceleration, visitor)
+        return await context.trajectories.of(wanted, visitor)
     except InputError as error:
         raise Problem.of_input(error) from error
 
 
-def _playable(context: Context, fold_id: str, ask: Ask, visitor: str) -> Retimed:
+async def _playable(context: Context, fold_id: str, ask: Ask, visitor: str) -> Retimed:
     """The same for a robot, which gets verified plans alone."""
     try:
         if not FOLD_ID.fullmatch(fold_id):
             raise NoSuchFoldError(fold_id)
-        found = _retimed(context, fold_id, ask.max_speed, ask.max_acceleration, visitor)
+        found = await _retimed(context, fold_id, ask.max_speed, ask.max_acceleration, visitor)
     except NoSuchFoldError:
         raise Problem(404, "no-such-fold", "There is no fold at this address.") from None
-    if not found.plan.verified:
+    if not found.verified:
         raise Problem(
             409, "not-verified", "This plan is not verified, so no robot is driven along it."
         )
@@ -295,7 +296,7 @@ class _Hand:
         self._fold_id = fold_id
         self._clock = asyncio.get_running_loop().time
         # Before there is a target, the robot is to be where the motion begins.
-        first = found.trajectory.joint_angles_rad[0]
+        first = found.trajectory.path.frames[0]
         self._sent: deque[tuple[int, NDArray[Any]]] = deque([(0, first)], maxlen=REMEMBERED)
         self._there = False
         self._number = 0
@@ -323,7 +324,7 @@ class _Hand:
                 frames=len(trajectory.time_s),
                 duration_s=trajectory.duration_s,
                 deviation_rad=trajectory.deviation_rad,
-                joint_angles_rad=trajectory.joint_angles_rad[0].round(6).tolist(),
+                joint_angles_rad=trajectory.path.frames[0].round(6).tolist(),
                 **{name: getattr(ask, name) for name in _TOLD},
             )
         )

@@ -65,15 +65,16 @@ async def post_preview(
         )
     wishes = replace(wishes, seed=seed)
 
+    visitor = context.visitor(request)
+
     def reported(gone: Callable[[], bool]) -> tuple[str, dict[str, Any]]:
         known = preview
         if known is None or file is not None or shape is not None:
             source, filename = input_of(context, file, shape, preview)
             with source, context.uploads.kept(source, filename) as upload:
-                known = context.previews.add(upload)
-        waiting = settings.previews_waiting
+                known = context.previews.add(upload, visitor)
         return known, context.previews.report(
-            known, wishes, context.preparer, most_waiting=waiting, gone=gone
+            known, wishes, context.preparer, visitor=visitor, gone=gone
         )
 
     async with leaving(request) as gone:

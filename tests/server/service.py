@@ -43,6 +43,9 @@ class Service:
             "FOLDBACK_PORT": "0",
             # A machine that runs tests is busy with them: folds would wait for all the rest.
             "FOLDBACK_NICENESS": "0",
+            # All visitors of a test come from one address, unless it says otherwise.
+            "FOLDBACK_REQUESTS_PER_SECOND_OF_VISITOR": "100000",
+            "FOLDBACK_REQUESTS_AT_ONCE_OF_VISITOR": "1000000",
             **{f"FOLDBACK_{name.upper()}": str(value) for name, value in settings.items()},
             **(environment or {}),
         }

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
@@ -15,12 +16,14 @@ import pytest
 
 from planner.errors import InputError
 from server import children
-from server.children import Child, ChildError, Reader
+from server.children import Child, ChildError, Pool, Reader
+from server.gates import Gate
 from server.limits import ChildLimits
 from server.runner import STAGES
 from tests.server.service import SNAKE
 
 LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0)
+ONE = {"at_once": 1, "at_once_of_visitor": 1, "most": 9, "most_of_visitor": 6}
 
 
 @pytest.fixture
@@ -108,20 +111,39 @@ def test_memory_is_limited(directory: Path) -> None:
 
 
 def test_the_reader_is_replaced_when_an_upload_was_too_much(directory: Path) -> None:
-    reader = Reader(LIMITS, wall_s=60)
+    pool, gate = Pool("reader", LIMITS, wall_s=60), Gate("uploads", **ONE)
+    reader = Reader(pool, gate)
     try:
-        assert reader.check(directory)["modules"] == 16
-        assert reader._child is not None
-        os.kill(reader._child.pid, signal.SIGKILL)
-        reader._child._process.wait()
-        assert reader.check(directory)["modules"] == 16
-        os.kill(reader._child.pid, signal.SIGSTOP)
-        reader._wall_s = 0.1
+        assert reader.check(directory, visitor="a")["modules"] == 16
+        (child,) = pool._idle
+        os.kill(child.pid, signal.SIGKILL)
+        child._process.wait()
+        assert reader.check(directory, visitor="a")["modules"] == 16
+        os.kill(pool._idle[0].pid, signal.SIGSTOP)
+        pool._wall_s = 0.1
         with pytest.raises(InputError, match="longer than") as late:
-            reader.check(directory)
+            reader.check(directory, visitor="a")
         assert late.value.code == "unreadable"
-        reader._wall_s = 60
-        assert reader.check(directory)["modules"] == 16
+        pool._wall_s = 60
+        assert reader.check(directory, visitor="a")["modules"] == 16
+    finally:
+        reader.close()
+
+
+def test_a_slow_upload_of_one_visitor_does_not_hold_up_another(directory: Path) -> None:
+    pool = Pool("reader", LIMITS, wall_s=60)
+    reader = Reader(pool, Gate("uploads", **{**ONE, "at_once": 2}))
+    try:
+        reader.check(directory, visitor="a")
+        (child,) = pool._idle
+        os.kill(child.pid, signal.SIGSTOP)
+        with ThreadPoolExecutor(2) as threads:
+            slow = threads.submit(reader.check, directory, visitor="a")
+            second = threads.submit(reader.check, directory, visitor="a")
+            assert reader.check(directory, visitor="b")["modules"] == 16
+            assert not (slow.done() or second.done())
+            os.kill(child.pid, signal.SIGCONT)
+            assert (slow.result()["modules"], second.result()["modules"]) == (16, 16)
     finally:
         reader.close()
 

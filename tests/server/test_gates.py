@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import queue
 import threading
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -46,6 +47,44 @@ def test_one_visitor_cannot_take_all_places() -> None:
     assert gate.waiting == 0
     with gate.passed("a"):
         assert gate.waiting == 1
+
+
+def test_visitors_take_turns_and_one_never_has_all() -> None:
+    gate = Gate("answers", at_once=2, at_once_of_visitor=1, most=9, most_of_visitor=6)
+    through: queue.SimpleQueue[tuple[str, threading.Event]] = queue.SimpleQueue()
+
+    def work(visitor: str) -> None:
+        go_on = threading.Event()
+        with gate.passed(visitor):
+            through.put((visitor, go_on))
+            assert go_on.wait(30.0)
+
+    with ThreadPoolExecutor(8) as threads:
+        done: list[Future[None]] = []
+        for count, visitor in enumerate(["a", "a", "a", "a", "b", "c"], 1):
+            done.append(threads.submit(work, visitor))
+            while gate.waiting < count:
+                pass
+        inside = dict([through.get(timeout=30.0), through.get(timeout=30.0)])
+        assert set(inside) == {"a", "b"}  # and not two of one
+        for ends, follows in (("b", "c"), ("a", "a"), ("a", "a"), ("a", "a")):
+            inside.pop(ends).set()
+            visitor, go_on = through.get(timeout=30.0)
+            assert visitor == follows
+            inside[visitor] = go_on
+        for go_on in inside.values():
+            go_on.set()
+        for one in done:
+            one.result(30.0)
+    assert gate.waiting == 0
+
+
+def test_who_is_not_waited_for_leaves_the_line() -> None:
+    gate = Gate("answers", at_once=1, most=3, most_of_visitor=2)
+    with gate.passed("a"):
+        with pytest.raises(Problem) as refused, gate.passed("b", unwanted=lambda: True):
+            pass
+        assert (refused.value.code, gate.waiting) == ("gone", 1)
 
 
 def test_nobody_waits_for_ever() -> None:

@@ -2,14 +2,59 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 
 import pytest
 
-from server.kept_previews import UPLOAD, KeptPreviews
+from server.kept_previews import UPLOAD, HeldPreview, KeptPreviews, superfluous
+from server.previews import NoSuchPreviewError, Previews
 from server.settings import Settings
 from server.storage import open_storage
+from server.uploads import Uploads
 from tests.server.bucket import Bucket
+
+
+def held(name: str, touched: float, size: int, visitor: str) -> HeldPreview:
+    return HeldPreview(name=name, touched=touched, size=size * 2**20, visitor=visitor)
+
+
+def test_who_holds_most_loses_his_own_first(tmp_path: Path) -> None:
+    settings = Settings(
+        data_dir=tmp_path,
+        previews_bytes=10 * 2**20,
+        previews_of_visitor_bytes=6 * 2**20,
+        preview_keep_s=100.0,
+    )
+    kept = [held("old", 1.0, 1, "c"), held("first", 110.0, 2, "a")]
+    flood = [held(f"b{k}", 120.0 + k, 2, "b") for k in range(3)]
+
+    def gone(coming: int, visitor: str) -> list[str]:
+        found = superfluous(
+            kept + flood, settings, now=150.0, coming=coming * 2**20, visitor=visitor
+        )
+        return sorted(found)
+
+    assert gone(0, "") == ["old"]
+    assert gone(2, "b") == ["b0", "old"]  # above what one visitor may hold
+    assert gone(4, "d") == ["b0", "old"]  # above what all may, where one holds most
+    assert gone(6, "b") == ["b0", "b1", "b2", "old"]
+
+
+def test_a_flood_of_previews_leaves_those_of_others(tmp_path: Path) -> None:
+    settings = Settings(data_dir=tmp_path, previews_bytes=8 * 2**20)
+    previews, uploads = Previews(settings), Uploads(settings)
+
+    def add(visitor: str) -> str:
+        with uploads.kept(BytesIO(bytes(2**20)), "thing.stl") as upload:
+            return previews.add(upload, visitor)
+
+    mine = add("a")
+    flood = [add("b") for _ in range(12)]
+    assert previews.filename(mine) == "thing.stl"
+    with pytest.raises(NoSuchPreviewError):
+        previews.filename(flood[0])
+    uploads.close()
 
 
 def test_kept_fetched_and_forgotten(

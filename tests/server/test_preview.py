@@ -16,7 +16,7 @@ import httpx
 import numpy as np
 import pytest
 
-from server.preview_scenes import MOST_AT_ONCE, PreviewScenes
+from server.preview_scenes import AT_ONCE, MOST_WAITING, PreviewScenes
 from server.previews import NoSuchPreviewError, Previews
 from server.problems import Problem
 from server.settings import Settings
@@ -192,9 +192,9 @@ def test_scenes_are_made_a_few_at_once_and_each_once(
     scenes = PreviewScenes(previews)
     uploads = Uploads(settings)
     with uploads.kept(io.BytesIO(b""), "thing.bin") as upload:
-        preview_id = previews.add(upload)
+        preview_id = previews.add(upload, "a")
     uploads.close()
-    keys = [f"{k:024x}" for k in range(MOST_AT_ONCE + 1)]
+    keys = [f"{k:024x}" for k in range(MOST_WAITING + 1)]
     for key in keys[:-1]:
         place = previews.directory(preview_id) / key
         place.mkdir()
@@ -211,22 +211,26 @@ def test_scenes_are_made_a_few_at_once_and_each_once(
 
     async def ask() -> None:
         async with asyncio.TaskGroup() as group:
-            asked = [group.create_task(scenes.scene(preview_id, k)) for k in keys[:-1] * 2]
-            while len(made) < MOST_AT_ONCE:
+            asked = [
+                group.create_task(scenes.scene(preview_id, k, visitor=k)) for k in keys[:-1] * 2
+            ]
+            while len(scenes._flight) < MOST_WAITING:
                 await asyncio.sleep(0.01)
             with pytest.raises(Problem) as refused:
-                await scenes.scene(preview_id, keys[-1])
+                await scenes.scene(preview_id, keys[-1], visitor="z")
             assert refused.value.status == 503
+            assert len(made) <= AT_ONCE
             assert int(refused.value.headers["Retry-After"]) > 0
             go_on.set()
-        assert len({task.result() for task in asked}) == MOST_AT_ONCE
-        assert await scenes.scene(preview_id, keys[0]) == asked[0].result()
-        assert len(made) == MOST_AT_ONCE
+        assert len({task.result() for task in asked}) == MOST_WAITING
+        assert await scenes.scene(preview_id, keys[0], visitor="z") == asked[0].result()
+        assert len(made) == MOST_WAITING
         with pytest.raises(NoSuchPreviewError):
-            await scenes.scene(preview_id, keys[-1])  # there is no report
+            await scenes.scene(preview_id, keys[-1], visitor="z")  # there is no report
         shutil.rmtree(previews.directory(preview_id))
         with pytest.raises(NoSuchPreviewError):
-            await scenes.scene(preview_id, keys[0])
+            await scenes.scene(preview_id, keys[0], visitor="z")
+        scenes.close()
 
     asyncio.run(ask())
 

@@ -1,0 +1,52 @@
+"""Retiming: what the retimer child does with plans, for ``server/trajectories.py``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from planner.motors import Build, motor_table
+from planner.plan import Plan
+from planner.retiming import retime as retime_plan
+from planner.trajectory import Trajectory
+from server.trajectories import MOTORS
+
+
+def retime(directory: Path) -> dict[str, Any]:
+    """Writes the trajectory that ``request.json`` asks for; facts of its plan.
+
+    Raises:
+        InputError: When the plan cannot be retimed.
+    """
+    plan, trajectory = _retimed(_request(directory))
+    trajectory.save(directory)
+    return {"name": plan.chain.name, "verified": plan.verified}
+
+
+def motors(directory: Path) -> dict[str, Any]:
+    """Writes the table of motors that it asks for, as JSON or CSV.
+
+    Raises:
+        InputError: When the plan cannot be retimed, or the motors cannot be built.
+    """
+    request = _request(directory)
+    plan, trajectory = _retimed(request)
+    chain, build = plan.chain, request["build"]
+    if build["pitch_m"] is None:
+        build["pitch_m"] = chain.pitch_m
+    table = motor_table(
+        chain, trajectory, Build(**build), motor_torque_nm=request["motor_torque_nm"]
+    )
+    text = table.as_csv() if request["form"] == "csv" else json.dumps(table.as_dict())
+    (directory / MOTORS).write_text(text)
+    return {}
+
+
+def _request(directory: Path) -> dict[str, Any]:
+    return json.loads((directory / "request.json").read_bytes())
+
+
+def _retimed(request: dict[str, Any]) -> tuple[Plan, Trajectory]:
+    plan = Plan.load(Path(request["plan"]))
+    return plan, retime_plan(plan, request["max_speed"], request["max_acceleration"])

@@ -1,0 +1,144 @@
+"""Trajectories: worked out once for all who want the same, kept by bytes, shared while used."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from planner.fold_files import write_request
+from planner.plan import Plan
+from planner.request import Request
+from planner.retiming import retime as retime_plan
+from planner.stages import run_stages
+from server.children import Pool
+from server.problems import Problem
+from server.retiming import motors, retime
+from server.scratch import Scratch
+from server.trajectories import Trajectories, Wanted
+from tests.server.service import SNAKE
+
+Make = Callable[..., Trajectories]
+
+
+class Here:
+    """Does in this process what a child does, and counts it."""
+
+    def __init__(self) -> None:
+        self.calls: list[str] = []
+        self.go_on = threading.Event()
+        self.go_on.set()
+
+    def call(self, task: str, place: Path) -> dict[str, Any]:
+        self.calls.append(task)
+        assert self.go_on.wait(30.0)
+        return {"retime": retime, "motors": motors}[task](place)
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture
+def here() -> Here:
+    return Here()
+
+
+@pytest.fixture
+def make(here: Here, tmp_path: Path) -> Make:
+    def made(**more: int) -> Trajectories:
+        bounds = {"most": 12, "most_of_visitor": 4, **more}
+        return Trajectories(cast("Pool", here), Scratch(tmp_path / "scratch"), **bounds)
+
+    return made
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The plan of a small fold."""
+    directory = tmp_path_factory.mktemp("snake")
+    write_request(directory, Request(), json.dumps(SNAKE).encode())
+    run_stages(directory)
+    return directory / "plan.npz"
+
+
+def test_it_is_what_the_planner_gives_and_leaves_no_files(
+    make: Make, plan: Path, tmp_path: Path
+) -> None:
+    found = asyncio.run(make().of(Wanted.of(plan, 1.0, 2.0), "a"))
+    meant = retime_plan(Plan.load(plan), 1.0, 2.0)
+    times = np.linspace(0.0, meant.duration_s, 101)
+    for one, other in zip(found.trajectory.at(times), meant.at(times), strict=True):
+        assert np.array_equal(one, other)
+    assert np.array_equal(found.trajectory.frame_at(times), meant.frame_at(times))
+    assert found.trajectory.joint_names == meant.joint_names
+    assert found.trajectory.deviation_rad == meant.deviation_rad
+    assert found.verified
+    assert list((tmp_path / "scratch").iterdir()) == []
+
+
+def test_all_who_want_the_same_wait_for_one_and_hold_no_thread(
+    make: Make, here: Here, plan: Path
+) -> None:
+    async def ask() -> None:
+        asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(1))
+        trajectories = make()
+        here.go_on.clear()
+        wanted = [Wanted.of(plan, speed, 2.0) for speed in (1.0, 2.0, 3.0, 4.0, 5.0)]
+        same = [asyncio.create_task(trajectories.of(wanted[0], f"v{k}")) for k in range(24)]
+        others = [asyncio.create_task(trajectories.of(w, "v0")) for w in wanted[1:4]]
+        await asyncio.sleep(0)
+        assert await asyncio.wait_for(asyncio.to_thread(lambda: "free"), 10.0) == "free"
+        with pytest.raises(Problem) as refused:
+            await trajectories.of(wanted[4], "v0")
+        assert refused.value.status == 429
+        here.go_on.set()
+        assert len({id(found) for found in await asyncio.gather(*same)}) == 1
+        await asyncio.gather(*others)
+        assert here.calls == ["retime"] * 4
+        trajectories.close()
+
+    asyncio.run(ask())
+
+
+def test_they_are_kept_by_their_bytes_and_share_what_no_bound_changes(
+    make: Make, here: Here, plan: Path
+) -> None:
+    async def ask() -> None:
+        one = (await make().of(Wanted.of(plan, 1.0, 2.0), "a")).trajectory
+        trajectories = make(kept_bytes=3 * one.nbytes)
+        for k in range(20):
+            await trajectories.of(Wanted.of(plan, 1.0 + k, 2.0), "a")
+            assert trajectories.nbytes <= 3 * one.nbytes
+        begun = len(here.calls)
+        await trajectories.of(Wanted.of(plan, 20.0, 2.0), "a")
+        assert len(here.calls) == begun  # the last one is still there
+        await trajectories.of(Wanted.of(plan, 1.0, 2.0), "a")
+        assert len(here.calls) == begun + 1  # the first one is not
+        used = [await trajectories.of(Wanted.of(plan, 50.0 + k, 2.0), "a") for k in range(8)]
+        assert len({id(found.trajectory.path.frames) for found in used}) == 1
+        assert trajectories.nbytes < 4 * one.nbytes + 8 * (one.nbytes - one.path.frames.nbytes)
+
+    asyncio.run(ask())
+
+
+def test_what_is_in_use_is_bounded_too(make: Make, plan: Path) -> None:
+    async def ask() -> None:
+        one = (await make().of(Wanted.of(plan, 1.0, 2.0), "a")).trajectory
+        trajectories = make(used_bytes=int(1.5 * one.nbytes), kept_bytes=0)
+        held = [await trajectories.of(Wanted.of(plan, 1.0, 2.0), "a")]
+        with pytest.raises(Problem) as refused:
+            for k in range(10):
+                held.append(await trajectories.of(Wanted.of(plan, 2.0 + k, 2.0), "a"))
+        assert (refused.value.status, refused.value.code) == (503, "busy")
+        held.clear()
+        del refused  # its traceback holds the one that was refused
+        await trajectories.of(Wanted.of(plan, 30.0, 2.0), "a")
+
+    asyncio.run(ask())
