@@ -8,6 +8,9 @@ from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, cast
+from zipfile import BadZipFile, ZipFile
+
+import numpy as np
 
 from planner.errors import TimelineError
 from planner.exports import exports_of
@@ -28,6 +31,10 @@ RUNNING: Final = ("queued", "running")
 VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
 
 
+PLAN: Final = "plan.npy"
+"""Part of a plan.npz: all that it says besides its frames, as JSON text."""
+LARGEST_SETTINGS: Final = 16 * 2**20
+"""Bytes of that part; a chain of 12 000 modules takes 3 MB."""
 FILES: Final = (
     ("standalone.html", "One page in one file", "HTML: plays anywhere, without a server"),
     ("recording.viser", "Recording", ".viser: for viser's own client"),
@@ -222,7 +229,7 @@ def _properties(
     explosion = summary.get("explosion") or {}
     playback = summary.get("playback") or {}
     chain = _json(directory / "chain.json")
-    plan = _settings_of(directory / "plan.json") if row.status in ("verified", "failed") else {}
+    plan = _settings_of(directory / "plan.npz") if row.status in ("verified", "failed") else {}
     made = "Smoothing" if summary.get("smoothing") else "Explosion"
     groups: list[tuple[str, list[tuple[str, Any]]]] = [
         (
@@ -317,7 +324,7 @@ def _told(reason: str, summary: dict[str, Any]) -> str:
 
 
 def _settings_of(path: Path) -> dict[str, Any]:
-    """Parameters and versions of a plan; its frames make it a long file, so it is read once."""
+    """Parameters and versions of a plan, without its frames: those may be a hundred megabytes."""
     try:
         return _settings_at(path, path.stat().st_mtime_ns)
     except OSError:
@@ -327,7 +334,14 @@ def _settings_of(path: Path) -> dict[str, Any]:
 @lru_cache(maxsize=512)
 def _settings_at(path: Path, changed_ns: int) -> dict[str, Any]:
     del changed_ns
-    plan = _json(path)
+    try:
+        with ZipFile(path) as file:
+            if file.getinfo(PLAN).file_size > LARGEST_SETTINGS:
+                return {}
+        with np.load(path, allow_pickle=False) as arrays:
+            plan = json.loads(str(arrays["plan"]))
+    except (OSError, ValueError, KeyError, BadZipFile):
+        return {}
     return {key: plan.get(key) for key in ("parameters", "versions")}
 
 

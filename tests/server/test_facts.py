@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -94,6 +95,17 @@ def found(directory: Path, frames: int, **values: Any) -> Found:
         **values,
     }
     return Found(SimpleNamespace(**row), directory)
+
+
+def test_what_a_page_says_is_read_from_something_small(
+    service: Service, finished: dict[str, Any], tmp_path: Path
+) -> None:
+    shutil.copyfile(service.directory(finished["id"]) / "plan.npz", tmp_path / "plan.npz")
+    (tmp_path / "plan.json").write_text("not for pages: its frames may take a hundred megabytes")
+    facts = fold_facts(found(tmp_path, 0, status="verified"))
+    groups = {group["heading"]: group["rows"] for group in facts["properties"]}
+    assert {"Python", "MuJoCo"} <= {row["label"] for row in groups["Versions"]}
+    assert groups["Explosion parameters"]
 
 
 REASON = (
