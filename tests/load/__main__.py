@@ -18,6 +18,7 @@ from tests.load.faults import FAULTS, SEED, faults, signals
 from tests.load.mutated import mutated_uploads
 from tests.load.scrubbing import scrubbing
 from tests.load.several import several
+from tests.load.strangers import strangers
 from tests.load.uploads import uploads
 from tests.load.viewers import viewers
 from tests.load.workers import workers
@@ -39,6 +40,7 @@ FAULTY = {"faults": _faults, "several": _several}
 
 SECTIONS: dict[str, Callable[[bool], Section]] = {
     "scrubbing": scrubbing,
+    "strangers": strangers,
     "uploads": uploads,
     "mutated": mutated_uploads,
     "viewers": viewers,
