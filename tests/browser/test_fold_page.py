@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from planner.timeline import Timeline
 from tests.browser.conftest import keep, picture
@@ -70,6 +70,27 @@ def solid_spot(image: np.ndarray) -> tuple[int, int]:
     assert len(xs), "no module is to be seen"
     nearest = np.argmin((xs - xs.mean()) ** 2 + (ys - ys.mean()) ** 2)
     return int(xs[nearest]), int(ys[nearest])
+
+
+def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
+    page = visit("/")
+    asked: list[str] = []
+
+    def answer(route: Route) -> None:
+        asked.append(route.request.url)
+        if len(asked) > 1:
+            route.continue_()
+            return
+        told = {"status": "running", "stage": "explode", "fraction": 0.4, "steps": 1200}
+        route.fulfill(json={"progress": told})
+
+    page.route("**/api/folds/*/events", lambda route: route.fulfill(status=429))
+    page.route(re.compile(r"/api/folds/[a-z0-9]+$"), answer)
+    dropped(page, json.dumps(json.loads(SHAPE.read_text()) | {"name": "asked for"}))
+    expect(page.locator("#verdict")).to_have_text(re.compile(r" 40 % · 1.?200 steps$"))
+    expect(page.locator("#verdict")).to_have_text(re.compile("^verified"))
+    expect(page.locator("#progress")).to_be_hidden()
+    assert len(asked) > 1
 
 
 def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -> None:

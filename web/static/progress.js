@@ -1,7 +1,10 @@
 // A fold while it is computed: stage, share, steps a second, place in the queue.
 import { STAGES, duration, whole } from "./words.js";
 
-const RETRY_MS = 10000;
+const ASK_MS = 1000; // between two questions where no stream tells, at first
+const LONGEST_ASK_MS = 10000;
+const LONGER = 1.5;
+const LOST = 404;
 const CANCEL_MS = 10000;
 const LONG_MS = 4000;
 const READY = "getting ready";
@@ -27,11 +30,31 @@ export class Progress {
   listen() {
     get("progress").hidden = false;
     get("cancel").hidden = !this.token;
-    const events = new EventSource(`/api/folds/${this.facts.id}/events`);
-    events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
-    // A browser comes back by itself, unless it was answered that too many follow just now.
-    events.onerror = () => { if (events.readyState === EventSource.CLOSED) setTimeout(() => this.listen(), RETRY_MS); };
-    events.addEventListener("done", () => { events.close(); this.end(); });
+    this.events = new EventSource(`/api/folds/${this.facts.id}/events`);
+    this.events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
+    this.events.onopen = () => this.askNoMore();
+    // Refused, since many are open, or broken: then it is asked until the end, or until it is back.
+    this.events.onerror = () => { if (!this.asking) this.ask(ASK_MS); };
+    this.events.addEventListener("done", () => this.end());
+  }
+
+  ask(pause) {
+    this.asking = setTimeout(async () => {
+      let answer = null;
+      try { answer = await fetch(`/api/folds/${this.facts.id}`); } catch { /* it does not answer */ }
+      if (!this.asking) return; // a stream is there again
+      const now = answer?.ok ? (await answer.json()).progress : null;
+      if (answer?.status === LOST || OVER.includes(now?.status)) this.end();
+      else {
+        if (now) this.show(now);
+        this.ask(Math.min(LONGER * pause, LONGEST_ASK_MS));
+      }
+    }, pause);
+  }
+
+  askNoMore() {
+    clearTimeout(this.asking);
+    this.asking = null;
   }
 
   show(now) {
@@ -63,6 +86,8 @@ export class Progress {
   }
 
   async end() {
+    this.events.close();
+    this.askNoMore();
     clearTimeout(this.waiting);
     get("progress").hidden = true;
     get("cancel").hidden = true;
