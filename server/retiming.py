@@ -32,12 +32,14 @@ def motors(directory: Path) -> dict[str, Any]:
     """
     request = _request(directory)
     plan, trajectory = _retimed(request)
-    chain, build = plan.chain, request["build"]
-    if build["pitch_m"] is None:
-        build["pitch_m"] = chain.pitch_m
-    table = motor_table(
-        chain, trajectory, Build(**build), motor_torque_nm=request["motor_torque_nm"]
+    chain, pitch_m = plan.chain, request["pitch_m"]
+    build = Build(
+        module_mass_kg=request["module_mass_kg"],
+        pitch_m=chain.pitch_m if pitch_m is None else pitch_m,
+        gravity_m_s2=request["gravity_m_s2"],
+        held=request["held"],
     )
+    table = motor_table(chain, trajectory, build, motor_torque_nm=request["motor_torque_nm"])
     text = table.as_csv() if request["form"] == "csv" else json.dumps(table.as_dict())
     (directory / MOTORS).write_text(text)
     return {}

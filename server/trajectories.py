@@ -10,7 +10,7 @@ import json
 import threading
 import weakref
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -85,6 +85,27 @@ class Wanted:
             "max_speed": self.max_speed,
             "max_acceleration": self.max_acceleration,
         }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorsWanted:
+    """What robot a table of motors is for, and how it is written.
+
+    Attributes:
+        module_mass_kg: Mass of a module.
+        pitch_m: Distance of neighbouring modules; the plan's when None.
+        gravity_m_s2: Gravity.
+        held: Whether the root module is held still.
+        motor_torque_nm: What a motor can give; None when nobody said.
+        form: ``csv`` or ``json``.
+    """
+
+    module_mass_kg: float
+    pitch_m: float | None
+    gravity_m_s2: float
+    held: bool
+    motor_torque_nm: float | None
+    form: Literal["csv", "json"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True, eq=False)
@@ -165,29 +186,20 @@ class Trajectories:
             )
         return known
 
-    async def motors(
-        self,
-        wanted: Wanted,
-        build: dict[str, Any],
-        motor_torque_nm: float | None,
-        form: Literal["csv", "json"],
-        visitor: str,
-    ) -> bytes:
+    async def motors(self, wanted: Wanted, motors: MotorsWanted, visitor: str) -> bytes:
         """The torques that a trajectory needs, as ``planner.motors.MotorTable`` writes them.
 
         Raises:
             Problem: As ``of``.
             InputError: When the plan cannot be retimed, or the motors cannot be built.
         """
-        request = {"build": build, "motor_torque_nm": motor_torque_nm, "form": form}
-        key = (wanted, json.dumps(request))
 
         def made() -> bytes:
             with self._scratch.directory() as place:
-                self._call("motors", place, {**wanted.request(), **request})
+                self._call("motors", place, {**wanted.request(), **asdict(motors)})
                 return (place / MOTORS).read_bytes()
 
-        return await self._flight.made(key, made, visitor=visitor)
+        return await self._flight.made((wanted, motors), made, visitor=visitor)
 
     def stream(self) -> Callable[[], None]:
         """Begins to send a trajectory; what comes back is to be called once at the end.

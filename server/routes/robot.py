@@ -39,7 +39,7 @@ from server.routes.artifacts import not_there
 from server.routes.finding import FOLD_ID
 from server.routes.folds import Here, problems
 from server.store import FoldRow, NoSuchFoldError
-from server.trajectories import Retimed, Wanted
+from server.trajectories import MotorsWanted, Retimed, Wanted
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -169,16 +169,16 @@ async def get_motors(
             "too-large",
             f"got {row.modules} modules, expected at most {MOST_MODULES}; use `foldback retime`.",
         )
-    build = {
-        "module_mass_kg": module_mass,
-        "pitch_m": pitch,
-        "gravity_m_s2": gravity,
-        "held": not floating,
-    }
+    motors = MotorsWanted(
+        module_mass_kg=module_mass,
+        pitch_m=pitch,
+        gravity_m_s2=gravity,
+        held=not floating,
+        motor_torque_nm=motor_torque,
+        form=form,
+    )
     try:
-        data = await context.trajectories.motors(
-            wanted, build, motor_torque, form, address_of(request)
-        )
+        data = await context.trajectories.motors(wanted, motors, address_of(request))
     except InputError as error:
         raise Problem.of_input(error) from error
     headers = {"Content-Disposition": 'attachment; filename="motors.csv"'} if form == "csv" else {}

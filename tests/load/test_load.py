@@ -11,6 +11,7 @@ import pytest
 from tests.load.loopback import NotHereError, checked
 from tests.load.mutated import mutated_uploads
 from tests.load.scrubbing import scrubbing
+from tests.load.strangers import strangers
 from tests.load.uploads import uploads
 from tests.load.viewers import viewers
 from tests.load.workers import workers
@@ -31,6 +32,7 @@ def test_load_goes_to_this_machine_alone(address: str) -> None:
         scrubbing,
         uploads,
         pytest.param(mutated_uploads, marks=pytest.mark.long),
+        pytest.param(strangers, marks=pytest.mark.long),
         pytest.param(viewers, marks=pytest.mark.long),
         pytest.param(workers, marks=pytest.mark.long),
     ],
