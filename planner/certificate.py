@@ -17,6 +17,7 @@ from planner.alignment import aligned_distances
 from planner.chain import Chain
 from planner.errors import InputError
 from planner.frames import PHASES
+from planner.linked import ExemptPairs, Place, exempt_pairs
 from planner.motion import Motion
 from planner.parameters import Parameters
 from planner.playback import Playback
@@ -37,53 +38,76 @@ MOVING_FRACTION: Final = 0.1
 """A hinge counts as moving when it is at least this fast, as a fraction of the fastest one."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
-    """Where a motion is closest to a collision: a frame (a half: between two) and two modules."""
-
-    frame: float
-    modules: tuple[int, int] | None
+SIMULATED: Final = "verified (simulated)"
+KINEMATICS_ONLY: Final = "verified (kinematics only)"
+NOT_TOLD: Final = "verified (whether it was simulated is not known)"
+"""Verdict of a certificate of an earlier version that doesn't tell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certificate:
     """What was verified of a plan. Lengths in pitches.
 
+    What is said of a simulated playback is None where there was none: chains that are too long to
+    be simulated as a whole, or that were recorded piece by piece, follow their plan by kinematics.
+
     Attributes:
-        verdict: ``verified``, ``verified with gaps: …`` or ``failed: …``.
+        verdict: ``verified (simulated)``, ``verified (kinematics only)`` or ``failed: …``.
+        simulated: Whether the playback was simulated; None when there is none, or where a
+            certificate of an earlier version doesn't tell.
         module_size: Size of the modules as a fraction of the pitch.
-        min_clearance: Least clearance of the plan, at its frames and in-betweens.
+        exempt_pairs: Which modules are not checked against each other and how far they overlap;
+            None where a certificate of an earlier version doesn't tell.
+        min_clearance: Least clearance seen in the plan, at its frames and in-betweens.
         min_clearance_at: Where that is.
-        clearance_bound: What the plan's clearance is nowhere less than.
-        min_clearance_playback: Least clearance of the simulated playback.
+        clearance_bound: What is proved: nowhere in the plan, nor in the simulated playback, is the
+            clearance less than this.
+        min_clearance_playback: Least clearance seen in the simulated playback.
         min_clearance_playback_at: Where that is.
-        min_clearance_record: Least clearance of the recorded explosion.
+        min_clearance_record: Least clearance seen in the record. No robot follows the record, so
+            the verdict doesn't depend on it.
+        min_clearance_record_at: Where that is.
         in_betweens: Configurations looked at between frames.
+        frames: Frames of the plan.
+        plan_end_error_rad: Largest angle of a hinge of the plan's last frame off the folded one.
         rms_position_error: Of the simulated playback's end, after alignment.
         max_position_error: The farthest module of it.
         max_angle_error_rad: Largest joint error of the simulated playback.
+        max_angle_rad: Largest angle of a hinge in the plan and the simulated playback.
+        max_angle_record_rad: Largest angle of a hinge in the record.
         max_joint_step_rad: Largest step of a hinge between two frames of the plan.
         joint_speed_limit_rad_s: Fastest a hinge may turn on a robot.
         fold_time_s: Duration of the fold under that limit.
         hinges_moving_mean, hinges_moving_most: Hinges that move at the same time.
-        peak_torque_nm, rms_torque_nm: Of the playback in that time, floating, without gravity.
+        peak_torque_nm, rms_torque_nm: Largest and mean torque in that time, floating, without
+            gravity, at what ``torque_source`` says: what is not looked at may take more.
+        torque_source: ``simulation, every step`` or ``inverse dynamics at N of F frames,
+            accelerations smoothed``; None where it is not known.
+        torque_frames: N of that; None for every step of a simulation.
         gravity_torque_folded_nm, gravity_torque_straight_nm: Largest static torque when held at
             the root without support.
         seconds: Wall time of the verification.
     """
 
     verdict: str
+    simulated: bool | None
     module_size: float
+    exempt_pairs: ExemptPairs | None
     min_clearance: float | None
     min_clearance_at: Place | None
     clearance_bound: float | None
     min_clearance_playback: float | None
     min_clearance_playback_at: Place | None
     min_clearance_record: float | None
+    min_clearance_record_at: Place | None
     in_betweens: int
+    frames: int | None
+    plan_end_error_rad: float | None
     rms_position_error: float | None
     max_position_error: float | None
     max_angle_error_rad: float | None
+    max_angle_rad: float | None
+    max_angle_record_rad: float | None
     max_joint_step_rad: float | None
     joint_speed_limit_rad_s: float
     fold_time_s: float | None
@@ -91,6 +115,8 @@ class Certificate:
     hinges_moving_most: int | None
     peak_torque_nm: float | None
     rms_torque_nm: float | None
+    torque_source: str | None
+    torque_frames: int | None
     gravity_torque_folded_nm: float
     gravity_torque_straight_nm: float
     seconds: float
@@ -105,20 +131,79 @@ class Certificate:
         return asdict(self)
 
     @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> Certificate:
-        """The inverse of ``as_dict``."""
-        places: dict[str, Any] = {
-            key: None
-            if values[key] is None
-            else Place(
-                frame=values[key]["frame"],
-                modules=None
-                if values[key]["modules"] is None
-                else (values[key]["modules"][0], values[key]["modules"][1]),
-            )
-            for key in ("min_clearance_at", "min_clearance_playback_at")
-        }
-        return cls(**{**values, **places})
+    def from_dict(
+        cls, values: dict[str, Any], playback: dict[str, Any] | None = None
+    ) -> Certificate:
+        """The inverse of ``as_dict``; of what earlier versions wrote, only what it bears out.
+
+        Args:
+            values: Plain values.
+            playback: The playback's summary, which says of an earlier version's certificate
+                whether it was simulated.
+        """
+        values = told_honestly(values, playback)
+        exempt = values["exempt_pairs"]
+        places = {name: Place.from_dict(values[name]) for name in _PLACES}
+        return cls(
+            **{
+                **values,
+                **places,
+                "exempt_pairs": None if exempt is None else ExemptPairs.from_dict(exempt),
+            }
+        )
+
+
+_PLACES: Final = ("min_clearance_at", "min_clearance_playback_at", "min_clearance_record_at")
+
+
+def told_honestly(values: dict[str, Any], playback: dict[str, Any] | None = None) -> dict[str, Any]:
+    """A certificate's plain values, those of an earlier version without what was never simulated.
+
+    Earlier versions said ``verified`` of all plans, and of a kinematic playback that it was without
+    any error. What they don't tell becomes None.
+
+    Args:
+        values: Plain values of a certificate; what is of today is returned as it is.
+        playback: The playback's summary, as far as it is known.
+    """
+    if "simulated" in values or "verdict" not in values:
+        return values
+    kind = (playback or {}).get("kind")
+    off = values.get("max_angle_error_rad")
+    simulated = None
+    if kind is not None:
+        simulated = kind == "dynamic"
+    elif off:  # a kinematic playback never said that it was off
+        simulated = True
+    verdict = str(values.get("verdict", ""))
+    if verdict.startswith("verified with gaps"):
+        verdict = f"failed: {verdict.removeprefix('verified with gaps: ')}"
+    elif verdict == "verified":
+        verdict = {True: SIMULATED, False: KINEMATICS_ONLY, None: NOT_TOLD}[simulated]
+    unknown = dict.fromkeys(name for name in _LATER if name not in values)
+    unproved = {} if simulated else dict.fromkeys(_OF_SIMULATION)
+    return {**values, **unknown, **unproved, "verdict": verdict, "simulated": simulated}
+
+
+_OF_SIMULATION: Final = (
+    "min_clearance_playback",
+    "min_clearance_playback_at",
+    "rms_position_error",
+    "max_position_error",
+    "max_angle_error_rad",
+)
+"""What only a simulated playback has."""
+_LATER: Final = (
+    "exempt_pairs",
+    "min_clearance_record_at",
+    "frames",
+    "plan_end_error_rad",
+    "max_angle_rad",
+    "max_angle_record_rad",
+    "torque_source",
+    "torque_frames",
+)
+"""What earlier versions did not tell."""
 
 
 def certify(
@@ -166,17 +251,14 @@ def certify(
     if unusable:
         record = playback = None
 
-    of_record = of_plan = of_playback = None
+    of_record = of_plan = of_playback = exempt = None
     figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
     if playback is not None:
         of_plan = swept(playback.reference, "plan", 0.35)
-        simulated = playback.frames
-        of_playback = (
-            of_plan
-            if isinstance(simulated, Windows)
-            else swept(simulated.joint_angles_rad, "playback", 0.7)
-        )
+        if playback.simulated:
+            of_playback = swept(_angles(playback.frames), "playback", 0.7)
         figures = _plan_figures(chain, playback, parameters)
+        exempt = exempt_pairs(chain, _followed(playback), size=size)
     if record is not None:
         if playback is not None and _runs_back(record.frames, playback.frames):
             of_record = of_plan  # the same places, and the same ways between them
@@ -185,19 +267,24 @@ def certify(
     unit = torque_unit_nm(chain, parameters)
     weight = unit / chain.pitch_m * GRAVITY_M_S2
     verdict = _verdict(chain, start, record, playback, of_plan, of_playback, figures, size)
+    bounds = [found.bound for found in (of_plan, of_playback) if found is not None]
     if unusable:
         verdict = f"failed: {unusable}"
     elif stopped():
         verdict = "failed: it was cancelled"
     return Certificate(
         verdict=verdict,
+        simulated=None if playback is None else playback.simulated,
         module_size=size,
+        exempt_pairs=exempt or exempt_pairs(chain, (), size=size),
         min_clearance=of_plan and of_plan.clearance,
         min_clearance_at=_place(of_plan),
-        clearance_bound=of_plan and of_plan.bound,
+        clearance_bound=min(bounds, default=None),
         min_clearance_playback=of_playback and of_playback.clearance,
         min_clearance_playback_at=_place(of_playback),
         min_clearance_record=of_record and of_record.clearance,
+        min_clearance_record_at=_place(of_record),
+        max_angle_record_rad=None if record is None else _largest_angle(_angles(record.frames)),
         in_betweens=_in_betweens(of_record, of_plan, of_playback),
         joint_speed_limit_rad_s=parameters.joint_speed_limit_rad_s,
         gravity_torque_folded_nm=weight * static_torque(chain, chain.folded_rad),
@@ -208,6 +295,11 @@ def certify(
 
 
 _PLAN_FIGURES: Final = (
+    "frames",
+    "plan_end_error_rad",
+    "max_angle_rad",
+    "torque_source",
+    "torque_frames",
     "rms_position_error",
     "max_position_error",
     "max_angle_error_rad",
@@ -234,7 +326,7 @@ def _unusable(
     if record is not None:
         motions["record"] = record.frames
     if playback is not None:
-        motions["simulated playback"] = playback.frames
+        motions["simulated playback" if playback.simulated else "playback"] = playback.frames
         plan = playback.reference
         if isinstance(plan, Windows):
             pass  # the playback itself, which is looked at below
@@ -283,6 +375,17 @@ def _angles_at(chain: Chain, motion: Array | Windows, frame: int) -> Array:
     return motion[frame]
 
 
+def _followed(playback: Playback) -> tuple[Array | Windows, ...]:
+    """What a robot follows: the plan, and the playback where that was simulated."""
+    plan = playback.reference
+    return (plan, _angles(playback.frames)) if playback.simulated else (plan,)
+
+
+def _largest_angle(motion: Array | Windows) -> float:
+    angles = motion.angles_rad if isinstance(motion, Windows) else motion
+    return float(np.abs(angles).max(initial=0.0))
+
+
 def _in_betweens(*sweeps: Sweep | None) -> int:
     """Configurations looked at between frames; what stands for two motions counts once."""
     different = {id(sweep): sweep for sweep in sweeps if sweep is not None}
@@ -304,17 +407,12 @@ def torque_unit_nm(chain: Chain, parameters: Parameters) -> float:
 
 def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> dict[str, Any]:
     plan, times = playback.reference, playback.frames.time_s
-    last = _angles_at(chain, _angles(playback.frames), -1)
-    ends = chain.poses(last, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    distances = aligned_distances(ends.positions, chain.folded_poses.positions)
     figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
-    figures["rms_position_error"] = float(np.sqrt((distances**2).mean()))
-    figures["max_position_error"] = float(distances.max())
-    # The playback says how far off its hinges were at any step; its frames must bear it out.
-    off = 0.0
-    if not (isinstance(plan, Windows) or isinstance(playback.frames, Windows)):
-        off = float(np.abs(playback.frames.joint_angles_rad - plan).max())
-    figures["max_angle_error_rad"] = max(playback.max_angle_error_rad, off)
+    figures["frames"] = len(plan)
+    figures["plan_end_error_rad"] = _end_error(chain, plan)
+    figures["max_angle_rad"] = max(_largest_angle(motion) for motion in _followed(playback))
+    if playback.simulated:
+        figures |= _simulation_figures(chain, playback)
     if len(plan) < 2:
         return figures
     if isinstance(plan, Windows):
@@ -334,7 +432,35 @@ def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> d
     if playback.peak_torque is not None and playback.rms_torque is not None:
         figures["peak_torque_nm"] = playback.peak_torque * unit
         figures["rms_torque_nm"] = playback.rms_torque * unit
+        figures["torque_frames"] = playback.torque_frames
+        figures["torque_source"] = "simulation, every step"
+        if not playback.simulated:
+            known = "some" if playback.torque_frames is None else playback.torque_frames
+            figures["torque_source"] = (
+                f"inverse dynamics at {known} of {len(plan)} frames, accelerations smoothed"
+            )
     return figures
+
+
+def _simulation_figures(chain: Chain, playback: Playback) -> dict[str, Any]:
+    """Where a simulated playback ended, and how far it was off its plan on the way."""
+    simulated = _angles(playback.frames)
+    last = _angles_at(chain, simulated, -1)
+    ends = chain.poses(last, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    distances = aligned_distances(ends.positions, chain.folded_poses.positions)
+    # The playback says how far off its hinges were at any step; its frames must bear it out.
+    off = playback.max_angle_error_rad or 0.0
+    if isinstance(simulated, np.ndarray):
+        off = max(off, float(np.abs(simulated - playback.reference).max()))
+    return {
+        "rms_position_error": float(np.sqrt((distances**2).mean())),
+        "max_position_error": float(distances.max()),
+        "max_angle_error_rad": off,
+    }
+
+
+def _end_error(chain: Chain, plan: Array | Windows) -> float:
+    return float(np.abs(_angles_at(chain, plan, -1) - chain.folded_rad).max(initial=0.0))
 
 
 def _verdict(
@@ -349,33 +475,62 @@ def _verdict(
 ) -> str:
     if record is not None and record.status != "straight":
         return f"failed: the explosion {record.status}: {record.reason}"
-    if playback is None or of_plan is None or of_playback is None:
+    if playback is None or of_plan is None:
         return "failed: there is no playback"
-    for name, found in (("plan", of_plan), ("simulated playback", of_playback)):
-        if found.clearance < 0.0:
+    motions = {"plan": of_plan, "simulated playback": of_playback}
+    for name, found in motions.items():
+        if found is not None and found.clearance < 0.0:
             return (
                 f"failed: in the {name}, modules {_pair(found)} overlap by {-found.clearance:.3g} "
                 f"pitch at module size {size:g}, {_percent(found):.0f} % into the fold (frame "
                 f"{found.frame:g} of the {name})"
             )
-    plan = playback.reference
-    largest = np.abs(plan.angles_rad if isinstance(plan, Windows) else plan).max(initial=0.0)
     if playback.status != "folded":
         return f"failed: the playback {playback.status}: {playback.reason}"
     if begins_otherwise := _begins_otherwise(chain, start, playback):
         return f"failed: {begins_otherwise}"
-    if np.abs(_angles_at(chain, plan, -1) - chain.folded_rad).max() > ENDS_WITHIN_RAD:
+    if figures["plan_end_error_rad"] > ENDS_WITHIN_RAD:
         return "failed: the plan does not end folded"
-    if largest > chain.module.angle_limit_rad + ENDS_WITHIN_RAD:
-        return "failed: the plan bends a joint beyond its range"
-    if figures["rms_position_error"] > FOLDED_WITHIN:
+    for name, motion in zip(motions, _followed(playback), strict=False):
+        if beyond := _beyond_range(chain, motion):
+            return f"failed: the {name} {beyond} of the {name})"
+    if playback.simulated and figures["rms_position_error"] > FOLDED_WITHIN:
         return (
             f"failed: the playback ends {figures['rms_position_error']:.2g} pitch (RMS) from the "
             "folded shape"
         )
-    if of_plan.bound <= 0.0 or of_playback.bound <= 0.0:
-        return "verified with gaps: some moments between two frames could not be bounded"
-    return "verified"
+    for name, found in motions.items():
+        if found is not None and found.bound <= 0.0:
+            return f"failed: {_unproved(name, found)}"
+    return SIMULATED if playback.simulated else KINEMATICS_ONLY
+
+
+def _unproved(name: str, found: Sweep) -> str:
+    """Where the clearance of a motion could not be shown to be more than nothing."""
+    if found.unbounded is None:
+        return f"in the {name}, modules {_pair(found)} touch (frame {found.frame:g} of the {name})"
+    return (
+        f"in the {name}, the clearance between two frames could not be bounded "
+        f"(frame {found.unbounded:g} of the {name})"
+    )
+
+
+def _beyond_range(chain: Chain, motion: Array | Windows) -> str:
+    """Which joint a motion bends beyond its range, how far and when; nothing when none is."""
+    limit = chain.module.angle_limit_rad
+    angles = motion.angles_rad if isinstance(motion, Windows) else motion
+    if not angles.size or np.abs(angles).max() <= limit + ENDS_WITHIN_RAD:
+        return ""
+    worst = int(np.abs(angles).argmax())
+    if isinstance(motion, Windows):
+        frame = int(np.searchsorted(motion.offsets, worst, side="right")) - 1
+        hinge = int(motion.first[frame] + worst - motion.offsets[frame])
+    else:
+        frame, hinge = divmod(worst, angles.shape[1])
+    return (
+        f"bends {chain.joint_names[hinge]} to {np.rad2deg(angles.flat[worst]):.4g}°, beyond its "
+        f"range of ±{np.rad2deg(limit):.4g}° (frame {frame}"
+    )
 
 
 def _begins_otherwise(chain: Chain, start: Chain | None, playback: Playback) -> str:
@@ -386,7 +541,7 @@ def _begins_otherwise(chain: Chain, start: Chain | None, playback: Playback) -> 
     if start is not None:
         expected[:straight] = PHASES.index("unfolding")
     if not np.array_equal(frames.phase, expected) or straight == len(frames):
-        return "the phases of the simulated playback are out of order"
+        return "the phases of the playback are out of order"
     if np.abs(_angles_at(chain, plan, straight)).max() > ENDS_WITHIN_RAD:
         passes = "begin" if start is None else "become"
         return f"the plan does not {passes} straight"

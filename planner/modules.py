@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final, Literal
 
 import numpy as np
@@ -12,12 +12,21 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 
 Array = NDArray[np.float64]
+RELIEF_SAMPLES: Final = 64
+"""Points along each side of a module by which the volume of its relief is told."""
 
 
 def _frozen(values: object) -> Array:
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array
+
+
+def _largest_projection(along: Array, across: Array, limit: float) -> Array:
+    """The largest of along · cos t + across · sin t over all |t| ≤ limit."""
+    bent = along * np.cos(limit) + np.abs(across) * np.sin(limit)
+    within = np.arctan2(np.abs(across), along) <= limit
+    return np.where(within, np.hypot(along, across), bent)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,6 +94,69 @@ class Module:
         """Distance from the centre to the farthest corner, in pitches."""
         return float(np.linalg.norm(self.vertices, axis=1).max())
 
+    def exempt_pairs(self, modules: int) -> tuple[tuple[int, int], ...]:
+        """The pairs of a chain of so many modules that may lie in one another, (i, j) with i < j.
+
+        No check looks at them: two cubes that share a joint overlap while it turns.
+        """
+        return tuple(
+            (j - k, j) for j in range(modules) for k in range(min(self.apart - 1, j), 0, -1)
+        )
+
+    def near_face(self, size: float) -> float:
+        """How far from the joint the next module's near face is, in pitches.
+
+        Args:
+            size: Module size as a fraction of the pitch.
+        """
+        away = float(np.linalg.norm(self.offset))
+        return away + size * float((self.vertices @ self.offset).min()) / away
+
+    def relief_radius(self, size: float) -> float | None:
+        """What the points of a real module reach at most from its joint, see ``reach``, in pitches.
+
+        Whatever reaches farther would lie in the next module at some angles of the joint. None
+        where linked modules are checked as all others are, so that nothing has to be lacking.
+
+        Args:
+            size: Module size as a fraction of the pitch.
+        """
+        return self.near_face(size) if self.apart > 1 else None
+
+    def relief_share(self, size: float) -> float:
+        """Which part of its volume a real module lacks for ``relief_radius``, to three digits.
+
+        Args:
+            size: Module size as a fraction of the pitch.
+        """
+        return _relief_share(self, float(size))
+
+    def reach(self, points: Array) -> Array:
+        """How far points reach from the joint along any direction in which the next module may lie.
+
+        In front of the joint that is their distance from it, behind it that from the line of the
+        link, and more there by what the joint turns beyond a right angle.
+
+        Args:
+            points: (P, 3) in the module's frame, in pitches.
+
+        Returns:
+            (P,): the largest p · d over all directions d of the joint's range.
+        """
+        if self.hinges_per_joint != 2:
+            raise ValueError(f"got a {self.name}, expected a module with universal joints")
+        # d = R(axis_1, a) R(axis_2, b) n, and the three directions are at right angles.
+        away = self.turn @ self.offset
+        away = away / np.linalg.norm(away)
+        p = points - self.anchor
+        along, aside, up = p @ away, p @ np.cross(self.axes[0], away), p @ self.axes[0]
+        limit = self.angle_limit_rad
+        farthest = _largest_projection(along, aside, limit)
+        nearest = -_largest_projection(-along, aside, limit)
+        return np.maximum(
+            _largest_projection(farthest, up, limit), _largest_projection(nearest, up, limit)
+        )
+
     def hinge_count(self, modules: int) -> int:
         """Number of hinge angles of a chain of ``modules`` modules."""
         return self.hinges_per_joint * max(0, modules - 1 - self.rigid_links)
@@ -96,6 +168,22 @@ class Module:
             for module in range(self.rigid_links, modules - 1)
             for hinge in self.hinge_names
         )
+
+
+@lru_cache(maxsize=64)
+def _relief_share(module: Module, size: float) -> float:
+    radius = module.relief_radius(size)
+    if radius is None:
+        return 0.0
+    hull = module.vertices * size
+    sides = [
+        low + (np.arange(RELIEF_SAMPLES) + 0.5) * (high - low) / RELIEF_SAMPLES
+        for low, high in zip(hull.min(axis=0), hull.max(axis=0), strict=True)
+    ]
+    points = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
+    extents = (hull @ module.face_normals.T).max(axis=0)
+    points = points[(np.abs(points @ module.face_normals.T) <= extents).all(axis=1)]
+    return round(float((module.reach(points) > radius).mean()), 3)
 
 
 CUBE: Final = Module(

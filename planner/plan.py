@@ -283,7 +283,7 @@ class Plan:
                 chain=chain,
                 motion=motion,
                 max_error_rad=errors,
-                certificate=Certificate.from_dict(values["certificate"]),
+                certificate=Certificate.from_dict(values["certificate"], values["playback"]),
                 attempts=tuple(values.get("attempts", ())),
                 start=chain_from_attributes(start) if (start := values.get("start")) else None,
                 smoothing=values.get("smoothing"),

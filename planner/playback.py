@@ -47,7 +47,7 @@ CHECK_EVERY: Final = 25
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Playback:
-    """The outcome of a simulated playback.
+    """The outcome of a playback: simulated, or the reference itself.
 
     Attributes:
         status: ``folded`` when the chain got there, else what came of it.
@@ -58,13 +58,16 @@ class Playback:
             frames are windows, which are that themselves.
         steps: Simulation steps.
         seconds: Wall time.
-        rms_position_error: Of the modules' centres at the end, in pitches, after alignment.
-        max_angle_error_rad: Largest joint error over all steps.
-        peak_torque: Largest hinge torque, in units of module mass · pitch² / s².
-        rms_torque: Root mean square over the steps of the largest hinge torque.
+        rms_position_error: Of the modules' centres at the end, in pitches, after alignment; None
+            when it was not simulated.
+        max_angle_error_rad: Largest joint error over all steps; None when it was not simulated.
+        peak_torque: Largest hinge torque looked at, in units of module mass · pitch² / s².
+        rms_torque: Root mean square over time of the largest hinge torque.
         kind: ``dynamic`` when it was simulated; ``kinematic`` when the reference itself was taken,
             for chains too long for the single tree. Joint errors are then NaN, torques those of
             inverse dynamics at frames spread over the motion.
+        torque_frames: How many frames those are; None where torques are those of every step, or
+            where an earlier version did not tell.
     """
 
     status: PlaybackStatus
@@ -73,11 +76,17 @@ class Playback:
     reference_rad: Array | None
     steps: int
     seconds: float
-    rms_position_error: float
-    max_angle_error_rad: float
+    rms_position_error: float | None
+    max_angle_error_rad: float | None
     peak_torque: float | None
     rms_torque: float | None
     kind: Literal["dynamic", "kinematic"] = "dynamic"
+    torque_frames: int | None = None
+
+    @property
+    def simulated(self) -> bool:
+        """Whether a simulation made its frames."""
+        return self.kind == "dynamic"
 
     @property
     def reference(self) -> Array | Windows:
@@ -110,7 +119,7 @@ class Playback:
             return cls(
                 frames=motion_from_arrays(arrays),
                 reference_rad=arrays.get("reference_rad"),
-                **{name: _loaded(arrays[name].item()) for name in _SCALARS},
+                **{name: _loaded(arrays[name].item()) for name in _SCALARS if name in arrays},
             )
 
 
@@ -133,6 +142,7 @@ _SCALARS: Final = (
     "peak_torque",
     "rms_torque",
     "kind",
+    "torque_frames",
 )
 
 
@@ -256,11 +266,12 @@ def _kinematic(chain: Chain, frames: Motion, reference_rad: Array | None, begun:
         reference_rad=reference_rad,
         steps=0,
         seconds=time.perf_counter() - begun,
-        rms_position_error=0.0,
-        max_angle_error_rad=0.0,
-        peak_torque=torques.peak,
-        rms_torque=torques.rms,
+        rms_position_error=None,
+        max_angle_error_rad=None,
+        peak_torque=torques.peak if len(torques.frames) else None,
+        rms_torque=torques.rms if len(torques.frames) else None,
         kind="kinematic",
+        torque_frames=len(torques.frames),
     )
 
 

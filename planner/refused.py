@@ -82,9 +82,11 @@ def drop(directory: FilePath) -> None:
 
 
 def closest(certificate: dict[str, Any]) -> float:
-    """The least clearance of a plan and its playback; −∞ where it is not known."""
-    known = [certificate.get(name) for name in ("min_clearance", "min_clearance_playback")]
-    return min(float("-inf") if value is None else float(value) for value in known)
+    """The least clearance of a plan and its simulated playback; −∞ where it is not known."""
+    plan, playback = (certificate.get(name) for name in ("min_clearance", "min_clearance_playback"))
+    if plan is None:
+        return float("-inf")
+    return float(plan) if playback is None else min(float(plan), float(playback))
 
 
 def _clearance(place: FilePath) -> float:

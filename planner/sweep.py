@@ -59,6 +59,7 @@ class Sweep:
         frame: Where, as a frame number; a half means between two.
         modules: The two modules, None when everything is far apart.
         bound: What the clearance is nowhere less than; 0 where halving ended without an answer.
+        unbounded: A moment around which it did, as a frame number; None where it never did.
         in_betweens: Configurations looked at between frames.
         per_frame: (F,) clearance at each frame, capped at ``ENOUGH``.
     """
@@ -67,6 +68,7 @@ class Sweep:
     frame: float
     modules: tuple[int, int] | None
     bound: float
+    unbounded: float | None
     in_betweens: int
     per_frame: Array
 
@@ -117,11 +119,13 @@ def _swept(
         angles = Angles(first=first, offsets=offsets, shift=begins, values=values)
         return sweep_frames(shape, angles, start, stop, enough, known, per_frame)
 
-    best, bound, in_betweens = enough, enough, 0
+    best, bound, unbounded, in_betweens = enough, enough, -1.0, 0
     where, modules = 0.0, (-1, -1)
     for found in _in_turn(part, range(0, frames, CHUNK), cancelled):
         bound = min(bound, found.bound)
         in_betweens += found.in_betweens
+        if unbounded < 0.0:
+            unbounded = found.unbounded
         if found.clearance < best:
             best, where, modules = found.clearance, found.where, (found.first, found.second)
     if best < enough and modules[0] < 0:
@@ -132,6 +136,7 @@ def _swept(
         frame=float(where),
         modules=None if modules[0] < 0 else (int(modules[0]), int(modules[1])),
         bound=float(min(bound, best)),
+        unbounded=None if unbounded < 0.0 else float(unbounded),
         in_betweens=in_betweens,
         per_frame=per_frame,
     )

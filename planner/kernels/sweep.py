@@ -93,13 +93,17 @@ class Angles(NamedTuple):
 
 
 class Found(NamedTuple):
-    """The closest place of a stretch of frames: see ``planner.sweep.Sweep``."""
+    """The closest place of a stretch of frames: see ``planner.sweep.Sweep``.
+
+    ``unbounded`` is −1 where everything is bounded.
+    """
 
     clearance: float
     where: float
     first: int
     second: int
     bound: float
+    unbounded: float
     in_betweens: int
 
 
@@ -396,7 +400,7 @@ def _between(
     bodies: Array,
     points: Array,
     cap: float,
-) -> tuple[float, float, int, int, float, int]:
+) -> tuple[float, float, int, int, float, float, int]:
     """Looks at all between two frames, of which the first is no closer than ``cap`` anywhere.
 
     Args:
@@ -410,7 +414,8 @@ def _between(
 
     Returns:
         Least clearance found, when that is, its pair (−1 when none is below ``cap``), the bound,
-        and how many moments were looked at.
+        a moment around which there is none (−1 when there is one everywhere), and how many moments
+        were looked at.
     """
     high = low + bodies.shape[0] - 1
     reach = 2.0 * shape.radius * shape.size
@@ -423,6 +428,7 @@ def _between(
     ranges = np.empty((2 * MOST_HALVINGS + 2, 3), dtype=np.int64)
     found, where, first, second = cap, 0.5, -1, -1
     bound = cap
+    unbounded = -1.0
     moments = 0
     held = 0
     whiles[0, 0], whiles[0, 1] = 0.5, 0.5
@@ -462,6 +468,7 @@ def _between(
                 continue
         if value <= 0.0 or halvings == (MOST_TAMINGS if wild else MOST_HALVINGS):
             bound = min(bound, 0.0)
+            unbounded = middle
             continue
         quarter = 0.5 * whiles[depth, 1]
         for side in (1.0, -1.0):
@@ -470,7 +477,7 @@ def _between(
             ranges[depth, 1], ranges[depth, 2] = now, halvings + 1
             depth += 1
         held = now
-    return found, where, first, second, bound, moments
+    return found, where, first, second, bound, unbounded, moments
 
 
 @njit(cache=True, nogil=True)
@@ -499,6 +506,7 @@ def sweep_frames(
     reach = 2.0 * shape.radius * shape.size
     found, where, one, other = enough, float(start), -1, -1
     bound = enough
+    unbounded = -1.0
     in_betweens = 0
     pairs = np.empty((4096, 2), dtype=np.int64)
     none = np.empty((1, 2), dtype=np.int64)
@@ -542,12 +550,14 @@ def sweep_frames(
                 at = float(k)
             else:
                 # Pairs farther apart than the closest of a frame change neither figure.
-                value, middle, i, j, keeps, moments = _between(
+                value, middle, i, j, keeps, loose, moments = _between(
                     shape, origin, rates, rigid, root, low, bodies, points, per_frame[k]
                 )
                 at = k + middle
                 bound = min(bound, keeps)
                 in_betweens += moments
+                if loose >= 0.0:
+                    unbounded = k + loose
             if value < found:
                 found, where, one, other = value, at, i, j
-    return Found(found, where, one, other, min(bound, found), in_betweens)
+    return Found(found, where, one, other, min(bound, found), unbounded, in_betweens)
