@@ -30,7 +30,8 @@ def main() -> None:
     certificate = certify(chain, record, playback, parameters)
     print(f"certificate: {certificate.verdict}")
     print(f"  least clearance of the plan: {certificate.min_clearance:.4f} pitches")
-    print(f"  error where it ends: {certificate.rms_position_error:.1e} pitches")
+    if certificate.simulated:
+        print(f"  error where it ends, simulated: {certificate.rms_position_error:.1e} pitches")
 
 
 if __name__ == "__main__":

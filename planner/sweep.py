@@ -48,6 +48,8 @@ MOST_THREADS: Final = 4
 ENOUGH: Final = 0.2
 """Clearances of this and more are not told apart, unless there is nothing less."""
 FAR: Final = 3.0
+SHARE: Final = 0.9
+"""Which part of the least clearance seen is proved, where some halvings more can do that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +119,7 @@ def _swept(
             # A copy: a read-only array would be another type, for which all is compiled anew.
             values = np.array(motion[start : stop + 1], dtype=np.float64).reshape(-1)
         angles = Angles(first=first, offsets=offsets, shift=begins, values=values)
-        return sweep_frames(shape, angles, start, stop, enough, known, per_frame)
+        return sweep_frames(shape, angles, start, stop, enough, known, per_frame, SHARE)
 
     best, bound, unbounded, in_betweens = enough, enough, -1.0, 0
     where, modules = 0.0, (-1, -1)

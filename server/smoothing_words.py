@@ -26,7 +26,7 @@ LABELS: Final[dict[str, tuple[str, float, int]]] = {
     "hinges_moving_mean": ("Hinges moving, mean", 1.0, 3),
     "hinges_moving_most": ("Hinges moving, most", 1.0, 3),
     "peak_speed_rad_s": ("Fastest hinge, rad/s", 1.0, 2),
-    "peak_torque_nm": ("Peak torque, mN·m", 1e3, 2),
+    "peak_torque_nm": ("Largest torque, mN·m", 1e3, 2),
     "tail_way": ("Way of an end, pitches", 1.0, 3),
     "tail_speed": ("Fastest end, pitches/s", 1.0, 2),
     "clearance": ("Clearance, pitch", 1.0, 2),

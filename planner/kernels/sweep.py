@@ -36,6 +36,8 @@ MOST_TAMINGS = 12
 """So often for that."""
 ROUNDING = 1e-9
 """A pair passes when it keeps more than this."""
+TIGHT_HALVINGS = 8
+"""… and, up to so many halvings, more than a share of the least clearance seen."""
 
 
 class Shape(NamedTuple):
@@ -284,12 +286,13 @@ def _look(
     start: int,
     stop: int,
     cap: float,
+    worth: float,
     work: Array,
     turned: Array,
     left: Ints,
     count: int,
 ) -> tuple[float, int, int, float, Ints, int]:
-    """The least clearance of pairs at s = 0 and the least that those keep that keep any.
+    """The least clearance of pairs at s = 0 and the least that those keep that keep ``worth``.
 
     Appends the others to ``left``, which may be ``pairs`` itself.
 
@@ -339,7 +342,7 @@ def _look(
             second = j
         if half > 0.0 and separation < bound + lose:
             keeps = separation - loss_along(work[0], axis, half, radius)
-            if keeps <= ROUNDING:
+            if keeps <= worth:
                 left = _append(left, count, i, j)
                 count += 1
             else:
@@ -400,6 +403,8 @@ def _between(
     bodies: Array,
     points: Array,
     cap: float,
+    least: float,
+    share: float,
 ) -> tuple[float, float, int, int, float, float, int]:
     """Looks at all between two frames, of which the first is no closer than ``cap`` anywhere.
 
@@ -411,6 +416,8 @@ def _between(
         low: The stretch's first module.
         bodies, points: (m, WIDTH), (m, 3) scratch for the modules of the stretch.
         cap: Pairs that stay this far apart are not looked at.
+        least: The least clearance that was seen so far.
+        share: Which part of that the bound should reach.
 
     Returns:
         Least clearance found, when that is, its pair (−1 when none is below ``cap``), the bound,
@@ -457,8 +464,22 @@ def _between(
             )
             who = pairs
             half = 0.0
+        worth = share * min(least, found) if halvings < TIGHT_HALVINGS else 0.0
         value, i, j, keeps, left, now = _look(
-            shape, bodies, half, low, high, who, begins, ends, cap, work, turned, left, held
+            shape,
+            bodies,
+            half,
+            low,
+            high,
+            who,
+            begins,
+            ends,
+            cap,
+            max(ROUNDING, worth),
+            work,
+            turned,
+            left,
+            held,
         )
         if value < found:
             found, where, first, second = value, middle, i, j
@@ -489,6 +510,7 @@ def sweep_frames(
     enough: float,
     known: Array,
     per_frame: Array,
+    share: float,
 ) -> Found:
     """Looks at the frames from ``start`` to ``stop`` and between each and the next, if there is.
 
@@ -499,6 +521,7 @@ def sweep_frames(
         enough: Clearances of this and more are not told apart.
         known: (F,) clearance of what is rigid in each frame.
         per_frame: (F,) written: clearance of each frame.
+        share: Which part of the least clearance seen the bound should reach where it can.
     """
     frames = angles.first.shape[0]
     modules = shape.core.shape[0]
@@ -544,14 +567,24 @@ def sweep_frames(
                     shape, bodies, points, 0.0, low, high, reach + cap, work[1], turned, pairs
                 )
                 value, i, j, _, _, _ = _look(
-                    shape, bodies, 0.0, low, high, pairs, 0, many, cap, work, turned, none, 0
+                    shape, bodies, 0.0, low, high, pairs, 0, many, cap, 0.0, work, turned, none, 0
                 )
                 per_frame[k] = value
                 at = float(k)
             else:
                 # Pairs farther apart than the closest of a frame change neither figure.
                 value, middle, i, j, keeps, loose, moments = _between(
-                    shape, origin, rates, rigid, root, low, bodies, points, per_frame[k]
+                    shape,
+                    origin,
+                    rates,
+                    rigid,
+                    root,
+                    low,
+                    bodies,
+                    points,
+                    per_frame[k],
+                    min(found, per_frame[k]),
+                    share,
                 )
                 at = k + middle
                 bound = min(bound, keeps)

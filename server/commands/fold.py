@@ -16,12 +16,15 @@ from rich.table import Table
 from planner.cores import cores
 from planner.errors import InputError
 from planner.fold_files import write_request
+from planner.modules import module_named
 from planner.progress import Progress as StageProgress
 from planner.request import Request
 from planner.stages import STAGES, next_stage, run_stage
 from planner.tries import Tries
+from server import certificate_words
 from server.command_inputs import make_directory, read_input, refuse
 from server.command_options import AsJson, ModuleSize, PlanDirectory, Preset, Seed, Workers
+from server.quantities import sentence
 
 WORDS = {
     "explode": "Exploding",
@@ -142,25 +145,28 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
 def show(summary: dict[str, Any], out: Path) -> None:
     """Prints a plan's figures for people."""
     certificate, playback = summary["certificate"], summary["playback"]
+    strategy = summary["explosion"].get("strategy")
+    console = Console(highlight=False)
     table = Table(box=None, show_header=False, pad_edge=False)
 
     def row(name: str, value: float | int | str | None, unit: str = "") -> None:
         if value is not None:
-            text = f"{value:.3g}" if isinstance(value, float) else str(value)
-            table.add_row(name, f"{text} {unit}".rstrip())
+            table.add_row(name, f"{value} {unit}".rstrip())
 
-    row("Verdict", certificate["verdict"])
+    console.print(sentence(certificate_words.headline(certificate)), markup=False, soft_wrap=True)
     row("Begins as", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])
-    row("Strategy", summary["explosion"].get("strategy"))
+    row("Strategy", certificate_words.baseline(strategy) or strategy)
     row("Explosion", summary["explosion"]["steps"] or None, "steps")
-    row("Playback", playback and playback["steps"], "steps")
-    row("Module size", certificate["module_size"])
-    row("Least clearance", certificate["min_clearance"], "pitch")
-    row("  in the playback", certificate["min_clearance_playback"], "pitch")
-    row("Position error (RMS)", certificate["rms_position_error"], "pitch")
-    row("Largest joint error", certificate["max_angle_error_rad"], "rad")
-    row("Fold time", certificate["fold_time_s"], "s")
-    row("Peak torque", certificate["peak_torque_nm"], "N·m")
+    row("Playback", playback and (playback["steps"] or None), "steps")
+    for name, value in certificate_words.rows(certificate):
+        row(sentence(name), value)
     row("Written to", str(out))
-    Console().print(table)
+    console.print(table)
+    limit = module_named(summary["module"]).angle_limit_rad
+    for told in (
+        certificate_words.linked(certificate),
+        certificate_words.record(certificate, limit_rad=limit),
+    ):
+        if told is not None:
+            console.print(told, markup=False, soft_wrap=True)

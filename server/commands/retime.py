@@ -20,6 +20,7 @@ from planner.plan import Plan
 from planner.retiming import clearance
 from planner.retiming import retime as retime_plan
 from planner.trajectory import Trajectory
+from server import certificate_words
 from server.command_inputs import refuse
 from server.command_options import AsJson, FoldDirectory
 
@@ -142,7 +143,7 @@ def _show(
 ) -> None:
     console = Console(highlight=False)
     facts = Table(box=None, show_header=False, pad_edge=False)
-    facts.add_row("Plan", plan.certificate.verdict)
+    facts.add_row("Plan", certificate_words.headline(plan.certificate.as_dict()))
     facts.add_row("Duration", f"{trajectory.duration_s:.3g} s")
     facts.add_row("Cuts corners by", f"{trajectory.deviation_rad:.2g} rad at most")
     if clear is not None:

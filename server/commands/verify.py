@@ -15,6 +15,7 @@ from planner.request import Request
 from planner.sizes import largest_size as find_largest
 from planner.verification import Verification
 from planner.verification import verify as verify_files
+from server import certificate_words
 from server.command_inputs import refuse
 from server.command_options import AsJson, FoldDirectory
 
@@ -52,7 +53,8 @@ def verify(
         print(json.dumps({**found.as_dict(), **sized}), flush=True)
     else:
         console = Console(soft_wrap=True, highlight=False)
-        for line in found.problems or (found.certificate.verdict,):
+        told = certificate_words.headline(found.certificate.as_dict())
+        for line in found.problems or (told,):
             console.print(line, markup=False)
         if found.replay is not None:
             console.print(

@@ -12,6 +12,7 @@ from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
+from planner.certificate import told_honestly
 from planner.errors import TimelineError
 from planner.exports import exports_of
 from planner.modules import CUBE, MODULES
@@ -19,6 +20,7 @@ from planner.parameters import AUTO
 from planner.request import LARGEST_SEED, Request
 from planner.smoothing_ways import MOST_ANGLES
 from planner.timeline import Timeline
+from server import certificate_words
 from server.quantities import DIGITS, PRESETS, STRATEGIES, length_m, quantity, sentence
 from server.quantities import parameters as parameters_in_words
 from server.routes.failures import attempts, exploding, failure
@@ -51,7 +53,10 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
     """
     row, directory = found.row, found.directory
     summary: dict[str, Any] = dict(row.summary or {})
-    certificate = summary.get("certificate") or _json(directory / "certificate.json")
+    certificate = told_honestly(
+        summary.get("certificate") or _json(directory / "certificate.json"),
+        summary.get("playback"),
+    )
     running = row.status in RUNNING
     done = row.status in ("verified", "failed")
     problem = _problem(row, summary)
@@ -119,8 +124,9 @@ def _title(row: Any) -> str:
 def _verdict(row: Any, summary: dict[str, Any], certificate: dict[str, Any]) -> dict[str, str]:
     modules = f"{row.modules} modules" if row.modules else None
     if row.status == "verified":
-        clearance = _number(certificate, "min_clearance", 2)
-        parts = ["verified", f"clearance {clearance}" if clearance else None, modules]
+        strategy = (summary.get("explosion") or {}).get("strategy")
+        told = certificate_words.headline(certificate) or "verified"
+        parts = [told, certificate_words.baseline(strategy), modules]
         return {"tone": "good", "text": " · ".join(p for p in parts if p)}
     if row.status == "failed":
         reason = _told(summary.get("reason") or (row.error or {}).get("detail") or "", summary)
@@ -214,6 +220,15 @@ def _smoothing(found: Found | None, summary: dict[str, Any]) -> dict[str, Any] |
     }
 
 
+def _not_simulated(playback: dict[str, Any]) -> str | None:
+    return certificate_words.NOT_SIMULATED if playback.get("kind") == "kinematic" else None
+
+
+def _limit(row: Any) -> float:
+    """How far the hinges of a fold's modules turn."""
+    return MODULES.get(getattr(row, "module", None) or CUBE.name, CUBE).angle_limit_rad
+
+
 def _joints(row: Any) -> int | None:
     if not row.modules:
         return None
@@ -248,25 +263,9 @@ def _properties(
             "Certificate",
             [
                 ("Verdict", sentence(_told(str(certificate.get("verdict") or ""), summary))),
-                ("Module size", _quantity(certificate, "module_size", "pitch")),
-                ("Least clearance", _quantity(certificate, "min_clearance", "pitch")),
-                (
-                    "Same, simulated playback",
-                    _quantity(certificate, "min_clearance_playback", "pitch"),
-                ),
-                (
-                    "Final position error, RMS",
-                    _quantity(playback, "rms_position_error", "pitch", 2),
-                ),
-                ("Largest joint error", _quantity(playback, "max_angle_error_rad", "rad", 2)),
-                ("Largest joint step", _quantity(certificate, "max_joint_step_rad", "rad")),
-                ("Hinges moving, most", certificate.get("hinges_moving_most")),
-                ("Peak torque", _quantity(certificate, "peak_torque_nm", "N·m", 2)),
-                ("Time to fold", _quantity(certificate, "fold_time_s", "s")),
-                (
-                    "at a joint speed of",
-                    _quantity(certificate, "joint_speed_limit_rad_s", "rad/s"),
-                ),
+                *certificate_words.rows(certificate),
+                ("Linked modules", certificate_words.linked(certificate)),
+                ("Recording", certificate_words.record(certificate, limit_rad=_limit(row))),
             ],
         ),
         (
@@ -276,7 +275,7 @@ def _properties(
                 (f"{made} steps", explosion.get("steps") or None),
                 (f"{made} frames", explosion.get("frames")),
                 (f"{made}, wall time", _quantity(explosion, "seconds", "s", 2)),
-                ("Playback steps", playback.get("steps")),
+                ("Playback steps", playback.get("steps") or _not_simulated(playback)),
                 ("Playback, wall time", _quantity(playback, "seconds", "s", 2)),
                 ("Certificate, wall time", _quantity(certificate, "seconds", "s", 2)),
                 ("Simulated time", quantity(_simulated_s(directory), "s")),
@@ -364,13 +363,6 @@ def _simulated_at(directory: Path, changed_ns: int) -> float | None:
         return float(timeline.frames(len(timeline) - 1).time_s[-1])
     except (TimelineError, OSError):
         return None
-
-
-def _number(values: dict[str, Any], key: str, digits: int = 2) -> str | None:
-    value = values.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return f"{value:.{digits}g}" if 0 < abs(value) < 10.0**-digits else f"{value:.{digits}f}"
 
 
 def _json(path: Path) -> dict[str, Any]:

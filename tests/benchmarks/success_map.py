@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from planner.certificate import KINEMATICS_ONLY, SIMULATED
 from planner.errors import InputError
 from planner.formats import write_path
 from planner.kernels.backbite import grow
@@ -30,7 +31,7 @@ from planner.request import Request
 from planner.shapes import Shape
 from planner.warm_up import warm_up
 from tests.benchmarks.stored import judge, run_missing
-from tests.benchmarks.success_picture import picture
+from tests.benchmarks.success_picture import Shares, picture
 
 Ints = NDArray[np.int64]
 ROOT: Final = FilePath(__file__).parents[2]
@@ -141,15 +142,19 @@ def run(case: Case) -> dict[str, Any]:
     return {**outcome, "seconds": round(time.process_time() - begun, 2)}
 
 
-def shares(rows: list[dict[str, Any]]) -> dict[tuple[str, str, int], tuple[int, int]]:
-    """Verified folds and all of them, by method, kind and modules; without a path there is none."""
-    found: dict[tuple[str, str, int], tuple[int, int]] = {}
+def shares(rows: list[dict[str, Any]]) -> Shares:
+    """Verified folds by method, kind and modules; without a path there is none."""
+    found: Shares = {}
     for row in rows:
         if row["verdict"] in ("no path", "refused: strategy-differs"):
             continue
         key = (row["method"], row["kind"], row["modules"])
-        good, count = found.get(key, (0, 0))
-        found[key] = (good + row["verdict"].startswith("verified"), count + 1)
+        simulated, by_kinematics, count = found.get(key, (0, 0, 0))
+        found[key] = (
+            simulated + (row["verdict"] == SIMULATED),
+            by_kinematics + (row["verdict"] == KINEMATICS_ONLY),
+            count + 1,
+        )
     return found
 
 
@@ -163,7 +168,7 @@ def show(rows: list[dict[str, Any]], console: Console) -> None:
         for modules in BOXES:
             cells = [found.get((method, kind, modules)) for method in METHODS]
             if any(cells):
-                texts = ["" if cell is None else f"{cell[0]}/{cell[1]}" for cell in cells]
+                texts = ["" if cell is None else f"{cell[0] + cell[1]}/{cell[2]}" for cell in cells]
                 table.add_row(kind, str(modules), *texts)
     console.print(table)
 

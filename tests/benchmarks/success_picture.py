@@ -1,6 +1,7 @@
 """The success map as a picture: a field for each method, in it a row for each kind of path.
 
-What is verified is told by how far a cell is filled and by a cross where nothing is, colours apart.
+What is verified is told by how far a cell is filled and by a cross where nothing is, colours apart:
+from below what was simulated, on it what was verified by kinematics only.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ text { fill: #2a2e35; font: 12px system-ui, -apple-system, "Segoe UI", Roboto, s
 .ground { fill: #faf9f7; }
 .cell { fill: #f3dcc0; }
 .good { fill: #1f5f9e; }
+.kinematics { fill: #a5c6e6; stroke: #1f5f9e; stroke-width: 1.5; }
 .none { fill: none; stroke: #c9c5bc; }
 .cross { stroke: #9a4a00; stroke-width: 2; }
 @media (prefers-color-scheme: dark) {
@@ -32,12 +34,14 @@ text { fill: #2a2e35; font: 12px system-ui, -apple-system, "Segoe UI", Roboto, s
   .ground { fill: #15181d; }
   .cell { fill: #4a3620; }
   .good { fill: #62a8ea; }
+  .kinematics { fill: #24425f; stroke: #62a8ea; }
   .none { stroke: #3a414b; }
   .cross { stroke: #ffb35c; }
 }
 """
 
-Share = tuple[int, int]
+Share = tuple[int, int, int]
+"""Folds that are verified and simulated, that are verified by kinematics only, and all of them."""
 Shares = dict[tuple[str, str, int], Share]
 
 
@@ -47,7 +51,7 @@ def picture(
     """SVG: a field for each method, in it kinds of path from above and sizes from the left.
 
     Args:
-        shares: By method, kind and modules: how many are verified, and of how many.
+        shares: By method, kind and modules: how many are verified in each way, and of how many.
         methods, kinds, sizes: In the order in which they are drawn.
     """
     wide = len(sizes) * SIDE + GAP
@@ -90,10 +94,21 @@ def _field(
         )
         for row, kind in enumerate(kinds):
             share = shares.get((method, kind, size))
-            told = "not run" if share is None else f"{share[0]} of {share[1]} verified"
+            told = _told(share)
             cell = _cell(share, left, y + HEAD + row * SIDE)
             parts.append(f"<g><title>{told}</title>{cell}</g>")
     return "\n".join(parts)
+
+
+def _told(share: Share | None) -> str:
+    if share is None:
+        return "not run"
+    simulated, by_kinematics, count = share
+    if not by_kinematics:
+        return f"{simulated} of {count} verified" + (" (simulated)" if simulated else "")
+    if not simulated:
+        return f"{by_kinematics} of {count} verified (kinematics only)"
+    return f"{simulated} of {count} verified (simulated), {by_kinematics} (kinematics only)"
 
 
 def _cell(share: Share | None, x: float, y: float) -> str:
@@ -103,10 +118,15 @@ def _cell(share: Share | None, x: float, y: float) -> str:
     if share is None:
         return f'<rect class="none" {box} y="{y}" height="{side}"/>'
     parts = [f'<rect class="cell" {box} y="{y}" height="{side}"/>']
-    if share[0]:
-        high = side * share[0] / share[1]
-        parts.append(f'<rect class="good" {box} y="{y + side - high:.1f}" height="{high:.1f}"/>')
-    else:
+    below = 0.0
+    for name, good in (("good", share[0]), ("kinematics", share[1])):
+        if good:
+            high = side * good / share[2]
+            below += high
+            parts.append(
+                f'<rect class="{name}" {box} y="{y + side - below:.1f}" height="{high:.1f}"/>'
+            )
+    if not below:
         across = side - 12
         parts.append(
             f'<path class="cross" d="M{x + 6} {y + 6}l{across} {across}m{-across} 0l{across} '
@@ -117,9 +137,10 @@ def _cell(share: Share | None, x: float, y: float) -> str:
 
 def _key(x: int, y: int) -> str:
     told: tuple[tuple[Share | None, str], ...] = (
-        ((1, 1), "all verified"),
-        ((1, 2), "some"),
-        ((0, 1), "none"),
+        ((1, 0, 1), "verified, simulated"),
+        ((0, 1, 1), "kinematics only"),
+        ((1, 0, 2), "some"),
+        ((0, 0, 1), "none"),
         (None, "not run"),
     )
     return "\n".join(

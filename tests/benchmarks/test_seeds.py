@@ -26,7 +26,7 @@ def test_a_gallery_shape_and_a_mesh_are_folded(monkeypatch: pytest.MonkeyPatch) 
         Case(kind="mesh", shape="bracket", seed=0),
     ):
         row = run(case)
-        assert row["verdict"] == "verified"
+        assert row["verdict"] == "verified (simulated)"
         assert (row["kind"], row["shape"], row["seed"]) == (case.kind, case.shape, case.seed)
         assert row["modules"] >= 16 and row["attempts"] >= 1
 

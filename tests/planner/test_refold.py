@@ -80,7 +80,7 @@ def judged(directory: FilePath, **changes: Any) -> Certificate:
 
 
 def test_a_refold_is_verified_with_both_shapes_named(plan: Plan) -> None:
-    assert plan.certificate.verdict == "verified"
+    assert plan.certificate.verdict == "verified (simulated)"
     assert plan.start is not None
     assert (plan.start.name, plan.chain.name) == ("wrench-24", "mallet-24")
     assert plan.summary()["refold"] == {
@@ -239,7 +239,7 @@ def test_an_overlap_in_either_half_is_found(half: str, copy: FilePath, plan: Pla
 
 
 def test_a_simulation_that_began_elsewhere_is_refused(made: FilePath) -> None:
-    assert judged(made).verdict == "verified"
+    assert judged(made).verdict == "verified (simulated)"
     frames = Playback.load(made / "playback.npz").frames
     moved = frames.root_position.copy()
     moved[0, 1] += 0.01
@@ -285,7 +285,7 @@ def test_tetrahedra_refold_too(tmp_path: FilePath) -> None:
     ring = fold(shape("tetra-ring"))
     assert ring.verified
     found = refold(ring, bent, directory=tmp_path)
-    assert found.certificate.verdict == "verified"
+    assert found.certificate.verdict == "verified (simulated)"
     np.testing.assert_allclose(found.joint_angles_rad[-1], bent.folded_rad, atol=1e-9)
     assert verify(tmp_path).verified
 
@@ -371,7 +371,7 @@ def test_a_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, 
     np.testing.assert_array_equal(frames.joint_angles_rad[: count + 1], way.folding_rad[::-1])
     assert (np.diff(frames.time_s) > 0.0).all()
     certificate = certify(plan.chain, None, found, Parameters(), start=wrench.chain)
-    assert certificate.verdict == "verified"
+    assert certificate.verdict == "verified (kinematics only)"
     centres = plan.chain.poses(
         frames.joint_angles_rad, frames.root_position, frames.root_wxyz
     ).positions.mean(axis=1)

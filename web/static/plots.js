@@ -8,7 +8,7 @@ const PLOTS = [
   { name: "max_error_rad", label: "Largest joint error", text: radians, worst: Math.max },
   { name: "min_clearance", label: "Least clearance", text: (v) => `${Number(v.toPrecision(2))} pitch`, worst: Math.min },
   { name: "hinges_moving", label: "Hinges moving", text: whole, worst: Math.max },
-  { name: "peak_torque_nm", label: "Peak torque", text: newtonMetres, worst: Math.max },
+  { name: "peak_torque_nm", label: "Largest torque", text: newtonMetres, worst: Math.max },
 ];
 
 function svg(name, attributes = {}) {
