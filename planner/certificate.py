@@ -141,16 +141,11 @@ class Certificate:
             playback: The playback's summary, which says of an earlier version's certificate
                 whether it was simulated.
         """
-        values = told_honestly(values, playback)
-        exempt = values["exempt_pairs"]
-        places = {name: Place.from_dict(values[name]) for name in _PLACES}
-        return cls(
-            **{
-                **values,
-                **places,
-                "exempt_pairs": None if exempt is None else ExemptPairs.from_dict(exempt),
-            }
-        )
+        found: dict[str, Any] = dict(told_honestly(values, playback))
+        found |= {name: Place.from_dict(found[name]) for name in _PLACES}
+        if found["exempt_pairs"] is not None:
+            found["exempt_pairs"] = ExemptPairs.from_dict(found["exempt_pairs"])
+        return cls(**found)
 
 
 _PLACES: Final = ("min_clearance_at", "min_clearance_playback_at", "min_clearance_record_at")
@@ -450,7 +445,7 @@ def _simulation_figures(chain: Chain, playback: Playback) -> dict[str, Any]:
     distances = aligned_distances(ends.positions, chain.folded_poses.positions)
     # The playback says how far off its hinges were at any step; its frames must bear it out.
     off = playback.max_angle_error_rad or 0.0
-    if isinstance(simulated, np.ndarray):
+    if not (isinstance(simulated, Windows) or isinstance(playback.reference, Windows)):
         off = max(off, float(np.abs(simulated - playback.reference).max()))
     return {
         "rms_position_error": float(np.sqrt((distances**2).mean())),

@@ -75,9 +75,9 @@ class ExemptPairs:
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> ExemptPairs:
         """The inverse of ``as_dict``."""
-        return cls(
-            **{**values, "worst_overlap_at": Place.from_dict(values["worst_overlap_at"])},
-        )
+        found: dict[str, Any] = dict(values)
+        found["worst_overlap_at"] = Place.from_dict(values["worst_overlap_at"])
+        return cls(**found)
 
 
 def exempt_pairs(chain: Chain, motions: Sequence[Array | Windows], *, size: float) -> ExemptPairs:

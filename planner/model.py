@@ -6,8 +6,10 @@ in ``Chain.joint_names``. In both models every hinge coordinate of MuJoCo *is* t
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -209,17 +211,24 @@ def hinge_names(chain: Chain, index: int) -> tuple[str, ...]:
     return tuple(f"joint_{index}_{h}" if h else f"joint_{index}" for h in module.hinge_names)
 
 
-def exclude_neighbours(spec: Any, names: list[str]) -> None:
-    """Exempts consecutive modules from contact."""
-    for first, second in zip(names[:-1], names[1:], strict=True):
-        spec.add_exclude(bodyname1=first, bodyname2=second)
+def exclude(spec: Any, names: list[str], pairs: Iterable[tuple[int, int]]) -> None:
+    """Exempts pairs of modules from contact."""
+    for first, second in pairs:
+        spec.add_exclude(bodyname1=names[first], bodyname2=names[second])
 
 
-def tree_spec(chain: Chain, material: Material) -> Any:
+def tree_spec(
+    chain: Chain, material: Material, *, exempt: Iterable[tuple[int, int]] | None = None
+) -> Any:
     """The single tree: rooted at the chain's root module with a free joint.
 
     Recorded angles are exact by construction. The mass matrix is dense along the chain, so a step's
     cost grows with the cube of its length: for some hundreds of modules.
+
+    Args:
+        chain: The chain.
+        material: Of the modules.
+        exempt: Pairs of modules that don't collide; all consecutive ones when None.
     """
     spec = base_spec()
     spec.modelname = "foldback"
@@ -242,7 +251,7 @@ def tree_spec(chain: Chain, material: Material) -> Any:
         site.name = names[i]
         site.size = [0.02, 0.02, 0.02]
         site.group = 4
-    exclude_neighbours(spec, names)
+    exclude(spec, names, pairwise(range(n)) if exempt is None else exempt)
     return spec
 
 
@@ -317,7 +326,7 @@ def segment_spec(
             weld.solimp = [0.9999, 0.9999, 0.001, 0.5, 2.0]
         elif rod is not None:
             _add_rod(body, rod, material)
-    exclude_neighbours(spec, names)
+    exclude(spec, names, pairwise(range(n)))
     return spec
 
 

@@ -93,7 +93,7 @@ def record(certificate: Values, *, limit_rad: float | None = None) -> str | None
     if bent is not None and limit_rad is not None and bent > limit_rad + 1e-6:
         told.append(
             f"bends a joint to {math.degrees(bent):.1f}°, beyond its range of "
-            f"±{math.degrees(limit_rad):g}°"
+            f"±{math.degrees(limit_rad):.4g}°"
         )
     if not told:
         return None

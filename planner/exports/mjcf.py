@@ -71,7 +71,8 @@ def mjcf(chain: Chain, *, module_size: float, keys: Sequence[Key] = ()) -> str:
 
     Joints are named as in ``Chain.joint_names``, their values are the plan's angles. The free joint
     ``root`` is that of the root module. The site ``module_<i>`` sits at the centre of module i.
-    Keys ``straight`` and ``folded`` exist. Lengths are in pitches. A chain of more than
+    Keys ``straight`` and ``folded`` exist. Excluded from contact is ``Module.exempt_pairs``, as in
+    the certificate. Lengths are in pitches. A chain of more than
     ``LONGEST_TREE`` modules comes in pieces that are welded end to end.
 
     Args:
@@ -82,7 +83,9 @@ def mjcf(chain: Chain, *, module_size: float, keys: Sequence[Key] = ()) -> str:
     if len(chain) > LONGEST_TREE:
         text = pieces(chain, module_size=module_size)
     else:
-        text = str(tree_spec(chain, Material(geom_size=module_size)).to_xml()).rstrip()
+        exempt = chain.module.exempt_pairs(len(chain))
+        spec = tree_spec(chain, Material(geom_size=module_size), exempt=exempt)
+        text = str(spec.to_xml()).rstrip()
     lines = "".join(_key(chain, key) for key in (*_ends(chain), *keys))
     end = "</mujoco>"
     return f"{text.removesuffix(end)}  <keyframe>\n{lines}  </keyframe>\n{end}\n"

@@ -110,8 +110,8 @@ def _lines(chain: Chain, module_size: float) -> Iterator[str]:
         yield "</body>" * (stop - start)
     yield "  </worldbody>"
     yield "  <contact>"
-    for i in range(count - 1):
-        yield f'<exclude body1="module_{i}" body2="module_{i + 1}"/>'
+    for i, j in module.exempt_pairs(count):
+        yield f'<exclude body1="module_{i}" body2="module_{j}"/>'
     yield "  </contact>"
     yield "  <equality>"
     for start in starts[1:]:

@@ -79,7 +79,7 @@ def test_drop_a_mesh_look_change_and_fold(visit: Visit, service: Service) -> Non
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
     expect(page.locator("#verdict")).to_have_text(
         re.compile(
-            rf"^verified \(simulated\): clearance at least 0\.\d+ of a pitch, least seen 0\.\d+ · {modules} modules$"
+            rf"^verified \(simulated\): clearance at least 0\..* seen 0\.\d+ · {modules} modules$"
         )
     )
 

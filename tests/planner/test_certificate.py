@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -104,7 +105,86 @@ def test_real_plans_are_verified(shape: str, folded: Callable[..., Any]) -> None
     assert certificate.max_angle_error_rad <= 2e-3
 
 
+def test_a_playback_that_was_not_simulated_is_said_to_be_nothing_else() -> None:
+    chain, plan = closing()
+    followed = playback_of(plan, kind="kinematic", torque_frames=38)
+    certificate = certify(chain, None, followed, PARAMETERS)
+    assert certificate.verdict == "verified (kinematics only)"
+    assert certificate.verified and certificate.simulated is False
+    told = certificate.as_dict()
+    for name in (
+        "min_clearance_playback",
+        "min_clearance_playback_at",
+        "rms_position_error",
+        "max_position_error",
+        "max_angle_error_rad",
+    ):
+        assert told[name] is None, name
+    assert certificate.plan_end_error_rad == 0.0
+    assert certificate.torque_source == (
+        "inverse dynamics at 38 of 40 frames, accelerations smoothed"
+    )
+    assert certify(chain, None, playback_of(plan), PARAMETERS).torque_source == (
+        "simulation, every step"
+    )
+
+
+def test_what_is_proved_holds_for_the_plan_and_the_simulated_playback() -> None:
+    chain, plan = closing()
+    done = plan.copy()
+    done[38] = np.sign(chain.folded_rad) * np.deg2rad(91.5)
+    closer = certify(chain, None, playback_of(plan, frames=done), PARAMETERS)
+    assert closer.verified and closer.clearance_bound is not None
+    assert closer.min_clearance_playback < closer.min_clearance
+    assert 0.0 < closer.clearance_bound <= closer.min_clearance_playback
+    # The bound is worth telling: nearly all of what is seen is proved.
+    assert closer.clearance_bound > 0.85 * closer.min_clearance_playback
+
+
+@pytest.mark.parametrize(
+    ("kind", "error", "simulated"),
+    [("kinematic", 0.0, False), ("dynamic", 3e-4, True), (None, 3e-4, True), (None, 0.0, None)],
+)
+def test_a_certificate_of_an_earlier_version_says_what_it_bears_out(
+    kind: str | None, error: float, simulated: bool | None
+) -> None:
+    chain, plan = closing()
+    today = certify(chain, None, playback_of(plan), PARAMETERS).as_dict()
+    later = {"simulated", "exempt_pairs", "min_clearance_record_at", "frames", "torque_source"}
+    later |= {"plan_end_error_rad", "max_angle_rad", "max_angle_record_rad", "torque_frames"}
+    earlier = {name: value for name, value in today.items() if name not in later}
+    earlier |= {"verdict": "verified", "max_angle_error_rad": error}
+    found = Certificate.from_dict(earlier, kind and {"kind": kind})
+    assert found.verified and found.simulated is simulated
+    assert found.rms_position_error == (earlier["rms_position_error"] if simulated else None)
+    assert found.exempt_pairs is None
+    gaps = {**earlier, "verdict": "verified with gaps: some moments could not be bounded"}
+    assert not Certificate.from_dict(gaps).verified
+
+
 # A verdict is attacked from here on: none of these plans may pass.
+
+
+def test_moments_that_cannot_be_bounded_are_refused_by_their_frame() -> None:
+    # Modules of full size touch all along: nothing can be proved of them.
+    chain, plan = closing()
+    found = certify(chain, None, playback_of(plan), replace(PARAMETERS, module_size=1.0)).verdict
+    assert re.fullmatch(r"failed: in the plan, .*\(frame [\d.]+ of the plan\)", found)
+    # Everything turns by radians at once: no halving comes to an end there.
+    far = line(400)
+    jump = np.zeros((2, len(far.folded_rad)))
+    jump[1] = np.linspace(-1.5, 1.5, len(far.folded_rad))
+    swept = sweep(far, jump, size=0.001)
+    assert swept.bound <= 0.0 and swept.unbounded is not None
+
+
+def test_a_simulated_playback_beyond_the_joints_is_refused_by_joint_and_frame() -> None:
+    chain, plan = closing()
+    done = plan.copy()
+    done[20, 0] = -np.deg2rad(92.5)
+    found = verdict(chain, playback_of(plan, frames=done))
+    assert "the simulated playback bends joint_1_z to -92.5°" in found
+    assert found.endswith("(frame 20 of the simulated playback)")
 
 
 def test_one_frame_inside_itself_is_enough() -> None:

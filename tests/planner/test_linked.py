@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.exports.mjcf import mjcf
+from planner.frames import Frames
+from planner.kernels.clearance import pair_separation
+from planner.linked import exempt_pairs
+from planner.modules import CUBE, TETRAHEDRON, Module
+from planner.windows import Windows
+from tests.planner.chains import coil, line
+
+Array = NDArray[np.float64]
+
+
+def turned(z: Array, y: Array) -> Array:
+    """(N, 3, 3) rotations of the next cube: hinge z, then hinge y."""
+    zero, one = np.zeros_like(z), np.ones_like(z)
+    about_z = [[np.cos(z), -np.sin(z), zero], [np.sin(z), np.cos(z), zero], [zero, zero, one]]
+    about_y = [[np.cos(y), zero, np.sin(y)], [zero, one, zero], [-np.sin(y), zero, np.cos(y)]]
+    first, second = np.moveaxis(np.array([about_z, about_y]), -1, 1)
+    return first @ second
+
+
+def whole_range(count: int) -> Array:
+    """Rotations over all of the joint's range, its ends too."""
+    angles = np.linspace(-CUBE.angle_limit_rad, CUBE.angle_limit_rad, count)
+    z, y = (values.ravel() for values in np.meshgrid(angles, angles))
+    return turned(z, y)
+
+
+def relieved(size: float, count: int) -> Array:
+    """(N, 3) points of the relieved cube, those on its outside too."""
+    side = np.linspace(-0.5, 0.5, count) * size
+    points = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
+    return points[CUBE.reach(points) <= CUBE.relief_radius(size)]
+
+
+@pytest.mark.parametrize("size", [0.9, 0.95, 0.99])
+def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range(size: float) -> None:
+    points = relieved(size, 25)
+    half = 0.5 * size
+    for rotation in whole_range(47):
+        seen = points @ rotation - CUBE.offset  # from the next cube, all of which is there
+        assert not (np.abs(seen) < half - 1e-9).all(axis=1).any()
+
+
+@pytest.mark.parametrize("size", [0.9, 0.95, 0.99])
+def test_the_relief_takes_hardly_more_than_it_must(size: float) -> None:
+    side = (np.arange(24) + 0.5) / 24.0 - 0.5
+    points = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3) * size
+    cut = np.zeros(len(points), dtype=bool)
+    for rotation in whole_range(93):
+        cut |= (np.abs(points @ rotation - CUBE.offset) <= 0.5 * size).all(axis=1)
+    lacks = CUBE.reach(points) > CUBE.relief_radius(size)
+    assert not (cut & ~lacks).any()
+    assert (lacks & ~cut).mean() < 0.03
+    assert CUBE.relief_share(size) == pytest.approx(lacks.mean(), abs=0.01)
+
+
+@pytest.mark.parametrize("size", [0.9, 0.95, 0.99])
+def test_a_relieved_cube_keeps_its_joint_and_the_middles_of_its_faces(size: float) -> None:
+    rng = np.random.default_rng(0)
+    ball = rng.normal(size=(2000, 3))
+    ball *= 0.5 * size / np.linalg.norm(ball, axis=1)[:, None]
+    faces = 0.5 * size * np.concatenate([np.eye(3), -np.eye(3)])
+    for points in (ball, faces):
+        assert (CUBE.reach(points) <= CUBE.relief_radius(size)).all()
+
+
+def overlap(rotation: Array, size: float) -> float:
+    return -pair_separation(
+        rotation @ CUBE.offset,
+        np.eye(3),
+        rotation,
+        CUBE.vertices,
+        CUBE.face_normals,
+        CUBE.edge_directions,
+        size,
+        np.inf,
+    )
+
+
+def test_the_worst_overlap_is_found_and_bounded() -> None:
+    chain = line(5)
+    ends = np.zeros((4, len(chain.folded_rad)))
+    ends[1, 2:4] = [0.8, 0.5]
+    ends[2, 2:4] = [-0.7, 0.9]
+    ends[3, 0:2] = [1.2, -0.3]
+    found = exempt_pairs(chain, [ends], size=0.95)
+    share = np.linspace(0.0, 1.0, 400)[:, None]
+    dense = np.concatenate([a + share * (b - a) for a, b in zip(ends, ends[1:], strict=False)])
+    joints = dense.reshape(-1, 2)
+    deepest = max(overlap(rotation, 0.95) for rotation in turned(joints[:, 0], joints[:, 1]))
+    looked = np.concatenate([ends, 0.5 * (ends[1:] + ends[:-1])]).reshape(-1, 2)
+    seen = [overlap(rotation, 0.95) for rotation in turned(looked[:, 0], looked[:, 1])]
+    assert found.worst_overlap == pytest.approx(max(seen), abs=1e-12)
+    assert found.worst_overlap_at is not None
+    assert found.worst_overlap_at.modules == (2, 3)
+    assert deepest <= found.worst_overlap_bound
+
+
+def test_a_quarter_turn_overlaps_by_what_everybody_can_work_out() -> None:
+    chain = line(3)
+    plan = np.stack([np.linspace(0.0, np.pi / 2, 91), np.zeros(91)], axis=1)
+    found = exempt_pairs(chain, [plan], size=0.95)
+    assert found.worst_overlap == pytest.approx(0.95 / np.sqrt(2.0) - 0.525, abs=1e-4)
+    assert found.worst_overlap_bound == pytest.approx(found.worst_overlap, abs=1e-3)
+    assert found.worst_overlap_at is not None
+    assert found.worst_overlap_at.frame == pytest.approx(45.0, abs=1.0)
+
+
+def test_windows_and_whole_frames_say_the_same() -> None:
+    chain = coil(16)
+    share = np.linspace(0.0, 1.0, 30)[:, None]
+    angles = np.float32(chain.folded_rad) * np.clip(5.0 * share - np.arange(28) / 7.0, 0.0, 1.0)
+    angles = np.concatenate([angles, chain.folded_rad[None]])[::-1].astype(np.float64)
+    count = len(angles)
+    frames = Frames.of_phase(
+        "explosion",
+        time_s=np.arange(count, dtype=np.float64),
+        joint_angles_rad=angles,
+        root_position=np.zeros((count, 3)),
+        root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+    )
+    windows = exempt_pairs(chain, [Windows.of(chain, frames)], size=0.95)
+    whole = exempt_pairs(chain, [angles], size=0.95)
+    assert windows.worst_overlap == pytest.approx(whole.worst_overlap, abs=1e-6) != 0.0
+    assert windows.worst_overlap_at == whole.worst_overlap_at
+
+
+def test_all_tetrahedra_are_checked_against_each_other() -> None:
+    chain = Chain.from_angles(TETRAHEDRON, np.zeros(4))
+    found = exempt_pairs(chain, [np.zeros((2, 4))], size=0.95)
+    assert (found.rule, found.count, found.worst_overlap_bound) == ("none", 0, 0.0)
+    assert (found.relief_radius, found.relief_share) == (None, 0.0)
+
+
+@pytest.mark.parametrize(("module", "count"), [(CUBE, 9), (CUBE, 900), (TETRAHEDRON, 12)])
+def test_an_exported_model_excludes_exactly_the_exempt_pairs(module: Module, count: int) -> None:
+    row = Chain.from_angles(module, np.zeros(module.hinge_count(count)))
+    model = mujoco.MjModel.from_xml_string(mjcf(row, module_size=0.95))
+    excluded = {
+        tuple(sorted(int(model.body(b).name.split("_")[1]) for b in (key >> 16, key & 0xFFFF)))
+        for key in model.exclude_signature.tolist()
+    }
+    assert excluded == set(module.exempt_pairs(count))
+    assert len(excluded) == model.nexclude == exempt_pairs(row, (), size=0.95).count

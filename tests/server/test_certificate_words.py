@@ -1,0 +1,103 @@
+"""What a certificate says in words claims no more than it proves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from server import certificate_words
+from server.certificate_words import headline, linked, record, rows, torque
+
+EXEMPT = {
+    "rule": "consecutive modules (i, i+1)",
+    "worst_overlap_bound": 0.2941,
+    "relief_radius": 0.525,
+    "relief_share": 0.219,
+}
+SIMULATED: dict[str, Any] = {
+    "verdict": "verified (simulated)",
+    "simulated": True,
+    "min_clearance": 0.0489,
+    "min_clearance_playback": 0.0481,
+    "min_clearance_record": 0.049,
+    "clearance_bound": 0.0319,
+    "rms_position_error": 1e-12,
+    "max_angle_error_rad": 0.0007,
+    "peak_torque_nm": 0.0004,
+    "torque_source": "simulation, every step",
+    "frames": 4036,
+    "exempt_pairs": EXEMPT,
+}
+FOLLOWED: dict[str, Any] = SIMULATED | {
+    "verdict": "verified (kinematics only)",
+    "simulated": False,
+    "min_clearance_playback": None,
+    "rms_position_error": None,
+    "max_angle_error_rad": None,
+    "torque_source": "inverse dynamics at 1210 of 4036 frames, accelerations smoothed",
+    "torque_frames": 1210,
+}
+
+
+def test_what_is_proved_stands_beside_what_was_seen_and_is_rounded_down() -> None:
+    assert headline(SIMULATED) == (
+        "verified (simulated): clearance at least 0.031 of a pitch, least seen 0.048"
+    )
+    tight = SIMULATED | {"clearance_bound": 0.000019, "min_clearance_playback": 0.00029}
+    assert headline(tight).endswith("at least 0.000019 of a pitch, least seen 0.00029")
+    failed = SIMULATED | {"verdict": "failed: it was cancelled"}
+    assert headline(failed) == "failed: it was cancelled"
+
+
+def test_what_was_not_simulated_has_no_figures_of_a_simulation() -> None:
+    said, followed = dict(rows(SIMULATED)), dict(rows(FOLLOWED))
+    for label in (
+        "Same, simulated playback",
+        "Final position error, RMS",
+        "Largest joint error",
+    ):
+        assert said[label] and said[label] != "not simulated"
+        assert followed[label] == "not simulated"
+    assert (
+        dict(rows(SIMULATED | {"simulated": None, "rms_position_error": None}))[
+            "Final position error, RMS"
+        ]
+        == certificate_words.NOT_KNOWN
+    )
+
+
+def test_a_torque_is_a_peak_only_where_every_step_was_looked_at() -> None:
+    assert torque(SIMULATED) == ("Peak torque", "0.0004 N·m")
+    assert torque(FOLLOWED) == ("Largest torque seen", "0.0004 N·m, at 1210 of 4036 frames")
+
+
+def test_linked_modules_are_named_with_what_a_real_one_lacks() -> None:
+    assert linked(SIMULATED) == (
+        "Linked modules share a joint and are not checked against each other: full cubes would "
+        "overlap by up to 0.30 of a pitch. Real modules must lack their edges beyond 0.525 of a "
+        "pitch from the joint, 22 % of their volume."
+    )
+    assert linked({"exempt_pairs": {"rule": "none"}}) == (
+        "All modules are checked against each other, linked ones too."
+    )
+    assert linked({}) is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, None),
+        (
+            {"min_clearance_record": -0.0042},
+            "The recording itself overlaps by 0.0042 pitch; the plan made of it does not.",
+        ),
+        (
+            {"max_angle_record_rad": 1.62},
+            "The recording itself bends a joint to 92.8°, beyond its range of ±92°; the plan made "
+            "of it does not.",
+        ),
+    ],
+)
+def test_a_recording_that_overlaps_is_told(changes: dict[str, Any], said: str | None) -> None:
+    assert record(SIMULATED | changes, limit_rad=1.6057) == said
