@@ -133,13 +133,13 @@ def _pitches(value: float | None) -> str | None:
 
 
 def _at_least(value: float | None) -> str | None:
-    return None if value is None else f"at least {_down(value)} pitch"
+    return None if value is None or value <= 0.0 else f"at least {_down(value)} pitch"
 
 
 def _down(value: float) -> str:
-    """A length rounded down, to thousandths or, below one, to two digits."""
+    """A length that is not negative, down to thousandths or, below one, to two digits."""
     if value <= 0.0:
-        return f"{math.floor(value * 1000) / 1000:g}"
+        return "0"
     digits = 3 if value >= 0.001 else 1 - math.floor(math.log10(value))
     # What is written as 0.049 shall stay that, whatever its last bit.
     return f"{math.floor(value * 10**digits + 1e-9) / 10**digits:.{digits}f}"

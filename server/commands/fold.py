@@ -153,7 +153,7 @@ def show(summary: dict[str, Any], out: Path) -> None:
         if value is not None:
             table.add_row(name, f"{value} {unit}".rstrip())
 
-    console.print(sentence(certificate_words.headline(certificate)), markup=False, soft_wrap=True)
+    console.print(certificate_words.headline(certificate), markup=False, soft_wrap=True)
     row("Begins as", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])
     row("Strategy", certificate_words.baseline(strategy) or strategy)
