@@ -146,7 +146,7 @@ class Settings(BaseSettings):
         description="Requests of one visitor that are answered in a second, on average.",
     )
     requests_at_once_of_visitor: int = Field(
-        default=1000,
+        default=2000,
         ge=1,
         description="Requests that one visitor may make at once after a while without any.",
     )
