@@ -90,7 +90,7 @@ def test_its_page_says_what_has_changed(
     frames = rows["Frames"]
     assert frames["before"] == str(told["before"]["frames"])
     assert frames["after"] == str(told["after"]["frames"])
-    assert {"Time to fold, s", "Peak torque, mN·m", "Clearance, pitch"} < set(rows)
+    assert {"Time to fold, s", "Largest torque, mN·m", "Clearance, pitch"} < set(rows)
     assert facts["compare"][0]["id"] == wrench
     assert service.http.get(facts["smoothing"]["compare"]).status_code == 200
     recorded = service.http.get(f"/folds/{wrench}/facts").json()
@@ -188,7 +188,7 @@ def test_a_plan_is_smoothed_on_the_command_line(
     recorded = service.directory(wrench)
     code, told = cli("smooth", recorded, "--out", tmp_path / "smooth")
     assert code == 0, told
-    for word in ("Verdict", "Peak torque, mN·m", "Before", "After", "×"):
+    for word in ("verified (simulated)", "Largest torque, mN·m", "Before", "After", "×"):
         assert word in told
     assert verify(tmp_path / "smooth").verified
     code, told = cli("smooth", recorded, "--out", tmp_path / "again", "--json")
