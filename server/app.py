@@ -8,6 +8,7 @@ import secrets
 import threading
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from importlib.metadata import version
 from typing import Final
 
@@ -205,7 +206,11 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         streams=Streams(settings.max_streams, settings.max_streams_of_visitor),
         robots=Streams(settings.max_robots, settings.max_robots_of_visitor, "robots"),
         trajectories=Trajectories(
-            Pool("retimer", awaited, wall_s=settings.retime_seconds),
+            Pool(
+                "retimer",
+                replace(awaited, folders=(str(settings.scratch_dir),)),
+                wall_s=settings.retime_seconds,
+            ),
             Scratch(settings.scratch_dir),
             most=settings.answers_waiting,
             most_of_visitor=settings.answers_waiting_of_visitor,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import errno
 import json
 import os
@@ -12,7 +11,8 @@ import resource
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from fcntl import LOCK_EX, flock
 from importlib import import_module
@@ -22,6 +22,8 @@ from typing import Any, BinaryIO, Final
 from planner.errors import InputError
 from planner.files import settle
 from planner.progress import Progress
+from server.confinement.confined import confine, confine_thread
+from server.confinement.landlock import Allowed, no_new_rights
 from server.limits import memory_words
 
 PATIENT: Final = ("stages", "movies", "retimer")
@@ -38,6 +40,16 @@ class _Parent:
         self._events = events
         self._requests: queue.Queue[dict[str, Any]] = queue.Queue()
         self._cancel = threading.Event()
+
+    def first_request(self) -> dict[str, Any]:
+        """The first request; waits for it without a thread, which could not be confined later."""
+        line = sys.stdin.buffer.readline()
+        if not line:
+            os._exit(1)
+        return json.loads(line)
+
+    def listen(self) -> None:
+        """Hears the other requests, and the wish to cancel, in a thread of its own."""
         threading.Thread(target=self._listen, daemon=True).start()
 
     def request(self) -> dict[str, Any]:
@@ -80,7 +92,6 @@ class _Parent:
 
 MOST_FILES: Final = 512
 LARGEST_FILE_BYTES: Final = 8 * 2**30
-PR_SET_NO_NEW_PRIVS: Final = 38
 
 
 def _offer() -> None:
@@ -102,9 +113,7 @@ def _limit(memory_bytes: int, cpu_s: float) -> None:
         hard = resource.getrlimit(name)[1]
         most = most if hard == resource.RLIM_INFINITY else min(most, hard)
         resource.setrlimit(name, (most, most))
-    if sys.platform == "linux":
-        # No program that it may start gets more rights than it has.
-        ctypes.CDLL(None).prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0)
+    no_new_rights()
 
 
 def _step_back(niceness: int) -> None:
@@ -150,7 +159,11 @@ def _reader() -> Task:
         progress: Callable[[Progress], None],
         cancelled: Callable[[], bool],
     ) -> dict[str, Any]:
-        return {"check": check, "preview": preview}[task](directory)
+        place = directory if task == "check" else directory.parent
+        # One process reads many uploads: each in a thread that gets to see that one only.
+        with ThreadPoolExecutor(1) as thread:
+            thread.submit(confine_thread, place).result()
+            return thread.submit({"check": check, "preview": preview}[task], directory).result()
 
     return read
 
@@ -214,6 +227,14 @@ def _retimer() -> Task:
     return work_out
 
 
+def _work(kind: str, directory: Path, folders: Sequence[str]) -> Allowed:
+    """What a child touches from its first request on."""
+    if kind == "movies":
+        timeline = json.loads((directory / "request.json").read_bytes())["timeline"]
+        return Allowed(readable=(Path(timeline),), writable=(directory,))
+    return Allowed(writable=tuple(map(Path, folders)) or (directory,))
+
+
 def main() -> None:
     """Serves requests until the parent is gone."""
     kind, limits = sys.argv[1], json.loads(sys.argv[2])
@@ -238,8 +259,11 @@ def main() -> None:
         parent.tell("problem", code="no-start", detail=repr(error))
         return
     parent.tell("ready")
+    request = parent.first_request()
+    work = _work(kind, Path(request["directory"]), limits["folders"])
+    confine(work, drawing=kind == "movies")
+    parent.listen()
     while True:
-        request = parent.request()
         try:
             result = task(
                 request["task"], Path(request["directory"]), parent.progress, parent.cancelled
@@ -271,6 +295,7 @@ def main() -> None:
                 )
         else:
             parent.tell("done", result=result)
+        request = parent.request()
 
 
 if __name__ == "__main__":

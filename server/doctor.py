@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
-from server.checks import data, drawing, machine
+from pydantic import ValidationError
+
+from server.checks import children, data, drawing, machine
 from server.checks.finding import Check, Finding, examine
 from server.settings import Settings
+from server.starting import REMEDY, settings_words
 
 CHECKS: Final[tuple[tuple[str, Check], ...]] = (
     ("python", machine.python),
+    ("settings", machine.variables),
     ("data directory", data.directory),
     ("database", data.database),
     ("job system", data.jobs),
@@ -20,11 +25,21 @@ CHECKS: Final[tuple[tuple[str, Check], ...]] = (
     ("open files", machine.files),
     ("clock", machine.clock),
     ("kernels", drawing.kernels),
+    ("computing processes", children.confinement),
     ("OpenGL", drawing.gl),
     ("encoder", drawing.encoder),
 )
 
 
-def examined(settings: Settings) -> list[Finding]:
-    """What all checks find."""
+def examined(given: Mapping[str, Any]) -> list[Finding]:
+    """What all checks find, or what is wrong with the settings.
+
+    Args:
+        given: Settings from the command line, by name; None is none.
+    """
+    try:
+        settings = Settings(**{name: value for name, value in given.items() if value is not None})
+    except ValidationError as error:
+        found = settings_words(error)
+        return [Finding(name="settings", verdict="problem", found=found, remedy=REMEDY)]
     return examine(CHECKS, settings)

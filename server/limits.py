@@ -15,11 +15,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChildLimits:
-    """What one computing process may use, and how readily it lets others go first."""
+    """What one computing process may use, and how readily it lets others go first.
+
+    Attributes:
+        memory_bytes: Memory.
+        cpu_s: Processor time in all, in seconds.
+        niceness: As of ``nice``.
+        folders: Directories that it works in, one request after the other; when there are none, the
+            directory of its first request.
+    """
 
     memory_bytes: int
     cpu_s: float
     niceness: int = 0
+    folders: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, settings: Settings, *, awaited: bool = False) -> ChildLimits:
@@ -27,12 +36,15 @@ class ChildLimits:
 
         Args:
             settings: The settings.
-            awaited: Somebody looks at a page until it is done: it goes before folds.
+            awaited: It reads what somebody has brought, who looks at a page until it is done: it
+                goes before folds.
         """
+        folders = (str(settings.uploads_dir), str(settings.previews_dir))
         return cls(
             memory_bytes=settings.child_memory_bytes,
             cpu_s=settings.stage_cpu_seconds,
             niceness=min(settings.niceness, AWAITED_NICENESS) if awaited else settings.niceness,
+            folders=folders if awaited else (),
         )
 
 

@@ -10,7 +10,7 @@ from planner.motors import Build, motor_table
 from planner.plan import Plan
 from planner.retiming import retime as retime_plan
 from planner.trajectory import Trajectory
-from server.trajectories import MOTORS
+from server.trajectories import MOTORS, PLAN
 
 
 def retime(directory: Path) -> dict[str, Any]:
@@ -19,7 +19,7 @@ def retime(directory: Path) -> dict[str, Any]:
     Raises:
         InputError: When the plan cannot be retimed.
     """
-    plan, trajectory = _retimed(_request(directory))
+    plan, trajectory = _retimed(directory, _request(directory))
     trajectory.save(directory)
     return {"name": plan.chain.name, "verified": plan.verified}
 
@@ -31,7 +31,7 @@ def motors(directory: Path) -> dict[str, Any]:
         InputError: When the plan cannot be retimed, or the motors cannot be built.
     """
     request = _request(directory)
-    plan, trajectory = _retimed(request)
+    plan, trajectory = _retimed(directory, request)
     chain, pitch_m = plan.chain, request["pitch_m"]
     build = Build(
         module_mass_kg=request["module_mass_kg"],
@@ -49,6 +49,6 @@ def _request(directory: Path) -> dict[str, Any]:
     return json.loads((directory / "request.json").read_bytes())
 
 
-def _retimed(request: dict[str, Any]) -> tuple[Plan, Trajectory]:
-    plan = Plan.load(Path(request["plan"]))
+def _retimed(directory: Path, request: dict[str, Any]) -> tuple[Plan, Trajectory]:
+    plan = Plan.load(directory / PLAN)
     return plan, retime_plan(plan, request["max_speed"], request["max_acceleration"])

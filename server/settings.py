@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
+from difflib import get_close_matches
 from functools import cached_property
 from ipaddress import ip_network
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
+from urllib.parse import urlsplit
 
-from pydantic import Field, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 MIB = 1024 * 1024
+PREFIX: Final = "FOLDBACK_"
 
 
 class Settings(BaseSettings):
     """All settings, with defaults for one small machine."""
 
-    model_config = SettingsConfigDict(env_prefix="FOLDBACK_", frozen=True, extra="ignore")
+    model_config = SettingsConfigDict(
+        env_prefix=PREFIX, frozen=True, extra="ignore", allow_inf_nan=False
+    )
 
     host: str = Field(default="127.0.0.1", description="Address to listen on.")
     port: int = Field(
@@ -55,9 +61,10 @@ class Settings(BaseSettings):
         description="Days after which a fold that nobody looks at is forgotten; never if not set. "
         "Folds of the gallery and pinned ones stay.",
     )
-    origins: tuple[str, ...] = Field(
+    origins: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
-        description="Further origins (scheme://host) whose pages may talk to this service.",
+        description="Further origins (scheme://host) whose pages may talk to this service, with "
+        "commas between.",
     )
     allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
@@ -229,14 +236,38 @@ class Settings(BaseSettings):
     def _lower(cls, value: Any) -> Any:
         return value.lower() if isinstance(value, str) else value
 
-    @field_validator("allowed_hosts", "embed_origins", "trusted_proxies", mode="before")
+    @field_validator("allowed_hosts", "embed_origins", "origins", "trusted_proxies", mode="before")
     @classmethod
     def _split(cls, value: Any) -> Any:
         if not isinstance(value, str):
             return value
         if value.lstrip().startswith("["):
-            return json.loads(value)
+            try:
+                return json.loads(value)
+            except ValueError:
+                raise ValueError(f"got {value!r}, expected names with commas between.") from None
         return tuple(name.strip() for name in value.split(",") if name.strip())
+
+    @field_validator("origins", "embed_origins")
+    @classmethod
+    def _origins(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        for name in value:
+            if name == "*" and info.field_name == "embed_origins":
+                continue
+            if not _is_origin(name):
+                raise ValueError(
+                    f"got {name!r}, expected a scheme and a host such as https://example.org, "
+                    "without a path."
+                )
+        return value
+
+    @field_validator("database_url", "jobs_url")
+    @classmethod
+    def _url(cls, value: str | None) -> str | None:
+        # What stands in it may be secret: what is wrong with it is not repeated.
+        if value and not _is_database(value):
+            raise ValueError("got another, expected an address like postgresql://user@host/name.")
+        return value
 
     @field_validator("trusted_proxies")
     @classmethod
@@ -305,3 +336,42 @@ class Settings(BaseSettings):
         """Makes the directories that are not there yet."""
         for directory in (self.folds_dir, self.uploads_dir):
             directory.mkdir(parents=True, exist_ok=True)
+
+
+def unknown_names(names: Iterable[str]) -> dict[str, str | None]:
+    """Names that look like settings and are none, each with the nearest one that is."""
+    known = [name.upper() for name in Settings.model_fields]
+    found: dict[str, str | None] = {}
+    for name in sorted(names):
+        rest = name.upper().removeprefix(PREFIX)
+        if name.upper().startswith(PREFIX) and rest not in known:
+            nearest = get_close_matches(rest, known, n=1)
+            found[name] = f"{PREFIX}{nearest[0]}" if nearest else None
+    return found
+
+
+def unknown_words(name: str, nearest: str | None) -> str:
+    """What is said of a name that is no setting."""
+    return f"{name} is no setting and is ignored" + (f"; is {nearest} meant?" if nearest else "")
+
+
+def _is_origin(value: str) -> bool:
+    try:
+        found = urlsplit(value)
+        _ = found.port
+    except ValueError:
+        return False
+    return (
+        bool(found.scheme and found.hostname)
+        and not (found.path or found.query or found.fragment or "@" in found.netloc)
+        and not any(letter.isspace() or letter in ";'\"" for letter in value)
+    )
+
+
+def _is_database(value: str) -> bool:
+    try:
+        found = urlsplit(value)
+        _ = found.port
+    except ValueError:
+        return False
+    return found.scheme.partition("+")[0] in ("sqlite", "postgres", "postgresql")

@@ -7,6 +7,8 @@ trajectory that nobody looks at take no memory, and its disk is free with its la
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import threading
 import weakref
 from collections.abc import Callable
@@ -28,6 +30,8 @@ KEPT_BYTES: Final = 128 * 2**20
 """Of trajectories that nobody may be using."""
 USED_BYTES: Final = 2**30
 """Of all trajectories: those of robots that are being driven count too."""
+PLAN: Final = "plan.npz"
+"""File of the plan that is retimed."""
 MOTORS: Final = "motors"
 """File of a table of motors."""
 STREAMS: Final = 4
@@ -79,9 +83,8 @@ class Wanted:
         )
 
     def request(self) -> dict[str, Any]:
-        """As the child is told."""
+        """As the child is told, which finds the plan itself beside it."""
         return {
-            "plan": str(self.plan),
             "max_speed": self.max_speed,
             "max_acceleration": self.max_acceleration,
         }
@@ -196,7 +199,7 @@ class Trajectories:
 
         def made() -> bytes:
             with self._scratch.directory() as place:
-                self._call("motors", place, {**wanted.request(), **asdict(motors)})
+                self._call("motors", place, wanted, {**wanted.request(), **asdict(motors)})
                 return (place / MOTORS).read_bytes()
 
         return await self._flight.made((wanted, motors), made, visitor=visitor)
@@ -228,13 +231,20 @@ class Trajectories:
         from planner.trajectory import Trajectory
 
         with self._scratch.directory() as place:
-            told = self._call("retime", place, wanted.request())
+            told = self._call("retime", place, wanted, wanted.request())
             return Retimed(
                 name=told["name"], verified=told["verified"], trajectory=Trajectory.load(place)
             )
 
-    def _call(self, task: str, place: Path, request: dict[str, Any]) -> dict[str, Any]:
+    def _call(
+        self, task: str, place: Path, wanted: Wanted, request: dict[str, Any]
+    ) -> dict[str, Any]:
         (place / "request.json").write_text(json.dumps(request))
+        # The child touches nothing but this directory, so the plan comes into it.
+        try:
+            os.link(wanted.plan, place / PLAN)
+        except OSError:  # on another file system
+            shutil.copyfile(wanted.plan, place / PLAN)
         try:
             return self._pool.call(task, place)
         except ChildError as error:

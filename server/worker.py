@@ -35,7 +35,7 @@ from server.movie_jobs import MovieJobs
 from server.runner import STAGES, Outcome, Runner, TakenOverError
 from server.settings import Settings
 from server.slots import Slots
-from server.starting import starting
+from server.starting import settings_of, starting, warn_of_unknown_names
 from server.store import Store
 from server.sweeper import Sweeper
 from server.tracing import send_rest, tracing
@@ -242,6 +242,8 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     """
     keep_secrets()
     set_up_logs(settings)
+    if not leashed:  # who holds the leash has said so
+        warn_of_unknown_names(log)
     with starting("worker"):
         store = Store(settings)
         runner = Runner(settings, store)
@@ -303,4 +305,4 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
 
 
 if __name__ == "__main__":
-    work(Settings(), leashed="--leashed" in sys.argv[1:])
+    work(settings_of(), leashed="--leashed" in sys.argv[1:])

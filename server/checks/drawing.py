@@ -40,7 +40,7 @@ def gl(settings: Settings) -> Finding:
     tried = backends()
     said: list[str] = []
     for backend in tried:
-        code, words = _run(_DRAW, backend, environment={GL_SETTING: backend})
+        code, words = run_python(_DRAW, backend, environment={GL_SETTING: backend})
         if code == 0:
             return Finding(name="OpenGL", verdict="ok", found=f"{backend} draws without a screen")
         said.append(f"{backend}: {words}")
@@ -55,7 +55,7 @@ def gl(settings: Settings) -> Finding:
 def encoder(settings: Settings) -> Finding:
     """Whether movies can be encoded."""
     del settings
-    code, words = _run(_ENCODE)
+    code, words = run_python(_ENCODE)
     path, _, missing = words.partition(" [")
     if code == 0 and missing == "]":
         return Finding(name="encoder", verdict="ok", found=f"{path} with x264")
@@ -70,7 +70,7 @@ def encoder(settings: Settings) -> Finding:
 def kernels(settings: Settings) -> Finding:
     """Whether compiled kernels can be kept, and where."""
     del settings
-    code, words = _run(_COMPILE)
+    code, words = run_python(_COMPILE)
     if code == 0:
         return Finding(name="kernels", verdict="ok", found=f"compiled ones are kept in {words}")
     return Finding(
@@ -81,7 +81,9 @@ def kernels(settings: Settings) -> Finding:
     )
 
 
-def _run(code: str, *arguments: str, environment: dict[str, str] | None = None) -> tuple[int, str]:
+def run_python(
+    code: str, *arguments: str, environment: dict[str, str] | None = None
+) -> tuple[int, str]:
     """Runs Python; its exit code and the last thing it said."""
     try:
         done = subprocess.run(

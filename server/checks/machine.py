@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import platform
 import resource
 import socket
@@ -20,7 +21,7 @@ from packaging.requirements import Requirement
 
 from server.checks.finding import Finding
 from server.security import LOOPBACK
-from server.settings import Settings
+from server.settings import Settings, unknown_names, unknown_words
 
 OLDEST: Final = (3, 11)
 BESIDES_BYTES: Final = 1024 * 2**20
@@ -60,6 +61,20 @@ def python(settings: Settings) -> Finding:
         )
     where = Path(str(distribution("foldback").locate_file(""))).resolve()
     return Finding(name=name, verdict="ok", found=f"{here} in {where}; {count} packages fit")
+
+
+def variables(settings: Settings) -> Finding:
+    """Whether each variable that looks like a setting is one."""
+    unknown = unknown_names(os.environ)
+    if not unknown:
+        words = f"{len(settings.model_fields_set)} set, all others as usual"
+        return Finding(name="settings", verdict="ok", found=words)
+    return Finding(
+        name="settings",
+        verdict="warning",
+        found="; ".join(unknown_words(name, nearest) for name, nearest in unknown.items()),
+        remedy="Correct the name, or unset it; docs/operations.md lists all settings.",
+    )
 
 
 def port(settings: Settings) -> Finding:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
-from server.commands.serve import settings_of
+from server.starting import settings_of
 
 if TYPE_CHECKING:
     from server.database import FoldRow

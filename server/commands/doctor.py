@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 
-from server.commands.serve import settings_of
 from server.logs import escaped
 
 
@@ -22,7 +21,7 @@ def doctor(
     """Check what the service needs; ends with 1 when there is a problem."""
     from server.doctor import examined
 
-    found = examined(settings_of(host=host, port=port, data_dir=data_dir))
+    found = examined({"host": host, "port": port, "data_dir": data_dir})
     if as_json:
         typer.echo(json.dumps([asdict(finding) for finding in found], indent=2))
     else:

@@ -19,7 +19,7 @@ from server.command_inputs import refuse
 from server.command_options import AsJson, FoldDirectory
 from server.filming import film
 from server.limits import ChildLimits
-from server.settings import Settings
+from server.starting import settings_of
 from web.movie import FORMATS, Movie
 
 
@@ -92,7 +92,7 @@ def movie(
 
 
 def _make(wishes: Movie, timeline: Path, out: Path) -> None:
-    settings = Settings()
+    settings = settings_of()
     with (
         tempfile.TemporaryDirectory(prefix="foldback-movie-") as folder,
         Progress(

@@ -13,8 +13,7 @@ import typer
 
 from server.limits import keep_secrets
 from server.logs import set_up_logs
-from server.settings import Settings
-from server.starting import starting
+from server.starting import settings_of, starting, warn_of_unknown_names
 
 LARGEST_HEAD_BYTES: Final = 32 * 1024
 """Of a request's first line and headers."""
@@ -22,11 +21,7 @@ log = logging.getLogger("foldback.serve")
 
 if TYPE_CHECKING:
     from server.context import Context
-
-
-def settings_of(**given: Any) -> Settings:
-    """The settings of the environment, with what was given on the command line."""
-    return Settings(**{name: value for name, value in given.items() if value is not None})
+    from server.settings import Settings
 
 
 def serve(
@@ -42,6 +37,7 @@ def serve(
     keep_secrets()
     settings = settings_of(host=host, port=port, data_dir=data_dir, workers=workers)
     set_up_logs(settings)
+    warn_of_unknown_names(log)
 
     # Workers first: they warm up on the other core while the web process imports.
     from server.supervisor import Supervisor

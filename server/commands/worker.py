@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from server.commands.serve import settings_of
 from server.limits import keep_secrets
+from server.starting import settings_of
 
 
 def worker(

@@ -1,0 +1,113 @@
+"""Settings: how they are read, and what is said of those that can't be."""
+
+from __future__ import annotations
+
+import logging
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from server.checks import machine
+from server.doctor import examined
+from server.settings import Settings, unknown_names
+from server.starting import settings_of, warn_of_unknown_names
+
+
+@pytest.mark.parametrize("name", ["origins", "embed_origins", "allowed_hosts", "trusted_proxies"])
+def test_lists_have_commas_or_are_json(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    values = ("127.0.0.1", "::1") if name == "trusted_proxies" else ("https://a.org", "http://b:8")
+    for text in (" , ".join(values), f'["{values[0]}", "{values[1]}"]'):
+        monkeypatch.setenv(f"FOLDBACK_{name.upper()}", text)
+        assert getattr(Settings(), name) == values
+    monkeypatch.setenv(f"FOLDBACK_{name.upper()}", values[0])
+    assert getattr(Settings(), name) == values[:1]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("ORIGINS", "example.org", "got 'example.org', expected a scheme and a host"),
+        ("ORIGINS", "https://a.org/page", "without a path"),
+        ("ORIGINS", "[https://a.org", "got '[https://a.org', expected names with commas between"),
+        ("ORIGINS", "[1]", "got '1', expected names with commas between"),
+        ("ORIGINS", "https://a:port", "expected a scheme and a host"),
+        ("EMBED_ORIGINS", "https://a.org; script-src *", "expected a scheme and a host"),
+        ("TRUSTED_PROXIES", "proxy", "got 'proxy', expected an address or a network"),
+        ("PORT", "eighty", "got 'eighty', expected a whole number"),
+        ("PORT", "65536", "got '65536', expected at most 65535"),
+        ("WORKERS", "-1", "got '-1', expected at least 0"),
+        ("LEASE_S", "0", "got '0', expected more than 0"),
+        ("LEASE_S", "soon", "got 'soon', expected a number"),
+        ("STAGE_CPU_SECONDS", "inf", "got 'inf', expected a finite number"),
+        ("STAGE_SECONDS", "nan", "got 'nan', expected a finite number"),
+        ("METRICS_PUBLIC", "perhaps", "got 'perhaps', expected true or false"),
+        ("LOG_LEVEL", "loud", "got 'loud', expected 'debug', 'info', 'warning' or 'error'"),
+        ("STORAGE_BYTES", "", "got '', expected a whole number"),
+        ("DATABASE_URL", "mysql://us:secret@db/x", "expected an address like postgresql://"),
+        ("JOBS_URL", "secret", "expected an address like postgresql://"),
+        ("DATABASE_URL", "postgresql://us:secret@db:port/x", "expected an address like"),
+    ],
+)
+def test_a_value_that_cannot_be_is_told_in_a_line(
+    name: str,
+    value: str,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv(f"FOLDBACK_{name}", value)
+    with pytest.raises(SystemExit) as ended:
+        settings_of()
+    assert ended.value.code == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"FOLDBACK_{name}: got ")
+    assert words in line and "unset it" in line and "secret" not in line
+    (finding,) = examined({})
+    assert (finding.name, finding.verdict) == ("settings", "problem")
+    assert words in finding.found and finding.remedy
+
+
+@pytest.mark.parametrize(
+    "command", [["serve"], ["worker"], ["doctor"], ["admin", "list"], ["serve", "--port", "70000"]]
+)
+def test_every_command_says_so(command: list[str], tmp_path: Path) -> None:
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("FOLDBACK_")}
+    environment |= {"FOLDBACK_DATA_DIR": str(tmp_path), "FOLDBACK_TRUSTED_PROXIES": "proxy"}
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "server.command_line", *command],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+    )
+    assert done.returncode == 1
+    said = done.stdout + done.stderr
+    assert "got 'proxy', expected an address or a network" in said
+    assert "Traceback" not in said and len(said.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_name_that_is_no_setting_is_told(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    for name in list(os.environ):
+        if name.startswith("FOLDBACK_"):
+            monkeypatch.delenv(name)
+    assert machine.variables(Settings()).verdict == "ok"
+    monkeypatch.setenv("FOLDBACK_ORIGIN", "https://a.org")
+    with caplog.at_level(logging.WARNING):
+        warn_of_unknown_names(logging.getLogger("foldback"))
+    words = "FOLDBACK_ORIGIN is no setting and is ignored; is FOLDBACK_ORIGINS meant?"
+    assert caplog.messages == [words]
+    found = machine.variables(Settings())
+    assert (found.verdict, found.found) == ("warning", words)
+    assert found.remedy
+
+
+def test_names_are_known_in_any_case() -> None:
+    assert unknown_names(["foldback_port", "FOLDBACK_HOST", "PATH", "FOLDBACKS"]) == {}
+    assert unknown_names(["FOLDBACK_QQQ"]) == {"FOLDBACK_QQQ": None}

@@ -1,0 +1,191 @@
+"""Attacks from within: strangers' bytes have taken over a process that computes.
+
+Each kind of child runs code of the attacker in place of its work. What it may not touch is there:
+a database, another fold, listeners.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from server.children import Child, Kind
+from server.confinement import confined, landlock, seccomp
+from server.limits import ChildLimits
+from server.settings import Settings
+from web.movie import Movie
+
+LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0)
+ATTACK = """
+import json, os, socket, threading
+from pathlib import Path
+
+def tried(do):
+    try:
+        found = do()
+    except Exception as error:
+        return type(error).__name__
+    if hasattr(found, "close"):
+        found.close()
+    return "done"
+
+def connect(family, address):
+    with socket.socket(family) as here:
+        here.connect(address)
+
+def in_thread(do):
+    found = []
+    thread = threading.Thread(target=lambda: found.append(tried(do)))
+    thread.start()
+    thread.join()
+    return found[0]
+
+def attack(directory):
+    aim = json.loads((Path(directory) / "aim.json").read_bytes())
+    own = Path(directory) / "own"
+    pid = os.getppid()
+    return {
+        "own": tried(lambda: own.write_text("mine")),
+        "threads": len(threading.enumerate()),
+        "files": sorted(os.readlink(f"/proc/self/fd/{n}").partition(":")[0]
+                        for n in os.listdir("/proc/self/fd")
+                        if os.path.islink(f"/proc/self/fd/{n}")),
+        "refused": {
+            "database": tried(lambda: open(aim["database"], "rb")),
+            "database written": tried(lambda: open(aim["database"], "r+b")),
+            "database cut": tried(lambda: os.truncate(aim["database"], 0)),
+            "in a thread": in_thread(lambda: open(aim["database"], "rb")),
+            "other fold": tried(lambda: os.listdir(aim["fold"])),
+            "its plan": tried(lambda: open(aim["fold"] + "/plan.json")),
+            "its plan replaced": tried(lambda: own.rename(aim["fold"] + "/plan.json")),
+            "other upload": tried(lambda: open(aim["upload"] + "/input")),
+            "home": tried(lambda: os.listdir(os.path.expanduser("~"))),
+            "parent": tried(lambda: open(f"/proc/{pid}/cmdline")),
+            "signal": tried(lambda: os.kill(pid, 0)),
+            "programs": tried(lambda: open(aim["package"] + "/attack.py", "w")),
+            "tcp": tried(lambda: connect(socket.AF_INET, ("127.0.0.1", aim["port"]))),
+            "unix": tried(lambda: connect(socket.AF_UNIX, aim["socket"])),
+            "abstract": tried(lambda: connect(socket.AF_UNIX, chr(0) + aim["abstract"])),
+            "udp": tried(lambda: socket.socket(socket.AF_INET, socket.SOCK_DGRAM)),
+            "tcp6": tried(lambda: socket.socket(socket.AF_INET6)),
+            "datagrams": tried(lambda: socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)),
+            "netlink": tried(lambda: socket.socket(socket.AF_NETLINK, socket.SOCK_RAW)),
+            "program": tried(lambda: __import__("subprocess").run(
+                ["/bin/cat", aim["database"]], check=True, capture_output=True)),
+        },
+    }
+"""
+PLACES = {
+    "reader": "import server.reading as it\nit.check = attack",
+    "preparer": "import server.reading as it\nit.check = attack",
+    "stages": "import planner.stages as it\nkept = it.run_stage\n"
+    "it.run_stage = lambda task, place, **more: "
+    "attack(place) if (place / 'aim.json').exists() else kept(task, place, **more)",
+    "movies": "import web.filming as it\n"
+    "it.film_movie = lambda line, movie, out, **_: error(attack(out.parent))",
+}
+"""Where each kind begins to read what is not its own."""
+needs_landlock = pytest.mark.skipif(not landlock.version(), reason="a kernel without Landlock")
+
+
+@pytest.fixture
+def aim(tmp_path: Path) -> Iterator[dict[str, Any]]:
+    """What an attacker looks for, in a data directory as the service has it."""
+    data = tmp_path / "data"
+    fold, upload = data / "folds" / "another", data / "uploads" / "1" / "another"
+    for place in (fold, upload):
+        place.mkdir(parents=True)
+    (fold / "plan.json").write_text("{}")
+    (upload / "input").write_text("[]")
+    with sqlite3.connect(data / "foldback.db") as database:
+        database.execute("CREATE TABLE folds (id)")
+    database.close()
+    with (
+        socket.create_server(("127.0.0.1", 0)) as tcp,
+        socket.socket(socket.AF_UNIX) as unix,
+        socket.socket(socket.AF_UNIX) as abstract,
+    ):
+        unix.bind(str(tmp_path / "listener"))
+        abstract.bind(f"\0foldback-{os.getpid()}")
+        unix.listen()
+        abstract.listen()
+        yield {
+            "database": str(data / "foldback.db"),
+            "fold": str(fold),
+            "upload": str(upload),
+            "package": str(Path(confined.__file__).parent),
+            "port": tcp.getsockname()[1],
+            "socket": str(tmp_path / "listener"),
+            "abstract": f"foldback-{os.getpid()}",
+        }
+
+
+def attacked(kind: Kind, tmp_path: Path, aim: dict[str, Any]) -> dict[str, Any]:
+    """What the attack finds that runs in a child of a kind."""
+    code = tmp_path / "code"
+    code.mkdir()
+    (code / "attack.py").write_text(
+        f"{ATTACK}\ndef error(found):\n"
+        "    from web.encoding import EncodingError\n"
+        "    raise EncodingError(json.dumps(found))\n"
+        f"{PLACES[kind]}\n"
+    )
+    # Libraries start Python, too: those are left alone.
+    (code / "sitecustomize.py").write_text(
+        "import sys\nif 'server.child' in sys.orig_argv:\n    import attack\n"
+    )
+    settings = Settings(data_dir=tmp_path / "data")
+    place = {
+        "stages": settings.folds_dir / "mine",
+        "movies": settings.scratch_dir / "mine",
+    }.get(kind, settings.uploads_dir / "1" / "mine")
+    place.mkdir(parents=True)
+    (place / "aim.json").write_text(json.dumps(aim))
+    timeline = settings.folds_dir / "filmed" / "timeline.zarr"
+    wishes = asdict(Movie())
+    (place / "request.json").write_text(
+        json.dumps({"movie": wishes, "timeline": str(timeline), "part": "movie"})
+    )
+    limits = replace(ChildLimits.of(settings, awaited=kind in ("reader", "preparer")), niceness=0)
+    child = Child(kind, limits, environment={"PYTHONPATH": str(code)})
+    try:
+        found = child.call("check", place, wall_s=120)
+    finally:
+        child.close()
+    return json.loads(found["reason"]) if kind == "movies" else found
+
+
+@needs_landlock
+@pytest.mark.parametrize("kind", ["reader", "preparer", "stages", "movies"])
+def test_a_process_that_was_taken_over_reaches_nothing(
+    kind: Kind, tmp_path: Path, aim: dict[str, Any]
+) -> None:
+    found = attacked(kind, tmp_path, aim)
+    assert found["own"] == "done"
+    refused = found["refused"]
+    assert refused.pop("program") == "CalledProcessError"
+    assert set(refused.values()) == {"PermissionError"}, refused
+    # What listens to the parent and, in a reader, what reads one upload: no other one was begun
+    # before the kernel was asked, for it would be free.
+    assert found["threads"] == (3 if kind in ("reader", "preparer") else 2)
+    assert "socket" not in found["files"]
+
+
+def test_the_filter_knows_the_calls_of_this_machine() -> None:
+    """Every jump of the program stays within it, on each architecture."""
+    for mark, _, column in seccomp.ARCHITECTURES.values():
+        code = seccomp.program(mark, column)
+        length = len(code) // 8
+        for at in range(length):
+            kind, yes, no = code[8 * at], code[8 * at + 2], code[8 * at + 3]
+            if kind in (seccomp.EQUAL, seccomp.AT_LEAST):
+                assert at + 1 + max(yes, no) < length
+        assert code[-8] == seccomp.RETURN
