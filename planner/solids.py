@@ -76,7 +76,7 @@ class Solid:
         _check_lengths(points)
         corners = _without_slivers(points, corners, said)
         points, corners = _used(points, corners)
-        _check_extents(points)
+        _check_extents(points, len(corners))
         solid = _sewn(cls(name=name, vertices=points, faces=corners), said)
         solid = _outside_out(solid, said)
         for array in (solid.vertices, solid.faces):
@@ -171,15 +171,18 @@ def _without_slivers(points: Floats, corners: Ints, said: list[str]) -> Ints:
     return corners[good] if dropped else corners
 
 
-def _check_extents(points: Floats) -> None:
+def _check_extents(points: Floats, triangles: int) -> None:
     extents = np.ptp(points, axis=0)
     normal = np.linalg.svd(
         (points - points.mean(axis=0))[:: max(1, len(points) // 1000)], compute_uv=False
     )
     if extents.min() <= FLATTEST * extents.max() or normal[-1] <= FLATTEST * normal[0]:
         size = " × ".join(f"{e:g}" for e in extents)
+        what = "one triangle encloses" if triangles == 1 else f"{triangles} flat triangles enclose"
         raise InputError(
-            "flat", f"got a flat mesh of {size}, expected a solid: give it some thickness."
+            "flat",
+            f"got a mesh of {size} whose {what} no volume, expected a closed surface: give it some "
+            "thickness.",
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any, Final
 
 import numpy as np
@@ -59,7 +60,7 @@ def read_ply(data: bytes, source: Source) -> Solid:
         InputError: For lying headers, truncated data, and meshes that are no solid.
     """
     order, elements, start = _header(data)
-    body = _Text(data[start:]) if order == "" else _Binary(data[start:], order)
+    body = _Text(data[start:], elements) if order == "" else _Binary(data[start:], order)
     points: NDArray[np.float64] | None = None
     triangles: Ints | None = None
     for element in elements:
@@ -135,44 +136,82 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
 Columns = list[tuple[NDArray[Any], Ints]]
 
 
-class _Text:
-    """The data of a PLY file written as text."""
+class _Rows:
+    """The words of rows, a list for each property, and how many of them each row has."""
 
-    def __init__(self, data: bytes) -> None:
-        self._words = data.split()
+    def __init__(self, element: _Element) -> None:
+        self._lists = [bool(p.length) for p in element.properties]
+        self.values: list[list[bytes]] = [[] for _ in element.properties]
+        self.counts: list[list[int]] = [[] for _ in element.properties]
+
+    def add(self, words: list[bytes], at: int) -> int | None:
+        """Takes a row from a place on; where it ends, or None when there is none."""
+        for i, is_list in enumerate(self._lists):
+            length = 1
+            if is_list:
+                if at >= len(words) or not words[at].isdigit():
+                    return None
+                length = int(words[at][:15])
+                at += 1
+            if at + length > len(words):
+                return None
+            self.values[i] += words[at : at + length]
+            self.counts[i].append(length)
+            at += length
+        return at
+
+
+class _Text:
+    """The data of a PLY file written as text.
+
+    Rows follow one another wherever the lines end. Where they don't fit so, each has a line of its
+    own, and what that holds beyond what the header says of a row is left alone.
+    """
+
+    def __init__(self, data: bytes, elements: list[_Element]) -> None:
+        self._lines = [words for line in data.splitlines() if (words := line.split())]
+        rows = sum(element.count for element in elements)
+        self._line_a_row = len(self._lines) >= rows and not _fits(self._lines, elements)
         self._at = 0
 
     def read(self, element: _Element) -> Columns:
         """Columns of an element: values one after the other, and how many each row has."""
-        wide = len(element.properties)
-        if element.count * wide > len(self._words) - self._at:
+        lines = self._lines[self._at : self._at + element.count]
+        found = self._by_line(element, lines) if self._line_a_row else None
+        if found is not None:
+            self._at += element.count
+            return found
+        words = list(chain.from_iterable(self._lines[self._at :]))
+        if element.count * len(element.properties) > len(words):
             raise _truncated(element)
+        rows = _Rows(element)
+        at = 0
+        for _ in range(element.count):
+            end = rows.add(words, at)
+            if end is None:
+                raise _damaged(f"a row of the element {quote(element.name)!r} is broken")
+            at = end
+        self._lines, self._at, self._line_a_row = [words[at:]], 0, False
+        return self._columns(rows)
+
+    def _by_line(self, element: _Element, lines: list[list[bytes]]) -> Columns | None:
+        """The same of a line for each row; None when a line holds less than that."""
+        wide = len(element.properties)
         if not any(p.length for p in element.properties):
-            values = self._numbers(self._words[self._at : self._at + element.count * wide])
-            self._at += element.count * wide
+            if any(len(line) < wide for line in lines):
+                return None
+            values = self._numbers([word for line in lines for word in line[:wide]])
             ones = np.ones(element.count, dtype=np.int64)
             return [(values[i::wide], ones) for i in range(wide)]
-        found: list[list[bytes]] = [[] for _ in element.properties]
-        counts: list[list[int]] = [[] for _ in element.properties]
-        at, words = self._at, self._words
-        try:
-            for _ in range(element.count):
-                for i, column in enumerate(element.properties):
-                    length = 1
-                    if column.length:
-                        length = int(words[at])
-                        at += 1
-                    if length < 0 or at + length > len(words):
-                        raise _truncated(element)
-                    found[i] += words[at : at + length]
-                    counts[i].append(length)
-                    at += length
-        except (ValueError, IndexError) as error:
-            raise _damaged(f"a row of the element {quote(element.name)!r} is broken") from error
-        self._at = at
+        rows = _Rows(element)
+        if any(rows.add(line, 0) is None for line in lines):
+            return None
+        return self._columns(rows)
+
+    def _columns(self, rows: _Rows) -> Columns:
         return [
-            (self._numbers(f), np.array(c, dtype=np.int64))
-            for f, c in zip(found, counts, strict=True)
+            (self._numbers(values), np.array(counts, dtype=np.int64))
+            for values, counts in zip(rows.values, rows.counts, strict=True)
         ]
 
     def _numbers(self, words: list[bytes]) -> NDArray[np.float64]:
@@ -180,6 +219,23 @@ class _Text:
             return np.array([float(word) for word in words])
         except ValueError as error:
             raise _damaged(quote(str(error))) from error
+
+
+def _fits(lines: list[list[bytes]], elements: list[_Element]) -> bool:
+    """Whether the rows of all elements, one after the other, are all the words that there are."""
+    words = list(chain.from_iterable(lines))
+    at = 0
+    for element in elements:
+        lists = [bool(p.length) for p in element.properties]
+        if not any(lists):
+            at += element.count * len(lists)
+            continue
+        for _ in range(element.count):
+            for is_list in lists:
+                if at >= len(words) or (is_list and not words[at].isdigit()):
+                    return False
+                at += 1 + (int(words[at][:15]) if is_list else 0)
+    return at == len(words)
 
 
 class _Binary:

@@ -9,6 +9,8 @@ import sys
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
 
 from planner.errors import InputError
 from planner.readers import read
@@ -102,6 +104,90 @@ def ply(order: str, polygons: list[list[int]], points: list[list[float]]) -> byt
     body = b"".join(struct.pack(mark + "3dB", *p, 7) for p in points)
     body += b"".join(struct.pack(f"{mark}B{len(r)}iB", len(r), *r, 0) for r in polygons)
     return head.encode() + body
+
+
+OTHER_PROPERTIES = {
+    "property uchar red": ([200], "B"),
+    "property float quality": ([0.5], "f"),
+    "property list uchar float texcoord": ([6, 0.0, 1.0, 0.5, 0.25, 1.0, 0.0], "B6f"),
+    "property list ushort int flags": ([0], "H"),
+}
+"""Properties that say nothing of the form, with the values of a row and how they are packed."""
+others = st.lists(st.sampled_from(sorted(OTHER_PROPERTIES)), max_size=3)
+
+
+@given(
+    mark=st.sampled_from(["", "<", ">"]),
+    axes=st.permutations(["x", "y", "z"]),
+    around=st.tuples(others, others, others, others),
+    camera=st.booleans(),
+    faces_first=st.booleans(),
+    beyond=st.integers(0, 6),
+)
+def test_ply_with_whatever_stands_beside_the_form(
+    mark: str,
+    axes: list[str],
+    around: tuple[list[str], list[str], list[str], list[str]],
+    camera: bool,
+    faces_first: bool,
+    beyond: int,
+) -> None:
+    """Properties before and after, further elements, and words that the header says nothing of."""
+    points = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+    sides = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    before, after, left, right = around
+    one = {"x": 0, "y": 1, "z": 2}
+    vertex = (
+        [*before, *(f"property double {axis}" for axis in axes), *after],
+        [([point[one[axis]] for axis in axes], "3d") for point in points],
+        (before, after),
+        "vertex",
+    )
+    face = (
+        [*left, "property list uchar int vertex_indices", *right],
+        [([3, *side], "B3i") for side in sides],
+        (left, right),
+        "face",
+    )
+    head, body = [], b""
+    for names, rows, (first, last), element in [face, vertex] if faces_first else [vertex, face]:
+        if camera:
+            head += [f"element camera_of_{element} 1", "property float view"]
+            body += struct.pack(f"{mark}f", 0.5) if mark else b"0.5\n"
+        head += [f"element {element} {len(rows)}", *names]
+        for values, packed in rows:
+            parts = [
+                *(OTHER_PROPERTIES[name] for name in first),
+                (values, packed),
+                *(OTHER_PROPERTIES[name] for name in last),
+            ]
+            if mark:
+                body += b"".join(struct.pack(mark + how, *part) for part, how in parts)
+            else:
+                words = [*(word for part, _ in parts for word in part), *[9] * beyond]
+                body += " ".join(map(str, words)).encode() + b"\n"
+    order = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[mark]
+    lines = ["ply", f"format {order} 1.0", *head, "end_header", ""]
+    assert volume_in("\n".join(lines).encode() + body) == pytest.approx(1 / 6)
+
+
+@pytest.mark.parametrize("words_a_line", [1, 5, 1000])
+def test_ply_whose_lines_end_anywhere(words_a_line: int) -> None:
+    head, _, body = ply("ascii", [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], [
+        [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]
+    ]).partition(b"end_header\n")  # fmt: skip
+    words = body.split()
+    lines = [words[i : i + words_a_line] for i in range(0, len(words), words_a_line)]
+    again = head + b"end_header\n" + b"\n".join(b" ".join(line) for line in lines)
+    assert volume_in(again) == pytest.approx(1 / 6)
+
+
+def test_what_encloses_nothing_is_told_as_it_is() -> None:
+    one = refusal_of(b"v 0 0 0\nv 3 0 3\nv 0 3 3\nf 1 2 3\n")
+    assert one.code == "flat"
+    assert "a mesh of 3 × 3 × 3 whose one triangle encloses no volume" in one.detail
+    two = refusal_of(b"v 0 0 0\nv 3 0 0\nv 0 3 0\nv 3 3 0\nf 1 2 3\nf 2 3 4\n")
+    assert "3 × 3 × 0 whose 2 flat triangles enclose no volume" in two.detail
 
 
 @pytest.mark.parametrize("order", ["ascii", "binary_little_endian", "binary_big_endian"])
