@@ -124,7 +124,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         description="Plans how a straight chain of modules folds into a solid.",
         lifespan=lifespan,
         openapi_url="/api/openapi.json",
-        # Their pages load scripts from elsewhere, which the content policy forbids.
+        # FastAPI's own pages load scripts from elsewhere; ours is in server/routes/pages.py.
         docs_url=None,
         redoc_url=None,
     )

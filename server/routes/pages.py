@@ -7,6 +7,7 @@ import hashlib
 import json
 import mimetypes
 from functools import cache, lru_cache
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -39,6 +40,8 @@ STATIC: Final = Path(__file__).parents[2] / "web" / "static"
 REEL: Final = STATIC.parent / "featured.reel"
 FEATURED: Final = "wrench-160"
 LARGEST_DRAWING: Final = 4000
+SWAGGER: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
+"""Of the package that brings them; nothing is fetched from elsewhere."""
 POLICY: Final = "; ".join(
     (
         "default-src 'none'",
@@ -201,6 +204,12 @@ async def static_file(request: Request, name: str) -> Response:
     return Response(data, media_type=kind, headers=headers)
 
 
+@router.get("/docs")
+async def api_page() -> Response:
+    """The API for people: its description, drawn by Swagger UI out of a package of its own."""
+    return page("api.html")
+
+
 def not_found_page(heading: str, text: str, *, status_code: int = 404) -> Response:
     """A page that says in words why there is nothing to see."""
     drawing = isometric_svg(PAWN)
@@ -242,7 +251,8 @@ def _templates() -> Environment:
 def _static() -> dict[str, tuple[bytes, str, str]]:
     kinds = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
     found: dict[str, tuple[bytes, str, str]] = {}
-    for path in sorted(STATIC.iterdir()):
+    drawn = Path(str(files("fastapi_offline"))) / "static"
+    for path in (*sorted(STATIC.iterdir()), *(drawn / name for name in SWAGGER)):
         data = path.read_bytes()
         kind = kinds.get(path.suffix) or mimetypes.guess_type(path.name)[0]
         etag = f'"{hashlib.sha256(data).hexdigest()[:20]}"'

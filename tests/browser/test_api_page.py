@@ -1,0 +1,30 @@
+"""The page of the API: drawn from our own origin, under the policy of all pages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from urllib.parse import urlsplit
+
+import pytest
+from playwright.sync_api import Page, expect
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.mark.parametrize(("width", "scheme", "dark"), [(1440, "light", False), (390, "dark", True)])
+def test_the_api_is_shown_without_another_origin(
+    visit: Callable[..., Page], width: int, scheme: str, dark: bool
+) -> None:
+    page = visit("/", width=width, height=844, color_scheme=scheme)
+    said: list[str] = []
+    origins: set[str] = set()
+    page.on("console", lambda message: said.append(message.text))
+    page.on("request", lambda request: origins.add(urlsplit(request.url).netloc))
+    page.get_by_role("link", name="API").click()
+    described = page.request.get("/api/openapi.json").json()
+    count = sum(len(ways) for ways in described["paths"].values())
+    expect(page.locator(".opblock")).to_have_count(count)
+    assert not said
+    assert origins - {""} == {urlsplit(page.url).netloc}
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.evaluate("document.documentElement.classList.contains('dark-mode')") == dark
