@@ -243,6 +243,8 @@ class Trajectories:
         # The child touches nothing but this directory, so the plan comes into it.
         try:
             os.link(wanted.plan, place / PLAN)
+        except FileNotFoundError as error:
+            raise Problem(404, "no-such-fold", "This fold has just been deleted.") from error
         except OSError:  # on another file system
             shutil.copyfile(wanted.plan, place / PLAN)
         try:
