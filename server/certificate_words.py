@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from planner.linked import NONE
 from server.quantities import quantity
 
 DIGITS: Final = 2
@@ -70,7 +69,7 @@ def linked(certificate: Values) -> str | None:
     exempt = certificate.get("exempt_pairs")
     if exempt is None:
         return None
-    if exempt["rule"] == NONE:
+    if exempt["apart"] < 2:
         return "All modules are checked against each other, linked ones too."
     told = "Linked modules share a joint and are not checked against each other"
     if (radius := exempt["relief_radius"]) is None:

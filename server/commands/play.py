@@ -17,12 +17,12 @@ import uvicorn
 from fastapi import FastAPI
 from fastapi.responses import RedirectResponse
 
-from planner.certificate import told_honestly
 from planner.diagnosis import stuck_of
 from planner.ended import where
 from planner.errors import TimelineError
 from planner.stages import work_out_figures
 from planner.timeline import Timeline
+from planner.verdicts import told_honestly
 from server.routes import films, pages, sharing
 from server.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
 from server.workshop import Workshop

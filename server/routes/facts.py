@@ -12,7 +12,6 @@ from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
-from planner.certificate import told_honestly
 from planner.errors import TimelineError
 from planner.exports import exports_of
 from planner.modules import CUBE, MODULES
@@ -20,6 +19,7 @@ from planner.parameters import AUTO
 from planner.request import LARGEST_SEED, Request
 from planner.smoothing_ways import MOST_ANGLES
 from planner.timeline import Timeline
+from planner.verdicts import told_honestly
 from server import certificate_words
 from server.quantities import DIGITS, PRESETS, STRATEGIES, length_m, quantity, sentence
 from server.quantities import parameters as parameters_in_words

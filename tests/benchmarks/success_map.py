@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from planner.certificate import KINEMATICS_ONLY, SIMULATED
 from planner.errors import InputError
 from planner.formats import write_path
 from planner.kernels.backbite import grow
@@ -29,6 +28,7 @@ from planner.pathfinding.lattice import neighbours
 from planner.paths import Path
 from planner.request import Request
 from planner.shapes import Shape
+from planner.verdicts import KINEMATICS_ONLY, SIMULATED
 from planner.warm_up import warm_up
 from tests.benchmarks.stored import judge, run_missing
 from tests.benchmarks.success_picture import Shares, picture

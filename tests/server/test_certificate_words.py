@@ -10,7 +10,7 @@ from server import certificate_words
 from server.certificate_words import headline, linked, record, rows, torque
 
 EXEMPT = {
-    "rule": "consecutive modules (i, i+1)",
+    "apart": 2,
     "worst_overlap_bound": 0.2941,
     "relief_radius": 0.525,
     "relief_share": 0.219,
@@ -78,7 +78,7 @@ def test_linked_modules_are_named_with_what_a_real_one_lacks() -> None:
         "overlap by up to 0.30 of a pitch. Real modules must lack their edges beyond 0.525 of a "
         "pitch from the joint, 22 % of their volume."
     )
-    assert linked({"exempt_pairs": {"rule": "none"}}) == (
+    assert linked({"exempt_pairs": {"apart": 1}}) == (
         "All modules are checked against each other, linked ones too."
     )
     assert linked({}) is None

@@ -1,0 +1,63 @@
+"""Verdicts: what they say, and what those of earlier versions bear out.
+
+Nothing of a simulation is imported here, for pages that only tell of a certificate.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+SIMULATED: Final = "verified (simulated)"
+KINEMATICS_ONLY: Final = "verified (kinematics only)"
+NOT_TOLD: Final = "verified (whether it was simulated is not known)"
+"""Verdict of a certificate of an earlier version that doesn't tell."""
+
+
+def told_honestly(values: dict[str, Any], playback: dict[str, Any] | None = None) -> dict[str, Any]:
+    """A certificate's plain values, those of an earlier version without what was never simulated.
+
+    Earlier versions said ``verified`` of all plans, and of a kinematic playback that it was without
+    any error. What they don't tell becomes None.
+
+    Args:
+        values: Plain values of a certificate; what is of today is returned as it is.
+        playback: The playback's summary, as far as it is known.
+    """
+    if "simulated" in values or "verdict" not in values:
+        return values
+    kind = (playback or {}).get("kind")
+    off = values.get("max_angle_error_rad")
+    simulated = None
+    if kind is not None:
+        simulated = kind == "dynamic"
+    elif off:  # a kinematic playback never said that it was off
+        simulated = True
+    verdict = str(values.get("verdict", ""))
+    if verdict.startswith("verified with gaps"):
+        verdict = f"failed: {verdict.removeprefix('verified with gaps: ')}"
+    elif verdict == "verified":
+        verdict = {True: SIMULATED, False: KINEMATICS_ONLY, None: NOT_TOLD}[simulated]
+    unknown = dict.fromkeys(name for name in _LATER if name not in values)
+    unproved = {} if simulated else dict.fromkeys(_OF_SIMULATION)
+    return {**values, **unknown, **unproved, "verdict": verdict, "simulated": simulated}
+
+
+_OF_SIMULATION: Final = (
+    "min_clearance_playback",
+    "min_clearance_playback_at",
+    "rms_position_error",
+    "max_position_error",
+    "max_angle_error_rad",
+)
+"""What only a simulated playback has."""
+_LATER: Final = (
+    "exempt_pairs",
+    "min_clearance_record_at",
+    "frames",
+    "plan_end_error_rad",
+    "max_angle_rad",
+    "max_angle_record_rad",
+    "torque_source",
+    "torque_frames",
+)
+"""What earlier versions did not tell."""
