@@ -192,7 +192,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
     workshop = Workshop(
         store,
         # With a storage they are among the copies, which have a bound of their own.
-        kept=store.add_bytes if store.folders.storage is None else None,
+        kept=store.add_derived if store.folders.storage is None else None,
         min_free_disk_bytes=settings.min_free_disk_bytes,
         most=settings.files_waiting,
         most_of_visitor=settings.files_waiting_of_visitor,

@@ -32,7 +32,7 @@ class Figures:
         folds: Number of folds by status, of all ``STATUSES``.
         movies: Number of movies by status.
         oldest_queued_s: Age of the fold that waits for longest; 0 when none does.
-        storage_bytes: What the files of all folds take.
+        storage_bytes: What the files of all folds take, with what was made of them.
         workers: Workers that live.
         computed_s: How long each of the folds took that ended lately, the least first.
     """
@@ -123,5 +123,7 @@ class Census:
     def _taken(self, session: Session) -> int:
         now = time.monotonic()
         if self._bytes is None or now - self._bytes[0] >= SUM_KEPT_S:
-            self._bytes = (now, int(session.scalar(sa.select(sa.func.sum(FoldRow.bytes))) or 0))
+            folds = sa.select(sa.func.sum(FoldRow.bytes + FoldRow.derived_bytes))
+            movies = sa.select(sa.func.sum(MovieRow.bytes))
+            self._bytes = (now, sum(int(session.scalar(each) or 0) for each in (folds, movies)))
         return self._bytes[1]

@@ -28,8 +28,12 @@ class FoldRow(Base):
     ``turn`` is its place in the queue, the least first, and ``cost_s`` what computing it is
     expected to take. ``worker`` computes it; ``epoch`` counts how often it has changed hands, and
     who has it from an older epoch has no say any more. Readers see the files of epoch ``kept``.
-    ``bytes`` is what its files take, ``seen_at`` when somebody last looked, and what is ``pinned``
-    never expires.
+    ``bytes`` is what its own files take, from the moment on that it is accepted;
+    ``derived_bytes`` what exports and pictures take that were made of it and can be made again.
+    ``seen_at`` is when somebody last looked, and what is ``pinned`` never expires.
+
+    ``owner`` is the hash of the token of who asked for it, None when it is nobody's: a ``public``
+    fold that several have asked for.
     """
 
     __tablename__ = "folds"
@@ -65,6 +69,8 @@ class FoldRow(Base):
     pinned: Mapped[bool] = mapped_column(default=False)
     strategy: Mapped[str] = mapped_column(sa.String(16), default="auto")
     smooths: Mapped[str | None] = mapped_column(sa.String(32), default=None)
+    owner: Mapped[str | None] = mapped_column(sa.String(64), index=True, default=None)
+    derived_bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
 
     @property
     def created(self) -> datetime:
@@ -79,18 +85,6 @@ class FoldRow(Base):
 
 STATUSES = ("queued", "running", "verified", "failed", "cancelled")
 ENDED = frozenset({"verified", "failed", "cancelled"})
-
-
-class OwnerRow(Base):
-    """One visitor's claim on a fold: whoever knows the token may cancel and delete."""
-
-    __tablename__ = "owners"
-
-    fold_id: Mapped[str] = mapped_column(
-        sa.ForeignKey("folds.id", ondelete="CASCADE"), primary_key=True
-    )
-    token_hash: Mapped[str] = mapped_column(sa.String(64), primary_key=True, index=True)
-    created_at: Mapped[float]
 
 
 class WorkerRow(Base):
@@ -116,8 +110,8 @@ class MovieRow(Base):
 
     ``id`` is the key of its wishes, ``job`` the name of what makes it, whose end is that of its
     file, ``status`` one of ``queued``, ``running``, ``ready`` and ``failed``, ``problem`` the
-    ``code``, ``detail``, ``where`` of what went wrong. ``bytes`` are those of its file, which count
-    as the fold's.
+    ``code``, ``detail``, ``where`` of what went wrong. ``bytes`` are those of its file.
+    ``of_owner`` tells that the fold's owner has asked for it.
     """
 
     __tablename__ = "movies"
@@ -135,6 +129,7 @@ class MovieRow(Base):
     problem: Mapped[dict[str, Any] | None]
     created_at: Mapped[float]
     bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
+    of_owner: Mapped[bool] = mapped_column(default=False)
 
     @property
     def file(self) -> str:

@@ -30,6 +30,8 @@ EPOCH: Final = ".epoch"
 GOING: Final = ".going-"
 """Begins the names of copies that are being dropped."""
 MOVIES: Final = "movies"
+EXPORTS_DIR: Final = "exports"
+"""Folder for what is made of a fold's files when somebody asks, beside them."""
 
 
 class NoSuchFoldError(LookupError):
@@ -195,6 +197,24 @@ class Folders:
         if self.storage is not None:
             self.storage.remove_file(_movie_key(fold_id, name))
             shutil.rmtree(self._settings.cache_dir / f"{fold_id}-{name}", ignore_errors=True)
+
+    # For who makes room
+
+    def remove_exports(self, fold_id: str, *, before: float) -> int:
+        """Removes what was made of a fold's files on this machine before a time; the bytes of it.
+
+        Args:
+            fold_id: The fold.
+            before: Seconds since 1970.
+        """
+        gone = 0
+        with suppress(OSError):  # there is nothing, or another process removes it just now
+            for path in (self.place(fold_id) / EXPORTS_DIR).iterdir():
+                found = path.stat()
+                if found.st_mtime < before:
+                    path.unlink()
+                    gone += found.st_size
+        return gone
 
     # For who computes it
 

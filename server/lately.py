@@ -43,11 +43,6 @@ def mark(request: HTTPConnection, row: Any) -> None:
         setattr(request.state, MARK, row.id)
 
 
-def changed(request: HTTPConnection, fold_id: str) -> None:
-    """Says that a request which is no question has changed a fold that its path does not name."""
-    setattr(request.state, MARK, fold_id)
-
-
 class Lately:
     """See the module's description.
 
@@ -75,7 +70,6 @@ class Lately:
                 await self._app(scope, receive, send)
             finally:
                 self._forget(scope.get("path_params", {}).get("fold_id"))
-                self._forget(scope.get("state", {}).get(MARK))
 
     async def _get(self, scope: Scope, receive: Receive, send: Send) -> None:
         asked = Headers(scope=scope)

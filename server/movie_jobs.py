@@ -104,12 +104,9 @@ class MovieJobs:
 
         def ready() -> bool:
             with self._store.changing() as session:
-                done = _update(
+                return _update(
                     session, job, status="ready", frames_done=movie.count, bytes=size, problem=None
                 )
-                if done:
-                    self._store.grow(session, fold_id, size)
-                return done
 
         return patiently(keep) and patiently(ready)
 

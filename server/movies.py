@@ -78,8 +78,16 @@ class Movies:
         self._store = store
         self._jobs = jobs
 
-    def ask(self, fold_id: str, movie: Movie, visitor: str) -> tuple[MovieState, str | None]:
+    def ask(
+        self, fold_id: str, movie: Movie, visitor: str, *, of_owner: bool = False
+    ) -> tuple[MovieState, str | None]:
         """Has a movie made, unless it is there or on its way. One that failed is tried again.
+
+        Args:
+            fold_id: The fold.
+            movie: What it is to be.
+            visitor: Who asks.
+            of_owner: Whether that is the fold's owner, whose movies others do not push out.
 
         Returns:
             The movie, and the token with which it may be deleted; None when somebody asked before.
@@ -102,6 +110,8 @@ class Movies:
         try:
             state = self.state(fold_id, movie.key)
             if state.status != "failed":
+                if of_owner:
+                    self._take_over(fold_id, movie.key)
                 return state, None
         except NoSuchMovieError:
             pass
@@ -116,6 +126,7 @@ class Movies:
             status="queued",
             frames_done=0,
             created_at=time.time(),
+            of_owner=of_owner,
         )
         try:
             self._add(wanted)
@@ -191,7 +202,11 @@ class Movies:
             self._check_room(session, wanted.visitor)
             old = session.scalars(
                 sa.select(MovieRow.job)
-                .where(MovieRow.fold_id == wanted.fold_id, MovieRow.status.not_in(MAKING))
+                .where(
+                    MovieRow.fold_id == wanted.fold_id,
+                    MovieRow.of_owner.is_(wanted.of_owner),
+                    MovieRow.status.not_in(MAKING),
+                )
                 .order_by(MovieRow.created_at.desc())
                 .offset(self._settings.movies_of_fold - 1)
             ).all()
@@ -240,25 +255,25 @@ class Movies:
 
     def _lose(self, job: str, while_it_is: tuple[str, ...]) -> None:
         with self._store.changing() as session:
-            lost = session.execute(
+            session.execute(
                 sa.update(MovieRow)
                 .where(MovieRow.job == job, MovieRow.status.in_(while_it_is))
-                .values(status="failed", problem=dict(LOST))
-                .returning(MovieRow.fold_id, MovieRow.bytes)
-            ).all()
-            for fold_id, size in lost:
-                self._store.grow(session, fold_id, -size)
-                session.execute(sa.update(MovieRow).where(MovieRow.job == job).values(bytes=0))
+                .values(status="failed", problem=dict(LOST), bytes=0)
+            )
+
+    def _take_over(self, fold_id: str, movie_id: str) -> None:
+        """Makes a movie the owner's: who had asked for it before does not delete it any more."""
+        with self._store.changing() as session:
+            session.execute(
+                sa.update(MovieRow)
+                .where(MovieRow.fold_id == fold_id, MovieRow.id == movie_id)
+                .values(of_owner=True, token_hash="")  # the hash of no token
+            )
 
     def _delete(self, session: Session, *which: sa.ColumnElement[bool]) -> list[tuple[str, str]]:
         """Deletes rows; the fold and the job of each."""
-        deleted = sa.delete(MovieRow).where(*which)
-        gone = session.execute(
-            deleted.returning(MovieRow.fold_id, MovieRow.job, MovieRow.bytes)
-        ).all()
-        for fold_id, _, size in gone:
-            self._store.grow(session, fold_id, -size)
-        return [(fold_id, job) for fold_id, job, _ in gone]
+        deleted = sa.delete(MovieRow).where(*which).returning(MovieRow.fold_id, MovieRow.job)
+        return [(fold_id, job) for fold_id, job in session.execute(deleted)]
 
     def _clear(self, gone: Iterable[tuple[str, str]]) -> None:
         """Clears up after rows that were deleted."""

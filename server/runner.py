@@ -6,6 +6,7 @@ import contextlib
 import json
 import logging
 import threading
+import time
 from collections.abc import Callable, Generator
 from typing import Any, Final, TypedDict
 
@@ -15,6 +16,7 @@ from planner.ended import look_back
 from planner.errors import InputError, TimelineError
 from planner.timeline import Timeline, TimelineWriter
 from planner.unfolding import START_CHAIN
+from server.cancelled import sweep_cancelled
 from server.children import Child, ChildError, Children
 from server.gallery import Gallery
 from server.limits import ChildLimits
@@ -34,11 +36,12 @@ log = logging.getLogger("foldback.worker")
 class Outcome(TypedDict):
     """How a stage ended; ``ended`` tells that the fold ends with it, ``following`` what is next.
 
-    ``epoch`` is the one under which its files are kept.
+    ``epoch`` is the one under which its files are kept, ``bytes`` what they take, None when that
+    is not known.
     """
 
     epoch: int
-    bytes: int
+    bytes: int | None
     ended: bool
     following: str | None
     status: str
@@ -58,7 +61,7 @@ def _outcome(
 ) -> Outcome:
     return {
         "epoch": 0,
-        "bytes": 0,
+        "bytes": None,
         "ended": ended,
         "following": following,
         "status": status,
@@ -187,8 +190,10 @@ class Runner:
             self.patiently(lambda: self._store.folders.leave(fold_id, outcome["epoch"]))
         else:
             # Who has cancelled it wants the worker for something else: no waiting.
-            with contextlib.suppress(StorageError):
+            with contextlib.suppress(StorageError, SQLAlchemyError, NoSuchFoldError):
                 self._store.folders.leave(fold_id, outcome["epoch"])
+                visitor = self._store.fold(fold_id).visitor
+                sweep_cancelled(self._store, time.time(), visitor=visitor)
         self.prewarm()
 
     def patiently(self, do: Callable[[], Answer]) -> Answer:

@@ -98,7 +98,11 @@ class Accepted(BaseModel):
     """A fold that was accepted."""
 
     id: str
-    owner_token: str = Field(description="Proves the claim that cancel and delete ask for.")
+    owner_token: str | None = Field(
+        description="Proves what cancel and delete ask for: the token that one has sent, or a new "
+        "one. Null for a fold that is another's, or the gallery's and everybody's: it can be "
+        "looked at."
+    )
     existing: bool = Field(description="The same had been asked before: this is that fold.")
     links: Links
 

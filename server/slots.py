@@ -1,11 +1,18 @@
-"""Slots: the names of the workers on this machine, each held by at most one living process."""
+"""Slots: the names of the workers on this machine, each held by at most one living process.
+
+A name is held by a lock of an open file (OFD lock): whoever looks asks the kernel who holds it, and
+never takes it, so that a worker which starts just then gets its name.
+"""
 
 from __future__ import annotations
 
+import errno
+import os
 import secrets
 import socket
+import struct
 from collections.abc import Iterable
-from fcntl import LOCK_EX, LOCK_NB, flock
+from fcntl import F_OFD_GETLK, F_OFD_SETLK, F_UNLCK, F_WRLCK, LOCK_EX, fcntl, flock
 from pathlib import Path
 from typing import IO, Final
 
@@ -49,9 +56,7 @@ class Slots:
             number = name.removeprefix(self._prefix)
             if number == name or not number.isdecimal():
                 continue
-            lock = _lock(self._path(int(number)))
-            if lock is not None:
-                lock.close()
+            if not _locked(self._path(int(number))):
                 found.add(name)
         return found
 
@@ -74,8 +79,25 @@ class Slot:
 def _lock(path: Path) -> IO[str] | None:
     file = open(path, "w")  # noqa: SIM115 (a slot's lock is held for the life of the process)
     try:
-        flock(file, LOCK_EX | LOCK_NB)
-    except BlockingIOError:
+        fcntl(file, F_OFD_SETLK, _of_file(F_WRLCK))
+    except OSError as error:
         file.close()
-        return None
+        if error.errno in (errno.EAGAIN, errno.EACCES):
+            return None
+        raise
     return file
+
+
+def _locked(path: Path) -> bool:
+    """Whether a living process holds the lock of a file; it is not taken meanwhile."""
+    try:
+        with open(path) as file:
+            found = fcntl(file, F_OFD_GETLK, _of_file(F_WRLCK))
+    except FileNotFoundError:
+        return False
+    return struct.unpack_from("h", found)[0] != F_UNLCK
+
+
+def _of_file(kind: int) -> bytes:
+    """The kernel's ``struct flock`` for a whole file: type, whence, start, length, pid."""
+    return struct.pack("hhqqi0q", kind, os.SEEK_SET, 0, 0, 0)

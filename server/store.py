@@ -1,4 +1,8 @@
-"""Store: the rows of all folds and their owners, and the directory of each fold."""
+"""Store: the rows of all folds, and the directory of each.
+
+What several may do to a row at the same time is one statement each, which finds and changes it: who
+asks for a fold that is just being cancelled gets it and it goes on, or gets another one.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,6 @@ from server.database import (
     ENDED,
     CounterRow,
     FoldRow,
-    OwnerRow,
     SecretRow,
     engine_for,
     migrate,
@@ -114,36 +117,31 @@ class Store:
             raise NoSuchFoldError(fold_id)
         return row
 
-    def find(self, content_key: str) -> FoldRow | None:
-        """The fold of the same content and parameters, if there is one."""
-        with self._sessions() as session:
-            return session.scalar(sa.select(FoldRow).where(FoldRow.content_key == content_key))
-
     def list_public(self, limit: int = 100) -> Sequence[FoldRow]:
-        """Folds of gallery shapes, newest first."""
+        """Folds of gallery shapes that nobody has cancelled, newest first."""
         with self._sessions() as session:
             return session.scalars(
                 sa.select(FoldRow)
-                .where(FoldRow.public)
+                .where(FoldRow.public, FoldRow.cancel_requested.is_(False))
                 .order_by(FoldRow.created_at.desc())
                 .limit(limit)
             ).all()
 
     def list_owned(self, token: str, limit: int = 100) -> Sequence[FoldRow]:
-        """Folds that the holder of a token has a claim on, newest first."""
+        """Folds that the holder of a token has asked for, newest first."""
         with self._sessions() as session:
             return session.scalars(
                 sa.select(FoldRow)
-                .join(OwnerRow, OwnerRow.fold_id == FoldRow.id)
-                .where(OwnerRow.token_hash == hash_of(token))
+                .where(FoldRow.owner == hash_of(token))
                 .order_by(FoldRow.created_at.desc())
                 .limit(limit)
             ).all()
 
     def owns(self, fold_id: str, token: str) -> bool:
-        """Whether the token gives a claim on the fold."""
+        """Whether a fold is the token's holder's own; one of the gallery is nobody's."""
         with self._sessions() as session:
-            return session.get(OwnerRow, (fold_id, hash_of(token))) is not None
+            row = session.get(FoldRow, fold_id)
+        return row is not None and not row.public and row.owner == hash_of(token)
 
     def waiting(self, *, visitor: str | None = None) -> int:
         """Folds that are queued or running, of all visitors or of one."""
@@ -211,23 +209,26 @@ class Store:
     # Writing, on the side of the visitors
 
     def add(self, row: FoldRow, token: str) -> bool:
-        """Adds a fold with its first owner; False when its content key is taken by another.
+        """Adds a fold with its owner; False when its content key is taken by another.
 
         Its turn in the queue is settled here.
         """
-        owner = OwnerRow(fold_id=row.id, token_hash=hash_of(token), created_at=row.created_at)
+        row.owner = hash_of(token)
         row.cost_s = expected_s(row.modules)
         try:
             with self.changing() as session:
                 row.turn = self._turn(session, row)
                 session.add(row)
-                session.flush()
-                session.add(owner)
         except IntegrityError:
-            if row.content_key is None or self.find(row.content_key) is None:
+            if row.content_key is None or not self._taken(row.content_key):
                 raise
             return False
         return True
+
+    def _taken(self, content_key: str) -> bool:
+        with self.reading() as session:
+            taken = sa.select(FoldRow.id).where(FoldRow.content_key == content_key)
+            return session.scalar(taken) is not None
 
     @staticmethod
     def _turn(session: Session, row: FoldRow) -> int:
@@ -274,90 +275,75 @@ class Store:
             with suppress(SQLAlchemyError):
                 self._change(row.id, seen_at=now)
 
-    def claim(self, fold_id: str, token: str) -> bool:
-        """Gives one more visitor a claim on a fold; False when it is deleted or given up."""
-        try:
-            with self.changing() as session:
-                row = session.get(FoldRow, fold_id, with_for_update=True)
-                if row is None or row.cancel_requested or row.status == "cancelled":
-                    return False
-                if session.get(OwnerRow, (fold_id, hash_of(token))) is None:
-                    session.add(
-                        OwnerRow(fold_id=fold_id, token_hash=hash_of(token), created_at=time.time())
-                    )
-        except IntegrityError:  # it has just been deleted
-            return False
-        return True
+    def ask(self, content_key: str, token: str) -> FoldRow | None:
+        """The fold with this content key, which somebody wants; None when there is none.
 
-    def release(self, fold_id: str, token: str) -> int:
-        """Takes a visitor's claim back; how many others have one."""
+        One of the gallery that somebody else has asked for too is nobody's from now on, so that
+        nobody stops it for the other. It counts as looked at just now.
+        """
+        shared = sa.and_(FoldRow.public, FoldRow.owner != hash_of(token))
+        wanted = (
+            sa.update(FoldRow)
+            .where(FoldRow.content_key == content_key)
+            .values(owner=sa.case((shared, None), else_=FoldRow.owner), seen_at=time.time())
+            .returning(FoldRow)
+            .execution_options(synchronize_session=False)
+        )
         with self.changing() as session:
-            session.get(FoldRow, fold_id, with_for_update=True)  # one at a time
-            session.execute(
-                sa.delete(OwnerRow).where(
-                    OwnerRow.fold_id == fold_id, OwnerRow.token_hash == hash_of(token)
-                )
-            )
-            return self._owners(session, fold_id)
+            return session.scalar(wanted)
 
-    def owners(self, fold_id: str) -> int:
-        """How many visitors have a claim on a fold."""
-        with self._sessions() as session:
-            return self._owners(session, fold_id)
+    def cancel(self, fold_id: str, token: str) -> bool:
+        """Cancels a fold that is not over, a running one as soon as its worker sees this.
 
-    def publish(self, fold_id: str, shape: str, *, name: str) -> None:
-        """Lists a fold as one of a gallery shape, under its name."""
-        self._change(fold_id, public=True, shape=shape, name=name)
-
-    def request_cancel(self, fold_id: str) -> None:
-        """A queued fold is cancelled at once, a running one as soon as its worker sees this."""
+        Returns:
+            False when the token is not its owner's.
+        """
+        own = (FoldRow.id == fold_id, FoldRow.owner == hash_of(token))
+        queued = FoldRow.status == "queued"
         with self.changing() as session:
-            queued = sa.update(FoldRow).where(FoldRow.id == fold_id, FoldRow.status == "queued")
             session.execute(
-                queued.values(
-                    status="cancelled",
-                    ended_at=time.time(),
+                sa.update(FoldRow)
+                .where(*own, FoldRow.status.in_(WAITING))
+                .values(
+                    status=sa.case((queued, "cancelled"), else_=FoldRow.status),
+                    ended_at=sa.case((queued, time.time()), else_=FoldRow.ended_at),
                     content_key=None,
                     cancel_requested=True,
                 )
             )
-            running = sa.update(FoldRow).where(FoldRow.id == fold_id, FoldRow.status == "running")
-            session.execute(running.values(cancel_requested=True, content_key=None))
+            return session.scalar(sa.select(FoldRow.id).where(*own)) is not None
 
     def expire(self, fold_id: str, seen: float) -> bool:
         """Forgets a fold that nobody has looked at since, unless somebody wants it after all."""
-        with self.changing() as session:
-            return bool(
-                rows_of(
-                    session.execute(
-                        sa.delete(FoldRow).where(
-                            FoldRow.id == fold_id,
-                            FoldRow.pinned.is_(False),
-                            FoldRow.public.is_(False),
-                            FoldRow.status.in_(ENDED),
-                            seen_of() == seen,
-                        )
-                    )
-                )
-            )
-
-    def delete(self, fold_id: str) -> None:
-        """Forgets a fold; its directory is the caller's to remove."""
-        with self.changing() as session:
-            session.execute(sa.delete(OwnerRow).where(OwnerRow.fold_id == fold_id))
-            session.execute(sa.delete(FoldRow).where(FoldRow.id == fold_id))
-
-    def add_bytes(self, fold_id: str, size: int) -> None:
-        """Counts so many bytes more, or less, as a fold's."""
-        with self.changing() as session:
-            self.grow(session, fold_id, size)
-
-    @staticmethod
-    def grow(session: Session, fold_id: str, size: int) -> None:
-        """The same, together with other changes."""
-        session.execute(
-            sa.update(FoldRow).where(FoldRow.id == fold_id).values(bytes=FoldRow.bytes + size)
+        gone = sa.delete(FoldRow).where(
+            FoldRow.id == fold_id,
+            FoldRow.pinned.is_(False),
+            FoldRow.status.in_(ENDED),
+            seen_of() == seen,
         )
+        with self.changing() as session:
+            return bool(rows_of(session.execute(gone)))
+
+    def delete(self, fold_id: str, token: str | None = None) -> bool:
+        """Forgets a fold, whose directory is the caller's to remove.
+
+        Args:
+            fold_id: The fold.
+            token: Whoever has it must own the fold, which must not be of the gallery; anything goes
+                when None.
+
+        Returns:
+            Whether it was deleted.
+        """
+        gone = sa.delete(FoldRow).where(FoldRow.id == fold_id)
+        if token is not None:
+            gone = gone.where(FoldRow.owner == hash_of(token), FoldRow.public.is_(False))
+        with self.changing() as session:
+            return bool(rows_of(session.execute(gone)))
+
+    def add_derived(self, fold_id: str, size: int) -> None:
+        """Counts so many bytes more, or less, of what was made of a fold."""
+        self._change(fold_id, derived_bytes=FoldRow.derived_bytes + size)
 
     # Writing, on the side of the workers
 
@@ -408,13 +394,8 @@ class Store:
 
     def describe(self, fold_id: str, *, name: str, modules: int, module: str) -> None:
         """Notes what the chain of a fold is; one of the gallery keeps the name it has there."""
-        self._change(fold_id, modules=modules, module=module)
-        with self.changing() as session:
-            session.execute(
-                sa.update(FoldRow)
-                .where(FoldRow.id == fold_id, FoldRow.shape.is_(None))
-                .values(name=name[:200])
-            )
+        shown = sa.case((FoldRow.shape.is_(None), name[:200]), else_=FoldRow.name)
+        self._change(fold_id, modules=modules, module=module, name=shown)
 
     def report(self, fold_id: str, epoch: int, progress: dict[str, Any] | None = None) -> bool:
         """Notes progress, when there is news; False when the fold shall not go on here."""
@@ -439,9 +420,9 @@ class Store:
         error: dict[str, Any] | None = None,
         repeatable: bool = True,
         kept: int | None = None,
-        size: int = 0,
+        size: int | None = None,
     ) -> bool:
-        """Ends a fold, once; False when it was deleted.
+        """Ends a fold, once; False when it was deleted. One that was cancelled before ends so.
 
         Args:
             fold_id: The fold.
@@ -451,32 +432,29 @@ class Store:
             repeatable: Whether the same upload would end the same way. If not, the next one is
                 computed anew.
             kept: The epoch whose files readers see from now on; as before when None.
-            size: Bytes of its files.
+            size: Bytes of its files; as before when None.
         """
         values: dict[str, Any] = {
             "status": status,
             "ended_at": time.time(),
             "summary": summary,
             "error": error,
-            "bytes": size,
             "seen_at": time.time(),
         }
+        if size is not None:
+            values["bytes"] = size
         if kept is not None:
             values["kept"] = kept
         if not repeatable:
             values["content_key"] = None
+        going = sa.update(FoldRow).where(FoldRow.id == fold_id, FoldRow.status.not_in(ENDED))
         with self.changing() as session:
-            session.execute(
-                sa.update(FoldRow)
-                .where(FoldRow.id == fold_id, FoldRow.status.not_in(ENDED))
-                .values(**values)
-            )
+            if status != "cancelled":
+                wanted = FoldRow.cancel_requested.is_(False)
+                session.execute(going.where(wanted).values(**values))
+                values |= {"status": "cancelled", "summary": {}, "error": None}
+            session.execute(going.values(**values))
             return session.get(FoldRow, fold_id) is not None
-
-    @staticmethod
-    def _owners(session: Session, fold_id: str) -> int:
-        query = sa.select(sa.func.count()).where(OwnerRow.fold_id == fold_id)
-        return session.scalar(query) or 0
 
     def _change(self, fold_id: str, **values: Any) -> None:
         with self.changing() as session:

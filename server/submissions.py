@@ -11,7 +11,7 @@ import time
 from dataclasses import dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Any, BinaryIO, Final
 
 from planner.errors import InputError
 from planner.parameters import AUTO
@@ -20,10 +20,11 @@ from server.beginnings import Beginning
 from server.children import ChildError
 from server.context import Context
 from server.database import FoldRow
+from server.folders import size_of
 from server.previews import ShapeWishes
 from server.problems import Problem
 from server.reading import LARGEST_DRAWING
-from server.store import new_id, new_token
+from server.store import hash_of, new_id
 from server.uploads import Upload, no_room
 
 RETRY_AFTER_S: Final = 30
@@ -39,12 +40,15 @@ class Submission:
     seed: int
     module_size: float | None
     visitor: str
-    token: str | None = None
+    token: str
+    """Of who asks: he owns what is made for him."""
     wishes: ShapeWishes = field(default_factory=ShapeWishes)
     cells: list[list[int]] | None = None
     """For a drawing until there is a chain; those that a preview has found."""
     beginning: Beginning | None = None
     strategy: str = AUTO
+    again: FoldRow | None = None
+    """The fold that is asked for once more, by its id."""
 
     @property
     def public(self) -> bool:
@@ -70,7 +74,14 @@ class Submission:
 
     @property
     def content_key(self) -> str:
-        """The same for the same bytes, parameters and version: such folds are computed once."""
+        """The same for the same bytes, parameters and version: such folds are computed once.
+
+        One that is not public has its owner in it, so that nobody learns what others have sent.
+        """
+        return self.key_of(hash_of(self.token))
+
+    def key_of(self, owner: str | None) -> str:
+        """The content key that it has, or would have if it was another's."""
         parameters = {
             "format": "foldback-fold/1",
             "version": version("foldback"),
@@ -81,16 +92,17 @@ class Submission:
             **self.wishes.changed(),
             **({} if self.beginning is None else {self.beginning.use: self.beginning.digest}),
             **({} if self.strategy == AUTO else {"strategy": self.strategy}),
+            **({} if self.public else {"owner": owner}),
         }
         return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Receipt:
-    """What the visitor gets for it."""
+    """What the visitor gets for it; a token only for a fold that he has asked for himself."""
 
     row: FoldRow
-    token: str
+    token: str | None
     existing: bool
 
 
@@ -100,8 +112,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
     Raises:
         Problem: When it can't be used (422), there is too much to do (429), or no room (507).
     """
-    token = submission.token or new_token()
-    if (known := _known(context, submission, token)) is not None:
+    if (known := _known(context, submission)) is not None:
         return known
     _check_room(context, submission)
     fold_id = new_id()
@@ -110,6 +121,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
         _write(aside, submission)
         found = _read(context, aside, submission.beginning, submission.visitor)
         _note(aside, submission)
+        size = size_of(aside)
         context.store.folders.adopt(aside, fold_id)
         row = FoldRow(
             id=fold_id,
@@ -135,16 +147,17 @@ def submit(context: Context, submission: Submission) -> Receipt:
             refold=submission.refolds and submission.refolds.name,
             strategy=submission.strategy,
             smooths=submission.smooths and submission.smooths.fold,
+            bytes=size,
         )
         try:
-            added = context.store.add(row, token)
+            added = context.store.add(row, submission.token)
         except Exception:  # it was not acknowledged, and nothing of it stays
             with contextlib.suppress(Exception):
                 context.store.folders.remove(fold_id)
             raise
         if not added:
             context.store.folders.remove(fold_id)
-            if (known := _known(context, submission, token)) is not None:
+            if (known := _known(context, submission)) is not None:
                 return known
             raise Problem(409, "changed-meanwhile", "The same fold just ended; try again.")
     except OSError as error:
@@ -154,7 +167,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
     finally:
         shutil.rmtree(aside, ignore_errors=True)
     context.jobs.enqueue(fold_id, row.turn)
-    return Receipt(row=row, token=token, existing=False)
+    return Receipt(row=row, token=submission.token, existing=False)
 
 
 def input_noted(directory: Path) -> tuple[BinaryIO, str | None]:
@@ -163,18 +176,33 @@ def input_noted(directory: Path) -> tuple[BinaryIO, str | None]:
     Raises:
         Problem: When they are not there any more.
     """
+    filename = _request(directory)["filename"]
     try:
-        request = json.loads((directory / "request.json").read_bytes())
-        return open(directory / "input", "rb"), request["filename"]
+        return open(directory / "input", "rb"), filename
+    except OSError as error:
+        raise _no_input() from error
+
+
+def _request(directory: Path) -> dict[str, Any]:
+    try:
+        return json.loads((directory / "request.json").read_bytes())
     except (OSError, ValueError) as error:
-        raise Problem(
-            404, "no-input", "The input of this fold is not there any more; send the file again."
-        ) from error
+        raise _no_input() from error
+
+
+def _no_input() -> Problem:
+    return Problem(
+        404, "no-input", "The input of this fold is not there any more; send the file again."
+    )
 
 
 def noted(directory: Path) -> tuple[ShapeWishes, list[list[int]] | None]:
-    """How a fold's input was to become a chain, and cells for a drawing if there are some."""
-    request = json.loads((directory / "request.json").read_bytes())
+    """How a fold's input was to become a chain, and cells for a drawing if there are some.
+
+    Raises:
+        Problem: When they are not there any more.
+    """
+    request = _request(directory)
     names = {each.name for each in fields(ShapeWishes)} - {"seed"}
     wishes = {name: value for name, value in request.items() if name in names}
     if wishes.get("start") is not None:
@@ -199,19 +227,18 @@ def _title(context: Context, shape: str | None) -> str | None:
     return None if found is None else found.title
 
 
-def _known(context: Context, submission: Submission, token: str) -> Receipt | None:
-    row = context.store.find(submission.content_key)
+def _known(context: Context, submission: Submission) -> Receipt | None:
+    """The fold that is there already: one's own, one of the gallery, or the very one of a link."""
+    key, again = submission.content_key, submission.again
+    if again is not None and again.content_key == (theirs := submission.key_of(again.owner)):
+        key = theirs
+    row = context.store.ask(key, submission.token)
     if row is None:
         return None
-    title = _title(context, submission.shape)
-    if submission.public and not row.public and submission.shape and title:
-        context.store.publish(row.id, submission.shape, name=title)
-    if not context.store.claim(row.id, token):
-        return None
-    context.store.looked(row)
     if row.status == "queued":  # if its job was lost in a crash, this brings it back
         context.jobs.enqueue(row.id, row.turn)
-    return Receipt(row=row, token=token, existing=True)
+    own = row.owner == hash_of(submission.token)
+    return Receipt(row=row, token=submission.token if own else None, existing=True)
 
 
 def _check_room(context: Context, submission: Submission) -> None:

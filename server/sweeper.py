@@ -2,21 +2,27 @@
 
 Folds of the gallery and pinned ones stay, and so do those that are not over. The others go when
 nobody has looked at them for ``keep_days``, or, the longest unseen first, when the folds of a
-visitor or of all take more than they may.
+visitor or of all take more than they may; what can be made again goes before. Of the gallery those
+go that were cancelled (``server/cancelled.py``), and those that failed once there is a later one.
 """
 
 from __future__ import annotations
 
 import logging
+import shutil
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Final
 
 import sqlalchemy as sa
+from sqlalchemy.orm import aliased
 
+from server.cancelled import sweep_cancelled
 from server.database import ENDED, FoldRow
+from server.derived import derived_bytes, drop_derived
 from server.settings import Settings
+from server.storage import StorageError
 from server.store import Store, seen_of
 
 DAY_S: Final = 86400.0
@@ -48,12 +54,56 @@ class Sweeper:
 
     def sweep(self) -> int:
         """Sweeps once; how many folds were forgotten."""
-        gone = self._expire()
+        sweep_cancelled(self._store, self._clock())
+        self._make_room()
+        gone = self._forget_superseded() + self._expire()
         now = time.monotonic()
         if now - self._orphans_at >= ORPHANS_EVERY_S:
             self._orphans_at = now
             self.sweep_orphans()
         return gone
+
+    def _make_room(self) -> None:
+        """Drops what can be made again when it takes too much, or the disk is nearly full."""
+        settings = self._settings
+        lacking = 0
+        if settings.storage_bytes is not None:
+            with self._store.reading() as session:
+                own = int(session.scalar(sa.select(sa.func.sum(FoldRow.bytes))) or 0)
+            lacking = own + derived_bytes(self._store) - settings.storage_bytes
+        if self._store.folders.storage is None:
+            free = shutil.disk_usage(settings.root).free
+            lacking = max(lacking, settings.min_free_disk_bytes - free)
+        if lacking > 0:
+            try:
+                drop_derived(self._store, lacking)
+            except StorageError as error:
+                log.warning("no room could be made: %s", error)
+
+    def _forget_superseded(self) -> int:
+        """Forgets folds of the gallery that failed by the service's fault and were done again."""
+        later = aliased(FoldRow)
+        failed = sa.select(FoldRow.id, seen_of()).where(
+            FoldRow.public,
+            FoldRow.status == "failed",
+            FoldRow.content_key.is_(None),
+            sa.exists().where(
+                later.public,
+                later.shape == FoldRow.shape,
+                later.created_at > FoldRow.created_at,
+                later.status.in_(("verified", "failed")),
+            ),
+        )
+        with self._store.reading() as session:
+            rows = session.execute(failed).all()
+        return sum(self._forget(fold_id, seen) for fold_id, seen in rows)
+
+    def _forget(self, fold_id: str, seen: float) -> bool:
+        if not self._store.expire(fold_id, seen):
+            return False
+        log.info("fold %s expires", fold_id, extra={"fold": fold_id})
+        self._store.folders.remove(fold_id)
+        return True
 
     def _expire(self) -> int:
         settings = self._settings
@@ -90,9 +140,7 @@ class Sweeper:
             )
             fresh = self._clock() - seen < FRESH_S
             wanted = stays or not (unseen or (not fresh and (too_much or too_much_of_visitor)))
-            if not wanted and self._store.expire(fold_id, seen):
-                log.info("fold %s expires", fold_id, extra={"fold": fold_id})
-                self._store.folders.remove(fold_id)
+            if not wanted and self._forget(fold_id, seen):
                 total -= size
                 of_visitor[visitor] -= size
                 gone += 1

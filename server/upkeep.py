@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 
 from server.beginnings import BROUGHT
 from server.database import ENDED, FoldRow, MovieRow, WorkerRow, engine_for
+from server.folders import size_of
 from server.jobs import APPLICATION, Jobs
 from server.schema import Schema
 from server.scratch import Scratch
@@ -93,10 +94,6 @@ class Upkeep:
         """
         return self._store.fold(fold_id)
 
-    def owners(self, fold_id: str) -> int:
-        """How many visitors have a claim on a fold."""
-        return self._store.owners(fold_id)
-
     def workers(self) -> Sequence[WorkerRow]:
         """Who computes. One that has just died is among them for the length of a lease."""
         with self._store.reading() as session:
@@ -139,7 +136,7 @@ class Upkeep:
     def requeue(self, fold_id: str, *, force: bool = False) -> None:
         """Has a fold that failed, was cancelled or is stuck computed again from the beginning.
 
-        It keeps its id, links and owners. Its job does too: the old one is deleted with all the
+        It keeps its id, links and owner. Its job does too: the old one is deleted with all the
         results of its steps, for else a new one would only repeat what came out before. The epoch
         rises, so that whoever may still hold the fold has no say any more. A content key that was
         given up stays so: the same upload may meanwhile be another fold.
@@ -161,8 +158,16 @@ class Upkeep:
             raise UpkeepError(f"{fold_id} {what} (its job is {job}); leave it, or expire it.")
         self._check_inputs(row)
         # Whoever may still hold it loses it first; after a crash it is one to be queued again.
-        self._change(fold_id, status="cancelled", worker=None, epoch=FoldRow.epoch + 1)
-        self._strip(row)
+        # It ends just now, so that nobody takes it for one whose files may go.
+        self._change(
+            fold_id,
+            status="cancelled",
+            ended_at=time.time(),
+            worker=None,
+            epoch=FoldRow.epoch + 1,
+        )
+        self._check_inputs(row)
+        size = self._strip(row)
         if job is not None:
             with self._client() as client:
                 client.delete_workflow(fold_id)
@@ -181,7 +186,8 @@ class Upkeep:
                 summary={},
                 error=sa.null(),
                 kept=0,
-                bytes=0,
+                bytes=size,
+                derived_bytes=0,
             )
         jobs = Jobs(self._settings)
         try:
@@ -192,10 +198,13 @@ class Upkeep:
     def _check_inputs(self, row: FoldRow) -> None:
         shown = self._store.folders.shown(row)
         if not (shown / "input").exists() or not (shown / "request.json").exists():
-            raise UpkeepError(f"{row.id} has no input any more; expire it, fold the file anew.")
+            raise UpkeepError(
+                f"{row.id} has no input any more, as one that was cancelled a while ago; expire "
+                "it, fold the file anew."
+            )
 
-    def _strip(self, row: FoldRow) -> None:
-        """Leaves of a fold's files what was there before anything was computed."""
+    def _strip(self, row: FoldRow) -> int:
+        """Leaves of a fold's files what was there before anything was computed; its bytes."""
         shown = self._store.folders.shown(row)
         if self._store.folders.storage is None:
             for path in shown.iterdir():
@@ -203,12 +212,14 @@ class Upkeep:
                     shutil.rmtree(path, ignore_errors=True)
                 elif path.name not in INPUTS:
                     path.unlink(missing_ok=True)
-            return
+            return size_of(shown)
         with Scratch(self._settings.scratch_dir).directory() as aside:
             for name in INPUTS:
                 if (shown / name).exists():
                     shutil.copy2(shown / name, aside / name)
+            size = size_of(aside)
             self._store.folders.adopt(aside, row.id)
+            return size
 
     def _change(self, fold_id: str, **values: Any) -> None:
         with self._store.changing() as session:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar
 
 from planner.files import write_whole
+from server.folders import EXPORTS_DIR
 from server.problems import Problem, no_such_fold
 from server.single_flight import SingleFlight
 from server.store import NoSuchFoldError
@@ -16,7 +17,6 @@ from server.store import NoSuchFoldError
 AT_ONCE: Final = 2
 MOST_WAITING: Final = 8
 """Things that are being made or wait for it; more are refused."""
-FOLDER: Final = "exports"
 Thing = TypeVar("Thing")
 
 
@@ -38,7 +38,7 @@ class Workshop:
     Args:
         store: Where the folds are.
         min_free_disk_bytes: What must be left of the disk.
-        kept: Told how many bytes a file adds to those of its fold.
+        kept: Told how many bytes a file adds to those made of its fold.
         most: How many things may be made or wait for it.
         most_of_visitor: Of them, of one visitor.
         folder: Where files are kept; in a folder beside those of their fold when None.
@@ -97,7 +97,7 @@ class Workshop:
             Problem: When too many wait (429, 503), or the disk is full (507).
         """
         directory = await asyncio.to_thread(self._store.directory, fold_id)
-        plain = (self._folder or directory / FOLDER) / name
+        plain = (self._folder or directory / EXPORTS_DIR) / name
         path = plain.with_stem(f"{plain.stem}-{edition}") if edition else plain
 
         def keep() -> None:

@@ -86,7 +86,7 @@ def show(fold_id: str, as_json: AsJson = False, data_dir: DataDir = None) -> Non
         known = {column.key: getattr(row, column.key) for column in row.__table__.columns}
         known |= {
             "visitor": row.visitor[:VISITOR],
-            "owners": upkeep.owners(fold_id),
+            "owner": row.owner is not None,
             "job": upkeep.job(fold_id),
         }
     if as_json:

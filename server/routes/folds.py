@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from io import BytesIO
 from typing import Annotated, Any, BinaryIO, Final, Literal
@@ -17,11 +18,13 @@ from planner.starts import cell_of
 from planner.wishes import MODULE_COUNTS
 from server.addresses import address_of
 from server.beginnings import beginning_noted, beginning_of
+from server.cancelled import sweep_cancelled
 from server.context import Context, context_of
-from server.lately import changed, mark
+from server.lately import mark
 from server.previews import ShapeWishes
 from server.problems import Problem
 from server.schemas import Accepted, Fold, Folds, Links, ProblemBody, Shape, Shapes
+from server.store import new_token
 from server.submissions import Submission, input_noted, noted, submit
 from server.uploads import FormRoute
 
@@ -149,7 +152,10 @@ def post_fold(
         ),
     ] = "auto",
 ) -> Accepted:
-    """Accepts it and puts it into the queue. The same upload again gives the same fold."""
+    """Accepts it and puts it into the queue. The same again with the same token is the same fold.
+
+    So is a shape of the gallery, as it is usually folded, for everybody.
+    """
     source, filename = input_of(context, file, shape, preview, fold, smooth)
     if smooth is not None and refold is not None:
         source.close()
@@ -159,6 +165,7 @@ def post_fold(
     with source:
         cells = _previewed(context, preview, replace(wishes, seed=seed))
         again = smooth if fold is None else fold
+        row = None
         if again is not None:
             row = context.store.fold(again)
             shape = row.shape
@@ -173,8 +180,8 @@ def post_fold(
             if file is not None or preview is not None:  # others know what they are made of
                 modules = wishes.modules or beginning.modules
                 wishes = replace(wishes, module=beginning.module, modules=modules)
-        elif fold is not None:
-            beginning = beginning_noted(context.store.directory(fold), context.store.fold(fold))
+        elif fold is not None and row is not None:
+            beginning = beginning_noted(context.store.directory(fold), row)
         with context.uploads.kept(source, filename) as upload:
             receipt = submit(
                 context,
@@ -185,14 +192,14 @@ def post_fold(
                     seed=seed,
                     module_size=module_size,
                     visitor=context.visitor(request),
-                    token=_token(credentials),
+                    token=token_of(credentials) or new_token(),
                     wishes=wishes,
                     cells=cells,
                     beginning=beginning,
                     strategy=strategy,
+                    again=None if fold is None else row,
                 ),
             )
-    changed(request, receipt.row.id)  # a gallery's shape brings its title to the same upload
     return Accepted(
         id=receipt.row.id,
         owner_token=receipt.token,
@@ -205,7 +212,7 @@ def post_fold(
 def get_folds(context: Here, credentials: Bearer) -> Folds:
     """Others' folds are never listed; their links are for who was given them."""
     rows = {row.id: row for row in context.store.list_public()}
-    if (token := _token(credentials)) is not None:
+    if (token := token_of(credentials)) is not None:
         rows.update({row.id: row for row in context.store.list_owned(token)})
     newest_first = sorted(rows.values(), key=lambda row: row.created_at, reverse=True)
     return Folds(folds=[Fold.of(row, context.store, context.leases) for row in newest_first])
@@ -254,28 +261,36 @@ def get_refolds(fold_id: str, context: Here) -> Shapes:
     "/{fold_id}/cancel", status_code=202, summary="Stop a fold", responses=problems(401, 403, 404)
 )
 def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
-    """Stops it, unless others asked for the same fold: then only one's own claim ends."""
+    """Stops it. One of the gallery that others have asked for too goes on.
+
+    Its input stays for an hour, if not much of the same visitor does, for another try.
+    """
     store = context.store
-    row, token = store.fold(fold_id), _owner(context, fold_id, credentials)
-    if not row.over and (store.owners(fold_id) == 1 or store.release(fold_id, token) == 0):
-        store.request_cancel(fold_id)
+    before = store.fold(fold_id)
+    if not store.cancel(fold_id, _needed(credentials)):
+        raise _not_owner()
+    row = store.fold(fold_id)
+    if not before.over:
         context.jobs.forget(fold_id)
-    return Fold.of(store.fold(fold_id), store, context.leases)
+        sweep_cancelled(store, time.time(), visitor=row.visitor)
+    return Fold.of(row, store, context.leases)
 
 
 @router.delete(
     "/{fold_id}", status_code=204, summary="Delete a fold", responses=problems(401, 403, 404)
 )
 def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
-    """Deletes it for good, unless others asked for the same fold: then only one's own claim."""
+    """Deletes it for good. Those of the gallery are everybody's: nobody deletes them."""
     store = context.store
-    store.fold(fold_id)
-    token = _owner(context, fold_id, credentials)
-    if store.release(fold_id, token) == 0:
-        store.request_cancel(fold_id)
-        store.delete(fold_id)
-        context.jobs.forget(fold_id)
-        store.folders.remove(fold_id)
+    row, token = store.fold(fold_id), _needed(credentials)
+    if row.public:
+        raise Problem(
+            403, "public", "This fold belongs to the gallery, which everybody sees; it stays."
+        )
+    if not store.delete(fold_id, token):
+        raise _not_owner()
+    context.jobs.forget(fold_id)
+    store.folders.remove(fold_id)
     return Response(status_code=204)
 
 
@@ -343,23 +358,29 @@ def clean_filename(name: str | None) -> str | None:
     return "".join(c for c in base if c.isprintable())[:200] or None
 
 
-def _token(credentials: HTTPAuthorizationCredentials | None) -> str | None:
+def token_of(credentials: HTTPAuthorizationCredentials | None) -> str | None:
     """The token, if there is one; a short one is none, for it could be guessed."""
     if credentials is None or not 24 <= len(credentials.credentials) <= 200:
         return None
     return credentials.credentials
 
 
-def _owner(context: Context, fold_id: str, credentials: HTTPAuthorizationCredentials | None) -> str:
-    token = _token(credentials)
-    if token is None:
-        raise Problem(
-            401,
-            "no-owner-token",
-            "This needs the owner token that came with the answer to the upload, as "
-            "'Authorization: Bearer …'.",
-            headers={"WWW-Authenticate": "Bearer"},
-        )
-    if not context.store.owns(fold_id, token):
-        raise Problem(403, "not-owner", "This token is not one of this fold's owners.")
-    return token
+def _needed(credentials: HTTPAuthorizationCredentials | None) -> str:
+    if (token := token_of(credentials)) is not None:
+        return token
+    raise Problem(
+        401,
+        "no-owner-token",
+        "This needs the owner token that came with the answer to the upload, as "
+        "'Authorization: Bearer …'.",
+        headers={"WWW-Authenticate": "Bearer"},
+    )
+
+
+def _not_owner() -> Problem:
+    return Problem(
+        403,
+        "not-owner",
+        "This token is not that of the fold's owner; a fold of the gallery has none once several "
+        "have asked for it.",
+    )

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from planner.errors import InputError
 from server.movies import MovieState
 from server.problems import Problem
-from server.routes.folds import Bearer, Here, problems
+from server.routes.folds import Bearer, Here, problems, token_of
 from server.schemas import Fault
 from web.movie import Movie
 
@@ -97,14 +97,25 @@ class MovieBody(BaseModel):
     responses=problems(404, 409, 422, 429, 503, 507),
 )
 def post_movie(
-    request: Request, response: Response, fold_id: str, context: Here, wishes: MovieWishes
+    request: Request,
+    response: Response,
+    fold_id: str,
+    context: Here,
+    credentials: Bearer,
+    wishes: MovieWishes,
 ) -> MovieBody:
-    """Puts it into the queue. The same wishes again give the same movie."""
+    """Puts it into the queue. The same wishes again give the same movie.
+
+    Movies that the fold's owner asks for, with his token, stay when others ask for theirs.
+    """
     try:
         movie = Movie.of(wishes.model_dump())
     except InputError as error:
         raise Problem.of_input(error) from None
-    body = MovieBody.of(fold_id, *context.movies.ask(fold_id, movie, context.visitor(request)))
+    token = token_of(credentials)
+    of_owner = token is not None and context.store.owns(fold_id, token)
+    visitor = context.visitor(request)
+    body = MovieBody.of(fold_id, *context.movies.ask(fold_id, movie, visitor, of_owner=of_owner))
     response.headers["Location"] = body.links.self
     _again(response, body)
     return body
@@ -149,7 +160,7 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     responses=problems(403, 404),
 )
 def delete_movie(fold_id: str, movie_id: str, context: Here, credentials: Bearer) -> Response:
-    """For who has the token that came with the answer to the wish, and for owners of the fold."""
+    """For who has the token that came with the answer to the wish, and for the fold's owner."""
     context.store.fold(fold_id)
     state = context.movies.state(fold_id, movie_id)
     token = credentials.credentials if credentials else ""
@@ -157,8 +168,8 @@ def delete_movie(fold_id: str, movie_id: str, context: Here, credentials: Bearer
         raise Problem(
             403,
             "not-owner",
-            "This needs the token that came with the answer to the wish, or an owner token of the "
-            "fold, as 'Authorization: Bearer …'.",
+            "This needs the token that came with the answer to the wish, or that of the fold's "
+            "owner, as 'Authorization: Bearer …'.",
         )
     context.movies.delete(fold_id, movie_id)
     return Response(status_code=204)

@@ -15,8 +15,10 @@ from planner.errors import PlannerError
 from planner.files import write_whole
 from planner.timeline import chain_from_attributes
 from server.addresses import address_of
+from server.folders import EXPORTS_DIR
 from server.routes.facts import RUNNING
 from server.routes.finding import find_fold
+from server.store import Store
 from server.workshop import newer
 
 router = APIRouter(include_in_schema=False)
@@ -33,13 +35,15 @@ async def picture_of_fold(request: Request, fold_id: str) -> Response:
     found = await find_fold(request.app, fold_id)
     if found is None:
         return _no_picture()
-    path, over = found.directory / NAME, found.row.status not in RUNNING
+    path, over = found.directory / EXPORTS_DIR / NAME, found.row.status not in RUNNING
     data = await asyncio.to_thread(_kept, path) if over else None
     if data is None:
         # A crowd that comes with a link waits for the first one's.
-        workshop = request.app.state.context.workshop
-        data = await workshop.made(
-            (path, over), lambda: _drawn(path, keep=over), visitor=address_of(request)
+        context = request.app.state.context
+        data = await context.workshop.made(
+            (path, over),
+            lambda: _drawn(context.store, fold_id, path, keep=over),
+            visitor=address_of(request),
         )
     if data is None:
         return _no_picture()
@@ -64,15 +68,15 @@ def _no_picture() -> Response:
 def _kept(path: Path) -> bytes | None:
     """The picture in a fold's directory, if it is one of its chain."""
     try:
-        return path.read_bytes() if newer(path, path.parent / OF) else None
+        return path.read_bytes() if newer(path, path.parent.parent / OF) else None
     except OSError:
         return None
 
 
-def _drawn(path: Path, *, keep: bool) -> bytes | None:
+def _drawn(store: Store, fold_id: str, path: Path, *, keep: bool) -> bytes | None:
     """The picture of the chain in a fold's directory; None while there is none."""
     try:
-        chain = chain_from_attributes(json.loads((path.parent / OF).read_bytes()))
+        chain = chain_from_attributes(json.loads((path.parent.parent / OF).read_bytes()))
     except (PlannerError, OSError, ValueError, KeyError):
         return None
     # Drawing brings kernels along that the start of the server need not wait for.
@@ -81,5 +85,9 @@ def _drawn(path: Path, *, keep: bool) -> bytes | None:
     data = social_picture(chain)
     if keep:
         with contextlib.suppress(OSError):  # a full disk takes no picture from anybody
+            before = path.stat().st_size if path.exists() else 0
+            path.parent.mkdir(exist_ok=True)
             write_whole(path, data)
+            if store.folders.storage is None:
+                store.add_derived(fold_id, len(data) - before)
     return data

@@ -18,7 +18,7 @@ from alembic.runtime.migration import MigrationContext
 from server.database import STATUSES, Base, engine_for, migrate
 from server.schema import NewerSchemaError, Schema, config
 from server.settings import Settings
-from server.store import Store
+from server.store import Store, hash_of
 from tests.server.rows import a_fold
 
 TOKEN = "a-token-that-somebody-got-long-ago"
@@ -132,11 +132,16 @@ def test_the_first_schema_comes_up_with_all_its_rows(
     try:
         for fold in folds:
             row = store.fold(fold["id"])
-            assert {name: getattr(row, name) for name in fold} == fold
-            assert store.owns(row.id, TOKEN)
+            # Their keys are of another kind now, but for those of the gallery.
+            key = fold["content_key"] if fold["public"] else None
+            assert {name: getattr(row, name) for name in fold} == fold | {"content_key": key}
+            assert row.owner == hash_of(TOKEN)
+            assert store.owns(row.id, TOKEN) != row.public
             assert not store.owns(row.id, "another")
             assert (row.refold, row.smooths, row.worker, row.seen_at) == (None, None, None, None)
-            assert (row.turn, row.cost_s, row.epoch, row.kept, row.bytes) == (0, 0.0, 0, 0, 0)
+            assert (row.turn, row.cost_s, row.epoch, row.kept) == (0, 0.0, 0, 0)
+            # What is left of a cancelled one was not counted, and is to be swept.
+            assert (row.bytes, row.derived_bytes) == (row.status == "cancelled", 0)
             assert row.pinned is False
         assert store.counts() == dict.fromkeys(STATUSES, 1)
         assert [row.shape for row in store.list_public()] == ["mallet-64"]
@@ -145,14 +150,53 @@ def test_the_first_schema_comes_up_with_all_its_rows(
         assert store.queue_position(store.fold(folds[0]["id"])) == 1
         new = a_fold("new", created_at=1.8e9, content_key=hashlib.sha256(b"new").hexdigest())
         assert store.add(new, TOKEN)
-        assert not store.add(a_fold("twin", content_key=folds[0]["content_key"]), TOKEN)
+        assert not store.add(a_fold("twin", content_key=new.content_key), TOKEN)
     finally:
         store.close()
     with engine.connect() as connection:
         assert Schema.of(connection).behind == 0
 
 
-@pytest.mark.parametrize("revision", ["0001", "0002", "0003", "0004", "0005"])
+def test_of_several_owners_the_first_stays_and_movies_count_apart(
+    engine: sa.Engine, url: str, tmp_path: Path
+) -> None:
+    upgrade(engine, "0005")
+    verified = next(fold for fold in first_folds() if fold["status"] == "verified")
+    folds = [
+        {**verified, "id": name, "content_key": name, "public": name == "open", "bytes": size}
+        for name, size in (("mine", 1000), ("open", 5))
+    ]
+    movie = {
+        **{"id": "movie", "wishes": {}, "visitor": "v", "token_hash": "", "status": "ready"},
+        **{"frames_done": 1, "problem": None, "created_at": 1.0, "bytes": 400},
+    }
+    with engine.begin() as connection:
+        tables = sa.MetaData()
+        tables.reflect(connection)
+        written = tables.tables["folds"]
+        filmed = tables.tables["movies"]
+        for column in (*(written.c[n] for n in ("progress", "summary", "error")), filmed.c.wishes):
+            column.type = sa.JSON()
+        connection.execute(sa.insert(written), folds)
+        owners = [
+            {"fold_id": fold["id"], "token_hash": hash_of(token), "created_at": at}
+            for fold in folds
+            for token, at in ((TOKEN, 1.0), ("a-stranger-who-had-the-link-only", 2.0))
+        ]
+        connection.execute(sa.insert(tables.tables["owners"]), owners)
+        connection.execute(
+            sa.insert(filmed), [{**movie, "fold_id": f["id"], "job": f["id"]} for f in folds]
+        )
+    store = Store(Settings(data_dir=tmp_path, database_url=url))
+    try:
+        mine, public = store.fold("mine"), store.fold("open")
+        assert (mine.owner, mine.content_key, mine.bytes) == (hash_of(TOKEN), None, 600)
+        assert (public.owner, public.content_key, public.bytes) == (None, "open", 0)
+    finally:
+        store.close()
+
+
+@pytest.mark.parametrize("revision", ["0001", "0002", "0003", "0004", "0005", "0006"])
 def test_every_version_on_the_way_comes_up(engine: sa.Engine, revision: str) -> None:
     upgrade(engine, revision)
     migrate(engine)

@@ -26,12 +26,13 @@ from planner.plan import Plan
 from server import exports as exports_module
 from server.database import FoldRow
 from server.exports import Exports
+from server.folders import EXPORTS_DIR
 from server.problems import Problem
 from server.routes.facts import fold_facts
 from server.routes.finding import Found
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store, new_token
-from server.workshop import AT_ONCE, FOLDER, MOST_WAITING, Workshop
+from server.workshop import AT_ONCE, MOST_WAITING, Workshop
 from tests.server.service import SNAKE, Service
 from tests.server.test_command_line import foldback
 from tests.server.test_store import row
@@ -64,8 +65,10 @@ def test_each_can_be_taken_away(service: Service, finished: dict[str, Any], name
     assert answer.headers["content-disposition"] == f'attachment; filename="{saved_as}"'
     directory = directory_of(service, finished)
     own = directory / export.filename
-    assert answer.content == (own if own.exists() else directory / FOLDER / own.name).read_bytes()
-    assert not list((directory / FOLDER).glob(".*"))
+    assert (
+        answer.content == (own if own.exists() else directory / EXPORTS_DIR / own.name).read_bytes()
+    )
+    assert not list((directory / EXPORTS_DIR).glob(".*"))
     plan = Plan.load(directory / "plan.npz")
     _read(name, answer.content, plan)
     assert service.http.get(href).content == answer.content
@@ -147,7 +150,7 @@ def test_a_model_that_the_fold_wrote_itself_is_kept(store: Store, fold: FoldRow)
     """One without keys on the way, as older folds have, is taken away as it is."""
     directory = store.directory(fold.id)
     made = asyncio.run(exports_in(store).file(fold.id, export_named("mjcf")))
-    assert made == directory / FOLDER / "model.xml"
+    assert made == directory / EXPORTS_DIR / "model.xml"
     (directory / "model.xml").write_text("<mujoco/>")
     kept = asyncio.run(exports_in(store).file(fold.id, export_named("mjcf")))
     assert kept == directory / "model.xml"

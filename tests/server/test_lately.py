@@ -10,7 +10,7 @@ import pytest
 from fastapi import FastAPI, Request
 from fastapi.responses import Response
 
-from server.lately import KEPT_S, Lately, changed, mark
+from server.lately import KEPT_S, Lately, mark
 from tests.server.service import SNAKE, Service, owner
 
 
@@ -28,10 +28,6 @@ class Desk:
             self.asked.append(fold_id)
             mark(request, SimpleNamespace(id=fold_id, status=self.status))
             return Response(f"{fold_id} {len(self.asked)}", headers={"ETag": '"1"'})
-
-        @app.post("/folds")
-        def post(request: Request) -> None:  # pyright: ignore
-            changed(request, "b")
 
         @app.delete("/folds/{fold_id}")
         def delete(fold_id: str) -> None:  # pyright: ignore
@@ -91,13 +87,11 @@ def test_what_may_change_is_asked_for_each_time(desk: Desk, status: str) -> None
     assert [desk.get("/folds/a").text for _ in range(2)] == ["a 1", "a 2"]
 
 
-def test_what_is_deleted_or_changed_is_told_at_once(desk: Desk) -> None:
+def test_what_is_deleted_is_told_at_once(desk: Desk) -> None:
     for path in ("/folds/a", "/folds/b"):
         desk.get(path)
     desk.ask("DELETE", "/folds/a")
     assert (desk.get("/folds/a").text, desk.get("/folds/b").text) == ("a 3", "b 2")
-    desk.ask("POST", "/folds")
-    assert (desk.get("/folds/a").text, desk.get("/folds/b").text) == ("a 3", "b 4")
 
 
 def test_a_deleted_fold_is_gone_from_its_page_too(service: Service) -> None:

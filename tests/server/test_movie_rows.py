@@ -164,10 +164,11 @@ def test_done_twice_it_counts_once(processes: Callable[..., list[Process]], film
     there.make()
     path = here.movies.file("a1", MOVIES[0].key)
     assert path is not None and path.read_bytes() == b"a movie"
-    assert (here.fold().bytes, left(here)) == (1007, [path.name])
+    assert (here.row().bytes, left(here)) == (7, [path.name])
+    assert here.fold().bytes == 1000  # it is none of the fold's own
     assert not list(here.settings.scratch_dir.iterdir())
     there.movies.delete("a1", MOVIES[0].key)
-    assert (here.fold().bytes, left(here)) == (1000, [])
+    assert left(here) == []
 
 
 def test_deleted_meanwhile_nothing_is_left(
@@ -178,7 +179,7 @@ def test_deleted_meanwhile_nothing_is_left(
     job = here.row().job
     filming["meanwhile"] = lambda: there.movies.delete("a1", MOVIES[0].key)
     here.make()
-    assert (left(here), here.fold().bytes) == ([], 1000)
+    assert left(here) == []
     with pytest.raises(NoSuchMovieError):
         here.movies.state("a1", MOVIES[0].key)
     here.movies.ask("a1", MOVIES[0], "somebody")
@@ -200,13 +201,29 @@ def test_the_oldest_goes_first(processes: Callable[..., list[Process]], filming:
         here.movies.ask("a1", movie, "somebody")
         there.make(movie)
     assert sorted(left(here)) == sorted(here.row(movie).file for movie in MOVIES[2:])
-    assert here.fold().bytes == 1014
     # A file that went away is no movie any more, and can be made again.
     there.store.folders.remove_movie("a1", here.row(MOVIES[3]).file)
     assert here.movies.file("a1", MOVIES[3].key) is None
     assert here.movies.state("a1", MOVIES[3].key).status == "failed"
-    assert here.fold().bytes == 1007
+    assert here.row(MOVIES[3]).bytes == 0
     assert here.movies.ask("a1", MOVIES[3], "somebody")[1]
+
+
+def test_strangers_push_out_no_movie_of_the_owner(
+    processes: Callable[..., list[Process]], filming: Any
+) -> None:
+    here, there = processes(movies_of_fold=1)
+    here.movies.ask("a1", MOVIES[0], "the owner", of_owner=True)
+    there.make(MOVIES[0])
+    for movie in MOVIES[1:3]:
+        here.movies.ask("a1", movie, "a stranger")
+        there.make(movie)
+    assert sorted(left(here)) == sorted(here.row(m).file for m in (MOVIES[0], MOVIES[2]))
+    # One that a stranger has asked for stays, too, once the owner wants it.
+    assert here.movies.ask("a1", MOVIES[2], "the owner", of_owner=True)[1] is None
+    here.movies.ask("a1", MOVIES[3], "a stranger")
+    there.make(MOVIES[3])
+    assert len(left(here)) == 3
 
 
 def test_what_a_dead_worker_left_is_swept(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from fastapi import FastAPI
 from planner.chain import Chain
 from planner.paths import Path as CellPath
 from planner.timeline import chain_attributes
+from server.folders import EXPORTS_DIR
 from server.routes import pictures
 from server.settings import Settings
 from server.store import Store, new_token
@@ -96,7 +97,7 @@ def test_a_picture_of_an_earlier_chain_is_drawn_anew(store: Store, drawn: list[s
     directory = fold_in(store, "verified")
     asked(store, directory)
     take(directory, "second")
-    later = (directory / "picture.png").stat().st_mtime + 1.0
+    later = (directory / EXPORTS_DIR / "picture.png").stat().st_mtime + 1.0
     os.utime(directory / "chain.json", (later, later))
     (answer,) = asked(store, directory)
     assert answer.content == b"a picture of second"

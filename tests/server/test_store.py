@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
+from threading import Barrier
+from typing import Any
 
 import pytest
 
@@ -12,6 +16,8 @@ from server.database import FoldRow
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store, new_id, new_token
 from server.turns import wait_s
+
+TOKEN = new_token()
 
 
 @pytest.fixture
@@ -54,55 +60,104 @@ def test_a_content_key_is_taken_once(store: Store) -> None:
     first, second = row("key"), row("key")
     assert store.add(first, new_token())
     assert not store.add(second, new_token())
-    found = store.find("key")
+    found = store.ask("key", new_token())
     assert found is not None
     assert found.id == first.id
 
 
 def test_an_end_is_the_end(store: Store) -> None:
     fold = row("key")
-    store.add(fold, new_token())
+    store.add(fold, TOKEN)
     assert store.begin(fold.id, "read", "one") == 1
     assert store.finish(fold.id, "verified", summary={"status": "verified"})
     assert store.finish(fold.id, "failed", summary={}, repeatable=False)
     assert store.fold(fold.id).status == "verified"
     assert store.begin(fold.id, "explode", "one") is None
-    store.request_cancel(fold.id)
+    assert store.cancel(fold.id, TOKEN)
     assert store.fold(fold.id).status == "verified"
+
+
+def test_a_cancelled_fold_ends_as_cancelled_whatever_its_worker_says(store: Store) -> None:
+    fold = row("key")
+    store.add(fold, TOKEN)
+    store.begin(fold.id, "export", "one")
+    assert store.cancel(fold.id, TOKEN)
+    assert store.finish(fold.id, "verified", summary={"status": "verified"}, size=10)
+    ended = store.fold(fold.id)
+    assert (ended.status, ended.summary, ended.error, ended.bytes) == ("cancelled", {}, None, 10)
 
 
 def test_a_cancelled_fold_is_not_begun_and_frees_its_key(store: Store) -> None:
     queued, running = row("a"), row("b")
     for fold in (queued, running):
-        store.add(fold, new_token())
+        store.add(fold, TOKEN)
     epoch = store.begin(running.id, "explode", "one")
     assert epoch is not None
     assert store.report(running.id, epoch, {"fraction": 0.5})
     for fold in (queued, running):
-        store.request_cancel(fold.id)
+        assert store.cancel(fold.id, TOKEN)
     assert store.fold(queued.id).status == "cancelled"
     assert store.begin(queued.id, "read", "one") is None
     assert not store.report(running.id, epoch, {"fraction": 0.6})
     assert not store.report(running.id, epoch)
-    assert store.find("a") is None
-    assert store.find("b") is None
+    assert store.ask("a", TOKEN) is None
+    assert store.ask("b", TOKEN) is None
 
 
-def test_claims(store: Store) -> None:
-    fold, first, second = row(), new_token(), new_token()
-    store.add(fold, first)
-    store.claim(fold.id, second)
-    store.claim(fold.id, second)
-    assert store.owners(fold.id) == 2
-    assert store.owns(fold.id, first)
-    assert not store.owns(fold.id, new_token())
-    assert [r.id for r in store.list_owned(second)] == [fold.id]
-    assert store.release(fold.id, first) == 1
-    assert not store.owns(fold.id, first)
-    store.delete(fold.id)
+def test_a_private_fold_has_one_owner_for_good(store: Store) -> None:
+    fold, stranger = row("key"), new_token()
+    store.add(fold, TOKEN)
+    for token in (stranger, TOKEN):
+        found = store.ask("key", token)
+        assert found is not None and found.id == fold.id
+    assert (store.owns(fold.id, TOKEN), store.owns(fold.id, stranger)) == (True, False)
+    assert ([r.id for r in store.list_owned(TOKEN)], store.list_owned(stranger)) == ([fold.id], [])
+    assert not store.cancel(fold.id, stranger)
+    assert not store.delete(fold.id, stranger)
+    assert store.delete(fold.id, TOKEN)
     with pytest.raises(NoSuchFoldError):
         store.fold(fold.id)
     assert not store.finish(fold.id, "verified", summary={})
+
+
+def test_a_fold_of_the_gallery_is_nobody_s_once_two_have_asked_for_it(store: Store) -> None:
+    fold, second = row("key", public=True, shape="wrench-24"), new_token()
+    store.add(fold, TOKEN)
+    assert not store.owns(fold.id, TOKEN)  # others' movies of it are not his to delete
+    assert store.ask("key", TOKEN) is not None and not store.delete(fold.id, TOKEN)
+    found = store.ask("key", second)
+    assert found is not None and found.owner is None
+    assert not store.cancel(fold.id, TOKEN) and not store.cancel(fold.id, second)
+    assert store.fold(fold.id).status == "queued"
+
+
+@pytest.mark.parametrize("database", ["sqlite", "postgresql"])
+def test_what_somebody_asks_for_is_never_what_another_has_just_cancelled(
+    database: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    url = request.getfixturevalue("postgres").database() if database == "postgresql" else None
+    store = Store(Settings(data_dir=tmp_path, database_url=url))
+    outcomes: set[tuple[bool, str]] = set()
+    with ThreadPoolExecutor(3) as threads:
+        for number in range(30):
+            first, second = new_token(), new_token()
+            fold = row(f"key{number}", public=True, shape="wrench-24")
+            store.add(fold, first)
+            ready = Barrier(3)
+
+            def together(do: Callable[[], Any], ready: Barrier = ready) -> Any:
+                ready.wait()
+                return do()
+
+            found = threads.submit(together, partial(store.ask, fold.content_key, second))
+            cancelled = threads.submit(together, partial(store.cancel, fold.id, first))
+            begun = threads.submit(together, partial(store.begin, fold.id, "read", "one"))
+            asked, stopped, _ = found.result(), cancelled.result(), begun.result()
+            ended = store.fold(fold.id)
+            assert (asked is None) == stopped == ended.cancel_requested
+            outcomes.add((ended.cancel_requested, ended.status))
+    store.close()
+    assert outcomes <= {(True, "cancelled"), (True, "running"), (False, "running")}
 
 
 def test_whoever_had_it_before_has_no_say_any_more(store: Store) -> None:

@@ -6,16 +6,22 @@ import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from server.cancelled import KEPT_S, sweep_cancelled
 from server.database import FoldRow
+from server.derived import FRESH_S
+from server.folders import EXPORTS_DIR
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store, new_id, new_token
 from server.sweeper import DAY_S, ORPHAN_AGE_S, Sweeper
 from tests.server.bucket import Bucket
+from tests.server.rows import a_movie
 
 MIB = 2**20
+GALLERY: dict[str, Any] = {"public": True, "shape": "wrench-24"}
 
 
 @pytest.fixture
@@ -55,6 +61,29 @@ def fold(store: Store, *, days: float, size: int = MIB, **more: object) -> str:
     place.mkdir()
     (place / "plan.json").write_text("{}")
     return row.id
+
+
+def derive(store: Store, fold_id: str, size: int, *, age_s: float = 2 * FRESH_S) -> None:
+    """Gives a fold an export of so many bytes."""
+    path = store.folders.place(fold_id) / EXPORTS_DIR / "fold.csv"
+    path.parent.mkdir()
+    with open(path, "wb") as file:
+        file.truncate(size)
+    then = time.time() - age_s
+    os.utime(path, (then, then))
+    store.add_derived(fold_id, size)
+
+
+def movie(store: Store, fold_id: str, *, of_owner: bool, age_s: float = 2 * FRESH_S) -> Path:
+    """The file of a movie that counts as one MiB."""
+    row = a_movie(fold_id, "movie", job=f"{fold_id}.movie.mp4", of_owner=of_owner, bytes=MIB)
+    row.created_at -= age_s
+    with store.changing() as session:
+        session.add(row)
+    path = store.folders.place(fold_id) / "movies" / row.file
+    path.parent.mkdir()
+    path.write_bytes(b"")
+    return path
 
 
 def left(store: Store, *folds: str) -> list[bool]:
@@ -123,6 +152,92 @@ def test_who_wants_it_after_all_is_in_time(store: Store) -> None:
     store.looked(store.fold(late))
     assert not store.expire(late, seen)
     assert left(store, late) == [True]
+
+
+def test_a_cancelled_fold_keeps_its_files_for_an_hour_and_its_page(
+    tmp_path: Path, store: Store
+) -> None:
+    hour = KEPT_S / DAY_S
+    early, late, pinned = (
+        fold(store, days=days, status="cancelled", pinned=days > 2 * hour, visitor=f"{days}")
+        for days in (1.1 * hour, 0.9 * hour, 3 * hour)
+    )
+    sweeper(tmp_path, store).sweep()
+    assert [store.folders.place(name).exists() for name in (early, late, pinned)] == [
+        False,
+        True,
+        True,
+    ]
+    assert [store.fold(name).bytes for name in (early, late, pinned)] == [0, MIB, MIB]
+
+
+def test_cancelling_one_upload_after_the_other_fills_no_disk(store: Store) -> None:
+    large: dict[str, Any] = {"size": 8 * MIB, "status": "cancelled"}
+    folds = [fold(store, days=n / 1e6, **large) for n in range(8)]
+    others = fold(store, days=1e-6, visitor="another", **large)
+    sweep_cancelled(store, time.time(), visitor="somebody")
+    there = [store.folders.place(name).exists() for name in folds]
+    assert there == [True, True, True] + 5 * [False]  # the last one, and 16 MiB more
+    assert sum(store.fold(name).bytes for name in folds) == 24 * MIB
+    assert left(store, others) == [True]
+
+
+def test_of_the_gallery_what_was_cancelled_or_failed_and_done_again_goes(
+    tmp_path: Path, store: Store
+) -> None:
+    failed: dict[str, Any] = {"status": "failed", "visitor": "another"}
+    gone = [
+        fold(store, days=1, status="cancelled", **GALLERY),
+        fold(store, days=3, **failed, **GALLERY),
+    ]
+    stay = [
+        fold(store, days=1, status="cancelled", pinned=True, **GALLERY),
+        fold(store, days=2, **GALLERY),
+        fold(store, days=1, **failed, **GALLERY),  # nothing came after it
+        fold(store, days=3, **failed, **GALLERY, content_key="key"),  # it would fail so again
+    ]
+    sweeper(tmp_path, store).sweep()
+    assert left(store, *gone, *stay) == [False, False, True, True, True, True]
+
+
+def test_what_can_be_made_again_goes_before_any_fold_and_spends_nobody_s_quota(
+    tmp_path: Path, store: Store
+) -> None:
+    folds = [fold(store, days=days) for days in (3, 2)]
+    for name in folds:
+        derive(store, name, 2 * MIB)
+    movies = [movie(store, folds[0], of_owner=True), movie(store, folds[1], of_owner=False)]
+    quota = {"storage_of_visitor_bytes": 2 * MIB}
+    sweeper(tmp_path, store, storage_bytes=8 * MIB, **quota).sweep()
+    assert left(store, *folds) == [True, True]
+    assert [store.fold(name).derived_bytes for name in folds] == [2 * MIB, 2 * MIB]
+    sweeper(tmp_path, store, storage_bytes=7 * MIB, **quota).sweep()
+    assert [store.fold(name).derived_bytes for name in folds] == [0, 2 * MIB]
+    # The movie that the owner has asked for is the last to go, then folds.
+    for bound, there in ((3, [True, False]), (2, [False, False])):
+        sweeper(tmp_path, store, storage_bytes=bound * MIB, **quota).sweep()
+        assert [path.exists() for path in movies] == there
+    assert [store.fold(name).derived_bytes for name in folds] == [0, 0]
+    assert left(store, *folds) == [True, True]
+    sweeper(tmp_path, store, storage_bytes=1 * MIB).sweep()
+    assert left(store, *folds) == [False, True]
+
+
+def test_what_was_just_made_stays_for_who_has_asked(tmp_path: Path, store: Store) -> None:
+    fresh = fold(store, days=1)
+    derive(store, fresh, MIB, age_s=0.0)
+    made = movie(store, fresh, of_owner=False, age_s=0.0)
+    sweeper(tmp_path, store, storage_bytes=MIB).sweep()
+    assert (store.fold(fresh).derived_bytes, made.exists()) == (MIB, True)
+    assert left(store, fresh) == [True]
+
+
+def test_a_full_disk_has_what_can_be_made_again_go(tmp_path: Path, store: Store) -> None:
+    full = fold(store, days=1)
+    derive(store, full, MIB)
+    sweeper(tmp_path, store, min_free_disk_bytes=2**60).sweep()
+    assert store.fold(full).derived_bytes == 0
+    assert left(store, full) == [True]
 
 
 def test_files_of_no_fold_go_when_they_were_seen_twice(tmp_path: Path, store: Store) -> None:

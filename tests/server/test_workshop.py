@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from server.database import FoldRow
+from server.folders import EXPORTS_DIR
 from server.settings import Settings
 from server.store import Store, new_token
-from server.workshop import AT_ONCE, FOLDER, MOST_WAITING, Workshop
+from server.workshop import AT_ONCE, MOST_WAITING, Workshop
 from tests.server.test_store import row
 
 
@@ -39,15 +40,16 @@ def test_only_the_last_edition_of_a_file_is_kept(store: Store, fold: FoldRow) ->
             made.append(edition)
             return edition.encode()
 
-        shop = Workshop(store, kept=store.add_bytes)
+        shop = Workshop(store, kept=store.add_derived)
         return await shop.file(fold.id, "page.html", make, of="plan", edition=edition)
 
-    before = store.fold(fold.id).bytes
+    before = store.fold(fold.id)
     paths = [asyncio.run(ask(edition)) for edition in ("a1", "a1", "b02", "b02")]
     assert made == ["a1", "b02"]
     assert paths[-1].read_text() == "b02"
-    assert store.fold(fold.id).bytes == before + 3
-    assert os.listdir(store.directory(fold.id) / FOLDER) == [paths[-1].name]
+    after = store.fold(fold.id)
+    assert (after.bytes, after.derived_bytes) == (before.bytes, before.derived_bytes + 3)
+    assert os.listdir(store.directory(fold.id) / EXPORTS_DIR) == [paths[-1].name]
 
 
 def test_files_may_be_kept_elsewhere(store: Store, fold: FoldRow, tmp_path: Path) -> None:

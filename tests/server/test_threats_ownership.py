@@ -1,0 +1,144 @@
+"""Attacks on whose a fold is: by its link, by the same file, by the same shape."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
+from typing import Any
+
+import pytest
+
+from server.store import new_token
+from tests.server.service import SNAKE, Service, bearer, owner
+
+MALLET = "mallet-24"
+
+
+def path_file(name: str, at: int) -> bytes:
+    cells = [[at, i, 0] for i in range(5)]
+    return json.dumps({"format": "foldback-path/1", "name": name, "cells": cells}).encode()
+
+
+def sent(desk: Service, filename: str, data: bytes, token: str | None = None) -> dict[str, Any]:
+    headers = {} if token is None else bearer(token)
+    answer = desk.http.post("/api/folds", files={"file": (filename, data)}, headers=headers)
+    assert answer.status_code == 202, answer.text
+    return answer.json()
+
+
+def changes(desk: Service, fold_id: str, token: str) -> list[int]:
+    """How a cancellation and a deletion are answered."""
+    here, headers = f"/api/folds/{fold_id}", bearer(token)
+    cancelled = desk.http.post(f"{here}/cancel", headers=headers)
+    return [cancelled.status_code, desk.http.delete(here, headers=headers).status_code]
+
+
+def test_a_link_makes_no_owner(desk: Service) -> None:
+    mine, stranger = desk.fold(SNAKE, seed="101"), new_token()
+    asked = desk.fold(fold=mine["id"], seed="101", token=stranger)
+    assert (asked["id"], asked["existing"], asked["owner_token"]) == (mine["id"], True, None)
+    assert changes(desk, mine["id"], stranger) == [403, 403]
+    listed = desk.http.get("/api/folds", headers=bearer(stranger)).json()["folds"]
+    assert mine["id"] not in {fold["id"] for fold in listed}
+    # With other wishes it is a fold of his own; nobody else's claim keeps mine.
+    other = desk.fold(fold=mine["id"], seed="102", token=stranger)
+    assert (other["existing"], other["owner_token"]) == (False, stranger)
+    assert other["id"] != mine["id"]
+    assert desk.http.delete(f"/api/folds/{mine['id']}", headers=owner(mine)).status_code == 204
+    assert desk.http.get(f"/api/folds/{mine['id']}").status_code == 404
+    assert not desk.directory(mine["id"]).exists()
+
+
+@pytest.mark.parametrize("use", ["smooth", "refold"])
+def test_what_a_stranger_makes_of_a_fold_is_his_and_no_other_s(
+    service: Service, finished: dict[str, Any], use: str
+) -> None:
+    cells = SNAKE[::-1] if use == "refold" else None
+    asked = [
+        service.fold(cells, **{use: finished["id"]}, seed="103", token=new_token())
+        for _ in range(2)
+    ]
+    for fold in asked:
+        service.http.delete(f"/api/folds/{fold['id']}", headers=owner(fold))
+    assert [fold["existing"] for fold in asked] == [False, False]
+    assert len({fold["id"] for fold in asked}) == 2
+
+
+def test_sending_the_same_file_tells_nothing_of_another_s(desk: Service) -> None:
+    data, me, stranger = path_file("a shape", 101), new_token(), new_token()
+    mine = sent(desk, "secret.json", data, me)
+    for token in (stranger, None):
+        theirs = sent(desk, "guess.json", data, token)
+        assert theirs["existing"] is False
+        assert theirs["id"] != mine["id"]
+        assert theirs["owner_token"] and (token is None or theirs["owner_token"] == token)
+        assert (desk.directory(theirs["id"]) / "request.json").read_text().count("secret") == 0
+        assert changes(desk, theirs["id"], theirs["owner_token"]) == [202, 204]
+    again = sent(desk, "again.json", data, me)
+    assert (again["id"], again["existing"], again["owner_token"]) == (mine["id"], True, me)
+    assert changes(desk, mine["id"], me) == [202, 204]
+
+
+def test_asking_for_a_shape_publishes_nobody_s_upload(desk: Service) -> None:
+    data = desk.http.get(f"/api/shapes/{MALLET}.json").content
+    mine = sent(desk, "mine.json", data)
+    asked = desk.fold(shape=MALLET)
+    assert asked["id"] != mine["id"]
+    listed = {fold["id"] for fold in desk.http.get("/api/folds").json()["folds"]}
+    assert asked["id"] in listed and mine["id"] not in listed
+    assert desk.state(mine["id"])["shape"] is None
+    assert changes(desk, asked["id"], asked["owner_token"])[0] == 202
+
+
+def test_nobody_ends_a_fold_of_the_gallery_for_others(desk: Service) -> None:
+    first = desk.fold(shape=MALLET)
+    here, token = f"/api/folds/{first['id']}", first["owner_token"]
+    # Who asked first may stop it as long as nobody else wants it; nobody deletes it.
+    answer = desk.http.delete(here, headers=owner(first))
+    assert (answer.status_code, answer.json()["code"]) == (403, "public")
+    second = desk.fold(shape=MALLET)
+    assert (second["id"], second["existing"], second["owner_token"]) == (first["id"], True, None)
+    answer = desk.http.post(f"{here}/cancel", headers=bearer(token))
+    assert (answer.status_code, answer.json()["code"]) == (403, "not-owner")
+    assert desk.state(first["id"])["status"] == "queued"
+
+
+def test_cancelling_and_asking_at_once_leaves_nobody_with_a_cancelled_fold(desk: Service) -> None:
+    with ThreadPoolExecutor(2) as threads:
+        for _ in range(12):
+            first = desk.fold(shape="wrench-24")
+            if first["owner_token"] is None:  # two want the one of the round before, and get it
+                break
+            ready = Barrier(2)
+
+            def cancel(first: dict[str, Any] = first, ready: Barrier = ready) -> int:
+                ready.wait()
+                here = f"/api/folds/{first['id']}/cancel"
+                return desk.http.post(here, headers=owner(first)).status_code
+
+            def ask(ready: Barrier = ready) -> dict[str, Any]:
+                ready.wait()
+                return desk.fold(shape="wrench-24")
+
+            cancelled, second = threads.submit(cancel), threads.submit(ask)
+            asked = second.result()
+            assert cancelled.result() == (403 if asked["id"] == first["id"] else 202)
+            assert desk.state(asked["id"])["status"] == "queued"
+            if asked["id"] != first["id"]:
+                assert changes(desk, asked["id"], asked["owner_token"])[0] == 202
+
+
+def test_what_was_cancelled_is_listed_nowhere(desk: Service) -> None:
+    shape = "hammer"
+    ids: set[str] = set()
+    for _ in range(3):
+        fold = desk.fold(shape=shape)
+        ids.add(fold["id"])
+        cancelled = desk.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
+        assert cancelled.json()["status"] == "cancelled"
+    assert len(ids) == 3
+    listed = {fold["id"] for fold in desk.http.get("/api/folds").json()["folds"]}
+    assert not listed & ids
+    for page in ("/", "/gallery"):
+        assert not [i for i in ids if i in desk.http.get(page).text]
