@@ -31,7 +31,7 @@ class Fold:
     Args:
         client: Who asks.
         fold_id: Its id.
-        token: The owner token, which cancel and delete ask for.
+        token: The owner token, which cancel and delete ask for; None for another's fold.
         existing: Whether the same had been asked for before.
         state: What the service has told of it.
     """
@@ -41,7 +41,7 @@ class Fold:
         client: Client,
         fold_id: str,
         *,
-        token: str,
+        token: str | None,
         existing: bool = True,
         state: dict[str, Any] | None = None,
     ) -> None:
@@ -198,7 +198,7 @@ class Fold:
         deadline = time.monotonic() + (float("inf") if timeout_s is None else timeout_s)
         if Path(to).suffix.lower() == ".gif":
             wishes.setdefault("format", "gif")
-        movie = self._client.ask("POST", f"{self._here}/movies", json=wishes)
+        movie = self._client.ask("POST", f"{self._here}/movies", json=wishes, token=self.token)
         here = f"{self._here}/movies/{movie['id']}"
         while movie["status"] in ("queued", "running"):
             if on_progress is not None:
@@ -214,19 +214,20 @@ class Fold:
         return self._client.save(f"{here}/file", Path(to), f"{self.id}.{movie['format']}")
 
     def cancel(self) -> Fold:
-        """Stops it, unless others asked for the same: then only one's own claim ends.
+        """Stops it.
 
         Raises:
-            Problem: When the token is none of its owners'.
+            Problem: When the token is not its owner's, or others asked for the same shape of the
+                gallery.
         """
         self._client.ask("POST", f"{self._here}/cancel", token=self.token, again={403})
         return self.refresh()
 
     def delete(self) -> None:
-        """Deletes it for good, unless others asked for the same: then only one's own claim.
+        """Deletes it for good.
 
         Raises:
-            Problem: When the token is none of its owners'.
+            Problem: When the token is not its owner's, or it belongs to the gallery.
         """
         self._client.ask("DELETE", self._here, token=self.token, again={403, 404})
 

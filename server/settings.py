@@ -50,10 +50,14 @@ class Settings(BaseSettings):
     storage_bytes: int | None = Field(
         default=None,
         ge=MIB,
-        description="Bytes that all folds may take; those that nobody looked at for longest go.",
+        description="Bytes that all folds may take; what can be made again goes, then those that "
+        "nobody looked at for longest.",
     )
     storage_of_visitor_bytes: int | None = Field(
-        default=None, ge=MIB, description="Bytes that the folds of one visitor may take."
+        default=None,
+        ge=MIB,
+        description="Bytes that the folds of one visitor may take, from when they are accepted, "
+        "without what was made of them (exports, pictures, movies).",
     )
     keep_days: float | None = Field(
         default=None,
@@ -207,7 +211,10 @@ class Settings(BaseSettings):
     movies_waiting: int = Field(default=6, ge=1, description="Movies that may wait at once.")
     movies_waiting_of_visitor: int = Field(default=2, ge=1, description="Of them, of one.")
     movies_of_fold: int = Field(
-        default=12, ge=1, description="Movies of one fold that are kept; the oldest goes first."
+        default=12,
+        ge=1,
+        description="Movies of one fold that are kept for its owner, and as many for all others; "
+        "the oldest goes first.",
     )
     movie_seconds: float = Field(default=600.0, gt=0, description="Time to make one movie.")
 

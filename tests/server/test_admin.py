@@ -16,7 +16,7 @@ from server.commands.admin import admin
 from server.database import FoldRow, MovieRow
 from server.jobs import prepare
 from server.settings import Settings
-from server.store import Store
+from server.store import Store, hash_of
 from server.upkeep import Upkeep
 from tests.server.rows import a_fold, a_movie
 from tests.server.service import SNAKE, Service, over, owner
@@ -75,7 +75,7 @@ def test_a_fold_is_shown_without_what_lets_its_reader_in(place: Path) -> None:
     assert found.exit_code == 0
     assert all(line.isprintable() for line in found.stdout.splitlines())
     shown = json.loads(run(place, "show", "waits", "--json").stdout)
-    assert (shown["status"], shown["owners"], shown["job"]) == ("queued", 1, None)
+    assert (shown["status"], shown["owner"], shown["job"]) == ("queued", True, None)
     assert shown["name"] == "x\n\x1b[31m"
     assert len(shown["visitor"]) == 8
     assert TOKEN not in found.stdout and "token" not in shown
@@ -168,7 +168,7 @@ def test_tables_of_another_version_are_left_alone(place: Path) -> None:
     engine.dispose()
     found = run(place, "list")
     assert found.exit_code == 1
-    assert "version 0002, expected 0005" in found.stderr
+    assert "version 0002, expected 0006" in found.stderr
     (place / "foldback.db").write_bytes(b"garbage\n" * 1000)
     found = run(place, "list")
     assert found.exit_code == 1 and "foldback doctor" in found.stderr
@@ -189,7 +189,7 @@ def test_a_cancelled_fold_is_computed_after_all(service: Service) -> None:
         assert service.wait(fold["id"], over)["status"] == "verified"
         row: FoldRow = upkeep.fold(fold["id"])
         assert row.epoch >= before + 2
-        assert upkeep.owners(fold["id"]) == 1
+        assert row.owner == hash_of(fold["owner_token"])
         assert [worker.pid for worker in upkeep.workers()]
     finally:
         upkeep.close()

@@ -162,7 +162,6 @@ def test_an_upload_whose_answer_was_lost_has_one_owner(desk: Service) -> None:
         fold = client.fold(SNAKE, seed=43)
         assert relay.asked.count(("POST", FOLDS)) == 2
         assert fold.existing  # the first one did arrive
-        # Were there two owners, this would only end the claim of one of them.
         assert fold.cancel().status == "cancelled"
 
 

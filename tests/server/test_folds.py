@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import time
 from typing import Any
 
 import httpx
@@ -13,6 +14,9 @@ import pytest
 from planner.chain import Chain
 from planner.paths import Path
 from planner.timeline import Timeline
+from server.cancelled import KEPT_S, sweep_cancelled
+from server.settings import Settings
+from server.store import Store
 from tests.server.service import SNAKE, Service, owner
 
 
@@ -169,7 +173,6 @@ def test_a_gallery_shape_keeps_its_title(service: Service) -> None:
     answer = service.http.post("/api/folds", files={"file": ("mine.json", data)})
     assert service.wait_over(answer.json()["id"])["name"] == "hammer"  # as the file says
     fold = service.fold(shape="hammer")
-    assert fold["existing"]
     assert service.state(fold["id"])["name"] == "Claw hammer"
     other = service.fold(shape="hammer", seed="5")
     assert service.state(other["id"])["name"] == "Claw hammer"
@@ -187,15 +190,6 @@ def test_only_owners_cancel_and_delete(desk: Service) -> None:
     assert desk.http.delete(here, headers=owner(mine)).status_code == 204
     assert desk.http.get(here).status_code == 404
     assert not (desk.directory(mine["id"])).exists()
-
-
-def test_a_fold_that_two_asked_for_ends_only_with_both(desk: Service) -> None:
-    first, second = desk.fold(SNAKE, seed="11"), desk.fold(SNAKE, seed="11")
-    here = f"/api/folds/{first['id']}"
-    answer = desk.http.post(f"{here}/cancel", headers=owner(first))
-    assert (answer.status_code, answer.json()["status"]) == (202, "queued")
-    answer = desk.http.post(f"{here}/cancel", headers=owner(second))
-    assert (answer.status_code, answer.json()["status"]) == (202, "cancelled")
 
 
 def test_a_running_fold_is_cancelled_and_the_same_can_be_asked_anew(service: Service) -> None:
@@ -250,8 +244,6 @@ def test_the_first_shape_is_folded_once(service_with) -> None:
 
 
 def _gallery_folds(service: Service) -> list[str]:
-    import time
-
     deadline = time.monotonic() + 30
     while not (folds := service.http.get("/api/folds").json()["folds"]):
         assert time.monotonic() < deadline
@@ -281,6 +273,18 @@ def test_a_fold_is_asked_for_once_more_by_its_id(desk: Service) -> None:
     other = desk.fold(fold=first["id"], seed="22", preset="paper")
     assert desk.state(other["id"])["preset"] == "paper"
     assert desk.fold(fold=other["id"], seed="22", preset="paper")["existing"]
+    size = sum(path.stat().st_size for path in (folder / other["id"]).iterdir())
+    # They count from now on, not from its end on; those of the cancelled one go, its page stays.
+    store = Store(Settings(data_dir=desk.data_dir))
+    try:
+        assert store.fold(other["id"]).bytes == size
+        sweep_cancelled(store, time.time() + 2 * KEPT_S)
+    finally:
+        store.close()
+    answer = desk.http.post("/api/folds", data={"fold": first["id"]})
+    assert (answer.status_code, answer.json()["code"]) == (404, "no-input")
+    assert desk.state(first["id"])["status"] == "cancelled"
+    assert desk.http.get(f"/folds/{first['id']}").status_code == 200
 
 
 def test_a_fold_of_the_gallery_stays_one_when_asked_for_again(desk: Service) -> None:

@@ -74,7 +74,8 @@ def test_a_robot_is_to_be_brought_to_the_shape_that_it_begins_with(
 def test_it_is_a_fold_of_its_own_that_is_not_listed(
     service: Service, wrench: str, mallet: dict[str, Any]
 ) -> None:
-    again = service.fold(refold=wrench, shape="mallet-24")
+    token = mallet["accepted"]["owner_token"]
+    again = service.fold(refold=wrench, shape="mallet-24", token=token)
     assert again["existing"]
     assert again["id"] == mallet["accepted"]["id"]
     listed = service.http.get("/api/folds").json()["folds"]

@@ -102,8 +102,9 @@ def test_it_is_asked_for_once_and_repeated_as_one(
     service: Service, wrench: str, smoothed: dict[str, Any]
 ) -> None:
     fold_id = smoothed["accepted"]["id"]
+    token = smoothed["accepted"]["owner_token"]
     for form in ({"smooth": wrench}, {"fold": fold_id, "module_size": "0.9"}):
-        again = service.fold(**form)
+        again = service.fold(**form, token=token)
         assert (again["existing"], again["id"]) == (True, fold_id)
     listed = service.http.get("/api/folds").json()["folds"]
     assert fold_id not in {f["id"] for f in listed}

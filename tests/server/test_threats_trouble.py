@@ -26,7 +26,7 @@ def broken(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, 
     service = Service(tmp_path_factory.mktemp("broken") / "data", workers=0).start()
     fold_id = service.fold(SNAKE)["id"]
     with sqlite3.connect(service.data_dir / "foldback.db", timeout=60) as database:
-        for table in ("folds", "owners"):
+        for table in ("folds", "movies"):
             database.execute(f"ALTER TABLE {table} RENAME TO gone_{table}")
     database.close()
     yield service, fold_id

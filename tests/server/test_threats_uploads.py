@@ -18,10 +18,13 @@ import httpx
 import numpy as np
 import psutil
 import pytest
+import sqlalchemy as sa
 
+from server.database import FoldRow
 from server.settings import Settings
+from server.store import Store
 from server.uploads import Uploads
-from tests.server.service import PATIENCE_S, SNAKE, Service
+from tests.server.service import PATIENCE_S, SNAKE, Service, owner
 
 ServiceWith = Callable[..., Service]
 MIB = 2**20
@@ -481,3 +484,24 @@ def test_an_upload_that_breaks_off_leaves_nothing(hasty: Service) -> None:
         client.sendall(head("x", length(8 * MIB)) + PART + bytes(4 * MIB))
     _until(lambda: hasty.fold(SNAKE)["id"] is not None)
     _until(lambda: [p.name for p in hasty.data_dir.glob("uploads/*/*")] == ["lock"])
+
+
+def test_uploads_that_are_cancelled_at_once_fill_no_disk(service_with: ServiceWith) -> None:
+    service = service_with(workers=0).start()
+    size = 8 * 2**20
+    for number in range(8):
+        data = json.dumps(SNAKE).encode() + size * b" "
+        answer = service.http.post("/api/folds", files={"file": ("a.json", data)})
+        fold = answer.json()
+        here = f"/api/folds/{fold['id']}"
+        cancelled = service.http.post(f"{here}/cancel", headers=owner(fold))
+        assert cancelled.json()["status"] == "cancelled", number
+    files = [path.stat().st_size for path in service.directory(".").rglob("input")]
+    assert len(files) == 2  # the last one, and what fits into 16 MiB beside it
+    store = Store(Settings(data_dir=service.data_dir))
+    try:
+        with store.reading() as session:
+            counted = session.scalar(sa.select(sa.func.sum(FoldRow.bytes))) or 0
+    finally:
+        store.close()
+    assert sum(files) <= counted < sum(files) + 10_000

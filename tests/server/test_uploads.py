@@ -8,7 +8,10 @@ import json
 import numpy as np
 import pytest
 
+from server.store import new_token
 from tests.server.service import SNAKE, Service
+
+TOKEN = new_token()
 
 
 def npy(array: object) -> bytes:
@@ -157,20 +160,20 @@ def test_the_gallery_can_be_listed_and_every_shape_is_accepted(desk: Service) ->
         assert state["shape"] == shape["name"]
 
 
-def test_the_same_upload_is_the_same_fold(desk: Service) -> None:
-    first = desk.fold(SNAKE, seed="5")
-    again = desk.fold(SNAKE, seed="5")
-    assert not first["existing"]
-    assert again["existing"]
+def test_the_same_upload_of_the_same_visitor_is_the_same_fold(desk: Service) -> None:
+    token = new_token()
+    first, again = (desk.fold(SNAKE, seed="5", token=token) for _ in range(2))
+    assert (first["existing"], again["existing"]) == (False, True)
     assert again["id"] == first["id"]
-    assert again["owner_token"] != first["owner_token"]
+    assert again["owner_token"] == first["owner_token"] == token
 
 
 @pytest.mark.parametrize(
     "form", [{"seed": "6"}, {"preset": "paper"}, {"module_size": "0.9"}], ids=str
 )
 def test_other_parameters_are_another_fold(desk: Service, form: dict[str, str]) -> None:
-    assert desk.fold(SNAKE, **form)["id"] != desk.fold(SNAKE, seed="5")["id"]
+    ids = [desk.fold(SNAKE, token=TOKEN, **wishes)["id"] for wishes in (form, {"seed": "5"})]
+    assert ids[0] != ids[1]
 
 
 def test_names_of_files_are_harmless(desk: Service) -> None:
@@ -189,13 +192,13 @@ def test_names_of_files_are_harmless(desk: Service) -> None:
 def test_a_full_queue_says_when_to_try_again(service_with) -> None:
     service = service_with(workers=0, largest_queue_of_visitor=2).start()
     service.fold(SNAKE, seed="0")
-    service.fold(SNAKE, seed="1")
+    service.fold(SNAKE, seed="1", token=TOKEN)
     answer = service.http.post("/api/folds", data={"shape": "mallet-64"})
     assert answer.status_code == 429
     assert int(answer.headers["retry-after"]) > 0
     assert answer.json()["code"] == "queue-full"
     # What is there already costs nothing, and is given even now.
-    assert service.fold(SNAKE, seed="1")["existing"]
+    assert service.fold(SNAKE, seed="1", token=TOKEN)["existing"]
 
 
 def test_no_upload_is_taken_when_the_disk_is_nearly_full(service_with) -> None:

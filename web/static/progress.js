@@ -1,4 +1,5 @@
 // A fold while it is computed: stage, share, steps a second, place in the queue.
+import { proof, tokenOf } from "./asking.js";
 import { STAGES, duration, whole } from "./words.js";
 
 const ASK_MS = 1000; // between two questions where no stream tells, at first
@@ -12,17 +13,12 @@ const SMOOTHING = "smoothing"; // in place of an explosion
 const OVER = ["verified", "failed", "cancelled"];
 const get = (id) => document.getElementById(id);
 
-// Where nothing may be kept nobody can be told from others.
-function kept(key) {
-  try { return localStorage.getItem(key); } catch { return null; }
-}
-
 export class Progress {
   constructor(facts, { onDone, toast }) {
     this.facts = facts;
     this.onDone = onDone;
     this.toast = toast;
-    this.token = kept(`foldback:owner:${facts.id}`);
+    this.token = tokenOf(facts.id);
     if (facts.running) this.listen();
     get("cancel").onclick = () => this.cancel();
   }
@@ -102,13 +98,13 @@ export class Progress {
     this.say("Cancelling…");
     const answer = await fetch(`/api/folds/${this.facts.id}/cancel`, {
       method: "POST",
-      headers: { Authorization: `Bearer ${this.token}` },
+      headers: proof(this.token),
     });
-    // Where others wait for the same fold it goes on, and so does the telling of it.
     setTimeout(() => { this.cancelling = false; }, answer.ok ? CANCEL_MS : 0);
     if (!answer.ok) {
       get("cancel").disabled = false;
-      this.toast("It could not be cancelled");
+      get("cancel").hidden = answer.status === 403;
+      this.toast(answer.status === 403 ? "Others have asked for it too: it goes on" : "It could not be cancelled");
     }
   }
 }

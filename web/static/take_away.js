@@ -1,4 +1,5 @@
 // What can be taken away from a fold: files, a movie, and what a robot needs.
+import { proof, tokenOf } from "./asking.js";
 import { element } from "./words.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -35,6 +36,7 @@ export class TakeAway {
     const key = JSON.stringify([facts.downloads, facts.id, facts.movies, facts.robot]);
     if (key === this.shown) return;
     this.shown = key;
+    this.id = facts.id;
     this.api = `/api/folds/${facts.id}`;
     if (!facts.downloads.length) {
       this.panel.replaceChildren(element("p", { class: "hint" }, facts.downloads_hint));
@@ -83,7 +85,8 @@ export class TakeAway {
   }
 
   async ask(address, body = null) {
-    const answer = await fetch(address, body === null ? {} : { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) })
+    const headers = { "Content-Type": "application/json", ...proof(tokenOf(this.id)) };
+    const answer = await fetch(address, body === null ? {} : { method: "POST", headers, body: JSON.stringify(body) })
       .catch(() => { throw new Error("The server cannot be reached. Try again in a moment."); });
     const told = await answer.json().catch(() => ({}));
     if (!answer.ok) throw new Error(told.detail ?? `The server answered ${answer.status}.`);
