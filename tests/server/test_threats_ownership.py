@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier
 from typing import Any
@@ -12,7 +13,13 @@ import pytest
 from server.store import new_token
 from tests.server.service import SNAKE, Service, bearer, owner
 
-MALLET = "mallet-24"
+
+@pytest.fixture(scope="module")
+def counter(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """A service without a worker whose gallery nobody else has asked for anything."""
+    service = Service(tmp_path_factory.mktemp("counter") / "data", workers=0).start()
+    yield service
+    service.stop()
 
 
 def path_file(name: str, at: int) -> bytes:
@@ -80,34 +87,36 @@ def test_sending_the_same_file_tells_nothing_of_another_s(desk: Service) -> None
     assert changes(desk, mine["id"], me) == [202, 204]
 
 
-def test_asking_for_a_shape_publishes_nobody_s_upload(desk: Service) -> None:
-    data = desk.http.get(f"/api/shapes/{MALLET}.json").content
-    mine = sent(desk, "mine.json", data)
-    asked = desk.fold(shape=MALLET)
+def test_asking_for_a_shape_publishes_nobody_s_upload(counter: Service) -> None:
+    data = counter.http.get("/api/shapes/mallet-24.json").content
+    mine = sent(counter, "mine.json", data)
+    asked = counter.fold(shape="mallet-24")
     assert asked["id"] != mine["id"]
-    listed = {fold["id"] for fold in desk.http.get("/api/folds").json()["folds"]}
+    listed = {fold["id"] for fold in counter.http.get("/api/folds").json()["folds"]}
     assert asked["id"] in listed and mine["id"] not in listed
-    assert desk.state(mine["id"])["shape"] is None
-    assert changes(desk, asked["id"], asked["owner_token"])[0] == 202
+    assert counter.state(mine["id"])["shape"] is None
+    assert changes(counter, asked["id"], asked["owner_token"])[0] == 202
 
 
-def test_nobody_ends_a_fold_of_the_gallery_for_others(desk: Service) -> None:
-    first = desk.fold(shape=MALLET)
+def test_nobody_ends_a_fold_of_the_gallery_for_others(counter: Service) -> None:
+    first = counter.fold(shape="mallet-24")
     here, token = f"/api/folds/{first['id']}", first["owner_token"]
     # Who asked first may stop it as long as nobody else wants it; nobody deletes it.
-    answer = desk.http.delete(here, headers=owner(first))
+    answer = counter.http.delete(here, headers=owner(first))
     assert (answer.status_code, answer.json()["code"]) == (403, "public")
-    second = desk.fold(shape=MALLET)
+    second = counter.fold(shape="mallet-64")
     assert (second["id"], second["existing"], second["owner_token"]) == (first["id"], True, None)
-    answer = desk.http.post(f"{here}/cancel", headers=bearer(token))
+    answer = counter.http.post(f"{here}/cancel", headers=bearer(token))
     assert (answer.status_code, answer.json()["code"]) == (403, "not-owner")
-    assert desk.state(first["id"])["status"] == "queued"
+    assert counter.state(first["id"])["status"] == "queued"
 
 
-def test_cancelling_and_asking_at_once_leaves_nobody_with_a_cancelled_fold(desk: Service) -> None:
+def test_cancelling_and_asking_at_once_leaves_nobody_with_a_cancelled_fold(
+    counter: Service,
+) -> None:
     with ThreadPoolExecutor(2) as threads:
         for _ in range(12):
-            first = desk.fold(shape="wrench-24")
+            first = counter.fold(shape="wrench-24")
             if first["owner_token"] is None:  # two want the one of the round before, and get it
                 break
             ready = Barrier(2)
@@ -115,30 +124,29 @@ def test_cancelling_and_asking_at_once_leaves_nobody_with_a_cancelled_fold(desk:
             def cancel(first: dict[str, Any] = first, ready: Barrier = ready) -> int:
                 ready.wait()
                 here = f"/api/folds/{first['id']}/cancel"
-                return desk.http.post(here, headers=owner(first)).status_code
+                return counter.http.post(here, headers=owner(first)).status_code
 
             def ask(ready: Barrier = ready) -> dict[str, Any]:
                 ready.wait()
-                return desk.fold(shape="wrench-24")
+                return counter.fold(shape="wrench-24")
 
             cancelled, second = threads.submit(cancel), threads.submit(ask)
             asked = second.result()
             assert cancelled.result() == (403 if asked["id"] == first["id"] else 202)
-            assert desk.state(asked["id"])["status"] == "queued"
+            assert counter.state(asked["id"])["status"] == "queued"
             if asked["id"] != first["id"]:
-                assert changes(desk, asked["id"], asked["owner_token"])[0] == 202
+                assert changes(counter, asked["id"], asked["owner_token"])[0] == 202
 
 
-def test_what_was_cancelled_is_listed_nowhere(desk: Service) -> None:
-    shape = "hammer"
+def test_what_was_cancelled_is_listed_nowhere(counter: Service) -> None:
     ids: set[str] = set()
     for _ in range(3):
-        fold = desk.fold(shape=shape)
+        fold = counter.fold(shape="hammer")
         ids.add(fold["id"])
-        cancelled = desk.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
+        cancelled = counter.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
         assert cancelled.json()["status"] == "cancelled"
     assert len(ids) == 3
-    listed = {fold["id"] for fold in desk.http.get("/api/folds").json()["folds"]}
+    listed = {fold["id"] for fold in counter.http.get("/api/folds").json()["folds"]}
     assert not listed & ids
     for page in ("/", "/gallery"):
-        assert not [i for i in ids if i in desk.http.get(page).text]
+        assert not [i for i in ids if i in counter.http.get(page).text]

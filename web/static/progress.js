@@ -54,6 +54,7 @@ export class Progress {
   }
 
   show(now) {
+    this.now = now;
     if (now.message !== READY) clearTimeout(this.waiting);
     if (OVER.includes(now.status)) return; // the verdict follows
     let text = now.message === SMOOTHING ? "Smoothing" : STAGES[now.stage] ?? "Waiting";
@@ -100,8 +101,10 @@ export class Progress {
       method: "POST",
       headers: proof(this.token),
     });
-    setTimeout(() => { this.cancelling = false; }, answer.ok ? CANCEL_MS : 0);
+    if (answer.ok) setTimeout(() => { this.cancelling = false; }, CANCEL_MS);
     if (!answer.ok) {
+      this.cancelling = false;
+      if (this.now) this.show(this.now);
       get("cancel").disabled = false;
       get("cancel").hidden = answer.status === 403;
       this.toast(answer.status === 403 ? "Others have asked for it too: it goes on" : "It could not be cancelled");
