@@ -99,7 +99,7 @@ def test_asking_for_a_shape_publishes_nobody_s_upload(counter: Service) -> None:
 
 
 def test_nobody_ends_a_fold_of_the_gallery_for_others(counter: Service) -> None:
-    first = counter.fold(shape="mallet-24")
+    first = counter.fold(shape="mallet-64")
     here, token = f"/api/folds/{first['id']}", first["owner_token"]
     # Who asked first may stop it as long as nobody else wants it; nobody deletes it.
     answer = counter.http.delete(here, headers=owner(first))
