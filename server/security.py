@@ -21,8 +21,7 @@ PAGE_POLICY: Final = "; ".join(
         "script-src 'self'",
         "style-src 'self'",
         "img-src 'self' data: blob:",
-        "connect-src 'self' data: blob:",
-        "worker-src 'self' blob:",
+        "connect-src 'self'",
         "frame-src 'self'",
         "frame-ancestors 'self'",
         "form-action 'self'",
@@ -37,7 +36,11 @@ HEADERS: Final = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
+    # Links are secrets: no search engine tells them.
+    "X-Robots-Tag": "noindex",
 }
+LISTED: Final = {"X-Robots-Tag": "all"}
+"""Of answers that search engines may show instead: what is in the gallery, and no secret."""
 UNPRINTED: Final = re.compile(r"[\x00-\x1f\x7f]")
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")

@@ -10,6 +10,18 @@ from typing import Final
 
 import viser
 
+# The page unpacks its own program into an inline script, and asks nobody for anything.
+ALLOWED: Final = "; ".join(
+    (
+        "default-src 'none'",
+        "script-src 'unsafe-inline' 'wasm-unsafe-eval'",
+        "style-src 'unsafe-inline'",
+        "img-src data:",
+        "font-src data:",
+        "base-uri 'none'",
+        "form-action 'none'",
+    )
+)
 # The panel, the notices and the logo are viser's; the page has its own. The ground is painted by
 # the document, so the canvas above it stays see-through.
 STYLE: Final = """
@@ -29,7 +41,15 @@ html, body { background: radial-gradient(120% 90% at 50% 38%, #fbfaf7 0%, #efece
 
 @dataclass(frozen=True, slots=True)
 class Client:
-    """The page, and the Content-Security-Policy under which it works and does no more."""
+    """The page, and what it is served with.
+
+    Attributes:
+        html: The page. It says itself what it may do, as far as a page can, for where it is not
+            served: in a page that was taken away.
+        policy: Its Content-Security-Policy. The page has an origin of its own (``sandbox``): its
+            scripts reach nothing of ours.
+        etag: Changes with it.
+    """
 
     html: bytes
     policy: str
@@ -48,23 +68,9 @@ def client() -> Client:
     start = html.index("<head>") + len("<head>")
     head = html.rindex("</head>")
     html = (
-        f"{html[:start]}<script>{bridge}</script>{html[start:head]}"
-        f"<style>{STYLE}</style>{html[head:]}"
-    )
-    policy = "; ".join(
-        (
-            "default-src 'none'",
-            # The page unpacks its own program into an inline script, and a worker into a blob.
-            "script-src 'unsafe-inline' 'wasm-unsafe-eval' blob:",
-            "style-src 'unsafe-inline'",
-            "img-src 'self' data: blob:",
-            "font-src data:",
-            "connect-src 'self' data: blob:",
-            "worker-src blob:",
-            "frame-ancestors 'self'",
-            "base-uri 'none'",
-            "form-action 'none'",
-        )
+        f'{html[:start]}<meta http-equiv="Content-Security-Policy" content="{ALLOWED}">'
+        f"<script>{bridge}</script>{html[start:head]}<style>{STYLE}</style>{html[head:]}"
     )
     data = html.encode()
+    policy = f"{ALLOWED}; frame-ancestors 'self'; sandbox allow-scripts"
     return Client(data, policy, f'"{hashlib.sha256(data).hexdigest()[:20]}"')

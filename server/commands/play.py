@@ -46,6 +46,7 @@ class FolderRow:
     stage: str | None = None
     error: dict[str, Any] | None = None
     progress: dict[str, Any] = field(default_factory=dict)
+    public: bool = False
 
 
 class FolderStore:

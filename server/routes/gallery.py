@@ -28,6 +28,7 @@ async def gallery_page(request: Request) -> Response:
     wanted = {card.name for card, standing in shown if sieve.lets(card, standing)}
     return page(
         "gallery.html",
+        listed=True,
         cards=shown,
         wanted=wanted,
         sieve=sieve,

@@ -27,6 +27,7 @@ from server.quantities import sentence
 from server.routes.facts import fold_facts
 from server.routes.finding import Found, find_now
 from server.routes.pictures import picture_answer
+from server.security import LISTED
 from web.isometric import isometric_svg
 from web.isometric_modules import chain_svg
 from web.scenery import scenery_of
@@ -72,6 +73,7 @@ async def landing(request: Request) -> Response:
     still = await asyncio.to_thread(_still, context.gallery, FEATURED, 480)
     return page(
         "landing.html",
+        listed=True,
         shapes=selected(context.gallery),
         count=len(cards(context.gallery)),
         featured=featured,
@@ -83,7 +85,7 @@ async def landing(request: Request) -> Response:
 @router.get("/what-folds", response_class=HTMLResponse)
 async def what_folds() -> Response:
     """The success map, and what it says: ``make success-map`` draws it."""
-    return page("what_folds.html")
+    return page("what_folds.html", listed=True)
 
 
 @router.get("/featured/scenery")
@@ -96,7 +98,8 @@ async def featured_scenery(request: Request) -> Response:
 @router.get("/featured/picture.png")
 async def featured_picture(request: Request) -> Response:
     """What networks show beside a link to the first page."""
-    return picture_answer(await asyncio.to_thread(_social, request.app.state.context.gallery))
+    picture = await asyncio.to_thread(_social, request.app.state.context.gallery)
+    return picture_answer(picture, listed=True)
 
 
 def warm_up(gallery: Gallery) -> None:
@@ -150,6 +153,7 @@ async def drawing_of_shape(request: Request, name: str) -> Response:
     headers = {
         "Cache-Control": "public, max-age=3600",
         "Content-Security-Policy": "default-src 'none'",
+        **LISTED,
     }
     return Response(svg, media_type="image/svg+xml", headers=headers)
 
@@ -170,6 +174,7 @@ def _fold_page(request: Request, fold_id: str) -> Response:
     facts = _facts(request, found)
     return page(
         "fold.html",
+        listed=found.row.public,
         facts=facts,
         facts_json=script_json(facts),
         drawing=_drawing(found),
@@ -198,7 +203,7 @@ async def static_file(request: Request, name: str) -> Response:
     if found is None:
         return Response("not found", status_code=404, media_type="text/plain")
     data, kind, etag = found
-    headers = {"ETag": etag, "Cache-Control": "no-cache"}
+    headers = {"ETag": etag, "Cache-Control": "no-cache", **LISTED}
     if request.headers.get("if-none-match") == etag:
         return Response(status_code=304, headers=headers)
     return Response(data, media_type=kind, headers=headers)
@@ -224,10 +229,21 @@ def problem_page(problem: Problem) -> Response:
     return answer
 
 
-def page(template: str, status_code: int = 200, /, **values: Any) -> Response:
-    """A page made of a template, under the policy of all pages."""
+def page(
+    template: str, status_code: int = 200, /, *, listed: bool = False, **values: Any
+) -> Response:
+    """A page made of a template, under the policy of all pages.
+
+    Args:
+        template: Its name.
+        status_code: Of the answer.
+        listed: Whether search engines may show it.
+        values: What the template is filled in with.
+    """
     html = rendered(template, **values)
     headers = {"Content-Security-Policy": POLICY, "Cache-Control": "no-store"}
+    if listed:
+        headers |= LISTED
     return HTMLResponse(html, status_code=status_code, headers=headers)
 
 

@@ -18,6 +18,7 @@ from server.addresses import address_of
 from server.folders import EXPORTS_DIR
 from server.routes.facts import RUNNING
 from server.routes.finding import find_fold
+from server.security import LISTED
 from server.store import Store
 from server.workshop import newer
 
@@ -48,15 +49,16 @@ async def picture_of_fold(request: Request, fold_id: str) -> Response:
     if data is None:
         return _no_picture()
     # While it computes, another of the candidates may take the place of this one.
-    return picture_answer(data, DAY_S if over else MINUTE_S)
+    return picture_answer(data, DAY_S if over else MINUTE_S, listed=found.row.public)
 
 
-def picture_answer(data: bytes, max_age_s: int = DAY_S) -> Response:
-    """A picture that other sites may show, and keep for so long."""
+def picture_answer(data: bytes, max_age_s: int = DAY_S, *, listed: bool = False) -> Response:
+    """A picture that other sites may show, and keep for so long; ``listed`` as of a page."""
     headers = {
         "Cache-Control": f"public, max-age={max_age_s}",
         "Content-Security-Policy": "default-src 'none'",
         "Cross-Origin-Resource-Policy": "cross-origin",  # it is made to be shown elsewhere
+        **(LISTED if listed else {}),
     }
     return Response(data, media_type="image/png", headers=headers)
 

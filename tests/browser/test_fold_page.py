@@ -257,6 +257,33 @@ def test_on_a_phone(visit: Visit, service: Service, scheme: str) -> None:
     keep(page, f"fold-sheet-{scheme}-390x844")
 
 
+HELD = """if (self !== top) {
+  const next = requestAnimationFrame.bind(window);
+  let held = [];
+  window.requestAnimationFrame = (then) => (held ? held.push(then) : next(then));
+  window.release = () => { const all = held; held = null; all.forEach(next); };
+}"""
+"""The view of a browser that takes its time for pictures."""
+PASSED = """async () => {
+  for (let k = 0; k < 40; k++) await new Promise(requestAnimationFrame);
+}"""
+
+
+def test_the_drawing_stays_until_the_view_shows_something(visit: Visit, service: Service) -> None:
+    fold = service.fold(shape="wrench-24")
+    page = visit("/shapes/new", width=390, height=844, has_touch=True)
+    page.add_init_script(HELD)
+    page.goto(f"/folds/{fold['id']}")  # which may be computed still
+    page.wait_for_function("() => window.foldback.player.stage.open")
+    page.keyboard.press("End")
+    page.evaluate(PASSED)
+    expect(page.locator("#sketch")).not_to_have_class(re.compile("gone"))
+    page.frames[1].evaluate("() => release()")
+    page.locator("#sketch.gone").wait_for(state="attached")
+    assert (picture(page).mean(axis=-1) > 90).sum() > 500
+    service.wait_over(fold["id"])
+
+
 def test_a_bad_file_is_answered_on_the_spot(visit: Visit) -> None:
     page = visit("/")
     dropped(page, json.dumps([[0, 0, 0], [1, 0, 0], [0, 0, 0]]), "bad.json")

@@ -325,6 +325,42 @@ def test_a_fold_that_ended_in_the_middle_is_over(page: Page) -> None:
     assert calls < 20
 
 
+def test_nonsense_from_the_view_is_not_believed(page: Page) -> None:
+    heard, camera, keys = run(
+        page,
+        """
+        const { Scene } = await import("/static/scene.js");
+        const heard = [];
+        const frame = document.createElement("iframe");
+        const keys = [];
+        frame.addEventListener("keydown", ({ key, shiftKey }) => keys.push([key, shiftKey]));
+        const scene = new Scene(frame, { touch: () => heard.push("touch") }, ["End"]);
+        scene.scenery = {};
+        scene.pick = (...ray) => heard.push(ray);
+        const bad = [[NaN, 0, 0], [0, 0, Infinity], [1e300, 0, 0], [0, 0], [0, 0, 0, 0], "abc",
+          null, ["1", "2", "3"], { length: 3 }, [[], [], []], new Float32Array(3)];
+        for (const vector of bad) {
+          scene.hear({ is: "camera", position: vector, target: [0, 0, 0] });
+          scene.hear({ is: "camera", position: [0, 0, 1], target: vector });
+          scene.hear({ is: "pick", origin: vector, direction: [0, 0, 1] });
+          scene.hear({ is: "pick", origin: [0, 0, 1], direction: vector });
+        }
+        scene.hear({ is: "camera", position: [1, 2, 3], target: [1, 2, 3] }); // looks nowhere
+        for (const told of [null, 1, "open", [], {}, { is: "constructor" }, { is: "done", id: "x" },
+          { is: "key", key: "F5" }, { is: "key", key: ["End"] }]) scene.hear(told);
+        const nothing = [heard.length, scene.camera, keys.length];
+        scene.hear({ is: "camera", position: [1, 2, 3], target: [0, 0, 0] });
+        scene.hear({ is: "pick", origin: [1, 2, 3], direction: [0, 0, -1] });
+        scene.hear({ is: "touch" });
+        scene.hear({ is: "key", key: "End", shift: "yes" });
+        return [[nothing, heard], scene.camera, keys];
+        """,
+    )
+    assert heard == [[0, None, 0], [[[1, 2, 3], [0, 0, -1]], "touch"]]
+    assert camera == {"position": [1, 2, 3], "target": [0, 0, 0]}
+    assert keys == [["End", False]]
+
+
 def test_no_script_is_left_unused() -> None:
     static = Path(__file__).parents[2] / "web" / "static"
     named = "".join(

@@ -136,6 +136,37 @@ def test_a_link_lets_look_and_no_more(desk: Service) -> None:
     assert desk.http.get(here).status_code == 404
 
 
+def test_search_engines_are_told_no_secret_link(desk: Service) -> None:
+    secret = desk.http.post("/api/folds", files={"file": ("a.json", path_file("s", 60))}).json()
+    public = desk.http.post("/api/folds", data={"shape": "mallet-64"}).json()
+    told = desk.http.post(
+        "/api/shapes/preview",
+        files={"file": ("a.json", path_file("s", 61))},
+        data={"full": "false"},
+    ).json()
+    for listed, paths in {
+        "noindex": (
+            f"/folds/{secret['id']}",
+            f"/folds/{secret['id']}/facts",
+            f"/folds/{secret['id']}/picture.png",
+            f"/folds/{secret['id']}/standalone.html",
+            f"/api/folds/{secret['id']}",
+            f"/api/folds/{secret['id']}/plan.json",
+            f"/embed/{secret['id']}",
+            f"/compare?a={secret['id']}&b={public['id']}",
+            told["links"]["page"],
+            "/shapes/new",
+            "/view",
+            "/embed/view",
+        ),
+        "all": (f"/folds/{public['id']}", "/", "/gallery", "/what-folds", "/shapes/mallet-64.svg"),
+    }.items():
+        for path in paths:
+            assert desk.http.get(path).headers["x-robots-tag"] == listed, path
+    # Who may not come in does not read what is said there.
+    assert desk.http.get("/robots.txt").status_code == 404
+
+
 BAD_IDS = ("..", "%2e%2e", "..%2f..%2fsecret", "a%00b", "%0d%0aX:y", "~root", "%ff%fe", "a" * 5000)
 
 

@@ -148,7 +148,7 @@ def test_the_client_is_kept_by_browsers(service: Service) -> None:
     first = service.http.get("/view")
     again = service.http.get("/view", headers={"If-None-Match": first.headers["ETag"]})
     assert (first.status_code, again.status_code) == (200, 304)
-    assert b"window.bridge" in first.content
+    assert b"window.Worker = " in first.content
 
 
 def test_comparing_names_both(service: Service, fold: str) -> None:

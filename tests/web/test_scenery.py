@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import threading
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from viser import _messages as messages
 
+import web
 from planner.chain import Chain
 from planner.modules import TETRAHEDRON
 from web.columns import decode
@@ -41,6 +45,19 @@ def test_viser_still_has_the_messages_that_the_page_makes() -> None:
     }.items():
         kind = getattr(messages, name)
         assert fields <= set(kind.__dataclass_fields__), name
+
+
+def refused(header: dict[str, Any]) -> set[str]:
+    """Types of a scene's messages that the view does not hand on to viser's client."""
+    bridge = (Path(web.__file__).parent / "static" / "bridge.js").read_text(encoding="utf-8")
+    taken = set(re.findall(r'"(\w+Message)"', bridge.partition("SHOWN")[2].partition("]")[0]))
+    # None of them brings text that could be a script.
+    assert not [name for name in taken if re.search("Gui|Notification|Html|Label|Theme", name)]
+    return {message["type"] for message in header["messages"]} - taken
+
+
+def test_the_view_takes_the_messages_of_the_scene(chain: Chain) -> None:
+    assert refused(decode(scenery_of(chain))[0]) == {"ThemeConfigurationMessage"}
 
 
 def test_the_chain_is_told_in_full(chain: Chain) -> None:

@@ -1,44 +1,91 @@
-// Runs inside viser's client, before it: stands in for the worker that would hold its websocket, so
-// that the page around the frame says what is to be seen, and hears what is done in it.
+// Runs inside viser's client, before it: stands in for the worker that would hold its websocket. The
+// page around the frame says over a port what is to be seen, and hears over it what is done here.
+// The frame's origin is its own: the client can't reach the page, and is handed the messages named
+// here and no others.
 (() => {
-  const Real = window.Worker;
-  const bridge = (window.bridge = { open: false, onopen: null, onmessage: null, apply: null });
+  // The client plays recordings and calls servers that its address names. It is not told any, and has
+  // nothing to fetch with: what it fetches at its start is for splats, and a light that scenes do without.
+  window.fetch = () => new Promise(() => {});
+  try {
+    if (location.search || location.hash) history.replaceState(null, "", location.pathname);
+  } catch { } // not all browsers let go of an address
+  history.replaceState = () => {}; // it would write the name of its server there
 
-  // Arrays of the page as arrays of this window, which three.js tells apart; the bytes are the same.
-  function own(value) {
-    if (value === null || typeof value !== "object") return value;
-    if (ArrayBuffer.isView(value)) return new window[value.constructor.name](value.buffer, value.byteOffset, value.length);
-    if (Array.isArray(value)) return value.map(own);
-    const found = {};
-    for (const key of Object.keys(value)) found[key] = own(value[key]);
-    return found;
+  const MOVED_PX = 4;
+  const PICTURES = 2; // it is told in the first, and there in the second
+  const SHOWN = new Set([
+    "BackgroundImageMessage", "BatchedMeshesMessage", "DirectionalLightMessage", "EnableLightsMessage", "EnvironmentMapMessage",
+    "FrameMessage", "GridMessage", "HemisphereLightMessage", "LineSegmentsMessage", "MeshMessage",
+    "RemoveSceneNodeMessage", "SceneNodeUpdateMessage", "ScenePointerEnableMessage", "SetCameraFovMessage",
+    "SetCameraLookAtMessage", "SetCameraPositionMessage", "SetOrientationMessage", "SetPositionMessage",
+    "SetSceneNodeVisibilityMessage",
+  ]);
+  let port = null; // to the page
+  let wire = null; // to the client, which thinks that it is its worker
+  let keys = []; // that the page wants to hear of
+
+  // Pictures that the client has painted, and whether modules that it was given are in none yet.
+  let pictures = 0;
+  let missing = false;
+  let latest = null;
+  const { clear, drawElementsInstanced } = WebGL2RenderingContext.prototype;
+  WebGL2RenderingContext.prototype.clear = function (...given) {
+    if (document.timeline.currentTime !== latest) { latest = document.timeline.currentTime; pictures++; }
+    return clear.apply(this, given);
+  };
+  WebGL2RenderingContext.prototype.drawElementsInstanced = function (...given) {
+    missing = false;
+    return drawElementsInstanced.apply(this, given);
+  };
+
+  const say = (message) => port?.postMessage(message);
+  const opened = () => { if (port && wire) say({ is: "open" }); };
+
+  function take({ data }) {
+    if (data?.do === "show" && Array.isArray(data.messages)) {
+      const messages = data.messages.filter((message) => SHOWN.has(message?.type));
+      if (messages.some(({ type }) => type === "BatchedMeshesMessage")) missing = true;
+      wire?.tell({ type: "message_batch", messages });
+    } else if (data?.do === "pass") {
+      twice(() => say({ is: "done", id: data.id }));
+    } else if (data?.do === "paint") {
+      paint(data.id, pictures + PICTURES);
+    }
   }
 
-  class Wire extends EventTarget {
-    constructor(...given) {
-      super();
-      this.given = given;
-      this.onmessage = null;
-      this.real = null;
-    }
+  const twice = (then) => requestAnimationFrame(() => requestAnimationFrame(then));
 
-    postMessage(message, transfer) {
-      if (this.real) { this.real.postMessage(message, transfer); return; }
-      if (message.type === "zstd_wasm") return;
-      if (message.type === "set_server") { setTimeout(() => this.connect()); return; }
-      if (message.type === "send") { bridge.onmessage?.(message.message); return; }
-      if (message.type === "retry" || message.type === "close") return;
-      // It is a worker of another kind after all.
-      this.real = new Real(...this.given);
-      this.real.onmessage = (event) => this.tell(event.data);
-      this.real.postMessage(message, transfer);
-    }
+  function paint(id, last) {
+    if (missing || pictures < last) requestAnimationFrame(() => paint(id, last));
+    else twice(() => say({ is: "done", id }));
+  }
 
-    connect() {
-      this.tell({ type: "connected" });
-      bridge.apply = (messages) => this.tell({ type: "message_batch", messages: own(messages) });
-      bridge.open = true;
-      bridge.onopen?.();
+  // Only the page around the frame hands over a port, and only one is taken.
+  function begin({ source, ports, data }) {
+    if (source !== parent || parent === window || ports.length !== 1) return;
+    removeEventListener("message", begin);
+    if (Array.isArray(data?.keys)) ({ keys } = data);
+    [port] = ports;
+    port.onmessage = take;
+    opened();
+  }
+  addEventListener("message", begin);
+
+  // What the client would tell its server.
+  function told(message) {
+    if (message.type === "ViewerCameraMessage") {
+      say({ is: "camera", position: [...message.position], target: [...message.look_at] });
+    } else if (message.type === "ScenePointerMessage" && message.ray_origin) {
+      say({ is: "pick", origin: [...message.ray_origin], direction: [...message.ray_direction] });
+    }
+  }
+
+  window.Worker = class extends EventTarget {
+    onmessage = null;
+
+    postMessage({ type, message }) {
+      if (type === "set_server") setTimeout(() => { wire = this; this.tell({ type: "connected" }); opened(); });
+      else if (type === "send") told(message);
     }
 
     tell(data) {
@@ -47,7 +94,23 @@
       this.dispatchEvent(event);
     }
 
-    terminate() { this.real?.terminate(); }
-  }
-  window.Worker = Wire;
+    terminate() {}
+  };
+  addEventListener("keydown", (event) => {
+    const { key, shiftKey: shift } = event;
+    if (!keys.includes(key) || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    say({ is: "key", key, shift });
+  }, { capture: true });
+  let start = null;
+  const forget = () => { start = null; };
+  addEventListener("pointerdown", (event) => { start = [event.clientX, event.clientY]; }, { capture: true });
+  addEventListener("pointerup", forget, { capture: true });
+  addEventListener("pointercancel", forget, { capture: true });
+  addEventListener("pointermove", (event) => {
+    if (!start || !event.buttons) return;
+    if (Math.hypot(event.clientX - start[0], event.clientY - start[1]) > MOVED_PX) { forget(); say({ is: "touch" }); }
+  }, { capture: true });
+  addEventListener("wheel", () => say({ is: "touch" }), { capture: true, passive: true });
 })();

@@ -12,7 +12,6 @@ import { toast } from "./toast.js";
 import { copyText, element, radians } from "./words.js";
 
 const get = (id) => document.getElementById(id);
-const DRAW_MS = 250;
 const START_MS = 600; // two 3D views at once would keep both drawings waiting
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 const facts = JSON.parse(get("facts").textContent);
@@ -24,10 +23,9 @@ const sides = facts.map(({ id, running }, k) => {
   const canvas = side.querySelector("canvas");
   const sketch = new Sketch(canvas);
   const stage = new Stage(frame, {
-    open: () => setTimeout(() => player.standIn.open(), DRAW_MS),
+    open: () => player.standIn.takeOver(),
     touch: () => { if (player.is.follow) pair.send({ do: "set", follow: false }); },
     pick: (origin, direction) => player.pick(origin, direction),
-    key: (event) => bar.key(event),
   });
   const player = new Player(new Film(new Source(`/folds/${id}`), { over: !running }), {
     stage, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),

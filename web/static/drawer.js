@@ -11,10 +11,7 @@ export class Drawer {
     this.toast = toast;
     get("details").onclick = () => this.open(get("drawer").hidden);
     get("drawer-close").onclick = () => this.close();
-    // The focus is in the framed view after a click on a module.
-    const onKey = (event) => this.key(event);
-    addEventListener("keydown", onKey);
-    get("view").addEventListener("load", () => get("view").contentWindow.addEventListener("keydown", onKey, { capture: true }));
+    addEventListener("keydown", (event) => this.key(event));
     const tabs = TABS.filter((name) => get(`tab-${name}`));
     for (const name of tabs) {
       const tab = get(`tab-${name}`);

@@ -9,7 +9,6 @@ const facts = JSON.parse(get("facts").textContent);
 const LEAST = 8;
 const PATIENCE_MS = 220;
 const DRAW_MS = 100;
-const UNCOVER_MS = 200;
 const HINTS = {
   auto: "The way that suits the shape.",
   blocks: "Each voxel becomes 2×2×2 modules: there is a path in any case, and it folds best.",
@@ -337,7 +336,7 @@ const stage = new PreviewStage(get("view"), {
   settled: settle,
   shown: () => {
     viewing = true;
-    setTimeout(() => { if (viewing) get("cover").classList.add("gone"); }, UNCOVER_MS);
+    stage.painted(() => { if (viewing) get("cover").classList.add("gone"); });
   },
   failed: () => { failed = true; viewing = false; draw(); },
 });

@@ -1,5 +1,6 @@
 // A 3D scene: viser's client in a frame, shown what the page says; see bridge.js and web/scenery.py.
-const MOVED_PX = 4;
+// The frame is no part of the page, and what it says is looked at before it is believed.
+const FARTHEST = 1e9;
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
 export const linear = Uint8Array.from({ length: 256 }, (_, byte) => {
@@ -27,18 +28,24 @@ function staged(messages, arrays) {
   return messages.map(filled);
 }
 
+const isVector = (value) => Array.isArray(value) && value.length === 3
+  && value.every((v) => Number.isFinite(v) && Math.abs(v) < FARTHEST);
+
 export class Scene {
-  // Heard are: open(), touch() when the camera was taken hold of, key(event).
-  constructor(frame, heard) {
+  // Heard are: open(), touch() when the camera was taken hold of. `keys` pressed in the frame count as
+  // pressed in the page.
+  constructor(frame, heard, keys = []) {
     this.frame = frame;
     this.heard = heard;
+    this.keys = keys;
     this.open = false;
     this.scenery = null;
     this.nodes = new Set();
     this.camera = null;
-    this.dressed = null;
-    frame.addEventListener("load", () => this.dress());
-    this.dress();
+    this.port = null;
+    this.asks = 0;
+    this.asked = new Map();
+    frame.addEventListener("load", () => this.connect());
   }
 
   // Another scenery in place of the one before.
@@ -55,56 +62,74 @@ export class Scene {
     this.apply([...gone.map(removal), ...messages]);
   }
 
-  apply(messages) { this.frame.contentWindow.bridge.apply(messages); }
+  apply(messages) { this.port.postMessage({ do: "show", messages }); }
 
-  dress() {
-    const inside = this.frame.contentDocument;
-    const view = this.frame.contentWindow;
-    if (!inside || inside === this.dressed || !view.bridge) return;
-    this.dressed = inside;
+  // Calls back after two pictures' time.
+  passed(then) { this.ask("pass", then); }
+
+  // Calls back when what the client was given can be seen.
+  painted(then) { this.ask("paint", then); }
+
+  ask(what, then) {
+    this.asked.set(++this.asks, { what, then });
+    this.port.postMessage({ do: what, id: this.asks });
+  }
+
+  // Hands the client that the frame has loaded its end of a port. Its origin has no name that it could
+  // be sent to alone, but only what this service serves is ever loaded there.
+  connect() {
+    this.port?.close();
+    this.open = false;
     this.nodes = new Set();
-    const opened = () => {
-      this.open = true;
-      if (this.scenery) this.build();
-      this.heard.open?.();
-    };
-    view.bridge.onmessage = (message) => this.take(message);
-    view.bridge.onopen = opened;
-    if (view.bridge.open) opened();
-    view.addEventListener("keydown", (event) => this.heard.key?.(event), { capture: true });
-    let start = null;
-    const forget = () => { start = null; };
-    view.addEventListener("pointerdown", (event) => { start = [event.clientX, event.clientY]; }, { capture: true });
-    view.addEventListener("pointerup", forget, { capture: true });
-    view.addEventListener("pointercancel", forget, { capture: true });
-    view.addEventListener("pointermove", (event) => {
-      if (!start || !event.buttons) return;
-      if (Math.hypot(event.clientX - start[0], event.clientY - start[1]) > MOVED_PX) { forget(); this.heard.touch?.(); }
-    }, { capture: true });
-    view.addEventListener("wheel", () => this.heard.touch?.(), { capture: true, passive: true });
+    const { port1, port2 } = new MessageChannel();
+    this.port = port1;
+    port1.onmessage = ({ data }) => this.hear(data);
+    this.frame.contentWindow.postMessage({ keys: this.keys }, "*", [port2]);
+    for (const [id, { what }] of this.asked) port1.postMessage({ do: what, id });
   }
 
-  // Whether its graphics are software, as far as the browser tells.
-  get software() {
-    const context = this.frame.contentDocument?.querySelector("canvas")?.getContext("webgl2");
-    const told = context?.getExtension("WEBGL_debug_renderer_info");
-    return Boolean(told) && SOFTWARE.test(context.getParameter(told.UNMASKED_RENDERER_WEBGL));
-  }
-
-  // What viser's client would tell its server.
-  take(message) {
-    if (message.type === "ViewerCameraMessage") {
-      this.camera = { position: [...message.position], target: [...message.look_at] };
-    } else if (message.type === "ScenePointerMessage" && message.ray_origin && this.scenery) {
-      this.pick([...message.ray_origin], [...message.ray_direction]);
+  hear(told) {
+    switch (told?.is) {
+      case "open":
+        if (this.open) return;
+        this.open = true;
+        if (this.scenery) this.build();
+        this.heard.open?.();
+        return;
+      case "camera":
+        if (isVector(told.position) && isVector(told.target) && told.position.some((v, k) => v !== told.target[k])) {
+          this.camera = { position: told.position, target: told.target };
+        }
+        return;
+      case "pick":
+        if (this.scenery && isVector(told.origin) && isVector(told.direction)) this.pick(told.origin, told.direction);
+        return;
+      case "touch": this.heard.touch?.(); return;
+      case "key":
+        if (!this.keys.includes(told.key)) return;
+        this.frame.dispatchEvent(new KeyboardEvent("keydown", { key: told.key, shiftKey: told.shift === true, bubbles: true, cancelable: true }));
+        return;
+      case "done": {
+        const asked = this.asked.get(told.id);
+        this.asked.delete(told.id);
+        asked?.then();
+      }
     }
   }
 }
+
+// What the browser's 3D graphics are called, once it was asked whether it has any.
+let renderer = "";
+
+// Whether pictures are computed without a graphics card, as far as the browser tells.
+export const isSoftware = () => SOFTWARE.test(renderer);
 
 export function hasWebGL() {
   try {
     const canvas = document.createElement("canvas");
     const context = canvas.getContext("webgl2");
+    const told = context?.getExtension("WEBGL_debug_renderer_info");
+    if (told) renderer = String(context.getParameter(told.UNMASKED_RENDERER_WEBGL));
     context?.getExtension("WEBGL_lose_context")?.loseContext();
     return Boolean(context);
   } catch {

@@ -7,12 +7,13 @@ const SINK_S = 0.05;
 const RISE_S = 0.5;
 const SEEN_THROUGH = 0.22;
 const NOWHERE = -1e6;
+const KEYS = ["ArrowLeft", "ArrowRight", "Home", "End", " ", "Escape"]; // those of bar.js and drawer.js
 const SEEN = ["/modules", "/ground"]; // what takes long to draw
 
 export class Stage extends Scene {
   // Heard is one more than by a scene: pick(origin, direction) in pitches.
   constructor(frame, heard) {
-    super(frame, heard);
+    super(frame, heard, KEYS);
     this.latest = null;
     this.ground = null;
     this.through = false;

@@ -1,5 +1,7 @@
 // Who shows a fold: the 3D view, or the page's own drawing on top of it: until the view has started,
 // and, where 3D graphics are software and take long for a picture, for as long as anything moves.
+import { isSoftware } from "./scene.js";
+
 const SLOW_MS = 70; // for a picture; below it the view keeps up
 const MEASURED = 4; // pictures, of which the slowest does not count: it may have compiled shaders
 const MANY = 300; // modules, which software never shows in time
@@ -11,6 +13,8 @@ export class StandIn {
     this.opened = false; // the view has taken over
     this.begun = false; // it has been given a picture
     this.given = null; // the latest one before it took over
+    this.asked = false; // whether the first picture can be seen
+    this.onOpen = () => {};
     this.times = [];
     this.measuring = false;
     this.latest = null;
@@ -26,13 +30,20 @@ export class StandIn {
   get slow() {
     const { times, stage } = this;
     const sum = times.reduce((a, b) => a + b, 0);
-    if (times.length < MEASURED) return stage.scenery.header.chain.modules >= MANY && stage.software;
+    if (times.length < MEASURED) return stage.scenery.header.chain.modules >= MANY && isSoftware();
     return (sum - Math.max(...times)) / (MEASURED - 1) > SLOW_MS;
   }
 
-  // The view is there. One that takes seconds for a picture is shown when it has one.
+  // The view takes over when its first picture can be seen.
+  takeOver() {
+    if (this.asked || !this.given || !this.stage.open) return;
+    this.asked = true;
+    this.stage.painted(() => this.open());
+  }
+
   open() {
     this.opened = true;
+    this.onOpen();
     if (!this.slow || !this.given || !this.sketch.worker) { this.canvas.classList.add("gone"); return; }
     this.latest = this.given;
     this.canvas.classList.add("standing-in");
@@ -46,13 +57,14 @@ export class StandIn {
       // The view needs a picture to begin with; one that takes seconds for it gets no more of them.
       if (!this.slow || !this.begun) { stage.draw(shown, colours, follow ? view : null); this.begun = stage.open; }
       sketch.draw(shown, colours, view, stage.ground);
+      this.takeOver();
       return;
     }
     const seen = follow ? view : stage.camera;
     if (!this.slow || stage.through || !sketch.worker || !seen) {
-      if (this.latest) this.stepAside();
       stage.draw(shown, colours, follow ? view : null);
       this.measure();
+      if (this.latest) this.yield();
       return;
     }
     this.latest = [shown, colours, follow ? view : null];
@@ -63,38 +75,38 @@ export class StandIn {
     this.timer = setTimeout(() => this.rest(), REST_MS);
   }
 
-  // Nothing has moved for a while: the view shows the same, and is shown when it does.
+  // Nothing has moved for a while: the view shows the same.
   rest() {
-    const { latest } = this;
     if (this.busy()) { this.timer = setTimeout(() => this.rest(), REST_MS); return; }
+    this.stage.draw(...this.latest);
+    this.measure();
+    this.yield();
+  }
+
+  // The drawing goes when what the view was given can be seen, unless it has to stand in again.
+  yield() {
+    const { latest } = this;
+    clearTimeout(this.timer);
     this.stage.frame.classList.remove("behind");
-    this.stage.draw(...latest);
-    this.measure(() => {
-      if (this.latest === latest) this.stepAside();
+    this.stage.painted(() => {
+      if (this.latest !== latest) return;
+      this.latest = null;
+      this.canvas.classList.add("gone");
+      this.canvas.classList.remove("standing-in");
     });
   }
 
-  stepAside() {
-    clearTimeout(this.timer);
-    this.latest = null;
-    this.stage.frame.classList.remove("behind");
-    this.canvas.classList.add("gone");
-    this.canvas.classList.remove("standing-in");
-  }
-
   // How long the view takes to show what it was just given.
-  measure(then = () => {}) {
-    const view = this.stage.frame.contentWindow;
+  measure() {
     const begun = performance.now();
     const told = !this.measuring;
     this.measuring = true;
-    view.requestAnimationFrame(() => view.requestAnimationFrame(() => {
+    this.stage.passed(() => {
       if (told) {
         this.measuring = false;
         if (!document.hidden) this.times = [...this.times, performance.now() - begun].slice(-MEASURED);
       }
-      then();
       this.painted();
-    }));
+    });
   }
 }

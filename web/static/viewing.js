@@ -21,10 +21,9 @@ export function view({ source, figures, load, over = true, drawer = null, play =
   const film = new Film(source, { over });
   const frame = get("view");
   const stage = new Stage(frame, {
-    open: () => setTimeout(uncover, DRAW_MS),
+    open: () => player.standIn.takeOver(),
     pick: (origin, direction) => player.pick(origin, direction),
     touch: () => { if (player.is.follow) player.send({ do: "set", follow: false }); },
-    key: (event) => { place.acted = true; bar.key(event); },
   });
   // The page draws the fold by itself until the 3D view, which takes longer to start, has taken over.
   const sketch = new Sketch(get("sketch"), () => {
@@ -32,6 +31,7 @@ export function view({ source, figures, load, over = true, drawer = null, play =
     setTimeout(start3d, DRAW_MS);
   });
   const player = new Player(film, { stage, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight) });
+  player.standIn.onOpen = () => get("cover").classList.add("gone");
   const plots = get("panel-plots") ? new Plots(get("panel-plots"), player, figures) : null;
   const bar = new Bar(player, (name) => plots?.worst(name) ?? null);
   const place = new Place(player);
@@ -55,12 +55,6 @@ export function view({ source, figures, load, over = true, drawer = null, play =
     if (!sketch.worker) get("cover-text").textContent = "This browser shows no 3D graphics";
   }
   setTimeout(start3d, sketch.worker ? PATIENCE_MS : 0);
-
-  function uncover() {
-    if (!player.shown) { player.addEventListener("drawn", () => setTimeout(uncover, DRAW_MS), { once: true }); return; }
-    get("cover").classList.add("gone");
-    player.standIn.open();
-  }
 
   let begun = false;
   player.on("begun", () => {

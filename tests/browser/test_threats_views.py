@@ -1,0 +1,262 @@
+"""Strangers' scripts in the 3D view, which is a program of others in a frame of our pages."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import quote
+
+import msgspec
+import pytest
+import viser
+import zstandard
+from playwright.sync_api import Frame, Page, expect
+from viser import _messages as messages
+
+from tests.benchmarks.command import playing
+from tests.server.service import Service
+from tests.server.test_preview import stl
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+Visit = Callable[..., Page]
+
+MARK = "a stranger's script saw"
+KEPT = {"foldback:owner:mine": "a token"}
+RUNS = f'console.log("{MARK} " + JSON.stringify(localStorage))'
+REACHES = """async () => {
+  const asked = (begin) => new Promise((done, failed) => begin(() => done(true), failed));
+  const ways = {
+    storage: () => localStorage.length + 1,
+    cookies: () => document.cookie.length + 1,
+    databases: () => asked((done, failed) => {
+      const opening = indexedDB.open("x");
+      opening.onsuccess = done;
+      opening.onerror = failed;
+    }),
+    page: () => parent !== window && parent.document.body,
+    service: () => asked((done, failed) => {
+      const request = new XMLHttpRequest();
+      request.open("GET", "/api/folds");
+      request.onload = done;
+      request.onerror = failed;
+      request.send();
+    }),
+    pictures: () => asked((done, failed) => {
+      const picture = new Image();
+      picture.onload = done;
+      picture.onerror = failed;
+      picture.src = "/static/icon.svg";
+    }),
+  };
+  const reached = [];
+  for (const [what, reach] of Object.entries(ways)) {
+    try { if (await reach()) reached.push(what); } catch { }
+  }
+  return reached;
+}"""
+"""What a script can get at where it runs."""
+HANDED = """async ([messages]) => {
+  const [view] = document.querySelectorAll("iframe");
+  const hand = () => {
+    const { port1, port2 } = new MessageChannel();
+    const heard = [];
+    port1.onmessage = ({ data }) => heard.push(data.is);
+    view.contentWindow.postMessage({ keys: [] }, "*", [port2]);
+    port1.postMessage({ do: "pass", id: 1 });
+    return [port1, heard];
+  };
+  const [first, heard] = hand();
+  const [, later] = hand();
+  while (!heard.includes("open")) await new Promise(requestAnimationFrame);
+  first.postMessage({ do: "show", messages });
+  first.postMessage({ do: "pass", id: 2 });
+  while (heard.filter((is) => is === "done").length < 2) await new Promise(requestAnimationFrame);
+  return later;
+}"""
+
+
+def notice() -> list[dict[str, object]]:
+    """Messages of viser's: a notice with a picture that runs a script."""
+    html = f"<img src='data:,' onerror='{RUNS.replace(chr(39), '&#39;')}'>"
+    told = (
+        messages.GuiModalMessage(order=0.0, uuid="notice", title=""),
+        messages.GuiHtmlMessage(
+            uuid="html",
+            container_uuid="notice",
+            props=messages.GuiHtmlProps(order=0.0, content=html, visible=True),
+        ),
+    )
+    return [message.as_serializable_dict() for message in told]
+
+
+def recording() -> str:
+    """The same as a recording, and that as an address."""
+    told = msgspec.msgpack.encode(
+        {
+            "viserVersion": viser.__version__,
+            "durationSeconds": 1.0,
+            "messages": [(0.0, message) for message in notice()],
+            "binaryBufferLengths": [],
+        }
+    )
+    raw = len(told).to_bytes(8, "little") + told
+    data = len(raw).to_bytes(8, "little") + zstandard.compress(raw)
+    return "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+
+
+HOSTILE = f"playbackPath={quote(recording())}"
+
+
+@pytest.fixture(scope="module")
+def fold(service: Service) -> str:
+    found = service.fold(shape="wrench-24")
+    service.wait_over(found["id"])
+    return found["id"]
+
+
+def hostile(page: Page, address: str) -> list[str]:
+    """Opens an address with a hostile query and fragment; what its console says from then on.
+
+    Who frames a page of ours can set the addresses of the frames in it as well.
+    """
+    said: list[str] = []
+    page.on("console", lambda message: said.append(message.text))
+    page.goto(f"{address}{'&' if '?' in address else '?'}{HOSTILE}#{HOSTILE}")
+    return said
+
+
+def at_work(frame: Frame) -> Frame:
+    """Viser's client, when it has begun to draw."""
+    frame.locator("#root canvas").first.wait_for(state="attached")
+    frame.evaluate("() => new Promise((done) => setTimeout(() => requestAnimationFrame(done)))")
+    return frame
+
+
+def framed(page: Page) -> list[Frame]:
+    """The clients that a page frames, at hostile addresses where they have one."""
+    found: list[Frame] = []
+    for view in page.locator("iframe").all():
+        expect(view).to_have_attribute(*GIVEN)
+        element = view.element_handle()
+        frame = element.content_frame()
+        assert frame
+        at_work(frame)
+        element.evaluate(READDRESSED, HOSTILE)
+        frame = element.content_frame()
+        assert frame
+        found.append(at_work(frame))
+    return found
+
+
+GIVEN = ("title", re.compile("^3D view"))
+READDRESSED = """(frame, asked) => frame.getAttribute("src") && new Promise((done) => {
+  frame.addEventListener("load", done, { once: true });
+  frame.src += `?${asked}#${asked}`;
+})"""
+
+
+def harmless(frames: list[Frame], said: list[str]) -> None:
+    for frame in frames:
+        assert frame.evaluate("() => location.search + location.hash") == ""
+        assert frame.evaluate(REACHES) == []
+    assert not [words for words in said if MARK in words]
+
+
+@pytest.mark.parametrize("address", ["/view", "/embed/view"])
+def test_the_client_by_itself(visit: Visit, address: str) -> None:
+    page = visit("/shapes/new")
+    page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
+    said = hostile(page, address)
+    harmless([at_work(page.main_frame)], said)
+
+
+@pytest.mark.parametrize("address", ["/folds/{0}", "/embed/{0}", "/compare?a={0}&b={0}"])
+def test_pages_of_folds(visit: Visit, fold: str, address: str) -> None:
+    page = visit("/shapes/new")
+    page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
+    said = hostile(page, address.format(fold))
+    frames = framed(page)
+    assert len(frames) == (2 if "compare" in address else 1)
+    harmless(frames, said)
+
+
+def test_the_page_of_a_preview(visit: Visit, service: Service) -> None:
+    told = service.http.post("/api/shapes/preview", files={"file": ("brick.stl", stl())}).json()
+    page = visit("/shapes/new")
+    page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
+    said = hostile(page, told["links"]["page"])
+    frames = framed(page)
+    assert len(frames) == 1
+    harmless(frames, said)
+
+
+@pytest.mark.parametrize("address", ["/", "/shapes/new", "/gallery"])
+def test_pages_without_the_client(visit: Visit, address: str) -> None:
+    page = visit("/shapes/new")
+    said = hostile(page, address)
+    expect(page.locator("iframe")).to_have_count(0)
+    harmless([], said)
+
+
+def test_a_directory_that_is_played(visit: Visit, service: Service, fold: str) -> None:
+    with playing(service.directory(fold)) as address:
+        page = visit(address)
+        page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
+        said = hostile(page, address)
+        harmless(framed(page), said)
+
+
+def test_a_page_that_was_taken_away(
+    visit: Visit, service: Service, fold: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "fold.html"
+    path.write_bytes(service.http.get(f"/folds/{fold}/standalone.html").content)
+    page = visit("about:blank")
+    said = hostile(page, path.as_uri())
+    page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
+    frames = framed(page)
+    assert len(frames) == 1
+    harmless(frames, said)
+
+
+def test_where_a_browser_keeps_the_query_nothing_is_played(visit: Visit) -> None:
+    page = visit("/shapes/new")
+    page.add_init_script(
+        "History.prototype.replaceState = () => { throw new DOMException('no', 'SecurityError'); }"
+    )
+    said = hostile(page, "/view")
+    frame = at_work(page.main_frame)
+    assert "playbackPath" in frame.evaluate("() => location.search")
+    harmless([], said)
+
+
+def test_only_the_page_around_it_is_listened_to_and_once(visit: Visit) -> None:
+    page = visit("/shapes/new")
+    said: list[str] = []
+    page.on("console", lambda message: said.append(message.text))
+    page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
+    page.evaluate(
+        """() => Promise.all([0, 1].map(() => new Promise((done) => {
+          const view = document.createElement("iframe");
+          Object.assign(view, { src: "/view", title: "3D view", onload: done });
+          view.sandbox = "allow-scripts";
+          document.body.append(view);
+        })))"""
+    )
+    view, beside = (at_work(frame) for frame in page.frames[1:])
+    beside.evaluate(
+        """() => {
+          const { port1, port2 } = new MessageChannel();
+          window.heard = [];
+          port1.onmessage = ({ data }) => heard.push(data);
+          parent.frames[0].postMessage({ keys: [] }, "*", [port2]);
+          port1.postMessage({ do: "pass", id: 1 });
+        }"""
+    )
+    # A port handed over later is left alone, and so are messages that are no part of a scene.
+    assert page.evaluate(HANDED, [notice()]) == []
+    assert beside.evaluate("() => heard") == []
+    assert view.locator(".mantine-Modal-root").count() == 0
+    harmless([view, beside], said)
