@@ -91,6 +91,7 @@ export class StandIn {
     this.stage.painted(() => {
       if (this.latest !== latest) return;
       this.latest = null;
+      this.stage.frame.classList.remove("behind");
       this.canvas.classList.add("gone");
       this.canvas.classList.remove("standing-in");
     });
