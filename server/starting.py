@@ -54,7 +54,7 @@ def settings_words(error: ValidationError) -> str:
 def _fault(one: Mapping[str, Any]) -> str:
     if one["type"] == "value_error":
         return str(one["ctx"]["error"]).removesuffix(".")
-    expected = EXPECTED.get(one["type"], one["msg"]).format(**one.get("ctx", {}))
+    expected = str(EXPECTED.get(one["type"], one["msg"])).format(**one.get("ctx", {}))
     got = str(one["input"])
     return f"got {got[:LONGEST] + '…' * (len(got) > LONGEST)!r}, expected {expected}"
 
