@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.angle_steps import snapped
 from planner.chain import Chain
 from planner.frames import PHASES, Frames, Phase
 from planner.parameters import PlaybackParameters
@@ -74,12 +75,12 @@ def kinematic_frames(
     if unfolding is not None:
         # Its last frame is straight, and so is the first one of what follows.
         times = start_s + unfolding.time_s[-1] - unfolding.time_s[::-1]
-        yield at_rest("unfolding", times[:-1], unfolding.folding_rad[::-1][:-1])
+        yield at_rest("unfolding", times[:-1], snapped(unfolding.folding_rad[::-1][:-1]))
         start_s = float(times[-1])
     for start in range(0, count + 1, CHUNK):
         part = slice(start, min(start + CHUNK, count + 1))
         times = start_s + law.step_s * np.arange(count + 1.0)[part]
-        yield at_rest("playback", times, reference.spline(law.u[part]))
+        yield at_rest("playback", times, snapped(reference.spline(law.u[part])))
 
 
 def windowed_frames(
@@ -104,10 +105,10 @@ def windowed_frames(
     law = smooth_law(steps=LAW_STEPS, step_s=1.0 / LAW_STEPS)
     shares = np.interp(lengths / max(total, 1e-12), law.u, np.linspace(0.0, 1.0, LAW_STEPS + 1))
     # The stops of a simulated joint give a little.
-    limit = np.float32(chain.module.angle_limit_rad)
+    angles = snapped(reversed_record.angles_rad, chain.module.angle_limit_rad)
     return replace(
         reversed_record,
-        angles_rad=np.clip(reversed_record.angles_rad, -limit, limit),
+        angles_rad=angles.astype(np.float32),
         time_s=start_s + duration_s * shares,
         phase=np.full(len(record), PHASES.index("playback"), dtype=np.uint8),
     )

@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from planner.angle_steps import snapped
 from planner.chain import Chain
 from planner.frames import PHASES
 from planner.motion import Motion
@@ -45,7 +46,7 @@ def unbend_one_by_one(chain: Chain, *, sink: Callable[[Motion], None] | None = N
         phase=np.full(len(times), PHASES.index("explosion"), dtype=np.uint8),
         first=np.array(first, dtype=np.int64),
         offsets=np.concatenate([[0], np.cumsum([len(part) for part in angles])]),
-        angles_rad=np.concatenate(angles).astype(np.float32),
+        angles_rad=snapped(np.concatenate(angles)).astype(np.float32),
         base_position=np.tile(chain.folded_position, (len(times), 1)),
         base_wxyz=np.tile(chain.folded_wxyz, (len(times), 1)),
     )

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.angle_steps import snapped
 from planner.frames import PHASES
 from planner.peeling_proof import Proof
 from planner.peeling_window import Bend, Peelable
@@ -110,7 +111,7 @@ class PeelRecorder:
             phase=np.full(count, PHASES.index("explosion"), dtype=np.uint8),
             first=np.array([hinges * b.first for b in bends], dtype=np.int64),
             offsets=np.concatenate([[0], np.cumsum([len(b.angles) for b in bends])]),
-            angles_rad=np.concatenate([b.angles for b in bends]).astype(np.float32),
+            angles_rad=snapped(np.concatenate([b.angles for b in bends])).astype(np.float32),
             base_position=np.tile(chain.folded_position, (count, 1)),
             base_wxyz=np.tile(chain.folded_wxyz, (count, 1)),
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import zlib
+from base64 import b64decode, b64encode
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path as FilePath
@@ -14,6 +15,16 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.angle_steps import (
+    MOST_PLAIN,
+    PLANES,
+    Planes,
+    frame_angles,
+    frame_planes,
+    told_of,
+    window_angles,
+    window_planes,
+)
 from planner.certificate import Certificate
 from planner.chain import Chain
 from planner.diagnosis import stuck_of
@@ -29,12 +40,13 @@ from planner.timeline import chain_attributes, chain_from_attributes
 from planner.windows import Windows
 
 Array = NDArray[np.float64]
-FORMAT: Final = "foldback-plan/1"
-WINDOWS_FORMAT: Final = "foldback-plan/2"
+FORMAT: Final = "foldback-plan/3"
+EARLIER: Final = {"foldback-plan/1": "frames", "foldback-plan/2": "windows"}
+"""Formats that are read as well, and the kind of motion that each held."""
 MOST_ANGLES: Final = 2**25
 """Angles that are put side by side at once, a quarter of a gibibyte."""
-DIGITS: Final = 12
-"""Decimals of angles and positions in the JSON form; the ``.npz`` form has them all."""
+LEVEL: Final = 9
+"""Of deflate, where a plan is written as JSON."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -203,17 +215,21 @@ class Plan:
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """The plan as ``foldback-plan/1`` or, of windows, ``/2``: plain JSON values."""
-        return {
-            **self._rest(),
-            "phase": [PHASES[index] for index in self.phase.tolist()],
-            **{name: _listed(column) for name, column in self._columns().items()},
-        }
+        """The plan as plain JSON values."""
+        columns, planes = self._columns()
+        values = self._rest()
+        if planes is not None:
+            data = b64encode(zlib.compress(planes.tobytes(), LEVEL)).decode()
+            values["angles"] = {**values["angles"], "data": data}
+        return {**values, **{name: _listed(column) for name, column in columns.items()}}
 
     def _rest(self) -> dict[str, Any]:
         """All but what there is of each frame."""
+        windowed = isinstance(self.motion, Windows)
+        shape = self.motion.angles_rad.shape if windowed else self.motion.joint_angles_rad.shape
         return {
-            "format": WINDOWS_FORMAT if isinstance(self.motion, Windows) else FORMAT,
+            "format": FORMAT,
+            "motion": _kind(self.motion),
             "chain": chain_attributes(self.chain),
             "start": None if self.start is None else chain_attributes(self.start),
             "preset": self.preset,
@@ -227,12 +243,30 @@ class Plan:
             "certificate": self.certificate.as_dict(),
             "root_module": self.chain.root,
             "joint_names": list(self.chain.joint_names),
+            "angles": told_of(shape, windowed=windowed),
         }
 
-    def _columns(self) -> dict[str, Any]:
-        """What it holds of each frame, by name, but for the phase."""
-        names = _columns_of(isinstance(self.motion, Windows))
-        return {**{n: getattr(self.motion, n) for n in names}, "max_error_rad": self.max_error_rad}
+    def _columns(self) -> tuple[dict[str, NDArray[Any]], Planes | None]:
+        """What it holds of each frame, by name; the angles apart when they are in planes."""
+        motion = self.motion
+        names = _columns_of(_kind(motion))
+        columns = {
+            "phase": np.array([PHASES[index] for index in self.phase.tolist()], dtype="<U16"),
+            **{name: getattr(motion, name) for name in names},
+            "max_error_rad": self.max_error_rad,
+        }
+        angles = next(name for name in names if name.endswith("angles_rad"))
+        if columns[angles].size <= MOST_PLAIN:
+            return columns, None
+        if isinstance(motion, Windows):
+            planes = window_planes(
+                motion.first, motion.offsets, motion.angles_rad, self.chain.folded_rad
+            )
+        else:
+            planes = frame_planes(motion.joint_angles_rad)
+        if planes is not None:
+            del columns[angles]
+        return columns, planes
 
     def save_json(self, path: FilePath) -> None:
         """Writes the JSON form; the file is either whole or not there."""
@@ -248,12 +282,12 @@ class Plan:
 
     def npz_arrays(self) -> dict[str, Any]:
         """What the ``.npz`` form holds, by name."""
-        columns = self._columns()
+        columns, planes = self._columns()
         return {
             "plan": np.array(json.dumps(self._rest())),
-            "phase": np.array([PHASES[index] for index in self.phase.tolist()], dtype="<U16"),
             "joint_names": np.array(self.chain.joint_names),
             **columns,
+            **({} if planes is None else {PLANES: planes}),
         }
 
     @classmethod
@@ -271,11 +305,11 @@ class Plan:
                     values.update({name: file[name] for name in file.files if name != "plan"})
             else:
                 values = json.loads(path.read_bytes())
-            if values["format"] not in (FORMAT, WINDOWS_FORMAT):
+            if values["format"] != FORMAT and values["format"] not in EARLIER:
                 raise InputError(
                     "wrong-format",
-                    f"got the format {values['format']!r} in {path.name}, expected {FORMAT!r} or "
-                    f"{WINDOWS_FORMAT!r}.",
+                    f"got the format {values['format']!r} in {path.name}, expected one of "
+                    f"{', '.join((FORMAT, *EARLIER))}.",
                 )
             chain = chain_from_attributes(values["chain"])
             motion, errors = _read_motion(values, chain)
@@ -298,6 +332,7 @@ class Plan:
 _UNREADABLE: Final = (
     OSError,
     EOFError,
+    IndexError,
     KeyError,
     TypeError,
     ValueError,
@@ -315,9 +350,13 @@ _VALUES: Final = (
 )
 
 
-def _columns_of(windowed: bool) -> dict[str, tuple[tuple[int, ...], Any]]:
+def _kind(motion: Motion) -> str:
+    return "windows" if isinstance(motion, Windows) else "frames"
+
+
+def _columns_of(kind: str) -> dict[str, tuple[tuple[int, ...], Any]]:
     """What is written of a motion beside the phase: shape behind the first axis, and type."""
-    if windowed:
+    if kind == "windows":
         return {
             "time_s": ((), np.float64),
             "first": ((), np.int64),
@@ -334,15 +373,35 @@ def _columns_of(windowed: bool) -> dict[str, tuple[tuple[int, ...], Any]]:
     }
 
 
+def _unpack(values: dict[str, Any], kind: str, chain: Chain) -> None:
+    """Puts the angles that are in planes among a plan's values."""
+    told = values.get("angles", {})
+    if "data" in told:
+        planes = np.frombuffer(zlib.decompress(b64decode(told["data"])), np.uint8).reshape(4, -1)
+    elif PLANES in values:
+        planes = values[PLANES]
+    else:
+        return
+    if kind == "frames":
+        values["joint_angles_rad"] = frame_angles(planes, told)
+        return
+    first, offsets = (np.asarray(values[name], np.int64) for name in ("first", "offsets"))
+    values["angles_rad"] = window_angles(planes, told, first, offsets, chain.folded_rad)
+
+
 def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
     """The motion and the largest errors among a plan's values."""
-    windowed = values["format"] == WINDOWS_FORMAT
+    kind = EARLIER.get(values["format"]) or values["motion"]
+    windowed = kind == "windows"
+    if not windowed and kind != "frames":
+        raise ValueError(f"got a motion of {kind!r}, expected frames or windows")
+    _unpack(values, kind, chain)
     hinges = len(chain.folded_rad)
     arrays: dict[str, Any] = {
-        name: np.asarray(values[name], dtype=kind).reshape(
+        name: np.asarray(values[name], dtype=of).reshape(
             -1, *(hinges if length < 0 else length for length in tail)
         )
-        for name, (tail, kind) in _columns_of(windowed).items()
+        for name, (tail, of) in _columns_of(kind).items()
     }
     arrays["phase"] = np.array(
         [PHASES.index(str(name)) for name in values["phase"]], dtype=np.uint8
@@ -377,8 +436,11 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _listed(array: Array) -> Any:
-    if array.ndim == 1 and np.isnan(array).any():
-        return [None if np.isnan(value) else value for value in np.round(array, DIGITS).tolist()]
-    exact = array if array.dtype.kind == "i" else array.astype(np.float64)
-    return np.round(exact, DIGITS).tolist()
+def _listed(array: NDArray[Any]) -> Any:
+    """Plain JSON values that are read back as the same numbers."""
+    if array.dtype.kind != "f":
+        return array.tolist()
+    exact = array.astype(np.float64)
+    if array.ndim == 1 and np.isnan(exact).any():
+        return [None if np.isnan(value) else value for value in exact.tolist()]
+    return exact.tolist()

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.alignment import aligned_distances
+from planner.angle_steps import packed_frames, snapped, unpacked_frames
 from planner.chain import Chain
 from planner.controllers import ComputedTorque, Controller, Servo
 from planner.errors import InputError, SimulationError
@@ -103,22 +104,30 @@ class Playback:
 
     def save(self, path: FilePath) -> None:
         """Writes an ``.npz`` that is either whole or not there."""
+        frames, reference = motion_arrays(self.frames), self.reference_rad
+        if reference is not None and np.array_equal(reference, frames["joint_angles_rad"]):
+            del frames["joint_angles_rad"]  # of a kinematic playback they are the same
         save_npz(
             path,
             {
                 **{name: _stored(getattr(self, name)) for name in _SCALARS},
-                **({} if self.reference_rad is None else {"reference_rad": self.reference_rad}),
-                **motion_arrays(self.frames),
+                **({} if reference is None else packed_frames("reference_rad", reference)),
+                **frames,
             },
         )
 
     @classmethod
     def load(cls, path: FilePath) -> Playback:
         """Reads what ``save`` wrote."""
-        with np.load(path, allow_pickle=False) as arrays:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = dict(file)
+            reference = None
+            if "offsets" not in arrays:
+                reference = unpacked_frames(arrays, "reference_rad")
+                arrays.setdefault("joint_angles_rad", reference)
             return cls(
                 frames=motion_from_arrays(arrays),
-                reference_rad=arrays.get("reference_rad"),
+                reference_rad=reference,
                 **{name: _loaded(arrays[name].item()) for name in _SCALARS if name in arrays},
             )
 
@@ -203,7 +212,7 @@ def play_back(
         status=status,
         reason=reason,
         frames=frames,
-        reference_rad=np.array(run.references),
+        reference_rad=snapped(np.array(run.references)),
         steps=run.steps,
         seconds=time.perf_counter() - begun,
         rms_position_error=error,

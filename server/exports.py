@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
-from zipfile import BadZipFile, ZipFile
+from zipfile import BadZipFile
 
+from planner.angle_steps import unpacked_bytes
 from planner.errors import InputError
 from planner.readers.limits import megabytes
 from server.problems import Problem
@@ -75,7 +76,6 @@ def _written(path: Path, export: Export) -> bytes:
 def _unpacked(path: Path) -> int:
     """Bytes of a plan's arrays; 0 when it cannot be read, which ``Plan.load`` says better."""
     try:
-        with ZipFile(path) as file:
-            return sum(info.file_size for info in file.infolist())
+        return unpacked_bytes(path)
     except (OSError, BadZipFile):
         return 0

@@ -15,6 +15,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.angle_steps import plan_angles
 from planner.figures import Curves, Figures
 from planner.timeline import Timeline
 from web.columns import encode
@@ -108,8 +109,7 @@ def _reference(directory: Path) -> Array | None:
         key = (path, found.st_ino, found.st_mtime_ns)
         angles = _REFERENCES.get(key)
         if angles is None:
-            with np.load(path, allow_pickle=False) as plan:
-                angles = plan["joint_angles_rad"]
+            angles = plan_angles(path)
             angles.flags.writeable = False
             _REFERENCES.keep(key, angles, angles.nbytes)
     except (OSError, ValueError, KeyError, BadZipFile):

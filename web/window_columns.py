@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.angle_steps import window_differences, window_totals
 from planner.windows import Windows
 
 Ints = NDArray[np.int64]
@@ -26,28 +27,16 @@ PLANES: Final = frozenset(
 
 def window_columns(windows: Windows, folded_rad: NDArray[np.floating[Any]]) -> dict[str, Any]:
     """The columns of some snapshots of a chain that is folded at ``folded_rad``."""
-    folded = whole_steps(folded_rad)
-    steps = whole_steps(windows.angles_rad)
     counts = np.diff(windows.offsets)
-    parts: list[Ints] = []
-    before = np.zeros(0, np.int64)
-    begin = end = 0
-    for k, first in enumerate(windows.first.tolist()):
-        now = steps[windows.offsets[k] : windows.offsets[k + 1]]
-        last = first + len(now)
-        expected = np.zeros(len(now), np.int64)
-        if k:
-            low, high = min(max(begin, first), last), min(max(end, first), last)
-            expected[: low - first] = folded[first:low]
-            expected[low - first : high - first] = before[low - begin : high - begin]
-        parts.append(now - expected)
-        before, begin, end = now, first, last
+    changes = window_differences(
+        windows.first, windows.offsets, whole_steps(windows.angles_rad), whole_steps(folded_rad)
+    )
     return {
         "time_s": windows.time_s.astype("<f8"),
         "phase": windows.phase.astype("|u1"),
         "first": windows.first.astype("<i4"),
         "counts": counts.astype("<i4"),
-        "steps": np.concatenate([np.zeros(0, np.int64), *parts]).astype("<i4"),
+        "steps": changes.astype("<i4"),
         "base_position": windows.base_position.astype("<f8"),
         "base_wxyz": windows.base_wxyz.astype("<f8"),
     }
@@ -55,24 +44,13 @@ def window_columns(windows: Windows, folded_rad: NDArray[np.floating[Any]]) -> d
 
 def windows_of(columns: Mapping[str, Any], folded_rad: NDArray[np.floating[Any]]) -> Windows:
     """The snapshots that ``window_columns`` told, each angle to within half a step."""
-    folded = whole_steps(folded_rad)
     offsets = np.concatenate([[0], np.cumsum(columns["counts"], dtype=np.int64)])
-    steps = columns["steps"].astype(np.int64)
-    whole = np.zeros(len(folded), np.int64)
-    begin = end = 0
-    for k, first in enumerate(columns["first"].tolist()):
-        now = steps[offsets[k] : offsets[k + 1]]
-        last = first + len(now)
-        if k:
-            whole[first:begin] = folded[first:begin]
-            whole[max(first, end) : last] = 0
-            now += whole[first:last]
-        whole[first:last] = now
-        begin, end = first, last
+    first = columns["first"].astype(np.int64)
+    steps = window_totals(first, offsets, columns["steps"], whole_steps(folded_rad))
     return Windows(
         time_s=columns["time_s"],
         phase=columns["phase"],
-        first=columns["first"].astype(np.int64),
+        first=first,
         offsets=offsets,
         angles_rad=(steps * ANGLE_STEP_RAD).astype(np.float32),
         base_position=columns["base_position"],

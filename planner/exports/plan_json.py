@@ -1,4 +1,4 @@
-"""JSON: the plan as ``foldback-plan/1``."""
+"""JSON: the plan as ``foldback-plan/3``."""
 
 from __future__ import annotations
 

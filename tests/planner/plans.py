@@ -5,7 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from planner.certificate import certify
+from planner.chain import Chain
 from planner.frames import Frames
+from planner.motion import Motion
+from planner.parameters import Parameters
 from planner.plan import Plan
 
 
@@ -15,6 +21,13 @@ def changed(plan: Plan, **values: Any) -> Plan:
     if columns:
         values["motion"] = replace(plan.whole(), **columns)
     return replace(plan, **values)
+
+
+def unverified(chain: Chain, motion: Motion, parameters: Parameters) -> Plan:
+    """A plan of any motion, with the certificate that says that nothing was looked at."""
+    certificate = certify(chain, None, None, parameters)
+    plan = Plan.assembled(chain, parameters, 0, None, None, certificate)
+    return replace(plan, motion=motion, max_error_rad=np.full(len(motion), np.nan))
 
 
 FRAME_COLUMNS = frozenset(Frames.__dataclass_fields__)

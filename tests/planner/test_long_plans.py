@@ -150,7 +150,7 @@ def test_a_timeline_of_windows_takes_nothing_else(tmp_path: FilePath) -> None:
 
 def test_both_forms_of_the_plan_hold_the_same(made: FilePath, plan: Plan) -> None:
     told = json.loads((made / "plan.json").read_bytes())
-    assert told["format"] == "foldback-plan/2"
+    assert (told["format"], told["motion"]) == ("foldback-plan/3", "windows")
     assert "joint_angles_rad" not in told
     again = Plan.load(made / "plan.json")
     for name, values in motion_arrays(again.motion).items():

@@ -55,7 +55,7 @@ def test_the_plan_can_be_taken_away(service: Service, finished: dict[str, Any]) 
     answer = get(service, finished, "plan.json")
     plan = answer.json()
     assert answer.headers["content-disposition"].startswith("attachment")
-    assert plan["format"] == "foldback-plan/1"
+    assert plan["format"] == "foldback-plan/3"
     assert plan["seed"] == 3
     arrays = np.load(io.BytesIO(get(service, finished, "plan.npz").content), allow_pickle=False)
     angles = arrays["joint_angles_rad"]

@@ -1,0 +1,155 @@
+from __future__ import annotations
+
+import io
+import json
+from base64 import b64decode
+from pathlib import Path as FilePath
+from typing import Any
+from zlib import decompress
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays_of
+from numpy.typing import NDArray
+
+from planner.angle_steps import (
+    STEP_RAD,
+    frame_angles,
+    frame_planes,
+    packed_frames,
+    plan_angles,
+    snapped,
+    told_of,
+    unpacked_bytes,
+    unpacked_frames,
+    whole_steps,
+    window_angles,
+    window_planes,
+)
+from planner.frames import Frames
+from planner.motion import motion_arrays
+from planner.parameters import Parameters
+from planner.plan import Plan
+from planner.windows import Windows
+from tests.planner.chains import line
+from tests.planner.plans import unverified
+
+ANGLES = st.floats(-1.6, 1.6)
+SHAPES = st.tuples(st.integers(1, 9), st.integers(1, 5))
+FRAMES = arrays_of.arrays(np.float64, SHAPES, elements=ANGLES)
+SPANS = st.tuples(st.integers(0, 4), st.integers(0, 4)).map(sorted)
+
+
+def test_straight_and_folded_are_whole_steps() -> None:
+    exact = np.array([0.0, np.pi / 2, -np.pi / 2])
+    np.testing.assert_array_equal(snapped(exact), exact)
+    single = exact.astype(np.float32)
+    np.testing.assert_array_equal(snapped(single).astype(np.float32), single)
+
+
+@given(FRAMES)
+def test_angles_are_read_as_they_were_written(angles: NDArray[np.float64]) -> None:
+    near = snapped(angles)
+    assert np.abs(near - angles).max() <= STEP_RAD / 2 * (1 + 1e-9)
+    planes = frame_planes(near)
+    assert planes is not None
+    again = frame_angles(planes, told_of(near.shape, windowed=False))
+    np.testing.assert_array_equal(again, near)
+    single = near.astype(np.float32)
+    steps = whole_steps(single)
+    assert steps is not None
+    np.testing.assert_array_equal((steps * STEP_RAD).astype(np.float32), single)
+
+
+def test_what_is_not_in_whole_steps_is_not_rounded() -> None:
+    for spoilt in (1e-7, np.nan, np.inf, 8.0):
+        assert frame_planes(np.array([[0.0, spoilt]])) is None
+    angles = np.random.default_rng(0).normal(size=(600, 500))
+    assert packed_frames("a", angles) == {"a": angles}
+
+
+def test_no_angle_is_beyond_its_limit() -> None:
+    limit = 100.3 * STEP_RAD
+    np.testing.assert_array_equal(
+        snapped(np.array([1.0, -1.0, np.nan]), limit) / STEP_RAD, [100.0, -100.0, np.nan]
+    )
+
+
+@given(st.data())
+def test_windows_are_read_as_they_were_written(data: st.DataObject) -> None:
+    folded = np.array([np.pi / 2, 0.0, -np.pi / 2, np.pi / 2])
+    spans = data.draw(st.lists(SPANS, min_size=1, max_size=8))
+    first = np.array([low for low, _ in spans])
+    offsets = np.concatenate([[0], np.cumsum([high - low for low, high in spans])])
+    drawn = data.draw(arrays_of.arrays(np.float64, int(offsets[-1]), elements=ANGLES))
+    angles = snapped(drawn).astype(np.float32)
+    planes = window_planes(first, offsets, angles, folded)
+    assert planes is not None
+    told = told_of(angles.shape, windowed=True)
+    np.testing.assert_array_equal(window_angles(planes, told, first, offsets, folded), angles)
+
+
+def big(*, windowed: bool) -> Plan:
+    """A plan with too many angles for plain numbers: waves on a chain of 200 cubes."""
+    chain = line(200)
+    rows, hinges = np.ogrid[:800, : len(chain.folded_rad)]
+    frames = Frames.of_phase(
+        "playback",
+        time_s=np.arange(800.0),
+        joint_angles_rad=snapped(np.sin(rows / 50.0 + hinges)),
+        root_position=np.random.default_rng(0).normal(size=(800, 3)),
+        root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (800, 1)),
+    )
+    return unverified(chain, Windows.of(chain, frames) if windowed else frames, Parameters())
+
+
+@pytest.mark.parametrize("windowed", [False, True])
+@pytest.mark.parametrize("suffix", ["json", "npz"])
+def test_a_large_plan_is_written_in_steps_and_read_back_exactly(
+    windowed: bool, suffix: str, tmp_path: FilePath
+) -> None:
+    plan = big(windowed=windowed)
+    path = tmp_path / f"plan.{suffix}"
+    plan.save_json(path) if suffix == "json" else plan.save_npz(path)
+    assert path.stat().st_size < 4 * 800 * 396  # some eighty bytes a hinge, as plain text
+    again = Plan.load(path)
+    theirs = motion_arrays(again.motion)
+    for name, mine in motion_arrays(plan.motion).items():
+        np.testing.assert_array_equal(theirs[name], mine, err_msg=name)
+    if suffix == "npz":
+        assert unpacked_bytes(path) > 8 * 800 * 396
+        if not windowed:
+            np.testing.assert_array_equal(plan_angles(path), plan.joint_angles_rad)
+
+
+def test_an_outsider_reads_both_forms_with_numpy_alone() -> None:
+    """As docs/robot.md tells it."""
+    plan = big(windowed=False)
+
+    def angles_of(told: dict[str, Any], planes: NDArray[np.uint8]) -> NDArray[np.float64]:
+        codes = np.ascontiguousarray(planes.T).view("<u4").astype("i8")
+        steps = ((codes >> 1) ^ -(codes & 1)).reshape(told["shape"])
+        for _ in range(told["differences"]):
+            steps = steps.cumsum(axis=0)
+        return steps * told["step_rad"]
+
+    file = io.BytesIO()
+    np.savez_compressed(file, **plan.npz_arrays())
+    file.seek(0)
+    with np.load(file, allow_pickle=False) as arrays:
+        told = json.loads(str(arrays["plan"]))["angles"]
+        np.testing.assert_array_equal(
+            angles_of(told, arrays["angle_planes"]), plan.joint_angles_rad
+        )
+    told = json.loads(plan.json_bytes())["angles"]
+    planes = np.frombuffer(decompress(b64decode(told["data"])), np.uint8).reshape(4, -1)
+    np.testing.assert_array_equal(angles_of(told, planes), plan.joint_angles_rad)
+
+
+def test_frames_beside_a_plan_are_packed_too() -> None:
+    angles = big(windowed=False).joint_angles_rad
+    packed = packed_frames("reference_rad", angles)
+    assert set(packed) == {"reference_rad_planes", "reference_rad_told"}
+    np.testing.assert_array_equal(unpacked_frames(packed, "reference_rad"), angles)
