@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
+from typing import Final
+from zipfile import BadZipFile
+
 
 class PlannerError(Exception):
     """Root of everything the planner raises on purpose."""
@@ -29,3 +34,20 @@ class TimelineError(PlannerError):
 
 class SimulationError(PlannerError):
     """A simulation that cannot be set up or that left the numbers it can trust."""
+
+
+UNREADABLE: Final = (
+    OSError,
+    EOFError,
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    MemoryError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    struct.error,
+    BadZipFile,
+    zlib.error,
+)
+"""What readers of damaged files raise: zip, NumPy, zarr, blosc and JSON each have their own."""

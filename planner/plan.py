@@ -7,10 +7,10 @@ import platform
 import zlib
 from base64 import b64decode, b64encode
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path as FilePath
 from typing import Any, Final
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ from planner.angle_steps import (
 from planner.certificate import Certificate
 from planner.chain import Chain
 from planner.diagnosis import stuck_of
-from planner.errors import InputError
+from planner.errors import UNREADABLE, InputError
 from planner.files import write_whole
 from planner.frames import PHASES, Frames
 from planner.motion import Motion
@@ -217,14 +217,14 @@ class Plan:
     def as_dict(self) -> dict[str, Any]:
         """The plan as plain JSON values."""
         columns, planes = self._columns()
-        values = self._rest()
+        values = {**self.rest(), "joint_names": list(self.chain.joint_names)}
         if planes is not None:
             data = b64encode(zlib.compress(planes.tobytes(), LEVEL)).decode()
             values["angles"] = {**values["angles"], "data": data}
         return {**values, **{name: _listed(column) for name, column in columns.items()}}
 
-    def _rest(self) -> dict[str, Any]:
-        """All but what there is of each frame."""
+    def rest(self) -> dict[str, Any]:
+        """All but the joints' names and what there is of each frame, as plain JSON values."""
         windowed = isinstance(self.motion, Windows)
         shape = self.motion.angles_rad.shape if windowed else self.motion.joint_angles_rad.shape
         return {
@@ -242,7 +242,6 @@ class Plan:
             "playback": self.playback,
             "certificate": self.certificate.as_dict(),
             "root_module": self.chain.root,
-            "joint_names": list(self.chain.joint_names),
             "angles": told_of(shape, windowed=windowed),
         }
 
@@ -284,7 +283,7 @@ class Plan:
         """What the ``.npz`` form holds, by name."""
         columns, planes = self._columns()
         return {
-            "plan": np.array(json.dumps(self._rest())),
+            "plan": np.array(json.dumps(self.rest())),
             "joint_names": np.array(self.chain.joint_names),
             **columns,
             **({} if planes is None else {PLANES: planes}),
@@ -295,20 +294,26 @@ class Plan:
         """Reads a plan from its JSON or ``.npz`` form.
 
         Raises:
-            InputError: ``not-a-plan``.
+            InputError: ``not-a-plan``, ``wrong-format``.
+        """
+        return cls.of_values(read_values(path), path.name)
+
+    @classmethod
+    def of_values(cls, values: dict[str, Any], name: str) -> Plan:
+        """The plan that a file holds.
+
+        Args:
+            values: From ``read_values``.
+            name: Of the file.
+
+        Raises:
+            InputError: ``not-a-plan``, ``wrong-format``.
         """
         try:
-            if path.suffix == ".npz":
-                # NumPy leaves a file open that it opened itself and cannot read.
-                with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-                    values = json.loads(str(file["plan"]))
-                    values.update({name: file[name] for name in file.files if name != "plan"})
-            else:
-                values = json.loads(path.read_bytes())
             if values["format"] != FORMAT and values["format"] not in EARLIER:
                 raise InputError(
                     "wrong-format",
-                    f"got the format {values['format']!r} in {path.name}, expected one of "
+                    f"got the format {values['format']!r} in {name}, expected one of "
                     f"{', '.join((FORMAT, *EARLIER))}.",
                 )
             chain = chain_from_attributes(values["chain"])
@@ -323,23 +328,31 @@ class Plan:
                 smoothing=values.get("smoothing"),
                 **{k: values[k] for k in _VALUES},
             )
-        except _UNREADABLE as error:
-            raise InputError(
-                "not-a-plan", f"{path.name} holds no plan that can be read ({error})."
-            ) from error
+        except UNREADABLE as error:
+            raise _unreadable(name, error) from error
 
 
-_UNREADABLE: Final = (
-    OSError,
-    EOFError,
-    IndexError,
-    KeyError,
-    TypeError,
-    ValueError,
-    RecursionError,
-    BadZipFile,
-    zlib.error,
-)
+def read_values(path: FilePath) -> dict[str, Any]:
+    """What a plan's file holds, by name: plain JSON values, of an ``.npz`` file arrays as well.
+
+    Raises:
+        InputError: ``not-a-plan``.
+    """
+    try:
+        if path.suffix == ".npz":
+            # NumPy leaves a file open that it opened itself and cannot read.
+            with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+                values = dict(json.loads(str(file["plan"])))
+                return values | {name: file[name] for name in file.files if name != "plan"}
+        return dict(json.loads(path.read_bytes()))
+    except UNREADABLE as error:
+        raise _unreadable(path.name, error) from error
+
+
+def _unreadable(name: str, error: Exception) -> InputError:
+    return InputError("not-a-plan", f"{name} holds no plan that can be read ({error}).")
+
+
 _VALUES: Final = (
     "preset",
     "parameters",
@@ -427,6 +440,11 @@ def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
 
 def versions() -> dict[str, str]:
     """Versions of what a plan depends on."""
+    return dict(_versions())
+
+
+@cache
+def _versions() -> dict[str, str]:
     found = {"python": platform.python_version()}
     for package in ("foldback", "mujoco", "numpy", "numba", "scipy"):
         try:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain import Chain
 from planner.errors import InputError
 from planner.plan import Plan
 from planner.untyped import mujoco
@@ -88,11 +89,8 @@ class _Loaded:
 
     @classmethod
     def of(cls, plan: Plan, xml: str) -> _Loaded:
-        try:
-            model: Any = mujoco.MjModel.from_xml_string(xml)
-        except ValueError as error:
-            raise InputError("not-a-model", f"MuJoCo cannot load the model: {error}") from error
         chain = plan.chain
+        model = _checked_model(xml, chain)
         try:
             free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
             bodies = [int(model.jnt_bodyid[joint]) for joint in free]
@@ -131,6 +129,27 @@ class _Loaded:
             data.qpos[address : address + 3] = position + whole @ (origin - at)
             mujoco.mju_mat2Quat(data.qpos[address + 3 : address + 7], (whole @ rotation).ravel())
         mujoco.mj_kinematics(self.model, data)
+
+
+def _checked_model(xml: str, chain: Chain) -> Any:
+    """The model, with all pairs of modules colliding that the module's data does not exempt.
+
+    What a model file excludes from collision, it can't excuse: two tetrahedra that share a hinge
+    are looked at, too.
+    """
+    exempt = {
+        frozenset((f"module_{i}", f"module_{j}")) for i, j in chain.module.exempt_pairs(len(chain))
+    }
+    try:
+        spec: Any = mujoco.MjSpec.from_string(xml)
+        for pair in list(spec.excludes):
+            if frozenset((pair.bodyname1, pair.bodyname2)) not in exempt:
+                spec.delete(pair)
+        model = spec.compile()
+    except ValueError as error:
+        raise InputError("not-a-model", f"MuJoCo cannot load the model: {error}") from error
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+    return model
 
 
 def _moved(place: tuple[Array, Array], position: Array, rotation: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any, Final
 
-from planner import attempts, refused
+from planner import attempts, manifest, refused
 from planner.candidates import Candidates
 from planner.certificate import Certificate, certify
 from planner.explode_stage import choice_of, explode_stage
@@ -154,7 +154,8 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
 def _noted(directory: FilePath, candidates: Candidates, **how: Any) -> dict[str, Any]:
     """Keeps the chains that may be folded; what is said of how they were found."""
     chain = candidates.chains[0]
-    (directory / attempts.FILE).unlink(missing_ok=True)
+    for name in (attempts.FILE, manifest.FILE):  # of an earlier fold in this directory
+        (directory / name).unlink(missing_ok=True)
     candidates.save(directory)
     write_chain_folded(directory, chain)
     return {
@@ -282,6 +283,7 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
     plan.save_json(directory / "plan.json")
     work_out_figures(directory)
     refused.drop(directory)
+    manifest.write_manifest(directory)
     return plan.summary()
 
 

@@ -260,7 +260,8 @@ class Timeline:
                 folded = cast("zarr.Array[Any]", zarr.open_group(path, mode="r")["folded_rad"])
             except KeyError as error:
                 raise TimelineError(f"{path} is damaged: it lacks {error}.") from error
-            told = {**told, "folded_rad": folded[:]}
+            told = {**told, "folded_rad": np.asarray(folded[:]).tolist()}
+        self.told_chain = dict(told)
         self.chain = chain_from_attributes(told)
         self._take(attributes)
 

@@ -1,31 +1,57 @@
-"""Verification: a fold's directory checked anew, from its files alone."""
+"""Verification: a fold's directory checked anew, from its files alone.
+
+All that is said of the plan is either worked out anew or compared with what says the same, and the
+rest with the digests in the manifest. What is not as it should be is told by file and field.
+"""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path as FilePath
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 
+from planner import manifest
+from planner.candidates import FILE as CANDIDATES
+from planner.candidates import Candidates
 from planner.certificate import Certificate, certify
-from planner.errors import InputError
-from planner.frames import PHASES
-from planner.motion import motion_arrays
-from planner.parameters import preset
-from planner.plan import Plan
+from planner.differences import array_difference, value_differences
+from planner.errors import UNREADABLE, InputError, PlannerError, TimelineError
+from planner.exports import mjcf
+from planner.fold_files import read_playback, read_record, read_request
+from planner.frames import PHASES, Frames
+from planner.inverse import inverse_dynamics
+from planner.model_differences import model_differences
+from planner.motion import Motion, motion_arrays
+from planner.parameters import Parameters, preset
+from planner.plan import EARLIER, Plan, read_values, versions
 from planner.playback import Playback
 from planner.progress import Report, silent
 from planner.record import Record
 from planner.replay import Replay, replay
+from planner.smoothing_ways import RECORDED_PLAN
 from planner.timeline import Timeline, chain_attributes
+from planner.unfolding import START_CHAIN, START_PLAN
 from planner.windows import Windows
 
-SAME_WITHIN: Final = 1e-9
+ROUNDED_WITHIN: Final = 1e-9
+"""Numbers in the JSON form of earlier formats have twelve decimals."""
+SINGLE_WITHIN: Final = 1e-6
+"""Joint errors below 16 rad in single precision, as timelines have them."""
+FIGURES_RTOL: Final = 1e-7
+FIGURES_ATOL: Final = 1e-9
+"""Sums over a thousand modules and positions of a thousand pitches in double precision lose 1e-12;
+another processor's sines change the last digit of what goes in."""
 POSES_WITHIN: Final = 1e-6
 OVERLAP_WITHIN: Final = 1e-9
 MOST_REPLAYED: Final = 5_000_000
 """Frames times modules that are replayed; of a longer plan every second frame, every third, …"""
+MOST_TOLD: Final = 8
+"""Differences of one kind that are told one by one."""
+Differences = Iterator[str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,12 +61,16 @@ class Verification:
     Attributes:
         certificate: Made anew from the files.
         replay: What plain MuJoCo says of the exported model with the plan's angles.
+        checked: What was looked at, in plain words.
         problems: Everything that speaks against the plan, in plain words; empty when verified.
+        notes: What could not be checked, and why.
     """
 
     certificate: Certificate
     replay: Replay | None
+    checked: tuple[str, ...]
     problems: tuple[str, ...]
+    notes: tuple[str, ...]
 
     @property
     def verified(self) -> bool:
@@ -52,6 +82,8 @@ class Verification:
         return {
             "status": "verified" if self.verified else "failed",
             "problems": list(self.problems),
+            "notes": list(self.notes),
+            "checked": list(self.checked),
             "replay": None if self.replay is None else asdict(self.replay),
             "certificate": self.certificate.as_dict(),
         }
@@ -63,7 +95,8 @@ def verify(
     """Checks the plan in a directory by exact kinematics and by a replay in plain MuJoCo.
 
     Args:
-        directory: Holds ``plan.json``, ``plan.npz``, ``model.xml`` and ``timeline.zarr``.
+        directory: Holds ``plan.json``, ``plan.npz``, ``model.xml`` and ``timeline.zarr``, and what
+            else the stages of the fold have left.
         module_size: Another size than the plan's own.
         progress: Told what is being checked.
 
@@ -71,58 +104,159 @@ def verify(
         InputError: When a file is missing or cannot be read.
         TimelineError: When the timeline is missing or damaged.
     """
-    plan = Plan.load(directory / "plan.npz")
-    problems = _differences(plan, Plan.load(directory / "plan.json"))
-    timeline = Timeline.open(directory / "timeline.zarr")
     try:
-        record, playback = _results(plan, timeline)
+        return _verified(directory, module_size, progress)
+    except (InputError, TimelineError) as error:
+        changed = manifest.changed_fields(directory)
+        if not changed:
+            raise
+        more = "" if len(changed) <= MOST_TOLD else f", and {len(changed) - MOST_TOLD} more"
+        told = f"{error} Not as it was written: {'; '.join(changed[:MOST_TOLD])}{more}."
+        if isinstance(error, InputError):
+            raise InputError(error.code, told) from error
+        raise TimelineError(told) from error
+
+
+def _verified(directory: FilePath, module_size: float | None, progress: Report) -> Verification:
+    found = _Findings()
+    npz = read_values(directory / "plan.npz")
+    text = read_values(directory / "plan.json")
+    plan = Plan.of_values(npz, "plan.npz")
+    found.look("plan.json and plan.npz say the same", _forms(plan, npz, text))
+    timeline, frames = _timeline(directory / "timeline.zarr")
+    found.look("timeline.zarr is of this chain", _of_chain(timeline, plan))
+    try:
+        record, playback = _results(plan, frames)
     except (TypeError, AttributeError) as error:
         raise InputError(
-            "not-a-plan", f"the plan's results cannot be read ({error}); plan the fold again."
+            "not-a-plan", f"the results in plan.npz cannot be read ({error}); plan the fold again."
         ) from error
-    size = plan.certificate.module_size if module_size is None else module_size
-    parameters = replace(preset(plan.preset), module_size=size)
+    if playback is not None:
+        found.look("timeline.zarr shows the plan's playback", _played(plan, playback))
+    found.look(
+        "the files of the stages say the same as the plan",
+        _stages(directory, plan, npz, record, playback, found.notes),
+    )
+    parameters = _parameters(plan, module_size)
+    found.look("parameters are those of the request", _asked(directory, plan, found.notes))
     certificate = certify(
         plan.chain, record, playback, parameters, start=plan.start, progress=progress
     )
     if not certificate.verified:
-        problems.append(certificate.verdict)
-    found = None
+        found.problems.append(certificate.verdict)
+    if module_size is None:
+        found.look(
+            "the certificate's figures come out again",
+            _figures(certificate, plan.certificate, npz["certificate"], found.notes),
+        )
+    model = _text(directory / "model.xml")
+    found.look("model.xml is the plan's model", _model(model, plan))
+    replayed = None
     if len(plan.time_s):
         stride = -(-len(plan.motion) * len(plan.chain) // MOST_REPLAYED)
-        found = replay(plan, _text(directory / "model.xml"), stride=stride)
-        if found.pose_difference > POSES_WITHIN:
-            problems.append(
-                f"failed: the model's poses differ from the plan's by {found.pose_difference:.2g} "
-                "pitch"
-            )
-        if found.overlap > OVERLAP_WITHIN:
-            problems.append(
-                f"failed: MuJoCo finds an overlap of {found.overlap:.2g} pitch at frame "
-                f"{found.overlap_frame:g}"
-            )
-    return Verification(certificate=certificate, replay=found, problems=tuple(problems))
+        try:
+            replayed = replay(plan, model, stride=stride)
+        except InputError as error:
+            found.problems.append(f"failed: model.xml: {error.detail}")
+        else:
+            found.look("plain MuJoCo has the same poses and finds no overlap", _replayed(replayed))
+    changed = manifest.changed_fields(directory)
+    if changed is None:
+        found.notes.append(
+            f"There is no {manifest.FILE}, as earlier versions wrote none: what can't be worked "
+            "out anew (seed, versions, wall times, figures.zarr, input) was not checked."
+        )
+    else:
+        found.look(
+            "every field of every file has the digest in manifest.json",
+            (f"{field}: it is not what was written" for field in changed),
+        )
+    return Verification(
+        certificate=certificate,
+        replay=replayed,
+        checked=tuple(found.checked),
+        problems=tuple(found.problems),
+        notes=tuple(found.notes),
+    )
 
 
-def _differences(plan: Plan, other: Plan) -> list[str]:
+class _Findings:
+    """What was looked at, and what of it speaks against the plan."""
+
+    def __init__(self) -> None:
+        self.checked: list[str] = []
+        self.problems: list[str] = []
+        self.notes: list[str] = []
+
+    def look(self, at: str, differences: Differences) -> None:
+        self.checked.append(at)
+        told = list(dict.fromkeys(differences))
+        self.problems += [f"failed: {difference}" for difference in told[:MOST_TOLD]]
+        if len(told) > MOST_TOLD:
+            self.problems.append(f"failed: … and {len(told) - MOST_TOLD} more where {at}")
+
+
+def _forms(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Differences:
+    """Where the two forms of a plan differ, and where one of them contradicts itself."""
+    other = Plan.of_values(text, "plan.json")
+    earlier = npz["format"] in EARLIER
+    arrays = {**motion_arrays(plan.motion), "max_error_rad": plan.max_error_rad}
+    theirs = {**motion_arrays(other.motion), "max_error_rad": other.max_error_rad}
     if type(plan.motion) is not type(other.motion):
-        return ["failed: plan.json and plan.npz differ in what they hold of a frame"]
-    theirs = motion_arrays(other.motion)
-    for name, mine in motion_arrays(plan.motion).items():
-        if name == "joint_error_rad":
-            continue  # which a plan has not
-        if mine.shape != theirs[name].shape or (
-            mine.size and not np.abs(mine - theirs[name]).max() <= SAME_WITHIN
-        ):
-            return [f"failed: plan.json and plan.npz differ in {name}"]
-    mine, theirs = (p.start and chain_attributes(p.start) for p in (plan, other))
-    if mine != theirs:
-        return ["failed: plan.json and plan.npz differ in start"]
-    return []
+        yield "plan.json and plan.npz differ in what they hold of a frame"
+        return
+    for name, mine in arrays.items():
+        if name != "joint_error_rad":  # which a plan has not
+            both = f"plan.json and plan.npz differ in {name}"
+            yield from array_difference(theirs[name], mine, both, atol=ROUNDED_WITHIN * earlier)
+    columns = {*arrays, "plan", "angle_planes", "joint_error_rad"}
+    mine, said = (
+        {k: _plain(v) for k, v in values.items() if k not in columns} for values in (npz, text)
+    )
+    said.get("angles", {}).pop("data", None)
+    yield from value_differences(said, mine, _versus_plan("plan.json", "plan"))
+    rest = plan.rest()
+    derived = {name: rest[name] for name in ("chain", "start", "root_module")}
+    derived |= {} if earlier else {name: rest[name] for name in ("motion", "angles")}
+    derived["joint_names"] = list(plan.chain.joint_names)
+    yield from value_differences({name: mine.get(name) for name in derived}, derived, "plan.npz")
 
 
-def _results(plan: Plan, timeline: Timeline) -> tuple[Record | None, Playback | None]:
-    frames = timeline.motion()
+def _versus_plan(name: str, field: str) -> str:
+    return f"{name} and plan.npz differ in {field}"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return dict(cast("dict[str, Any]", value)) if isinstance(value, dict) else value
+
+
+def _of_chain(timeline: Timeline, plan: Plan) -> Differences:
+    if timeline.status != "complete":
+        yield f"timeline.zarr: got the status {timeline.status}, expected complete"
+    expected = chain_attributes(plan.chain)
+    if timeline.windowed:
+        del expected["joint_names"]  # which those of long chains leave out
+    yield from value_differences(
+        timeline.told_chain, expected, _versus_plan("timeline.zarr", "chain")
+    )
+
+
+def _timeline(path: FilePath) -> tuple[Timeline, Motion]:
+    """A timeline and all of its frames.
+
+    Raises:
+        TimelineError: When it is missing or damaged.
+    """
+    try:
+        timeline = Timeline.open(path)
+        return timeline, timeline.motion()
+    except UNREADABLE as error:
+        raise TimelineError(f"{path.name} is damaged: {error}") from error
+
+
+def _results(plan: Plan, frames: Motion) -> tuple[Record | None, Playback | None]:
     record = playback = None
     # The timeline of a refold, and of a smoothed plan, shows only what was made of the record.
     made = plan.start is not None or plan.smoothing is not None
@@ -135,21 +269,274 @@ def _results(plan: Plan, timeline: Timeline) -> tuple[Record | None, Playback | 
         if len(played) != len(plan.time_s):
             raise InputError(
                 "wrong-timeline",
-                f"got {len(played)} frames of playback in the timeline, expected "
-                f"{len(plan.time_s)} as in the plan.",
+                f"got {len(played)} frames of playback in timeline.zarr, expected "
+                f"{len(plan.time_s)} as in plan.npz.",
             )
         if not np.array_equal(played.phase, plan.phase):
-            raise InputError("wrong-timeline", "the timeline's phases are not those of the plan.")
+            raise InputError(
+                "wrong-timeline", "the phases in timeline.zarr are not those of plan.npz."
+            )
         if isinstance(plan.motion, Windows):
             if not isinstance(played, Windows) or not played.passes_as(plan.motion):
                 raise InputError(
-                    "wrong-timeline", "the timeline's playback is not the motion of the plan."
+                    "wrong-timeline", "the playback in timeline.zarr is not the motion of plan.npz."
                 )
             reference = None
         else:
             reference = plan.joint_angles_rad
         playback = Playback(frames=played, reference_rad=reference, **plan.playback)
     return record, playback
+
+
+def _played(plan: Plan, playback: Playback) -> Differences:
+    """Where the frames of the playback in the timeline are not those of the plan."""
+    played, motion = playback.frames, plan.motion
+    columns = {"time_s": played.time_s - played.time_s[0] if len(played) else played.time_s}
+    names = ("base_position", "base_wxyz") if isinstance(played, Windows) else _ROOT
+    columns |= {name: getattr(played, name) for name in names}
+    if isinstance(played, Frames) and not playback.simulated:
+        columns["joint_angles_rad"] = played.joint_angles_rad
+    both = "timeline.zarr and plan.npz differ in"
+    for name, values in columns.items():
+        yield from array_difference(values, getattr(motion, name), f"{both} {name}")
+    if isinstance(played, Frames):
+        largest = played.joint_error_rad.max(axis=1)
+        yield from array_difference(
+            largest, plan.max_error_rad, f"{both} max_error_rad", atol=SINGLE_WITHIN
+        )
+    yield from _own_figures(plan, playback)
+
+
+_ROOT: Final = ("root_position", "root_wxyz")
+
+
+def _own_figures(plan: Plan, playback: Playback) -> Differences:
+    """Where the playback's own figures are not borne out by its frames."""
+    if playback.simulated:
+        most = float(np.nanmax(plan.max_error_rad, initial=0.0))
+        if playback.status == "folded" and not most <= (playback.max_angle_error_rad or 0.0) * (
+            1 + SINGLE_WITHIN
+        ):
+            yield f"plan.npz playback.max_angle_error_rad: got less than {most}, as a frame has"
+        return
+    torques = inverse_dynamics(plan.chain, playback.frames)
+    told = {"peak_torque": playback.peak_torque, "rms_torque": playback.rms_torque}
+    again = {"peak_torque": torques.peak, "rms_torque": torques.rms}
+    yield from value_differences(
+        told, again, "plan.npz playback", rtol=FIGURES_RTOL, atol=FIGURES_ATOL
+    )
+
+
+def _stages(
+    directory: FilePath,
+    plan: Plan,
+    npz: dict[str, Any],
+    record: Record | None,
+    playback: Playback | None,
+    notes: list[str],
+) -> Differences:
+    """Where what the stages left beside the plan does not say the same."""
+    made = plan.start is not None or plan.smoothing is not None
+    chain = chain_attributes(plan.chain)
+    checks: dict[str, Callable[[], Differences]] = {
+        "chain.json": lambda: value_differences(
+            _json(directory / "chain.json"), chain, _versus_plan("chain.json", "chain")
+        ),
+        CANDIDATES: lambda: _among(directory, plan),
+        "attempts.json": lambda: value_differences(
+            _json(directory / "attempts.json"),
+            list(plan.attempts),
+            _versus_plan("attempts.json", "attempts"),
+        ),
+        "certificate.json": lambda: value_differences(
+            _json(directory / "certificate.json"),
+            npz["certificate"],
+            _versus_plan("certificate.json", "certificate"),
+        ),
+        "playback.npz": lambda: _same_playback(directory, plan, playback),
+        "record.npz": lambda: _same_record(directory, plan, None if made else record),
+    }
+    if plan.start is not None:
+        start = chain_attributes(plan.start)
+        checks[START_CHAIN] = lambda: value_differences(
+            _json(directory / START_CHAIN), start, _versus_plan(START_CHAIN, "start")
+        )
+        checks[START_PLAN] = lambda: value_differences(
+            chain_attributes(Plan.load(directory / START_PLAN).chain),
+            start,
+            _versus_plan(START_PLAN, "start"),
+        )
+    if plan.smoothing is not None:
+        checks[RECORDED_PLAN] = lambda: value_differences(
+            chain_attributes(Plan.load(directory / RECORDED_PLAN).chain),
+            chain,
+            _versus_plan(RECORDED_PLAN, "chain"),
+        )
+    for name, differences in checks.items():
+        if not (directory / name).exists():
+            if not (name in _RESULTS and getattr(plan, _RESULTS[name]) is None):
+                notes.append(f"There is no {name}, so it was not compared with the plan.")
+            continue
+        try:
+            yield from differences()
+        except (*UNREADABLE, PlannerError) as error:
+            yield f"{name}: it cannot be read ({error})"
+
+
+_RESULTS: Final = {"playback.npz": "playback", "record.npz": "explosion"}
+
+
+def _among(directory: FilePath, plan: Plan) -> Differences:
+    """Whether the plan's chain is one of those that could be folded."""
+    candidates = Candidates.load(directory)
+    chain = chain_attributes(plan.chain)
+    for candidate in candidates.chains:
+        if chain_attributes(candidate) == chain:
+            return
+        if candidates.two_ended and chain_attributes(candidate.from_other_end()) == chain:
+            return
+    yield f"{CANDIDATES}: none of them is the chain of plan.npz"
+
+
+def _same_playback(directory: FilePath, plan: Plan, playback: Playback | None) -> Differences:
+    found = read_playback(directory)
+    assert found is not None
+    told = {name: value for name, value in found.summary().items() if name in (plan.playback or {})}
+    yield from value_differences(
+        told, plan.playback or {}, _versus_plan("playback.npz", "playback")
+    )
+    if playback is not None:
+        yield from _same_motion(found.frames, playback.frames, "playback.npz")
+        if found.reference_rad is not None:
+            yield from array_difference(
+                found.reference_rad,
+                playback.reference,
+                _versus_plan("playback.npz", "joint_angles_rad"),
+            )
+
+
+def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Differences:
+    found = read_record(directory)
+    assert found is not None
+    yield from value_differences(
+        found.summary(), plan.explosion or {}, _versus_plan("record.npz", "explosion")
+    )
+    if record is not None:
+        yield from _same_motion(found.frames, record.frames, "record.npz")
+
+
+def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:
+    if type(got) is not type(expected):
+        yield f"{name}: it holds frames of another kind than timeline.zarr"
+        return
+    theirs = motion_arrays(expected)
+    both = f"{name} and timeline.zarr differ in"
+    for column, values in motion_arrays(got).items():
+        single = SINGLE_WITHIN if column == "joint_error_rad" else 0.0
+        yield from array_difference(values, theirs[column], f"{both} {column}", atol=single)
+
+
+def _parameters(plan: Plan, module_size: float | None) -> Parameters:
+    """The plan's own parameters, as far as a certificate depends on them.
+
+    Raises:
+        InputError: ``not-a-plan`` when they are none, ``unknown-preset``.
+    """
+    plain = {
+        f.name: plan.parameters[f.name]
+        for f in fields(Parameters)
+        if f.name in ("module_size", "density_kg_m3", "joint_speed_limit_rad_s")
+        and f.name in plan.parameters
+    }
+    bad = [name for name, value in plain.items() if not _positive(value)]
+    if bad:
+        raise InputError(
+            "not-a-plan",
+            f"got {plain[bad[0]]!r} in parameters.{bad[0]} of plan.npz, expected a number above 0.",
+        )
+    try:
+        found = replace(preset(plan.preset), **plain)
+    except InputError as error:
+        raise InputError(error.code, f"plan.npz: {error.detail}") from error
+    return found if module_size is None else replace(found, module_size=module_size)
+
+
+def _positive(value: Any) -> bool:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and 0.0 < value < float("inf")
+
+
+def _asked(directory: FilePath, plan: Plan, notes: list[str]) -> Differences:
+    """Where the plan's parameters are not those that were asked for."""
+    if not (directory / "request.json").exists():
+        notes.append(
+            "There is no request.json, so the plan's parameters were not compared with it."
+        )
+        return
+    try:
+        request = read_request(directory)
+        request.check()
+        parameters = request.parameters()
+    except (*UNREADABLE, PlannerError) as error:
+        yield f"request.json: it cannot be read ({error})"
+        return
+    told = {"seed": plan.seed, "preset": plan.preset}
+    told |= {"refold": plan.start is not None, "smooth": plan.smoothing is not None}
+    yield from value_differences(
+        {n: getattr(request, n) for n in told}, told, _versus_plan("request.json", "request")
+    )
+    wanted = json.loads(json.dumps(parameters.as_dict()))
+    here, made = versions().get("foldback"), plan.versions.get("foldback")
+    different = value_differences(plan.parameters, wanted, "plan.npz parameters")
+    if here == made:
+        yield from different
+    else:
+        notes += [f"{each} of foldback {here}; the plan is of {made}." for each in different]
+
+
+def _figures(
+    again: Certificate, stored: Certificate, told: dict[str, Any], notes: list[str]
+) -> Differences:
+    """Where the plan's certificate is not what comes out anew; wall time aside."""
+    mine, theirs = stored.as_dict(), again.as_dict()
+    aside = {"seconds"}
+    if "simulated" not in told:
+        # Earlier versions told the bound of the plan alone, and no more of the rest than they did.
+        aside |= {"clearance_bound"} | {f.name for f in fields(Certificate)} - set(told)
+        notes.append(
+            "The certificate is of an earlier version: it was compared in what it tells, but for "
+            "clearance_bound."
+        )
+    names = [f.name for f in fields(Certificate) if f.name not in aside]
+    yield from value_differences(
+        {name: mine[name] for name in names},
+        {name: theirs[name] for name in names},
+        "plan.npz certificate",
+        rtol=FIGURES_RTOL,
+        atol=FIGURES_ATOL,
+    )
+
+
+def _model(text: str, plan: Plan) -> Differences:
+    try:
+        for difference in model_differences(text, mjcf.write(plan).decode()):
+            yield f"model.xml: {difference}"
+    except InputError as error:
+        raise InputError(error.code, f"model.xml: {error.detail}") from error
+
+
+def _replayed(found: Replay) -> Differences:
+    if not found.pose_difference <= POSES_WITHIN:
+        yield f"model.xml: poses differ from the plan's by {found.pose_difference:.2g} pitch"
+    if not found.overlap <= OVERLAP_WITHIN:
+        yield (
+            f"plan.npz: MuJoCo finds an overlap of {found.overlap:.2g} pitch at frame "
+            f"{found.overlap_frame:g}"
+        )
+
+
+def _json(path: FilePath) -> Any:
+    return json.loads(path.read_bytes())
 
 
 def _text(path: FilePath) -> str:

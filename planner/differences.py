@@ -1,0 +1,88 @@
+"""Differences: where two plain values, or two sets of arrays, are not the same, by name."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any, Final, cast
+
+import numpy as np
+
+LONGEST: Final = 60
+"""Characters of a value that is shown."""
+NOTHING: Final = object()
+
+
+def value_differences(
+    got: Any, expected: Any, name: str, *, rtol: float = 0.0, atol: float = 0.0
+) -> Iterator[str]:
+    """``name.key[3]: got …, expected …`` for each leaf of plain JSON values that differs.
+
+    Args:
+        got, expected: The values.
+        name: What they are called.
+        rtol, atol: How far numbers that are not whole may be apart.
+    """
+    if isinstance(got, Mapping) and isinstance(expected, Mapping):
+        mine, theirs = cast("dict[str, Any]", got), cast("dict[str, Any]", expected)
+        for key in dict.fromkeys((*theirs, *mine)):
+            yield from value_differences(
+                mine.get(key, NOTHING),
+                theirs.get(key, NOTHING),
+                f"{name}.{key}",
+                rtol=rtol,
+                atol=atol,
+            )
+    elif isinstance(got, list | tuple) and isinstance(expected, list | tuple):
+        some, others = cast("list[Any]", got), cast("list[Any]", expected)
+        if len(some) != len(others):
+            yield f"{name}: got {len(some)} of them, expected {len(others)}"
+            return
+        for k, (one, other) in enumerate(zip(some, others, strict=True)):
+            yield from value_differences(one, other, f"{name}[{k}]", rtol=rtol, atol=atol)
+    elif not _same(got, expected, rtol, atol):
+        yield f"{name}: got {_shown(got)}, expected {_shown(expected)}"
+
+
+def array_difference(got: Any, expected: Any, name: str, *, atol: float = 0.0) -> Iterator[str]:
+    """Where two arrays differ first; NaN are the same.
+
+    Args:
+        got, expected: The arrays.
+        name: What they are called.
+        atol: How far numbers may be apart.
+    """
+    got, expected = np.asarray(got), np.asarray(expected)
+    if got.shape != expected.shape:
+        yield f"{name}: got the shape {got.shape}, expected {expected.shape}"
+        return
+    if got.dtype.kind != "f" or expected.dtype.kind != "f":
+        off = got != expected
+    else:
+        with np.errstate(invalid="ignore"):
+            near = np.abs(got.astype(np.float64) - expected) <= atol
+            off = ~(near | (got == expected) | (np.isnan(got) & np.isnan(expected)))
+    if np.any(off):
+        place = tuple(int(k) for k in np.argwhere(off)[0])
+        where = f"[{', '.join(map(str, place))}]" if place else ""
+        one, other = _shown(got[place].item()), _shown(expected[place].item())
+        yield f"{name}{where}: got {one}, expected {other}"
+
+
+def _same(got: Any, expected: Any, rtol: float, atol: float) -> bool:
+    if isinstance(got, bool) or isinstance(expected, bool):
+        return got is expected
+    if isinstance(got, int | float) and isinstance(expected, int | float):
+        if got != got or expected != expected:
+            return got != got and expected != expected
+        if isinstance(got, int) and isinstance(expected, int):
+            return got == expected
+        return got == expected or abs(got - expected) <= atol + rtol * abs(expected)
+    return type(got) is type(expected) and got == expected
+
+
+def _shown(value: Any) -> str:
+    if value is NOTHING:
+        return "nothing"
+    text = json.dumps(value, default=str)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"

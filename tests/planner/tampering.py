@@ -1,0 +1,318 @@
+"""Random changes to the files of a fold, one at a time, each undone afterwards."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import zarr
+
+from planner.manifest import FILE, write_manifest
+from planner.plan import read_values
+
+JSON = ("plan.json", "certificate.json", "chain.json", "request.json", "attempts.json")
+JSON += ("candidates.json", "start.json")
+NPZ = ("plan.npz", "playback.npz", "record.npz", "start.npz", "recorded.npz")
+ZARR = ("timeline.zarr", "figures.zarr")
+SMALLEST = 1e-6
+"""Numbers are changed by this part of themselves at least, which is more than any tolerance."""
+Random = np.random.Generator
+
+
+@dataclass(frozen=True)
+class Change:
+    """What was changed.
+
+    Attributes:
+        kind: How.
+        files: In which files.
+        where: Which field.
+    """
+
+    kind: str
+    files: tuple[str, ...]
+    where: str
+
+
+@dataclass
+class Tampered:
+    """A fold's directory whose files are changed and put back."""
+
+    place: FilePath
+    whole: dict[FilePath, bytes] = field(default_factory=dict[FilePath, bytes])
+
+    def __post_init__(self) -> None:
+        self.whole = {p: p.read_bytes() for p in self.place.rglob("*") if p.is_file()}
+
+    @contextmanager
+    def changed(self, random: Random, *, sealed: bool = False) -> Iterator[Change | None]:
+        """A change at random; None when there was nothing to change.
+
+        Args:
+            random: Decides what.
+            sealed: Whether somebody has worked out the digests anew, and changes only what can be
+                found without them.
+        """
+        kinds = SEALED if sealed else KINDS
+        change = kinds[random.integers(len(kinds))](self.place, random)
+        if sealed and change is not None:
+            write_manifest(self.place)
+        try:
+            yield change
+        finally:
+            for path, data in self.whole.items():
+                if not path.exists() or path.read_bytes() != data:
+                    path.write_bytes(data)
+            for path in self.place.rglob("*"):
+                if path.is_file() and path not in self.whole:
+                    path.unlink()
+
+
+def leaves(value: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Where the plain values in nested ones are."""
+    if isinstance(value, dict) and value:
+        for key, part in value.items():
+            yield from leaves(part, (*at, key))
+    elif isinstance(value, list) and value:
+        for k, part in enumerate(value):
+            yield from leaves(part, (*at, k))
+    else:
+        yield at
+
+
+def other_value(value: Any, random: Random) -> Any:
+    """A plain value that is not this one."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, int):
+        return value + int(random.choice([-7, -1, 1, 2, 1000]))
+    if isinstance(value, float):
+        if not np.isfinite(value):
+            return 0.5
+        by = SMALLEST * 10.0 ** random.uniform(0.3, 7)
+        return value + float(random.choice([-1.0, 1.0])) * by * max(abs(value), 1.0)
+    if isinstance(value, str):
+        k = int(random.integers(len(value) + 1))
+        return value[:k] + "x" + value[k:]
+    return 1.5 if value is None else [value]
+
+
+def set_leaf(values: Any, at: tuple[Any, ...], value: Any) -> None:
+    """Puts a value into nested ones."""
+    for key in at[:-1]:
+        values = values[key]
+    values[at[-1]] = value
+
+
+def get_leaf(values: Any, at: tuple[Any, ...]) -> Any:
+    """A value in nested ones."""
+    for key in at:
+        values = values[key]
+    return values
+
+
+def one_leaf(values: Any, random: Random) -> tuple[Any, ...]:
+    """Where one of the values is: any field first, then any place in it."""
+    fields = list(values) if isinstance(values, dict) else [*range(len(values))]
+    key = fields[random.integers(len(fields))]
+    places = [*leaves(values[key], (key,))]
+    return places[random.integers(len(places))]
+
+
+def some(names: tuple[str, ...], place: FilePath, random: Random) -> str:
+    """One of the files that are there."""
+    there = [name for name in names if (place / name).exists()]
+    return there[random.integers(len(there))]
+
+
+def json_leaf(place: FilePath, random: Random) -> Change | None:
+    name = some(JSON, place, random)
+    values = json.loads((place / name).read_bytes())
+    if not values:
+        return None
+    at = one_leaf(values, random)
+    set_leaf(values, at, other_value(get_leaf(values, at), random))
+    (place / name).write_text(json.dumps(values))
+    return Change("value in JSON", (name,), str(at))
+
+
+def json_field_gone(place: FilePath, random: Random) -> Change | None:
+    name = some(JSON, place, random)
+    values = json.loads((place / name).read_bytes())
+    if not isinstance(values, dict):
+        return None
+    key = [*values][random.integers(len(values))]
+    if random.random() < 0.5:
+        del values[key]
+    else:
+        values[f"{key}_too"] = 1
+    (place / name).write_text(json.dumps(values))
+    return Change("field gone or new in JSON", (name,), key)
+
+
+def changed_array(array: Any, random: Random) -> Any:
+    """An array with another element."""
+    array = np.array(array)
+    place = tuple(int(random.integers(n)) for n in array.shape)
+    if array.dtype.kind == "U":
+        text = other_value(str(array[place]), random)
+        array = array.astype(f"<U{max(array.dtype.itemsize // 4, len(text))}")
+        array[place] = text
+        return array
+    value = array[place].item()
+    if array.dtype.itemsize == 4 and isinstance(value, float):
+        array[place] = np.float32(value + 0.01) if np.isfinite(value) else 0.5
+    elif array.dtype.kind in "iu":
+        array[place] = value + 1 if value < 255 else 0
+    else:
+        array[place] = other_value(value, random)
+    return array
+
+
+def npz_array(place: FilePath, random: Random) -> Change | None:
+    name = some(NPZ, place, random)
+    with np.load(place / name, allow_pickle=False) as file:
+        arrays = dict(file)
+    key = [k for k, a in arrays.items() if a.size][
+        random.integers(sum(a.size > 0 for a in arrays.values()))
+    ]
+    if key == "plan":
+        values = json.loads(str(arrays["plan"]))
+        at = one_leaf(values, random)
+        set_leaf(values, at, other_value(get_leaf(values, at), random))
+        arrays["plan"] = np.array(json.dumps(values))
+        where = str(at)
+    else:
+        arrays[key] = changed_array(arrays[key], random)
+        where = key
+    np.savez_compressed(place / name, **arrays)
+    return Change("value in npz", (name,), where)
+
+
+def zarr_array(place: FilePath, random: Random, names: tuple[str, ...] = ZARR) -> Change | None:
+    name = some(names, place, random)
+    group = zarr.open_group(str(place / name), mode="r+")
+    arrays = sorted(key for key, array in group.arrays() if array.size)
+    key = arrays[random.integers(len(arrays))]
+    array: Any = group[key]
+    array[:] = changed_array(array[:], random)
+    return Change("value in zarr", (name,), key)
+
+
+def zarr_attribute(place: FilePath, random: Random) -> Change | None:
+    name = some(ZARR, place, random)
+    group = zarr.open_group(str(place / name), mode="r+")
+    values = group.attrs.asdict()
+    at = one_leaf(values, random)
+    set_leaf(values, at, other_value(get_leaf(values, at), random))
+    group.attrs.put(values)
+    return Change("attribute in zarr", (name,), str(at))
+
+
+NUMBER = re.compile(r'(?<=[" ])-?\d+(?:\.\d+)?(?:e-?\d+)?(?=[" ])')
+NAME = re.compile(r'(?<=")(?:module|joint|root|at|straight|folded)_?[\w]*(?=")')
+
+
+def model(place: FilePath, random: Random) -> Change | None:
+    path = place / "model.xml"
+    text = path.read_text()
+    how = random.integers(3)
+    if how == 0:
+        found = [*NUMBER.finditer(text)]
+        hit = found[random.integers(len(found))]
+        number = other_value(float(hit.group()), random)
+        new = f"{number:.12g}"
+    elif how == 1:
+        found = [*NAME.finditer(text)]
+        hit = found[random.integers(len(found))]
+        new = other_value(hit.group(), random)
+    else:
+        found = [*re.finditer(r"<(?:exclude|site|geom|key|joint)[^>]*/>", text)]
+        hit = found[random.integers(len(found))]
+        new = ""
+    path.write_text(text[: hit.start()] + new + text[hit.end() :])
+    return Change(
+        ("number", "name", "element gone")[how] + " in model.xml", ("model.xml",), hit.group()[:80]
+    )
+
+
+def byte(place: FilePath, random: Random) -> Change | None:
+    paths = sorted(p for p in place.rglob("*") if p.is_file() and p.stat().st_size)
+    path = paths[random.integers(len(paths))]
+    data = bytearray(path.read_bytes())
+    data[random.integers(len(data))] ^= int(random.integers(1, 256))
+    path.write_bytes(data)
+    return Change("byte", (path.relative_to(place).parts[0],), str(path.relative_to(place)))
+
+
+def file_gone(place: FilePath, random: Random) -> Change | None:
+    paths = sorted(p for p in place.iterdir() if p.is_file() and p.name != FILE)
+    path = paths[random.integers(len(paths))]
+    path.unlink()
+    return Change("file gone", (path.name,), "")
+
+
+FREE = ("seed", "versions", "attempts", "smoothing", "explosion", "playback", "joint_names")
+"""Fields of a plan of which not all can be worked out anew."""
+
+
+def both_forms(place: FilePath, random: Random, *, sealed: bool = False) -> Change | None:
+    """As somebody would who knows that there are copies, and changes them all."""
+    text = json.loads((place / "plan.json").read_bytes())
+    fields = [key for key in text if not sealed or key not in FREE]
+    key = fields[random.integers(len(fields))]
+    at = one_leaf({key: text[key]}, random)
+    if sealed and (at[-1] == "seconds" or at[:2] == ("parameters", "preset")):
+        return None
+    old = get_leaf(text, at)
+    new = other_value(old, random)
+    if "angles" in key and isinstance(old, float):
+        new = float(np.float32(old + 0.01))
+    set_leaf(text, at, new)
+    (place / "plan.json").write_text(json.dumps(text))
+    with np.load(place / "plan.npz", allow_pickle=False) as file:
+        arrays = dict(file)
+    rest = json.loads(str(arrays["plan"]))
+    if key in rest:
+        rest[key] = text[key]
+        arrays["plan"] = np.array(json.dumps(rest))
+    elif isinstance(new, type(old)):
+        kind = None if isinstance(old, str) else arrays[key].dtype
+        arrays[key] = np.array(text[key], dtype=kind)
+    np.savez_compressed(place / "plan.npz", **arrays)
+    for field_name, name in (("certificate", "certificate.json"), ("chain", "chain.json")):
+        if key == field_name:
+            (place / name).write_text(json.dumps(text[key]))
+    return Change("all copies of a value", ("plan.npz", "plan.json", "plan"), str(at))
+
+
+def sealed_both(place: FilePath, random: Random) -> Change | None:
+    return both_forms(place, random, sealed=True)
+
+
+def sealed_timeline(place: FilePath, random: Random) -> Change | None:
+    return zarr_array(place, random, ("timeline.zarr",))
+
+
+Kind = Callable[[FilePath, Random], Change | None]
+KINDS: tuple[Kind, ...] = (
+    json_leaf,
+    json_leaf,
+    json_field_gone,
+    npz_array,
+    npz_array,
+    zarr_array,
+    zarr_attribute,
+    model,
+    byte,
+    file_gone,
+    both_forms,
+)
+SEALED: tuple[Kind, ...] = (sealed_both, sealed_both, sealed_timeline, model)
+__all__ = ["Change", "Tampered", "read_values"]
