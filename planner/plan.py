@@ -45,7 +45,7 @@ EARLIER: Final = {"foldback-plan/1": "frames", "foldback-plan/2": "windows"}
 """Formats that are read as well, and the kind of motion that each held."""
 MOST_ANGLES: Final = 2**25
 """Angles that are put side by side at once, a quarter of a gibibyte."""
-LEVEL: Final = 9
+LEVEL: Final = 6
 """Of deflate, where a plan is written as JSON."""
 
 

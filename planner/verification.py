@@ -105,7 +105,12 @@ def verify(
         TimelineError: When the timeline is missing or damaged.
     """
     try:
-        return _verified(directory, module_size, progress)
+        try:
+            return _verified(directory, module_size, progress)
+        except UNREADABLE as error:
+            raise InputError(
+                "not-a-plan", f"plan.npz: what it says cannot be worked out ({error})."
+            ) from error
     except (InputError, TimelineError) as error:
         changed = manifest.changed_fields(directory)
         if not changed:
@@ -127,6 +132,8 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
     found.look("timeline.zarr is of this chain", _of_chain(timeline, plan))
     try:
         record, playback = _results(plan, frames)
+        if record is None and plan.explosion is not None:
+            record = _kept_record(directory, plan, found.notes)
     except (TypeError, AttributeError) as error:
         raise InputError(
             "not-a-plan", f"the results in plan.npz cannot be read ({error}); plan the fold again."
@@ -288,6 +295,19 @@ def _results(plan: Plan, frames: Motion) -> tuple[Record | None, Playback | None
     return record, playback
 
 
+def _kept_record(directory: FilePath, plan: Plan, notes: list[str]) -> Record | None:
+    """The record of a refold or a smoothed plan, whose timeline does not show it."""
+    try:
+        record = read_record(directory)
+    except UNREADABLE as error:
+        raise InputError("not-a-record", f"record.npz cannot be read: {error}") from error
+    if record is None:
+        notes.append("There is no record.npz, so figures of the record come out as none.")
+        return None
+    figures = {k: v for k, v in (plan.explosion or {}).items() if k != "frames"}
+    return Record(frames=record.frames, **figures)
+
+
 def _played(plan: Plan, playback: Playback) -> Differences:
     """Where the frames of the playback in the timeline are not those of the plan."""
     played, motion = playback.frames, plan.motion
@@ -336,7 +356,6 @@ def _stages(
     notes: list[str],
 ) -> Differences:
     """Where what the stages left beside the plan does not say the same."""
-    made = plan.start is not None or plan.smoothing is not None
     chain = chain_attributes(plan.chain)
     checks: dict[str, Callable[[], Differences]] = {
         "chain.json": lambda: value_differences(
@@ -354,7 +373,7 @@ def _stages(
             _versus_plan("certificate.json", "certificate"),
         ),
         "playback.npz": lambda: _same_playback(directory, plan, playback),
-        "record.npz": lambda: _same_record(directory, plan, None if made else record),
+        "record.npz": lambda: _same_record(directory, plan, record),
     }
     if plan.start is not None:
         start = chain_attributes(plan.start)
@@ -519,7 +538,9 @@ def _figures(
 
 def _model(text: str, plan: Plan) -> Differences:
     try:
-        for difference in model_differences(text, mjcf.write(plan).decode()):
+        size = _parameters(plan, None).module_size
+        again = mjcf.mjcf(plan.chain, module_size=size, keys=mjcf.keys_of(plan))
+        for difference in model_differences(text, again):
             yield f"model.xml: {difference}"
     except InputError as error:
         raise InputError(error.code, f"model.xml: {error.detail}") from error

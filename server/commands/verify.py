@@ -31,7 +31,7 @@ def verify(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Check a plan anew, by exact kinematics and by a replay in plain MuJoCo."""
+    """Check a plan anew: its files against each other, its figures, and by plain MuJoCo."""
     try:
         request = Request.of(module_size=module_size)
         request.check()
@@ -62,6 +62,10 @@ def verify(
                 f"{found.replay.pose_difference:.1g} pitch, deepest overlap "
                 f"{found.replay.overlap:.2g} pitch"
             )
+        for line in found.checked:
+            console.print(f"checked: {line}", markup=False)
+        for line in found.notes:
+            console.print(f"note: {line}", markup=False)
         if largest is not None:
             console.print(f"clear up to a module size of {largest:.3f} of the pitch")
     if not found.verified:

@@ -19,6 +19,7 @@ from tests.benchmarks.movies import movies
 from tests.benchmarks.page import page
 from tests.benchmarks.paths import paths
 from tests.benchmarks.peeling import peeling
+from tests.benchmarks.plan_files import plan_files
 from tests.benchmarks.portfolio import portfolio
 from tests.benchmarks.scaling import scaling
 from tests.benchmarks.seeds import seeds
@@ -38,6 +39,7 @@ SECTIONS = {
     "sweeps": sweeps,
     "tetrahedra": tetrahedra,
     "smoothing": smoothing,
+    "plan-files": plan_files,
     "page": page,
     "long-folds": long_folds,
     "movies": movies,

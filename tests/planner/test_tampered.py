@@ -128,7 +128,7 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> list[Tampered]:
         made(place / "ring", RING, module="tetrahedron"),
     ]
     for fold in folds:
-        assert told(fold) == []
+        assert told(fold) == [], fold
     return [Tampered(fold) for fold in folds]
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path as FilePath
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from planner.errors import InputError, TimelineError
+from planner.manifest import write_manifest
 from planner.plan import Plan
 from planner.replay import replay
 from planner.verification import verify
@@ -17,6 +19,9 @@ from tests.planner.plans import changed
 
 ROLLED_UP = np.tile([np.pi / 2, 0.0], 22)
 """All modules of a chain of 24 in four cells."""
+ALL_PAIRS = "".join(
+    f'<exclude body1="module_{i}" body2="module_{j}"/>' for j in range(24) for i in range(j)
+)
 
 
 @pytest.fixture
@@ -62,7 +67,53 @@ def test_two_forms_that_differ_are_noticed(directory: FilePath) -> None:
     values = json.loads((directory / "plan.json").read_text())
     values["joint_angles_rad"][40][3] += 1e-6
     (directory / "plan.json").write_text(json.dumps(values))
-    assert "plan.json and plan.npz differ in joint_angles_rad" in verify(directory).problems[0]
+    problems = verify(directory).problems
+    assert "plan.json and plan.npz differ in joint_angles_rad[40, 3]" in problems[0]
+    assert "failed: plan.json: joint_angles_rad: it is not what was written" in problems
+
+
+def test_a_fold_without_digests_is_checked_as_far_as_it_goes(directory: FilePath) -> None:
+    """As earlier versions left it."""
+    (directory / "manifest.json").unlink()
+    found = verify(directory)
+    assert found.verified and "manifest.json" in found.notes[0]
+    path = directory / "certificate.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "min_clearance": 0.5}))
+    (problem,) = verify(directory).problems
+    assert problem.startswith("failed: certificate.json and plan.npz differ in")
+    assert "certificate.min_clearance: got 0.5, expected" in problem
+
+
+def test_the_plans_own_parameters_count(directory: FilePath) -> None:
+    """Smaller modules than asked for would be clear by more."""
+    plan = Plan.load(directory / "plan.npz")
+    rewrite(directory, parameters={**plan.parameters, "module_size": 0.5})
+    write_manifest(directory)
+    found = verify(directory)
+    assert found.certificate.module_size == 0.5
+    told = "\n".join(found.problems)
+    assert "plan.npz certificate.module_size: got 0.95, expected 0.5" in told
+    assert "plan.npz parameters.module_size: got 0.5, expected 0.95" in told
+
+
+def test_a_model_that_looks_away_is_noticed(directory: FilePath) -> None:
+    """Of other sizes, or with more pairs that may lie in one another."""
+    path, plan = directory / "model.xml", Plan.load(directory / "plan.npz")
+    text = path.read_text()
+    more = '<exclude body1="module_3" body2="module_9"/></contact>'
+    for changed_text, words in (
+        (text.replace('size="0.475 ', 'size="0.4 ', 1), "geom"),
+        (text.replace("</contact>", more), "exclude"),
+    ):
+        assert changed_text != text
+        path.write_text(changed_text)
+        write_manifest(directory)
+        problems = [p for p in verify(directory).problems if p.startswith("failed: model.xml: ")]
+        assert any(words in problem for problem in problems)
+    angles = plan.joint_angles_rad.copy()
+    angles[50] = ROLLED_UP
+    blind = re.sub(r"<contact>.*</contact>", f"<contact>{ALL_PAIRS}</contact>", text, flags=re.S)
+    assert replay(changed(plan, joint_angles_rad=angles), blind).overlap > 0.1
 
 
 @pytest.mark.parametrize("name", ["joint_angles_rad", "root_position", "root_wxyz", "time_s"])
@@ -88,11 +139,17 @@ def test_a_model_with_other_joints_is_noticed(directory: FilePath) -> None:
     assert any("poses differ" in problem for problem in verify(directory).problems)
 
 
-@pytest.mark.parametrize("data", [b"", b"<mujoco/>", b"not xml", b"\xff\xfe\x00"])
+@pytest.mark.parametrize("data", [b"", b"not xml", b"\xff\xfe\x00"])
 def test_a_model_that_is_none_is_refused(data: bytes, directory: FilePath) -> None:
     (directory / "model.xml").write_bytes(data)
     with pytest.raises(InputError, match="model"):
         verify(directory)
+
+
+def test_a_model_of_nothing_is_not_the_plans(directory: FilePath) -> None:
+    (directory / "model.xml").write_bytes(b"<mujoco/>")
+    problems = verify(directory).problems
+    assert any("model.xml: the model is not one of this plan" in problem for problem in problems)
 
 
 @pytest.mark.parametrize("name", ["plan.npz", "plan.json", "model.xml"])
