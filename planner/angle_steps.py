@@ -37,7 +37,8 @@ PLANES: Final = "angle_planes"
 def snapped(angles_rad: NDArray[np.floating[Any]], limit_rad: float = np.inf) -> Array:
     """Angles rounded to whole steps, at most ``limit_rad`` either way; what is none stays none."""
     most = np.floor(limit_rad / STEP_RAD)
-    return np.clip(np.rint(np.asarray(angles_rad, np.float64) / STEP_RAD), -most, most) * STEP_RAD
+    steps: Array = np.rint(angles_rad.astype(np.float64) / STEP_RAD)
+    return np.clip(steps, -most, most) * STEP_RAD
 
 
 def whole_steps(angles_rad: NDArray[np.floating[Any]]) -> Ints | None:

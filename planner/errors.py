@@ -44,6 +44,7 @@ UNREADABLE: Final = (
     LookupError,
     MemoryError,
     RuntimeError,
+    SystemError,
     TypeError,
     ValueError,
     struct.error,

@@ -116,7 +116,7 @@ def _fields(path: FilePath) -> Iterator[tuple[str, str]]:
         for key, digest in _of_values(group.attrs.asdict()):
             yield f"attributes.{key}", digest
         for name, array in sorted(group.arrays()):
-            yield name, _of_array(cast("zarr.Array[Any]", array))
+            yield name, _of_array(array)
     else:
         yield WHOLE, _of_bytes(path)
 

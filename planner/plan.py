@@ -220,13 +220,13 @@ class Plan:
         values = {**self.rest(), "joint_names": list(self.chain.joint_names)}
         if planes is not None:
             data = b64encode(zlib.compress(planes.tobytes(), LEVEL)).decode()
-            values["angles"] = {**values["angles"], "data": data}
+            values["angles"]["data"] = data
         return {**values, **{name: _listed(column) for name, column in columns.items()}}
 
     def rest(self) -> dict[str, Any]:
         """All but the joints' names and what there is of each frame, as plain JSON values."""
-        windowed = isinstance(self.motion, Windows)
-        shape = self.motion.angles_rad.shape if windowed else self.motion.joint_angles_rad.shape
+        motion = self.motion
+        angles = motion.angles_rad if isinstance(motion, Windows) else motion.joint_angles_rad
         return {
             "format": FORMAT,
             "motion": _kind(self.motion),
@@ -242,7 +242,7 @@ class Plan:
             "playback": self.playback,
             "certificate": self.certificate.as_dict(),
             "root_module": self.chain.root,
-            "angles": told_of(shape, windowed=windowed),
+            "angles": told_of(angles.shape, windowed=isinstance(motion, Windows)),
         }
 
     def _columns(self) -> tuple[dict[str, NDArray[Any]], Planes | None]:

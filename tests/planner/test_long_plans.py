@@ -197,7 +197,7 @@ def test_a_forged_window_is_found(made: FilePath, plan: Plan, tmp_path: FilePath
     forged = replace(plan, motion=replace(windows, angles_rad=angles))
     forged.save_npz(place / "plan.npz")
     forged.save_json(place / "plan.json")
-    with pytest.raises(InputError, match="not the motion of the plan"):
+    with pytest.raises(InputError, match="not the motion of plan.npz"):
         verify(place)
     xml = (made / "model.xml").read_text()
     assert replay(forged, xml).overlap > 0.1

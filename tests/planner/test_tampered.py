@@ -89,6 +89,8 @@ def told(directory: FilePath) -> list[str]:
         return list(verification.verify(directory).problems)
     except (InputError, TimelineError) as error:
         return [str(error)]
+    except Exception as error:  # so that it is shown with the change that it came of
+        return [f"broke off: {error!r}"]
 
 
 def not_told(
