@@ -7,6 +7,7 @@ rest with the digests in the manifest. What is not as it should be is told by fi
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path as FilePath
@@ -51,6 +52,7 @@ MOST_REPLAYED: Final = 5_000_000
 """Frames times modules that are replayed; of a longer plan every second frame, every third, …"""
 MOST_TOLD: Final = 8
 """Differences of one kind that are told one by one."""
+NEIGHBOURS: Final = re.compile(r'<exclude body1="module_(\d+)" body2="module_(\d+)"/>')
 Differences = Iterator[str]
 
 
@@ -157,7 +159,8 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
             _figures(certificate, plan.certificate, npz["certificate"], found.notes),
         )
     model = _text(directory / "model.xml")
-    found.look("model.xml is the plan's model", _model(model, plan))
+    earlier = not (directory / manifest.FILE).exists()
+    found.look("model.xml is the plan's model", _model(model, plan, found.notes, earlier=earlier))
     replayed = None
     if len(plan.time_s):
         stride = -(-len(plan.motion) * len(plan.chain) // MOST_REPLAYED)
@@ -536,7 +539,20 @@ def _figures(
     )
 
 
-def _model(text: str, plan: Plan) -> Differences:
+def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differences:
+    """Where the model is not the plan's; those of earlier versions excluded all neighbours."""
+    exempt = plan.chain.module.exempt_pairs(len(plan.chain))
+
+    def needed(pair: re.Match[str]) -> str:
+        i, j = int(pair[1]), int(pair[2])
+        return "" if j == i + 1 and (i, j) not in exempt else pair[0]
+
+    if earlier and (fewer := NEIGHBOURS.sub(needed, text)) != text:
+        text = fewer
+        notes.append(
+            "model.xml exempts neighbours from collision, as earlier versions did; the replay "
+            "looked at them all the same."
+        )
     try:
         size = _parameters(plan, None).module_size
         again = mjcf.mjcf(plan.chain, module_size=size, keys=mjcf.keys_of(plan))
