@@ -523,11 +523,13 @@ def _figures(
     mine, theirs = stored.as_dict(), again.as_dict()
     aside = {"seconds"}
     if "simulated" not in told:
-        # Earlier versions told the bound of the plan alone, and no more of the rest than they did.
-        aside |= {"clearance_bound"} | {f.name for f in fields(Certificate)} - set(told)
+        # Earlier versions told the bound of the plan alone, told less of the rest,
+        # and looked at other places in between.
+        aside |= {"clearance_bound", "in_betweens"}
+        aside |= {f.name for f in fields(Certificate)} - set(told)
         notes.append(
             "The certificate is of an earlier version: it was compared in what it tells, but for "
-            "clearance_bound."
+            "clearance_bound and in_betweens."
         )
     names = [f.name for f in fields(Certificate) if f.name not in aside]
     yield from value_differences(
@@ -544,7 +546,7 @@ def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differe
     exempt = plan.chain.module.exempt_pairs(len(plan.chain))
 
     def needed(pair: re.Match[str]) -> str:
-        i, j = int(pair[1]), int(pair[2])
+        i, j = sorted((int(pair[1]), int(pair[2])))
         return "" if j == i + 1 and (i, j) not in exempt else pair[0]
 
     if earlier and (fewer := NEIGHBOURS.sub(needed, text)) != text:
