@@ -67,7 +67,7 @@ def frame_angles(planes: Planes, told: Mapping[str, Any]) -> Array:
     steps = _steps(planes).reshape(frames, hinges)
     for _ in range(told["differences"]):
         steps = steps.cumsum(axis=0)
-    return steps * float(told["step_rad"])
+    return steps.astype(np.float64) * float(told["step_rad"])
 
 
 def window_planes(

@@ -217,7 +217,7 @@ class Plan:
     def as_dict(self) -> dict[str, Any]:
         """The plan as plain JSON values."""
         columns, planes = self._columns()
-        values = {**self.rest(), "joint_names": list(self.chain.joint_names)}
+        values: dict[str, Any] = {**self.rest(), "joint_names": list(self.chain.joint_names)}
         if planes is not None:
             data = b64encode(zlib.compress(planes.tobytes(), LEVEL)).decode()
             values["angles"]["data"] = data
