@@ -17,6 +17,7 @@ from planner.errors import InputError, TimelineError
 from planner.fold_files import write_request
 from planner.formats import write_path
 from planner.manifest import digests_of
+from planner.model_differences import model_differences
 from planner.modules import Module
 from planner.pathfinding.assembly import layered_snake
 from planner.paths import Path
@@ -117,6 +118,14 @@ def not_told(
                 kinds["… of which say nothing"] += not problems
                 kinds[change.kind] -= not problems
                 continue
+            # Nor does the length of an axis, which MuJoCo takes as a direction.
+            if sealed and change.kind == "number in model.xml" and not problems:
+                path = folds[number].place / "model.xml"
+                whole = folds[number].whole[path].decode()
+                if not [*model_differences(path.read_text(), whole)]:
+                    kinds["… of which say nothing"] += 1
+                    kinds[change.kind] -= 1
+                    continue
             missed.append((change, problems))
     return missed, kinds
 
