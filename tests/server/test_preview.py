@@ -20,6 +20,7 @@ from server.preview_scenes import AT_ONCE, MOST_WAITING, PreviewScenes
 from server.previews import NoSuchPreviewError, Previews
 from server.problems import Problem
 from server.settings import Settings
+from server.store import new_token
 from server.uploads import Uploads
 from tests.server.service import SNAKE, Service
 from web.columns import decode
@@ -350,18 +351,19 @@ def test_old_previews_make_room_for_new_ones(service_with) -> None:
 
 def test_a_fold_takes_a_preview_and_its_wishes(desk: Service) -> None:
     found = report(desk, stl(), modules="64")
-    first = desk.fold(preview=found["id"], modules="64")
+    token = new_token()
+    first = desk.fold(token=token, preview=found["id"], modules="64")
     request = json.loads((desk.directory(first["id"]) / "request.json").read_text())
     assert request["modules"] == 64
     assert request["filename"] == "thing.bin"
-    assert desk.fold(preview=found["id"], modules="64")["id"] == first["id"]
+    assert desk.fold(token=token, preview=found["id"], modules="64")["id"] == first["id"]
     others = [
         {"modules": "72"},
         {"modules": "64", "method": "blocks"},
         {"modules": "64", "ends": "surface"},
         {"modules": "64", "repair": "true"},
     ]
-    ids = {desk.fold(preview=found["id"], **wishes)["id"] for wishes in others}
+    ids = {desk.fold(token=token, preview=found["id"], **wishes)["id"] for wishes in others}
     assert len(ids | {first["id"]}) == 1 + len(others)
 
 
