@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from planner.chain import Chain
 from planner.knots import knot_of
 from planner.pathfinding.exact import exact_path
+from planner.pathfinding.tetrahedra import find_trails
 from planner.paths import Path
 from planner.shapes import Shape
 from planner.solids import Solid
@@ -28,13 +30,20 @@ def warm_up_chains() -> Chain:
 
 
 def warm_up_paths() -> None:
-    """Finds a path through a box and makes voxels of a tetrahedron."""
+    """Finds a path and a trail through a box and makes voxels of a tetrahedron."""
     warm_up_chains()
     box = Shape.from_cells(np.argwhere(np.ones((3, 3, 3), dtype=bool)))
     found = exact_path(box)
     if found.cells is not None:
         knot_of(found.cells)
-    voxelise(_tetrahedron(), cells=8)
+    find_trails(box)
+    solid = _tetrahedron()
+    # One whose faces don't agree about what is outside is filled in another way, and arrays that
+    # are read-only are another type.
+    voxelise(solid, cells=8)
+    solid.faces.setflags(write=False)
+    voxelise(solid, cells=8)
+    voxelise(replace(solid, oriented=False), cells=8)
 
 
 def _tetrahedron() -> Solid:

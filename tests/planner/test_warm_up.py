@@ -17,6 +17,7 @@ import json, sys
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 from numba.core.dispatcher import Dispatcher
+import trimesh
 from planner.formats import write_path
 from planner.pathfinding.assembly import layered_snake
 from planner.paths import Path
@@ -45,6 +46,14 @@ for strategy in ("simultaneous", "peel", "blocks"):
         assert run_stages(FilePath(place))["status"] == "verified", strategy
         if strategy == "simultaneous":
             assert smooth_plan(Plan.load(FilePath(place) / "plan.npz")).verified
+box = trimesh.creation.box((2, 2, 3))
+turned = box.copy()
+turned.faces[3] = turned.faces[3][::-1]
+for solid, module in ((box, "tetrahedron"), (turned, "cube")):
+    with TemporaryDirectory() as place:
+        request = Request(module=module, modules=24)
+        write_request(FilePath(place), request, solid.export(file_type="off").encode())
+        assert run_stages(FilePath(place))["status"] == "verified", module
 print(json.dumps([name for name, count in kernels().items() if count != before.get(name, 0)]))
 """
 
