@@ -79,12 +79,20 @@ def keep(page: Page, name: str) -> None:
     page.screenshot(path=ARTIFACTS / f"{name}.png")
 
 
+PASSED = """() => new Promise((done) => {
+  const view = window.foldback?.player.standIn.stage;
+  if (view?.open) view.passed(done); else done();
+})"""
+"""Waits for what the 3D view was told last, in a process of its own, to be drawn."""
+
+
 def picture(page: Page) -> np.ndarray:
     """The 3D view as (h, w, 3) numbers, once it has come to rest."""
     deadline = time.monotonic() + PATIENCE_MS / 1000
     # Where 3D graphics are slow a drawing stands in for as long as anything moves.
     page.wait_for_timeout(300)
     page.locator(".standing-in").wait_for(state="detached")
+    page.evaluate(PASSED)
     before = _shot(page)
     while True:
         page.wait_for_timeout(400)
