@@ -179,7 +179,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
     with page.expect_download() as download:
         page.locator("#panel-downloads a").first.click()
     plan = json.loads(Path(download.value.path()).read_text())
-    assert plan["format"] == "foldback-plan/1"
+    assert plan["format"] == "foldback-plan/3"
     assert len(film) == len(frames)
 
 

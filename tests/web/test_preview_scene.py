@@ -45,7 +45,7 @@ def test_layers_are_nodes_and_a_path_makes_cells_a_ghost() -> None:
     mesh = {"vertices": [[0, 0, 0], [3, 0, 0], [0, 3, 0]], "faces": [[0, 1, 2]]}
     header, arrays, nodes = opened(report(mesh=mesh))
     assert {"/solid", "/cells", "/path", "/selected"} <= nodes.keys()
-    assert refused(header) == {"ThemeConfigurationMessage"}
+    assert refused(header) == set()
     assert nodes["/cells"]["opacity"] == header["colours"]["ghost_opacity"]
     assert arrays["cells"].tolist() == ROW
     assert (arrays["colours"][0] != arrays["colours"][-1]).any()  # from first to last

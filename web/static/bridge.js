@@ -18,7 +18,7 @@
     "FrameMessage", "GridMessage", "HemisphereLightMessage", "LineSegmentsMessage", "MeshMessage",
     "RemoveSceneNodeMessage", "SceneNodeUpdateMessage", "ScenePointerEnableMessage", "SetCameraFovMessage",
     "SetCameraLookAtMessage", "SetCameraPositionMessage", "SetOrientationMessage", "SetPositionMessage",
-    "SetSceneNodeVisibilityMessage",
+    "SetSceneNodeVisibilityMessage", "ThemeConfigurationMessage",
   ]);
   let port = null; // to the page
   let wire = null; // to the client, which thinks that it is its worker
@@ -44,6 +44,7 @@
   function take({ data }) {
     if (data?.do === "show" && Array.isArray(data.messages)) {
       const messages = data.messages.filter((message) => SHOWN.has(message?.type));
+      for (const message of messages) if ("titlebar_content" in message) message.titlebar_content = null; // links
       if (messages.some(({ type }) => type === "BatchedMeshesMessage")) missing = true;
       wire?.tell({ type: "message_batch", messages });
     } else if (data?.do === "pass") {
