@@ -258,6 +258,7 @@ class Settings(BaseSettings):
     @field_validator("origins", "embed_origins")
     @classmethod
     def _origins(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        value = tuple(name.removesuffix("/") for name in value)  # as browsers name it
         for name in value:
             if name == "*" and info.field_name == "embed_origins":
                 continue
@@ -376,9 +377,12 @@ def _is_origin(value: str) -> bool:
 
 
 def _is_database(value: str) -> bool:
+    # Loaded only when there is one: processes that compute have none.
+    from sqlalchemy.engine import make_url
+    from sqlalchemy.exc import ArgumentError
+
     try:
-        found = urlsplit(value)
-        _ = found.port
-    except ValueError:
+        found = make_url(value)
+    except (ArgumentError, ValueError):
         return False
-    return found.scheme.partition("+")[0] in ("sqlite", "postgres", "postgresql")
+    return found.drivername.partition("+")[0] in ("sqlite", "postgres", "postgresql")

@@ -27,6 +27,30 @@ def test_lists_have_commas_or_are_json(name: str, monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize(
+    "url",
+    [
+        "postgresql://us:a#b?c[d/e@db/x",
+        "postgres:///x?host=/run/postgresql",
+        "postgresql+psycopg://us@[::1]:5432/x",
+        "sqlite:////data/x.db",
+    ],
+)
+def test_addresses_of_databases_may_have_any_password(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FOLDBACK_DATABASE_URL", url)
+    assert Settings().database_url == url
+
+
+@pytest.mark.parametrize("name", ["origins", "embed_origins"])
+def test_a_slash_at_the_end_of_an_origin_is_left_out(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(f"FOLDBACK_{name.upper()}", "https://a.org/, http://b:8")
+    assert getattr(Settings(), name) == ("https://a.org", "http://b:8")
+
+
+@pytest.mark.parametrize(
     ("name", "value", "words"),
     [
         ("ORIGINS", "example.org", "got 'example.org', expected a scheme and a host"),
