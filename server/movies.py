@@ -132,6 +132,8 @@ class Movies:
             self._add(wanted)
         except IntegrityError:  # another was quicker, or the fold was deleted
             self._store.fold(fold_id)
+            if of_owner:
+                self._take_over(fold_id, movie.key)
             return self.state(fold_id, movie.key), None
         return MovieState.of(wanted), token
 

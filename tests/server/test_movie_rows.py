@@ -16,7 +16,7 @@ from server import movie_jobs, news
 from server.database import FoldRow, MovieRow
 from server.jobs import Jobs
 from server.movie_jobs import MovieJobs
-from server.movies import Movies, NoSuchMovieError
+from server.movies import Movies, MovieState, NoSuchMovieError
 from server.problems import Problem
 from server.settings import Settings
 from server.store import Store, new_token
@@ -224,6 +224,24 @@ def test_strangers_push_out_no_movie_of_the_owner(
     here.movies.ask("a1", MOVIES[3], "a stranger")
     there.make(MOVIES[3])
     assert len(left(here)) == 3
+
+
+def test_a_movie_asked_for_at_once_by_a_stranger_and_the_owner_is_the_owner_s(
+    processes: Callable[..., list[Process]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here, there = processes()
+    tokens: list[str | None] = []
+    state = here.movies.state
+
+    def not_yet(fold_id: str, movie_id: str) -> MovieState:
+        monkeypatch.setattr(here.movies, "state", state)
+        tokens.append(there.movies.ask(fold_id, MOVIES[0], "a stranger")[1])
+        raise NoSuchMovieError(movie_id)
+
+    monkeypatch.setattr(here.movies, "state", not_yet)
+    found, token = here.movies.ask("a1", MOVIES[0], "the owner", of_owner=True)
+    assert token is None and here.row().of_owner
+    assert tokens[0] and not found.owned_by(tokens[0])
 
 
 def test_what_a_dead_worker_left_is_swept(tmp_path: Path) -> None:
