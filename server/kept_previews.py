@@ -95,7 +95,7 @@ def visitor_noted(about: bytes | None) -> str:
     """Whose upload it is, as ``upload.json`` has it; nobody's of one that is older."""
     try:
         return str(json.loads(about or b"{}").get("visitor", ""))
-    except ValueError:
+    except (ValueError, AttributeError, RecursionError):  # whatever computed there wrote it
         return ""
 
 

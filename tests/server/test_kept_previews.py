@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from server.kept_previews import UPLOAD, HeldPreview, KeptPreviews, superfluous
+from server.kept_previews import UPLOAD, HeldPreview, KeptPreviews, superfluous, visitor_noted
 from server.previews import NoSuchPreviewError, Previews
 from server.settings import Settings
 from server.storage import open_storage
@@ -39,6 +39,11 @@ def test_who_holds_most_loses_his_own_first(tmp_path: Path) -> None:
     assert gone(2, "b") == ["b0", "old"]  # above what one visitor may hold
     assert gone(4, "d") == ["b0", "old"]  # above what all may, where one holds most
     assert gone(6, "b") == ["b0", "b1", "b2", "old"]
+
+
+@pytest.mark.parametrize("about", [b"[]", b"7", b"\xff", b"[" * 100_000])
+def test_whose_preview_it_is_that_was_written_over_is_not_known(about: bytes) -> None:
+    assert visitor_noted(about) == ""
 
 
 def test_a_flood_of_previews_leaves_those_of_others(tmp_path: Path) -> None:
