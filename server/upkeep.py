@@ -166,6 +166,8 @@ class Upkeep:
             worker=None,
             epoch=FoldRow.epoch + 1,
         )
+        if row.status == "cancelled" and not self.fold(fold_id).bytes:
+            raise _no_input(fold_id)  # a sweeper has just given its files up
         self._check_inputs(row)
         size = self._strip(row)
         if job is not None:
@@ -198,10 +200,7 @@ class Upkeep:
     def _check_inputs(self, row: FoldRow) -> None:
         shown = self._store.folders.shown(row)
         if not (shown / "input").exists() or not (shown / "request.json").exists():
-            raise UpkeepError(
-                f"{row.id} has no input any more, as one that was cancelled a while ago; expire "
-                "it, fold the file anew."
-            )
+            raise _no_input(row.id)
 
     def _strip(self, row: FoldRow) -> int:
         """Leaves of a fold's files what was there before anything was computed; its bytes."""
@@ -240,3 +239,10 @@ class Upkeep:
             yield client
         finally:
             client.destroy()
+
+
+def _no_input(fold_id: str) -> UpkeepError:
+    return UpkeepError(
+        f"{fold_id} has no input any more, as one that was cancelled a while ago; expire it, fold "
+        "the file anew."
+    )

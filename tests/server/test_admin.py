@@ -12,12 +12,13 @@ import sqlalchemy as sa
 from click.testing import Result
 from typer.testing import CliRunner
 
+from server.cancelled import sweep_cancelled
 from server.commands.admin import admin
 from server.database import FoldRow, MovieRow
 from server.jobs import prepare
 from server.settings import Settings
 from server.store import Store, hash_of
-from server.upkeep import Upkeep
+from server.upkeep import Upkeep, UpkeepError
 from tests.server.rows import a_fold, a_movie
 from tests.server.service import SNAKE, Service, over, owner
 
@@ -147,6 +148,29 @@ def test_a_fold_is_queued_again_and_begins_anew(place: Path) -> None:
     # A fold whose job was lost in a crash is stuck; this one lost its request, too.
     lost = run(place, "requeue", "waits")
     assert lost.exit_code == 1 and "no input any more" in lost.stderr
+
+
+def test_a_fold_whose_files_a_sweeper_removes_is_not_queued_again(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (place / "folds" / "old" / "request.json").write_text("{}")
+    store, upkeep = Store(Settings(data_dir=place)), Upkeep(Settings(data_dir=place))
+    cancelled = sa.update(FoldRow).values(status="cancelled", bytes=1)
+    with store.changing() as session:
+        session.execute(cancelled.where(FoldRow.id == "old"))
+    remove = store.folders.remove
+
+    def meanwhile(fold_id: str) -> None:
+        with pytest.raises(UpkeepError, match="no input any more"):
+            upkeep.requeue(fold_id)
+        remove(fold_id)
+
+    monkeypatch.setattr(store.folders, "remove", meanwhile)
+    sweep_cancelled(store, time.time())
+    assert store.fold("old").status == "cancelled"
+    assert not (place / "folds" / "old").exists()
+    upkeep.close()
+    store.close()
 
 
 def test_no_worker_lives_where_none_was_started(place: Path) -> None:
