@@ -13,7 +13,8 @@ from typing import Final
 
 import sqlalchemy as sa
 
-from server.database import MAKING, FoldRow, MovieRow, movie_file
+from server.database import ENDED, MAKING, FoldRow, MovieRow, movie_file
+from server.folders import EXPORTS_DIR, MOVIES, size_of
 from server.store import Store, seen_of
 
 FRESH_S: Final = 600.0
@@ -27,6 +28,26 @@ def derived_bytes(store: Store) -> int:
         files = session.scalar(sa.select(sa.func.sum(FoldRow.derived_bytes))) or 0
         movies = session.scalar(sa.select(sa.func.sum(MovieRow.bytes))) or 0
     return int(files) + int(movies)
+
+
+def count_apart(store: Store) -> None:
+    """Counts files made of folds apart where an earlier version counted them as the folds' own."""
+    if store.folders.storage is not None:
+        return
+    uncounted = (FoldRow.derived_bytes == 0, FoldRow.status.in_(sorted(ENDED)))
+    with store.reading() as session:
+        names = session.scalars(sa.select(FoldRow.id).where(*uncounted)).all()
+    for fold_id in names:
+        place = store.folders.place(fold_id)
+        if not (made := size_of(place / EXPORTS_DIR)):
+            continue
+        own = size_of(place) - made - size_of(place / MOVIES)
+        with store.changing() as session:
+            session.execute(
+                sa.update(FoldRow)
+                .where(FoldRow.id == fold_id, *uncounted)
+                .values(bytes=own, derived_bytes=made)
+            )
 
 
 def drop_derived(store: Store, lacking: int) -> int:
@@ -58,10 +79,12 @@ def drop_derived(store: Store, lacking: int) -> int:
     for fold_id in filled:
         if freed >= lacking:
             return freed
-        if gone := store.folders.remove_exports(fold_id, before=before):
+        gone, left = store.folders.remove_exports(fold_id, before=before)
+        if gone:
             log.info("files made of fold %s go", fold_id, extra={"fold": fold_id})
-            store.add_derived(fold_id, -gone)
             freed += gone
+        # Several processes may have made the same file, each of which has counted it.
+        store.set_derived(fold_id, left)
     for job in jobs:
         if freed >= lacking:
             return freed

@@ -200,21 +200,26 @@ class Folders:
 
     # For who makes room
 
-    def remove_exports(self, fold_id: str, *, before: float) -> int:
-        """Removes what was made of a fold's files on this machine before a time; the bytes of it.
+    def remove_exports(self, fold_id: str, *, before: float) -> tuple[int, int]:
+        """Removes what was made of a fold's files on this machine before a time.
 
         Args:
             fold_id: The fold.
             before: Seconds since 1970.
+
+        Returns:
+            The bytes of what is gone, and of what is left.
         """
-        gone = 0
-        with suppress(OSError):  # there is nothing, or another process removes it just now
-            for path in (self.place(fold_id) / EXPORTS_DIR).iterdir():
+        gone = left = 0
+        for path in (self.place(fold_id) / EXPORTS_DIR).glob("*"):
+            with suppress(OSError):  # another process removes it just now
                 found = path.stat()
                 if found.st_mtime < before:
                     path.unlink()
                     gone += found.st_size
-        return gone
+                else:
+                    left += found.st_size
+        return gone, left
 
     # For who computes it
 

@@ -345,6 +345,10 @@ class Store:
         """Counts so many bytes more, or less, of what was made of a fold."""
         self._change(fold_id, derived_bytes=FoldRow.derived_bytes + size)
 
+    def set_derived(self, fold_id: str, size: int) -> None:
+        """Notes how many bytes of what was made of a fold there are."""
+        self._change(fold_id, derived_bytes=size)
+
     # Writing, on the side of the workers
 
     def begin(self, fold_id: str, stage: str, worker: str) -> int | None:

@@ -20,7 +20,7 @@ from sqlalchemy.orm import aliased
 
 from server.cancelled import sweep_cancelled
 from server.database import ENDED, FoldRow
-from server.derived import derived_bytes, drop_derived
+from server.derived import count_apart, derived_bytes, drop_derived
 from server.settings import Settings
 from server.storage import StorageError
 from server.store import Store, seen_of
@@ -49,11 +49,15 @@ class Sweeper:
         self._settings = settings
         self._store = store
         self._clock = clock
+        self._counted_apart = False
         self._orphans_at = -ORPHANS_EVERY_S
         self._suspects: set[str] = set()
 
     def sweep(self) -> int:
         """Sweeps once; how many folds were forgotten."""
+        if not self._counted_apart:
+            count_apart(self._store)
+            self._counted_apart = True
         sweep_cancelled(self._store, self._clock())
         self._make_room()
         gone = self._forget_superseded() + self._expire()

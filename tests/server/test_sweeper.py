@@ -223,6 +223,31 @@ def test_what_can_be_made_again_goes_before_any_fold_and_spends_nobody_s_quota(
     assert left(store, *folds) == [False, True]
 
 
+def test_what_an_earlier_version_counted_as_the_fold_s_own_counts_apart(
+    tmp_path: Path, store: Store
+) -> None:
+    old, counted = fold(store, days=1, size=MIB + 2), fold(store, days=1)
+    for name in (old, counted):
+        derive(store, name, MIB)
+    store.set_derived(old, 0)
+    sweeping = sweeper(tmp_path, store)
+    sweeping.sweep()
+    assert (store.fold(old).bytes, store.fold(old).derived_bytes) == (len("{}"), MIB)
+    assert (store.fold(counted).bytes, store.fold(counted).derived_bytes) == (MIB, MIB)
+
+
+def test_what_was_counted_twice_is_set_right_when_room_is_made(
+    tmp_path: Path, store: Store
+) -> None:
+    twice, fresh = fold(store, days=2), fold(store, days=1)
+    derive(store, twice, MIB)
+    derive(store, fresh, MIB, age_s=0.0)
+    for name in (twice, fresh):  # two processes have made the same file
+        store.add_derived(name, MIB)
+    sweeper(tmp_path, store, storage_bytes=2 * MIB).sweep()
+    assert [store.fold(name).derived_bytes for name in (twice, fresh)] == [0, MIB]
+
+
 def test_what_was_just_made_stays_for_who_has_asked(tmp_path: Path, store: Store) -> None:
     fresh = fold(store, days=1)
     derive(store, fresh, MIB, age_s=0.0)
