@@ -56,7 +56,8 @@ class Certificate:
         min_clearance: Least clearance seen in the plan, at its frames and in-betweens.
         min_clearance_at: Where that is.
         clearance_bound: What is proved: nowhere in the plan, nor in the simulated playback, is the
-            clearance less than this.
+            clearance less than this. It and all clearances are None where nothing was looked at to
+            its end.
         min_clearance_playback: Least clearance seen in the simulated playback.
         min_clearance_playback_at: Where that is.
         min_clearance_record: Least clearance seen in the record. No robot follows the record, so
@@ -165,7 +166,8 @@ def certify(
         parameters: For the module size and the physical units.
         start: The chain as it is folded at the beginning of a refold; None when it is straight.
         progress: Told which motion is being swept.
-        cancelled: Asked now and then whether to stop; the verdict then is a failure.
+        cancelled: Asked now and then whether to stop; the verdict then is a failure, and no
+            clearance is told.
 
     Raises:
         InputError: ``bad-module-size``.
@@ -176,12 +178,12 @@ def certify(
         raise InputError(
             "bad-module-size", f"got a module size of {size}, expected a number above 0."
         )
-    given_up = False
+    asked_to_stop = False
 
     def stopped() -> bool:
-        nonlocal given_up
-        given_up = given_up or cancelled()
-        return given_up
+        nonlocal asked_to_stop
+        asked_to_stop = asked_to_stop or cancelled()
+        return asked_to_stop
 
     def swept(motion: Array | Windows, name: str, fraction: float) -> Sweep:
         progress(Progress(stage="certify", fraction=fraction, message=f"checking the {name}"))
@@ -198,20 +200,24 @@ def certify(
         if playback.simulated:
             of_playback = swept(_angles(playback.frames), "playback", 0.7)
         figures = _plan_figures(chain, playback, parameters)
-        exempt = exempt_pairs(chain, _followed(playback), size=size)
+        exempt = exempt_pairs(chain, followed(playback), size=size)
     if record is not None:
         if playback is not None and _runs_back(record.frames, playback.frames):
             of_record = of_plan  # the same places, and the same ways between them
         else:
             of_record = swept(_angles(record.frames), "record", 0.0)
+    if given_up := stopped():
+        # What was not looked at to its end proves nothing, and nobody knows what is least in it.
+        of_record = of_plan = of_playback = None
     unit = torque_unit_nm(chain, parameters)
     weight = unit / chain.pitch_m * GRAVITY_M_S2
-    verdict = _verdict(chain, start, record, playback, of_plan, of_playback, figures, size)
     bounds = [found.bound for found in (of_plan, of_playback) if found is not None]
     if unusable:
         verdict = f"failed: {unusable}"
-    elif stopped():
+    elif given_up:
         verdict = "failed: it was cancelled"
+    else:
+        verdict = _verdict(chain, start, record, playback, of_plan, of_playback, figures, size)
     return Certificate(
         verdict=verdict,
         simulated=None if playback is None else playback.simulated,
@@ -315,8 +321,8 @@ def _angles_at(chain: Chain, motion: Array | Windows, frame: int) -> Array:
     return motion[frame]
 
 
-def _followed(playback: Playback) -> tuple[Array | Windows, ...]:
-    """What a robot follows: the plan, and the playback where that was simulated."""
+def followed(playback: Playback) -> tuple[Array | Windows, ...]:
+    """What has to be clear: the plan, and the playback where that was simulated."""
     plan = playback.reference
     return (plan, _angles(playback.frames)) if playback.simulated else (plan,)
 
@@ -350,7 +356,7 @@ def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> d
     figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
     figures["frames"] = len(plan)
     figures["plan_end_error_rad"] = _end_error(chain, plan)
-    figures["max_angle_rad"] = max(_largest_angle(motion) for motion in _followed(playback))
+    figures["max_angle_rad"] = max(_largest_angle(motion) for motion in followed(playback))
     if playback.simulated:
         figures |= _simulation_figures(chain, playback)
     if len(plan) < 2:
@@ -431,7 +437,7 @@ def _verdict(
         return f"failed: {begins_otherwise}"
     if figures["plan_end_error_rad"] > ENDS_WITHIN_RAD:
         return "failed: the plan does not end folded"
-    for name, motion in zip(motions, _followed(playback), strict=False):
+    for name, motion in zip(motions, followed(playback), strict=False):
         if beyond := _beyond_range(chain, motion):
             return f"failed: the {name} {beyond} of the {name})"
     if playback.simulated and figures["rms_position_error"] > FOLDED_WITHIN:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.sweep import Sweep, sweep
+from planner.windows import Windows
 
 Array = NDArray[np.float64]
 FULL: Final = 1.0
@@ -16,7 +18,7 @@ STEP: Final = 0.002
 MOST_STEPS: Final = 12
 
 
-def largest_size(chain: Chain, motions: tuple[Array, ...], *, clear_at: float) -> float:
+def largest_size(chain: Chain, motions: Sequence[Array | Windows], *, clear_at: float) -> float:
     """The largest module size, in steps of ``STEP``, at which motions are proved clear.
 
     Clearance falls about evenly with the size, so that two sizes tell where it vanishes; from there
@@ -24,7 +26,7 @@ def largest_size(chain: Chain, motions: tuple[Array, ...], *, clear_at: float) -
 
     Args:
         chain: The chain.
-        motions: (F, J) hinge angles of each.
+        motions: (F, J) hinge angles of each, or windows.
         clear_at: A size at which they are clear.
     """
     low = min(sweep(chain, m, size=clear_at).clearance for m in motions)

@@ -9,12 +9,15 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from planner.certificate import followed
 from planner.errors import InputError, TimelineError
 from planner.plan import Plan
+from planner.playback import Playback
 from planner.request import Request
 from planner.sizes import largest_size as find_largest
 from planner.verification import Verification
 from planner.verification import verify as verify_files
+from planner.windows import Windows
 from server import certificate_words
 from server.command_inputs import refuse
 from server.command_options import AsJson, FoldDirectory
@@ -27,7 +30,10 @@ def verify(
     ] = None,
     largest_size: Annotated[
         bool,
-        typer.Option("--largest-size", help="Also find the largest module that stays clear."),
+        typer.Option(
+            "--largest-size",
+            help="Also find the largest module that keeps all of it clear.",
+        ),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -49,7 +55,7 @@ def verify(
         refuse(InputError("no-timeline", str(error)), as_json)
     largest = _largest(directory, found) if largest_size and found.verified else None
     if as_json:
-        sized = {"largest_size": largest} if largest_size else {}
+        sized = {"largest_size": largest and largest[0]} if largest_size else {}
         print(json.dumps({**found.as_dict(), **sized}), flush=True)
     else:
         console = Console(soft_wrap=True, highlight=False)
@@ -67,13 +73,17 @@ def verify(
         for line in found.notes:
             console.print(f"note: {line}", markup=False)
         if largest is not None:
-            console.print(f"clear up to a module size of {largest:.3f} of the pitch")
+            size, what = largest
+            console.print(f"{what} clear up to a module size of {size:.3f} of the pitch")
     if not found.verified:
         raise typer.Exit(3)
 
 
-def _largest(directory: Path, found: Verification) -> float:
-    """The largest size at which the plan's motion is clear."""
+def _largest(directory: Path, found: Verification) -> tuple[float, str]:
+    """The largest size at which motions are clear, and which those are."""
     plan = Plan.load(directory / "plan.npz")
-    clear_at = found.certificate.module_size
-    return find_largest(plan.chain, (plan.joint_angles_rad,), clear_at=clear_at)
+    motions = (plan.motion if isinstance(plan.motion, Windows) else plan.joint_angles_rad,)
+    if (path := directory / "playback.npz").exists():
+        motions = followed(Playback.load(path))
+    size = find_largest(plan.chain, motions, clear_at=found.certificate.module_size)
+    return size, "plan is" if len(motions) < 2 else "plan and playback are"

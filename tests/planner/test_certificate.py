@@ -324,6 +324,10 @@ def test_once_cancelled_is_cancelled(times: int) -> None:
     assert certificate.verified is (asked < times)
     if asked >= times:
         assert certificate.verdict == "failed: it was cancelled"
+        told = certificate.as_dict()
+        places = [name for name in told if "clearance" in name]
+        assert len(places) == 7 and {told[name] for name in places} == {None}
+        assert certificate.in_betweens == 0
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -16,6 +16,7 @@ from planner.kernels.clearance import pair_separation
 from planner.kinematics import forward_kinematics
 from planner.modules import TETRAHEDRON
 from planner.paths import Path
+from planner.sizes import largest_size
 from planner.sweep import ENOUGH, sweep
 from planner.windows import Windows
 from tests.planner.chains import coil
@@ -37,6 +38,15 @@ def brute(chain: Chain, angles: Array, size: float) -> float:
             if np.linalg.norm(gap) - 2.0 * module.radius * size < found:
                 found = min(found, pair_separation(gap, *turns, *hull, size, found))
     return found
+
+
+def test_the_largest_size_of_windows_is_that_of_their_frames() -> None:
+    chain = snake((2, 2, 3))
+    windows = peel(chain, width=21, step=1.7)
+    motions = (windows, windows.angles(chain))
+    of_windows, of_frames = (largest_size(chain, (m,), clear_at=0.9) for m in motions)
+    assert 0.9 < of_windows < 1.0
+    assert of_windows == pytest.approx(of_frames, abs=1e-9)
 
 
 @pytest.mark.parametrize("size", [0.9, 0.98])

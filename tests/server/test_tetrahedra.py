@@ -25,6 +25,8 @@ def test_a_typed_chain_folds_and_its_size_is_told(tmp_path: Path) -> None:
     assert checked.returncode == 0, checked.stderr
     found = json.loads(checked.stdout.splitlines()[-1])
     assert 0.95 <= found["largest_size"] <= 1.0
+    told = foldback("verify", out, "--largest-size").stdout
+    assert f"plan and playback are clear up to a module size of {found['largest_size']:.3f}" in told
 
 
 @pytest.mark.parametrize(
