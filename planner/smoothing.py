@@ -371,7 +371,7 @@ class _Smoothing:
 
     def _swept(self, angles: Array) -> Sweep:
         """The closest place of a motion at the tight size."""
-        found = sweep(self.chain, angles, size=self.tight)
+        found = sweep(self.chain, angles, size=self.tight, share=0.0)
         self.looks += len(angles) + found.in_betweens
         return found
 

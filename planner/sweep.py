@@ -76,7 +76,12 @@ class Sweep:
 
 
 def sweep(
-    chain: Chain, motion: Array | Windows, *, size: float, cancelled: Cancelled = never
+    chain: Chain,
+    motion: Array | Windows,
+    *,
+    size: float,
+    share: float = SHARE,
+    cancelled: Cancelled = never,
 ) -> Sweep:
     """The clearance of a motion through all its frames.
 
@@ -84,20 +89,27 @@ def sweep(
         chain: The chain.
         motion: (F, J) hinge angles of the frames, or windows.
         size: Module size as a fraction of the pitch.
+        share: Which part of the least clearance seen the bound should reach; 0 where it is enough
+            that it is above 0, for halvings cost time.
         cancelled: Asked now and then; a cancelled sweep covers what was looked at so far.
 
     Raises:
         InputError: ``bad-windows`` for windows that are not of this chain.
     """
-    found = _swept(chain, motion, size, ENOUGH, cancelled)
+    found = _swept(chain, motion, size, share, ENOUGH, cancelled)
     if found.modules is None and not cancelled():
         # A short chain may never come that close to itself: then how far it stays off.
-        found = _swept(chain, motion, size, FAR, cancelled)
+        found = _swept(chain, motion, size, share, FAR, cancelled)
     return found
 
 
 def _swept(
-    chain: Chain, motion: Array | Windows, size: float, enough: float, cancelled: Cancelled
+    chain: Chain,
+    motion: Array | Windows,
+    size: float,
+    share: float,
+    enough: float,
+    cancelled: Cancelled,
 ) -> Sweep:
     frames = len(motion)
     first, offsets = _extents(chain, motion)
@@ -119,7 +131,7 @@ def _swept(
             # A copy: a read-only array would be another type, for which all is compiled anew.
             values = np.array(motion[start : stop + 1], dtype=np.float64).reshape(-1)
         angles = Angles(first=first, offsets=offsets, shift=begins, values=values)
-        return sweep_frames(shape, angles, start, stop, enough, known, per_frame, SHARE)
+        return sweep_frames(shape, angles, start, stop, enough, known, per_frame, share)
 
     best, bound, unbounded, in_betweens = enough, enough, -1.0, 0
     where, modules = 0.0, (-1, -1)
