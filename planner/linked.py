@@ -50,9 +50,9 @@ class ExemptPairs:
         apart: They are (i, j) with i < j < i + apart.
         count: How many.
         worst_overlap: Deepest overlap of such a pair in the motion, at the size that is verified:
-            at frames and halfway between them. 0 when there is none, or nothing moves.
+            at frames and halfway between them. 0 when there is none, None when there is no motion.
         worst_overlap_at: Where that is; None where nothing overlaps.
-        worst_overlap_bound: What their overlap is nowhere more than.
+        worst_overlap_bound: What their overlap is nowhere more than; None when there is no motion.
         relief_radius: A real module lacks what is farther than this from its joint along any
             direction in which the next module may lie, see ``Module.reach``. None if all of it may
             be there.
@@ -62,9 +62,9 @@ class ExemptPairs:
     rule: str
     apart: int
     count: int
-    worst_overlap: float
+    worst_overlap: float | None
     worst_overlap_at: Place | None
-    worst_overlap_bound: float
+    worst_overlap_bound: float | None
     relief_radius: float | None
     relief_share: float
 
@@ -85,7 +85,7 @@ def exempt_pairs(chain: Chain, motions: Sequence[Array | Windows], *, size: floa
 
     Args:
         chain: The chain.
-        motions: (F, J) hinge angles each, or windows.
+        motions: (F, J) hinge angles each, or windows; none where nothing was looked at.
         size: Module size as a fraction of the pitch.
     """
     module, count = chain.module, len(chain)
@@ -102,9 +102,9 @@ def exempt_pairs(chain: Chain, motions: Sequence[Array | Windows], *, size: floa
         rule=LINKED if pairs else NONE,
         apart=module.apart,
         count=pairs,
-        worst_overlap=depth,
+        worst_overlap=depth if motions else None,
         worst_overlap_at=where,
-        worst_overlap_bound=bound,
+        worst_overlap_bound=bound if motions else None,
         relief_radius=module.relief_radius(size),
         relief_share=module.relief_share(size),
     )

@@ -74,10 +74,10 @@ def linked(certificate: Values) -> str | None:
     told = "Linked modules share a joint and are not checked against each other"
     if (radius := exempt["relief_radius"]) is None:
         return f"{told}."
-    overlap = math.ceil(exempt["worst_overlap_bound"] * 100) / 100
+    if (bound := exempt["worst_overlap_bound"]) is not None:
+        told += f": full cubes would overlap by up to {math.ceil(bound * 100) / 100:.2f} of a pitch"
     return (
-        f"{told}: full cubes would overlap by up to {overlap:.2f} of a pitch. Real modules must "
-        f"lack their edges beyond {radius:g} of a pitch from the joint, "
+        f"{told}. Real modules must lack their edges beyond {radius:g} of a pitch from the joint, "
         f"{100 * exempt['relief_share']:.0f} % of their volume."
     )
 
@@ -136,9 +136,9 @@ def _at_least(value: float | None) -> str | None:
 
 
 def _down(value: float) -> str:
-    """A length that is not negative, down to thousandths or, below one, to two digits."""
-    if value <= 0.0:
+    """A length, down to thousandths or, nearer to 0 than one, to two digits."""
+    if value == 0.0:
         return "0"
-    digits = 3 if value >= 0.001 else 1 - math.floor(math.log10(value))
+    digits = 3 if abs(value) >= 0.001 else 1 - math.floor(math.log10(abs(value)))
     # What is written as 0.049 shall stay that, whatever its last bit.
     return f"{math.floor(value * 10**digits + 1e-9) / 10**digits:.{digits}f}"

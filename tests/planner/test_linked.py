@@ -114,6 +114,12 @@ def test_a_quarter_turn_overlaps_by_what_everybody_can_work_out() -> None:
     assert found.worst_overlap_at.frame == pytest.approx(45.0, abs=1.0)
 
 
+def test_where_nothing_was_looked_at_no_overlap_is_told() -> None:
+    found = exempt_pairs(line(4), (), size=0.95)
+    assert found.count and found.relief_radius is not None
+    assert (found.worst_overlap, found.worst_overlap_bound, found.worst_overlap_at) == (None,) * 3
+
+
 def test_windows_and_whole_frames_say_the_same() -> None:
     chain = coil(16)
     share = np.linspace(0.0, 1.0, 30)[:, None]

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from server import certificate_words
-from server.certificate_words import headline, linked, record, rows, torque
+from server.certificate_words import clearance, headline, linked, record, rows, torque
 
 EXEMPT = {
     "apart": 2,
@@ -50,6 +50,13 @@ def test_what_is_proved_stands_beside_what_was_seen_and_is_rounded_down() -> Non
     assert headline(failed) == "failed: it was cancelled"
 
 
+@pytest.mark.parametrize(
+    ("value", "said"), [(0.0, "0"), (-0.0042, "-0.005"), (-0.000019, "-0.000019"), (-2.0, "-2.000")]
+)
+def test_what_is_less_than_nothing_is_not_said_to_be_nothing(value: float, said: str) -> None:
+    assert f"at least {said} of a pitch" in str(clearance(SIMULATED | {"clearance_bound": value}))
+
+
 def test_what_was_not_simulated_has_no_figures_of_a_simulation() -> None:
     said, followed = dict(rows(SIMULATED)), dict(rows(FOLLOWED))
     for label in (
@@ -77,6 +84,10 @@ def test_linked_modules_are_named_with_what_a_real_one_lacks() -> None:
         "Linked modules share a joint and are not checked against each other: full cubes would "
         "overlap by up to 0.30 of a pitch. Real modules must lack their edges beyond 0.525 of a "
         "pitch from the joint, 22 % of their volume."
+    )
+    assert linked({"exempt_pairs": EXEMPT | {"worst_overlap_bound": None}}) == (
+        "Linked modules share a joint and are not checked against each other. Real modules must "
+        "lack their edges beyond 0.525 of a pitch from the joint, 22 % of their volume."
     )
     assert linked({"exempt_pairs": {"apart": 1}}) == (
         "All modules are checked against each other, linked ones too."
