@@ -196,7 +196,43 @@ def test_of_several_owners_the_first_stays_and_movies_count_apart(
         store.close()
 
 
-@pytest.mark.parametrize("revision", ["0001", "0002", "0003", "0004", "0005", "0006"])
+def test_a_fold_with_gaps_does_not_stay_verified(
+    engine: sa.Engine, url: str, tmp_path: Path
+) -> None:
+    upgrade(engine, "0006")
+    verified = next(fold for fold in first_folds() if fold["status"] == "verified")
+    verdicts = {"gaps": "verified with gaps: 2 moments could not be bounded", "sound": "verified"}
+    folds = [
+        {
+            **verified,
+            **{"id": name, "content_key": name, "bytes": 1},
+            "summary": {"status": "verified", "reason": "", "certificate": {"verdict": verdict}},
+        }
+        for name, verdict in verdicts.items()
+    ]
+    with engine.begin() as connection:
+        tables = sa.MetaData()
+        tables.reflect(connection)
+        written = tables.tables["folds"]
+        for name in ("progress", "summary", "error"):
+            written.c[name].type = sa.JSON()
+        connection.execute(sa.insert(written), folds)
+    store = Store(Settings(data_dir=tmp_path, database_url=url))
+    try:
+        gaps, sound = store.fold("gaps"), store.fold("sound")
+    finally:
+        store.close()
+    assert (gaps.status, gaps.summary["status"]) == ("failed", "failed")
+    assert gaps.error == {
+        "code": "not-verified",
+        "detail": "2 moments could not be bounded",
+        "where": None,
+    }
+    assert gaps.summary["reason"] == gaps.error["detail"]
+    assert (sound.status, sound.error) == ("verified", None)
+
+
+@pytest.mark.parametrize("revision", ["0001", "0002", "0003", "0004", "0005", "0006", "0007"])
 def test_every_version_on_the_way_comes_up(engine: sa.Engine, revision: str) -> None:
     upgrade(engine, revision)
     migrate(engine)
