@@ -17,7 +17,7 @@ from planner.chain import Chain
 from planner.errors import InputError
 from planner.kernels.retiming import fastest_profile
 from planner.plan import Plan
-from planner.sweep import sweep
+from planner.sweep import Sweep, sweep
 from planner.trajectory import CutPath, Trajectory
 
 Array = NDArray[np.float64]
@@ -100,8 +100,8 @@ def retimed(
     )
 
 
-def clearance(trajectory: Trajectory, chain: Chain, *, size: float) -> float:
-    """The least clearance of modules along a trajectory, in pitches; see ``planner.sweep``.
+def clearance(trajectory: Trajectory, chain: Chain, *, size: float) -> Sweep:
+    """The closest place along a trajectory, and what clearance is proved; see ``planner.sweep``.
 
     It is looked at at each frame and where its corners begin and end. Straight lines between those
     places are within a quarter of ``deviation_rad`` of the path.
@@ -112,7 +112,7 @@ def clearance(trajectory: Trajectory, chain: Chain, *, size: float) -> float:
         size: Module size as a fraction of the pitch.
     """
     path = trajectory.path
-    return sweep(chain, path.at_knots()[:: path.cells], size=size).clearance
+    return sweep(chain, path.at_knots()[:: path.cells], size=size)
 
 
 def _moving(frames: Array) -> Indices:

@@ -19,6 +19,7 @@ from planner.motors import STANDARD_GRAVITY_M_S2, Build, MotorTable, motor_table
 from planner.plan import Plan
 from planner.retiming import clearance
 from planner.retiming import retime as retime_plan
+from planner.sweep import Sweep
 from planner.trajectory import Trajectory
 from server import certificate_words
 from server.command_inputs import refuse
@@ -72,7 +73,7 @@ def retime(
             form,
             name=plan.chain.name,
             plan_verified=plan.verified,
-            min_clearance=clear,
+            min_clearance=clear and clear.clearance,
             rate_hz=rate,
         )
         motors = None
@@ -92,7 +93,8 @@ def retime(
     report: dict[str, Any] = {
         "duration_s": trajectory.duration_s,
         "deviation_rad": trajectory.deviation_rad,
-        "min_clearance": clear,
+        "min_clearance": clear and clear.clearance,
+        "clearance_bound": clear and clear.bound,
         "plan_verified": plan.verified,
         "motors": None if motors is None else motors.as_dict(),
     }
@@ -101,7 +103,8 @@ def retime(
     else:
         _show(plan, trajectory, clear, motors, out)
     weak = motors is not None and motors.would_do is False
-    if weak or not plan.verified or (clear is not None and clear < 0.0):
+    # Nothing that cannot be proved clear would do, as of a plan.
+    if weak or not plan.verified or (clear is not None and clear.bound <= 0.0):
         raise typer.Exit(3)
 
 
@@ -137,7 +140,7 @@ def _write(path: Path, parts: Iterable[bytes]) -> None:
 def _show(
     plan: Plan,
     trajectory: Trajectory,
-    clear: float | None,
+    clear: Sweep | None,
     motors: MotorTable | None,
     out: Path,
 ) -> None:
@@ -147,7 +150,8 @@ def _show(
     facts.add_row("Duration", f"{trajectory.duration_s:.3g} s")
     facts.add_row("Cuts corners by", f"{trajectory.deviation_rad:.2g} rad at most")
     if clear is not None:
-        facts.add_row("Least clearance", f"{clear:.3g} pitch")
+        told = {"clearance_bound": clear.bound, "min_clearance": clear.clearance}
+        facts.add_row("Along it", certificate_words.clearance(told))
     if motors is not None:
         facts.add_row("Motors", motors.verdict)
     facts.add_row("Written to", str(out))

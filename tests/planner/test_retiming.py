@@ -82,7 +82,8 @@ def test_it_stays_near_the_plan_and_as_clear(folded: Callable[..., Any]) -> None
     assert trajectory.deviation_rad <= np.abs(np.diff(frames, 2, axis=0)).max() / 8.0 + 2e-6
     certificate = fold.plan.certificate
     found = clearance(trajectory, fold.chain, size=certificate.module_size)
-    assert found == pytest.approx(certificate.min_clearance, abs=0.005)
+    assert found.clearance == pytest.approx(certificate.min_clearance, abs=0.005)
+    assert 0.0 < found.bound <= found.clearance
 
 
 @pytest.mark.parametrize(

@@ -16,10 +16,12 @@ from urllib.parse import urlencode
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 from websockets import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from planner.plan import Plan
+from server.command_line import application
 from server.trajectories import STREAMS
 from tests.server.service import PATIENCE_S, SNAKE, Service
 
@@ -358,9 +360,28 @@ def test_the_command_line_does_the_same(
     certificate = finished["state"]["summary"]["certificate"]
     assert report["min_clearance"] == pytest.approx(certificate["min_clearance"], abs=0.01)
     assert len(table.read_text().splitlines()) == 1 + len(report["motors"]["joints"])
+    assert 0.0 < report["clearance_bound"] <= report["min_clearance"]
     refused = retime("--out", str(tmp_path / "robot.txt"))
     assert refused.returncode == 2
     assert json.loads(refused.stdout)["error"]["code"] == "unknown-form"
+
+
+def test_what_cannot_be_proved_clear_would_not_do(
+    service: Service, finished: Finished, tmp_path: Path
+) -> None:
+    plan = Plan.load(service.directory(finished["id"]) / "plan.npz")
+    # Modules of full size touch: they overlap nowhere, and nothing can be proved of them.
+    full = replace(plan.certificate, module_size=1.0)
+    replace(plan, certificate=full).save_npz(tmp_path / "plan.npz")
+    out = str(tmp_path / "robot.csv")
+    limits = ["--max-speed", "0.5", "--max-acceleration", "1", "--out", out]
+    command = ["retime", str(tmp_path), *limits]
+    done = CliRunner().invoke(application(command), command)
+    assert "clearance at least 0 of a pitch" in " ".join(done.stdout.split())
+    assert done.exit_code == 3
+    command.append("--no-check")
+    unseen = CliRunner().invoke(application(command), command)
+    assert unseen.exit_code == 0
 
 
 @pytest.mark.parametrize(("stiffness", "waits"), [("5", False), ("0.05", True)])
