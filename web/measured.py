@@ -64,6 +64,8 @@ def curves_of(directory: Path) -> bytes:
     header = {
         "frames": len(curves),
         "rows": _rows(timeline),
+        # Of windows torques are worked out at some frames only, see ``planner.measuring``.
+        "torque_at_some_frames": timeline.windowed,
         "largest": {
             "torque": _largest(curves.peak_torque_nm),
             "position_error": error,

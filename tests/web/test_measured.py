@@ -10,10 +10,14 @@ import pytest
 from planner.errors import TimelineError
 from planner.figures import Figures
 from planner.fold_files import write_request
+from planner.measuring import write_figures
+from planner.parameters import Parameters
 from planner.plan import Plan
 from planner.request import Request
 from planner.stages import run_stages
 from planner.timeline import Timeline
+from tests.planner import peels
+from tests.web import long_folds
 from tests.web.conftest import SNAKE
 from web.columns import decode
 from web.measured import curves_of, stretch_of
@@ -31,8 +35,17 @@ def test_curves_are_those_of_the_figures(fold: Path) -> None:
     header, arrays = decode(curves_of(fold))
     figures = Figures.load(fold / "figures.zarr")
     assert header["frames"] == len(figures)
+    assert header["torque_at_some_frames"] is False
     assert np.allclose(arrays["min_clearance"], figures.min_clearance)
     assert header["largest"]["torque"] == pytest.approx(np.nanmax(figures.peak_torque_nm))
+
+
+def test_torques_of_windows_are_said_to_be_of_some_frames(tmp_path: Path) -> None:
+    chain = peels.snake((2, 2, 3))
+    windows = long_folds.fold(chain, width=8, step=0.5)
+    timeline = long_folds.write(tmp_path / "timeline.zarr", chain, windows)
+    write_figures(timeline, tmp_path / "figures.zarr", Parameters())
+    assert decode(curves_of(tmp_path))[0]["torque_at_some_frames"] is True
 
 
 def test_a_stretch_tells_of_every_module(fold: Path) -> None:

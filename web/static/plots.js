@@ -10,6 +10,7 @@ const PLOTS = [
   { name: "hinges_moving", label: "Hinges moving", text: whole, worst: Math.max },
   { name: "peak_torque_nm", label: "Largest torque", text: newtonMetres, worst: Math.max },
 ];
+const SOME_FRAMES = "looked at in some frames, straight lines between them";
 
 function svg(name, attributes = {}) {
   const made = document.createElementNS(SVG, name);
@@ -78,6 +79,7 @@ export class Plots {
     picture.append(svg("line", { class: "plot-zero", x1: 0, x2: 1000, y1: y(0), y2: y(0) }), svg("path", { class: "plot-line", d: path }), line);
     const scale = document.createElement("small");
     scale.textContent = `${text(low)} to ${text(high)}`;
+    if (name === "peak_torque_nm" && this.figures.plots.torque_at_some_frames) scale.textContent += `, ${SOME_FRAMES}`;
     box.append(caption, picture, scale);
     const go = (event) => {
       const { left, width } = picture.getBoundingClientRect();
