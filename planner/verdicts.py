@@ -42,6 +42,19 @@ def told_honestly(values: dict[str, Any], playback: dict[str, Any] | None = None
     return {**values, **unknown, **unproved, "verdict": verdict, "simulated": simulated}
 
 
+def summary_told_honestly(summary: dict[str, Any]) -> dict[str, Any]:
+    """A plan's summary with its certificate and its playback told honestly."""
+    playback: dict[str, Any] | None = summary.get("playback")
+    if playback is not None and playback.get("kind") == "kinematic":
+        playback = {**playback, **dict.fromkeys(_OF_DYNAMIC_PLAYBACK)}
+    told = {"playback": playback, "certificate": summary.get("certificate")}
+    if told["certificate"]:
+        told["certificate"] = told_honestly(told["certificate"], playback)
+    return {**summary, **{name: told[name] for name in told if name in summary}}
+
+
+_OF_DYNAMIC_PLAYBACK: Final = ("rms_position_error", "max_angle_error_rad")
+"""What only a simulated playback is off by."""
 _OF_SIMULATION: Final = (
     "min_clearance_playback",
     "min_clearance_playback_at",

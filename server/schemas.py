@@ -8,6 +8,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, Field
 
 from planner.exports import Export
+from planner.verdicts import summary_told_honestly
 from server.gallery import GalleryShape
 from server.leases import Leases
 from server.store import FoldRow, Store
@@ -180,7 +181,7 @@ class Fold(BaseModel):
             module_size=row.module_size,
             strategy=row.strategy,
             progress=Progress.model_validate(progress_of(row, store, leases)),
-            summary=row.summary,
+            summary=summary_told_honestly(row.summary or {}),
             error=Fault.model_validate(row.error) if row.error else None,
             links=Links.of(row.id),
         )

@@ -19,7 +19,7 @@ from planner.parameters import AUTO
 from planner.request import LARGEST_SEED, Request
 from planner.smoothing_ways import MOST_ANGLES
 from planner.timeline import Timeline
-from planner.verdicts import told_honestly
+from planner.verdicts import summary_told_honestly, told_honestly
 from server import certificate_words
 from server.quantities import DIGITS, PRESETS, STRATEGIES, length_m, quantity, sentence
 from server.quantities import parameters as parameters_in_words
@@ -52,10 +52,9 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
         embed: Whether other sites may show folds in a frame.
     """
     row, directory = found.row, found.directory
-    summary: dict[str, Any] = dict(row.summary or {})
-    certificate = told_honestly(
-        summary.get("certificate") or _json(directory / "certificate.json"),
-        summary.get("playback"),
+    summary: dict[str, Any] = summary_told_honestly(row.summary or {})
+    certificate = summary.get("certificate") or told_honestly(
+        _json(directory / "certificate.json"), summary.get("playback")
     )
     running = row.status in RUNNING
     done = row.status in ("verified", "failed")

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import re
 import shutil
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,9 +24,15 @@ from planner.parameters import (
 from planner.paths import Path as CellPath
 from planner.timeline import TimelineWriter
 from server import quantities
+from server.leases import Leases
 from server.quantities import length_m, number, parameters, quantity
 from server.routes.facts import fold_facts
 from server.routes.finding import Found
+from server.schemas import Fold
+from server.settings import Settings
+from server.slots import Slots
+from server.store import Store
+from tests.server.rows import a_fold
 from tests.server.service import SNAKE, Service
 from tests.web.conftest import unfolding
 
@@ -152,6 +159,17 @@ def test_a_fold_of_an_earlier_version_is_told_by_what_it_bears_out(tmp_path: Pat
         "certificate": certificate,
         "playback": {"kind": "kinematic", "rms_position_error": 0.0, "max_angle_error_rad": 0.0},
         "explosion": {"strategy": "one-by-one"},
+    }
+    settings = Settings(data_dir=tmp_path)
+    with closing(Store(settings)) as store:
+        store.add(a_fold("earlier", summary=summary), "a token")
+        state = Fold.of(store.fold("earlier"), store, Leases(store, Slots(settings), 1.0)).summary
+    assert state["certificate"]["verdict"] == "verified (kinematics only)"
+    assert state["certificate"]["rms_position_error"] is None
+    assert state["playback"] == {
+        "kind": "kinematic",
+        "rms_position_error": None,
+        "max_angle_error_rad": None,
     }
     facts = fold_facts(found(tmp_path, 0, status="verified", summary=summary))
     assert facts["verdict"]["text"] == (
