@@ -370,11 +370,15 @@ class _Smoothing:
         return angles
 
     def _swept(self, angles: Array) -> Sweep:
-        """The closest place of a motion at the tight size."""
+        """The closest place of a motion at the tight size.
+
+        To prove more than that it is clear would take most of the looks: of the mallet of 64
+        nothing was left to make its motion shorter.
+        """
         found = sweep(self.chain, angles, size=self.tight, share=0.0)
         self.looks += len(angles) + found.in_betweens
         return found
 
     def _clear(self, found: Sweep) -> bool:
-        """Whether a motion is as clear as the given one, and that without gaps."""
+        """Whether a motion is as clear as the given one where both are looked at, without gaps."""
         return found.clearance >= self.margin - ROUNDING and found.bound >= self.bound
