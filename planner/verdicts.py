@@ -39,6 +39,8 @@ def told_honestly(values: dict[str, Any], playback: dict[str, Any] | None = None
         verdict = {True: SIMULATED, False: KINEMATICS_ONLY, None: NOT_TOLD}[simulated]
     unknown = dict.fromkeys(name for name in _LATER if name not in values)
     unproved = {} if simulated else dict.fromkeys(_OF_SIMULATION)
+    if simulated is not False:  # what was proved then was of the plan alone
+        unproved["clearance_bound"] = None
     return {**values, **unknown, **unproved, "verdict": verdict, "simulated": simulated}
 
 
