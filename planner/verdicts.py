@@ -38,9 +38,10 @@ def told_honestly(values: dict[str, Any], playback: dict[str, Any] | None = None
     elif verdict == "verified":
         verdict = {True: SIMULATED, False: KINEMATICS_ONLY, None: NOT_TOLD}[simulated]
     unknown = dict.fromkeys(name for name in _LATER if name not in values)
-    unproved = {} if simulated else dict.fromkeys(_OF_SIMULATION)
-    if simulated is not False:  # what was proved then was of the plan alone
-        unproved["clearance_bound"] = None
+    # What was proved then was of the plan alone.
+    unproved = dict.fromkeys(_OF_SIMULATION if simulated is False else ("clearance_bound",))
+    if simulated is None:
+        unproved |= dict.fromkeys(_OF_SIMULATION)
     return {**values, **unknown, **unproved, "verdict": verdict, "simulated": simulated}
 
 
