@@ -21,8 +21,11 @@ PR_SET_NO_NEW_PRIVS: Final = 38
 O_PATH: Final = getattr(os, "O_PATH", 0)
 
 EXECUTE, WRITE_FILE, READ_FILE, READ_DIR = 1 << 0, 1 << 1, 1 << 2, 1 << 3
+MAKE_CHAR, MAKE_SOCK, MAKE_FIFO, MAKE_BLOCK, MAKE_SYM = 1 << 6, 1 << 9, 1 << 10, 1 << 11, 1 << 12
 REFER, TRUNCATE, IOCTL_DEV = 1 << 13, 1 << 14, 1 << 15
 READ: Final = EXECUTE | READ_FILE | READ_DIR
+MISLEADING: Final = MAKE_CHAR | MAKE_SOCK | MAKE_FIFO | MAKE_BLOCK | MAKE_SYM
+"""To make what leads whoever opens it elsewhere, or has him wait. Granted nowhere."""
 OF_FILES: Final = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE | IOCTL_DEV
 """Rights that a rule on a file may have; the others are of directories."""
 ALL_FILE_RIGHTS: Final = {1: (1 << 13) - 1, 2: (1 << 14) - 1, 3: (1 << 15) - 1, 5: (1 << 16) - 1}
@@ -86,7 +89,7 @@ def restrict(allowed: Allowed) -> None:
         for path in allowed.readable:
             _allow(rules, path, READ & handled)
         for path in allowed.writable:
-            _allow(rules, path, handled)
+            _allow(rules, path, handled & ~MISLEADING)
         no_new_rights()
         _call(RESTRICT_SELF, rules, 0)
     finally:

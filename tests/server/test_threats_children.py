@@ -66,6 +66,8 @@ def attack(directory):
             "other fold": tried(lambda: os.listdir(aim["fold"])),
             "its plan": tried(lambda: open(aim["fold"] + "/plan.json")),
             "its plan replaced": tried(lambda: own.rename(aim["fold"] + "/plan.json")),
+            "link": tried(lambda: os.symlink(aim["database"], own.with_name("link"))),
+            "fifo": tried(lambda: os.mkfifo(own.with_name("fifo"))),
             "other upload": tried(lambda: open(aim["upload"] + "/input")),
             "home": tried(lambda: os.listdir(os.path.expanduser("~"))),
             "parent": tried(lambda: open(f"/proc/{pid}/cmdline")),
