@@ -198,6 +198,8 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         most_of_visitor=settings.files_waiting_of_visitor,
     )
     awaited = ChildLimits.of(settings, awaited=True)
+    motions = Scratch(settings.motions_dir)
+    motions.sweep()
     return Context(
         settings=settings,
         store=store,
@@ -208,9 +210,10 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         trajectories=Trajectories(
             Pool(
                 "retimer",
-                replace(awaited, folders=(str(settings.scratch_dir),)),
+                replace(awaited, folders=(str(settings.motions_dir),)),
                 wall_s=settings.retime_seconds,
             ),
+            motions,
             Scratch(settings.scratch_dir),
             most=settings.answers_waiting,
             most_of_visitor=settings.answers_waiting_of_visitor,

@@ -214,7 +214,9 @@ def _movies() -> Task:
 
 
 def _retimer() -> Task:
-    from server.retiming import motors, retime
+    from server.retiming import motors, retime, warm_up
+
+    warm_up()
 
     def work_out(
         task: str,
@@ -222,7 +224,9 @@ def _retimer() -> Task:
         progress: Callable[[Progress], None],
         cancelled: Callable[[], bool],
     ) -> dict[str, Any]:
-        return {"retime": retime, "motors": motors}[task](directory)
+        with ThreadPoolExecutor(1) as thread:
+            thread.submit(confine_thread, directory).result()
+            return thread.submit({"retime": retime, "motors": motors}[task], directory).result()
 
     return work_out
 

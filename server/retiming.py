@@ -6,11 +6,26 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from planner.motors import Build, motor_table
 from planner.plan import Plan
 from planner.retiming import retime as retime_plan
+from planner.retiming import retimed
 from planner.trajectory import Trajectory
+from planner.warm_up_paths import warm_up_chains
 from server.trajectories import MOTORS, PLAN
+
+
+def warm_up() -> None:
+    """Retimes a tiny chain and works out its torques, so that all that takes is compiled."""
+    chain = warm_up_chains()
+    frames = np.linspace(0.0, 1.0, 3)[:, None] * chain.folded_rad
+    trajectory = retimed(frames, chain.joint_names, 1.0, 1.0)
+    for held in (True, False):
+        gravity_m_s2 = 9.81 if held else 0.0
+        build = Build(module_mass_kg=1.0, pitch_m=1.0, gravity_m_s2=gravity_m_s2, held=held)
+        motor_table(chain, trajectory, build)
 
 
 def retime(directory: Path) -> dict[str, Any]:

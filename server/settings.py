@@ -320,6 +320,11 @@ class Settings(BaseSettings):
         return self.root / "scratch"
 
     @property
+    def motions_dir(self) -> Path:
+        """Holds what is being retimed; only this is open to the process that does so."""
+        return self.root / "motions"
+
+    @property
     def previews_dir(self) -> Path:
         """Holds uploads that somebody looks at before folding them."""
         return self.root / "previews"

@@ -1,14 +1,16 @@
 """Single flight: what takes seconds is made once for all who ask for it meanwhile.
 
 It has threads of its own, so that those of the event loop stay free for what is quick, and whoever
-waits holds none.
+waits holds none. Visitors take turns.
 """
 
 from __future__ import annotations
 
 import asyncio
+import threading
+from collections import OrderedDict, deque
 from collections.abc import Callable, Hashable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Final, TypeVar
 
 from server.problems import Problem
@@ -35,6 +37,11 @@ class SingleFlight:
         self._most_of_visitor = most_of_visitor
         self._visitors: dict[Hashable, str] = {}
         """Who had each of the things made."""
+        self._lock = threading.Lock()
+        self._line: OrderedDict[str | None, deque[tuple[Future[Any], Callable[[], Any]]]] = (
+            OrderedDict()
+        )
+        """What waits, by visitor; the visitor whose turn was longest ago comes first."""
 
     def __len__(self) -> int:
         """How many things are being made or wait for it."""
@@ -43,6 +50,10 @@ class SingleFlight:
     def close(self) -> None:
         """Begins nothing any more."""
         self._threads.shutdown(wait=False, cancel_futures=True)
+        with self._lock:
+            for made, _ in (one for line in self._line.values() for one in line):
+                made.cancel()
+            self._line.clear()
 
     async def made(
         self, key: Hashable, make: Callable[[], Thing], *, visitor: str | None = None
@@ -57,7 +68,7 @@ class SingleFlight:
             self._check(visitor)
             if visitor is not None:
                 self._visitors[key] = visitor
-            making = asyncio.get_running_loop().run_in_executor(self._threads, make)
+            making = asyncio.wrap_future(self._queue(make, visitor))
             self._making[key] = making
 
             def done(making: asyncio.Future[Any]) -> None:
@@ -69,6 +80,29 @@ class SingleFlight:
             making.add_done_callback(done)
         # Who goes away does not take it from the others that wait for it.
         return await asyncio.shield(making)
+
+    def _queue(self, make: Callable[[], Thing], visitor: str | None) -> Future[Thing]:
+        made: Future[Thing] = Future()
+        with self._lock:
+            self._threads.submit(self._make_next)
+            self._line.setdefault(visitor, deque()).append((made, make))
+        return made
+
+    def _make_next(self) -> None:
+        with self._lock:
+            if not self._line:  # closed meanwhile
+                return
+            visitor, line = next(iter(self._line.items()))
+            made, make = line.popleft()
+            if line:
+                self._line.move_to_end(visitor)
+            else:
+                del self._line[visitor]
+        if made.set_running_or_notify_cancel():
+            try:
+                made.set_result(make())
+            except BaseException as error:
+                made.set_exception(error)
 
     def _check(self, visitor: str | None) -> None:
         own = list(self._visitors.values()).count(visitor) if visitor is not None else 0

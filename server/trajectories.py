@@ -7,11 +7,10 @@ trajectory that nobody looks at take no memory, and its disk is free with its la
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import threading
 import weakref
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -21,6 +20,7 @@ from server.children import ChildError, Pool
 from server.problems import Problem
 from server.scratch import Scratch
 from server.single_flight import SingleFlight
+from server.streams import Streams
 from web.kept import Kept
 
 if TYPE_CHECKING:
@@ -34,8 +34,9 @@ PLAN: Final = "plan.npz"
 """File of the plan that is retimed."""
 MOTORS: Final = "motors"
 """File of a table of motors."""
-STREAMS: Final = 4
-"""Trajectories that are being sent, which may take those who take them a while."""
+STREAMS, STREAMS_OF_ADDRESS = 8, 2
+"""Trajectories that are being sent, which may take those who take them a while; in all and to one
+address."""
 LARGEST_PLAN: Final = 64 * 2**20
 """Bytes of a plan that is retimed here; a larger one is for the command line."""
 
@@ -125,7 +126,8 @@ class Trajectories:
 
     Args:
         pool: Children that retime.
-        scratch: Where they write.
+        motions: Where they write.
+        scratch: Where what they have written is kept, out of their reach.
         most: How many trajectories and tables may be made or wait for it.
         most_of_visitor: Of them, of one visitor.
         kept_bytes: Of trajectories that are kept for those who come next.
@@ -135,6 +137,7 @@ class Trajectories:
     def __init__(
         self,
         pool: Pool,
+        motions: Scratch,
         scratch: Scratch,
         *,
         most: int,
@@ -143,11 +146,12 @@ class Trajectories:
         used_bytes: int = USED_BYTES,
     ) -> None:
         self._pool = pool
+        self._motions = motions
         self._scratch = scratch
         self._flight = SingleFlight(
             "motions", at_once=1, most=most, most_of_visitor=most_of_visitor
         )
-        self._streams = threading.BoundedSemaphore(STREAMS)
+        self._streams = Streams(STREAMS, STREAMS_OF_ADDRESS, "motions")
         self._kept: Kept[Retimed] = Kept(kept_bytes)
         self._used: weakref.WeakValueDictionary[Wanted, Retimed] = weakref.WeakValueDictionary()
         self._kept_bytes = kept_bytes
@@ -198,26 +202,21 @@ class Trajectories:
         """
 
         def made() -> bytes:
-            with self._scratch.directory() as place:
+            with self._motions.directory() as place:
                 self._call("motors", place, wanted, {**wanted.request(), **asdict(motors)})
                 return (place / MOTORS).read_bytes()
 
         return await self._flight.made((wanted, motors), made, visitor=visitor)
 
-    def stream(self) -> Callable[[], None]:
+    def stream(self, address: str) -> Callable[[], None]:
         """Begins to send a trajectory; what comes back is to be called once at the end.
 
         Raises:
-            Problem: When too many are being sent (503).
+            Problem: When as many are being sent as there may be (429).
         """
-        if not self._streams.acquire(blocking=False):
-            raise Problem(
-                503,
-                "busy",
-                "Others are being sent motions; try again in a moment.",
-                headers={"Retry-After": "5"},
-            )
-        return self._streams.release
+        sent = ExitStack()
+        sent.enter_context(self._streams.opened(address))
+        return sent.close
 
     def _shared(self, wanted: Wanted, made: Retimed) -> Retimed:
         """With the corners of another trajectory of the same plan: they depend on no bounds."""
@@ -228,25 +227,28 @@ class Trajectories:
         return made
 
     def _retimed(self, wanted: Wanted) -> Retimed:
-        from planner.trajectory import Trajectory
+        from planner.trajectory import FRAMES, REST, Trajectory
 
-        with self._scratch.directory() as place:
+        with self._motions.directory() as place, self._scratch.directory() as kept:
             told = self._call("retime", place, wanted, wanted.request())
+            # Whoever has a file open may still change or cut it, and this process reads from it
+            # for as long as the trajectory is used.
+            for name in (FRAMES, REST):
+                shutil.copyfile(place / name, kept / name)
             return Retimed(
-                name=told["name"], verified=told["verified"], trajectory=Trajectory.load(place)
+                name=told["name"], verified=told["verified"], trajectory=Trajectory.load(kept)
             )
 
     def _call(
         self, task: str, place: Path, wanted: Wanted, request: dict[str, Any]
     ) -> dict[str, Any]:
         (place / "request.json").write_text(json.dumps(request))
-        # The child touches nothing but this directory, so the plan comes into it.
+        # The child touches nothing but this directory, so a copy of the plan comes into it: what it
+        # did to a link, it would do to the plan.
         try:
-            os.link(wanted.plan, place / PLAN)
+            shutil.copyfile(wanted.plan, place / PLAN)
         except FileNotFoundError as error:
             raise Problem(404, "no-such-fold", "This fold has just been deleted.") from error
-        except OSError:  # on another file system
-            shutil.copyfile(wanted.plan, place / PLAN)
         try:
             return self._pool.call(task, place)
         except ChildError as error:

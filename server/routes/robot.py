@@ -124,7 +124,7 @@ async def get_trajectory(
         parts,
         media_type=MEDIA_TYPES[form],
         headers={"Content-Disposition": f'attachment; filename="trajectory.{form}"'},
-        ends=context.trajectories.stream(),
+        ends=context.trajectories.stream(address_of(request)),
     )
 
 

@@ -22,7 +22,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from planner.plan import Plan
 from server.command_line import application
-from server.trajectories import STREAMS
+from server.trajectories import STREAMS_OF_ADDRESS
 from tests.server.service import PATIENCE_S, SNAKE, Service
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "06_drive_a_robot.py"
@@ -305,10 +305,10 @@ def test_only_a_few_trajectories_are_sent_at_once(service: Service, finished: Fi
     moments = 4e6 / (2 * len(known["joint_names"]))
     long = {**slowly, "rate": moments / known["duration_s"], "format": "csv"}
     with contextlib.ExitStack() as slow:
-        for _ in range(STREAMS):  # they take the beginning, and wait
+        for _ in range(STREAMS_OF_ADDRESS):  # they take the beginning, and wait
             assert slow.enter_context(service.http.stream("GET", here, params=long)).is_success
         busy = service.http.get(here)
-        assert (busy.status_code, busy.json()["code"]) == (503, "busy")
+        assert (busy.status_code, busy.json()["code"]) == (429, "too-many-motions")
         assert busy.headers["retry-after"]
     deadline = time.monotonic() + PATIENCE_S
     while service.http.get(here).status_code != 200:

@@ -69,6 +69,8 @@ def attack(directory):
             "link": tried(lambda: os.symlink(aim["database"], own.with_name("link"))),
             "fifo": tried(lambda: os.mkfifo(own.with_name("fifo"))),
             "other upload": tried(lambda: open(aim["upload"] + "/input")),
+            "beside it": tried(lambda: open(own.parent.parent / "beside" / "plan.npz")),
+            "what is being made": tried(lambda: os.listdir(aim["made"])),
             "home": tried(lambda: os.listdir(os.path.expanduser("~"))),
             "parent": tried(lambda: open(f"/proc/{pid}/cmdline")),
             "signal": tried(lambda: os.kill(pid, 0)),
@@ -88,6 +90,7 @@ def attack(directory):
 PLACES = {
     "reader": "import server.reading as it\nit.check = attack",
     "preparer": "import server.reading as it\nit.check = attack",
+    "retimer": "import server.retiming as it\nit.retime = attack",
     "stages": "import planner.stages as it\nkept = it.run_stage\n"
     "it.run_stage = lambda task, place, **more: "
     "attack(place) if (place / 'aim.json').exists() else kept(task, place, **more)",
@@ -95,6 +98,8 @@ PLACES = {
     "it.film_movie = lambda line, movie, out, **_: error(attack(out.parent))",
 }
 """Where each kind begins to read what is not its own."""
+AWAITED = ("reader", "preparer", "retimer")
+"""Kinds that do one thing after the other, for many visitors."""
 needs_landlock = pytest.mark.skipif(not landlock.version(), reason="a kernel without Landlock")
 
 
@@ -103,7 +108,8 @@ def aim(tmp_path: Path) -> Iterator[dict[str, Any]]:
     """What an attacker looks for, in a data directory as the service has it."""
     data = tmp_path / "data"
     fold, upload = data / "folds" / "another", data / "uploads" / "1" / "another"
-    for place in (fold, upload):
+    made = data / "scratch" / "another"
+    for place in (fold, upload, made):
         place.mkdir(parents=True)
     (fold / "plan.json").write_text("{}")
     (upload / "input").write_text("[]")
@@ -123,6 +129,7 @@ def aim(tmp_path: Path) -> Iterator[dict[str, Any]]:
             "database": str(data / "foldback.db"),
             "fold": str(fold),
             "upload": str(upload),
+            "made": str(made),
             "package": str(Path(confined.__file__).parent),
             "port": tcp.getsockname()[1],
             "socket": str(tmp_path / "listener"),
@@ -148,25 +155,30 @@ def attacked(kind: Kind, tmp_path: Path, aim: dict[str, Any]) -> dict[str, Any]:
     place = {
         "stages": settings.folds_dir / "mine",
         "movies": settings.scratch_dir / "mine",
+        "retimer": settings.motions_dir / "mine",
     }.get(kind, settings.uploads_dir / "1" / "mine")
     place.mkdir(parents=True)
+    (place.parent / "beside").mkdir()
+    (place.parent / "beside" / "plan.npz").write_text("")
     (place / "aim.json").write_text(json.dumps(aim))
     timeline = settings.folds_dir / "filmed" / "timeline.zarr"
     wishes = asdict(Movie())
     (place / "request.json").write_text(
         json.dumps({"movie": wishes, "timeline": str(timeline), "part": "movie"})
     )
-    limits = replace(ChildLimits.of(settings, awaited=kind in ("reader", "preparer")), niceness=0)
+    limits = replace(ChildLimits.of(settings, awaited=kind in AWAITED), niceness=0)
+    if kind == "retimer":
+        limits = replace(limits, folders=(str(settings.motions_dir),))
     child = Child(kind, limits, environment={"PYTHONPATH": str(code)})
     try:
-        found = child.call("check", place, wall_s=120)
+        found = child.call("retime" if kind == "retimer" else "check", place, wall_s=120)
     finally:
         child.close()
     return json.loads(found["reason"]) if kind == "movies" else found
 
 
 @needs_landlock
-@pytest.mark.parametrize("kind", ["reader", "preparer", "stages", "movies"])
+@pytest.mark.parametrize("kind", ["reader", "preparer", "retimer", "stages", "movies"])
 def test_a_process_that_was_taken_over_reaches_nothing(
     kind: Kind, tmp_path: Path, aim: dict[str, Any]
 ) -> None:
@@ -175,9 +187,9 @@ def test_a_process_that_was_taken_over_reaches_nothing(
     refused = found["refused"]
     assert refused.pop("program") == "CalledProcessError"
     assert set(refused.values()) == {"PermissionError"}, refused
-    # What listens to the parent and, in a reader, what reads one upload: no other one was begun
-    # before the kernel was asked, for it would be free.
-    assert found["threads"] == (3 if kind in ("reader", "preparer") else 2)
+    # What listens to the parent and, in some kinds, what reads one upload or plan: no other one was
+    # begun before the kernel was asked, for it would be free.
+    assert found["threads"] == (3 if kind in AWAITED else 2)
     assert "socket" not in found["files"]
 
 

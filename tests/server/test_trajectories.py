@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import json
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 import pytest
@@ -18,13 +20,45 @@ from planner.plan import Plan
 from planner.request import Request
 from planner.retiming import retime as retime_plan
 from planner.stages import run_stages
+from planner.trajectory import FRAMES
 from server.children import Pool
 from server.problems import Problem
 from server.retiming import motors, retime
 from server.scratch import Scratch
-from server.trajectories import Trajectories, Wanted
+from server.trajectories import PLAN, STREAMS_OF_ADDRESS, Trajectories, Wanted
 from tests.server.service import SNAKE
 
+COMPILED_LATER = """
+import json, shutil, sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from numba.core.dispatcher import Dispatcher
+from server.retiming import motors, retime, warm_up
+
+def kernels():
+    names = [name for name in sys.modules if name.startswith("planner.kernels.")]
+    return {
+        f"{name}.{kernel}": len(found.signatures)
+        for name in names
+        for kernel, found in vars(sys.modules[name]).items()
+        if isinstance(found, Dispatcher)
+    }
+
+warm_up()
+before = kernels()
+request = {"max_speed": 1.0, "max_acceleration": 2.0, "module_mass_kg": 0.1, "pitch_m": None,
+           "motor_torque_nm": 0.01, "form": "json"}
+for task, more in (
+    (retime, {}),
+    (motors, {"held": True, "gravity_m_s2": 9.81}),
+    (motors, {"held": False, "gravity_m_s2": 0.0}),
+):
+    with TemporaryDirectory() as place:
+        shutil.copyfile(sys.argv[1], Path(place) / "plan.npz")
+        (Path(place) / "request.json").write_text(json.dumps({**request, **more}))
+        task(Path(place))
+print(json.dumps([name for name, count in kernels().items() if count != before.get(name, 0)]))
+"""
 Make = Callable[..., Trajectories]
 
 
@@ -54,7 +88,8 @@ def here() -> Here:
 def make(here: Here, tmp_path: Path) -> Make:
     def made(**more: int) -> Trajectories:
         bounds = {"most": 12, "most_of_visitor": 4, **more}
-        return Trajectories(cast("Pool", here), Scratch(tmp_path / "scratch"), **bounds)
+        motions, scratch = Scratch(tmp_path / "motions"), Scratch(tmp_path / "scratch")
+        return Trajectories(cast("Pool", here), motions, scratch, **bounds)
 
     return made
 
@@ -80,7 +115,71 @@ def test_it_is_what_the_planner_gives_and_leaves_no_files(
     assert found.trajectory.joint_names == meant.joint_names
     assert found.trajectory.deviation_rad == meant.deviation_rad
     assert found.verified
-    assert list((tmp_path / "scratch").iterdir()) == []
+    assert [*(tmp_path / "scratch").iterdir(), *(tmp_path / "motions").iterdir()] == []
+
+
+def test_what_has_taken_over_the_child_changes_no_plan_and_no_trajectory(
+    make: Make, here: Here, plan: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before, call = plan.read_bytes(), here.call
+    held: list[BinaryIO] = []
+
+    def taken_over(task: str, place: Path) -> dict[str, Any]:
+        told = call(task, place)
+        (place / PLAN).write_bytes(b"other")
+        held.append((place / FRAMES).open("r+b"))
+        return told
+
+    monkeypatch.setattr(here, "call", taken_over)
+    found = asyncio.run(make().of(Wanted.of(plan, 1.0, 2.0), "a"))
+    now = plan.read_bytes()
+    plan.write_bytes(before)
+    assert now == before
+    with held[0] as frames:
+        frames.write(bytes(1 << 16))
+    corners = found.trajectory.path.frames
+    assert np.array_equal(corners, retime_plan(Plan.load(plan), 1.0, 2.0).path.frames)
+
+
+def test_visitors_take_turns(make: Make, here: Here, plan: Path) -> None:
+    async def ask() -> list[str]:
+        trajectories = make()
+        here.go_on.clear()
+        done: list[str] = []
+
+        async def one(visitor: str, speed: float) -> None:
+            await trajectories.of(Wanted.of(plan, speed, 2.0), visitor)
+            done.append(visitor)
+
+        asked = [asyncio.create_task(one("a", 1.0 + k)) for k in range(4)]
+        await asyncio.sleep(0)
+        asked.append(asyncio.create_task(one("b", 9.0)))
+        await asyncio.sleep(0)
+        here.go_on.set()
+        await asyncio.gather(*asked)
+        trajectories.close()
+        return done
+
+    assert "b" in asyncio.run(ask())[:3]
+
+
+def test_one_address_cannot_have_all_that_are_sent(make: Make) -> None:
+    trajectories = make()
+    ends = [trajectories.stream("a") for _ in range(STREAMS_OF_ADDRESS)]
+    with pytest.raises(Problem) as refused:
+        trajectories.stream("a")
+    assert (refused.value.status, refused.value.code) == (429, "too-many-motions")
+    trajectories.stream("b")()
+    ends[0]()
+    trajectories.stream("a")()
+
+
+def test_nothing_is_compiled_after_the_start(plan: Path) -> None:
+    """In a process of its own: in this one other tests have compiled."""
+    command = [sys.executable, "-c", COMPILED_LATER, str(plan)]
+    answer = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert answer.returncode == 0, answer.stderr
+    assert json.loads(answer.stdout.splitlines()[-1]) == []
 
 
 def test_all_who_want_the_same_wait_for_one_and_hold_no_thread(
