@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from shutil import copytree, rmtree
+from shutil import copyfile, rmtree
 from typing import Final
 
 import numpy as np
@@ -43,7 +43,12 @@ class BestRecord:
         half = self._directory / HALF
         for old in (aside, half):
             rmtree(old, ignore_errors=True)
-        copytree(self._directory / "timeline.zarr", half)
+        # Without rights and times, which a computing process may not set.
+        timeline = self._directory / "timeline.zarr"
+        half.mkdir()
+        for path in sorted(timeline.rglob("*")):  # directories come before what they hold
+            to = half / path.relative_to(timeline)
+            to.mkdir() if path.is_dir() else copyfile(path, to)
         half.rename(aside)
 
     def keep(self) -> Record:

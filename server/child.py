@@ -265,7 +265,12 @@ def main() -> None:
     parent.tell("ready")
     request = parent.first_request()
     work = _work(kind, Path(request["directory"]), limits["folders"])
-    confine(work, drawing=kind == "movies")
+    try:
+        confine(work, drawing=kind == "movies")
+    except Exception as error:
+        traceback.print_exc()
+        parent.tell("problem", code="no-start", detail=f"it can't be confined: {error!r}")
+        return
     parent.listen()
     while True:
         try:

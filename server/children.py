@@ -32,6 +32,8 @@ CANCEL_GRACE_S: Final = 0.7
 START_CPU_S: Final = 240.0
 START_S: Final = 3600.0
 """A child that may start gets what is left of the processor: on a busy machine its time counts."""
+ENDING_S: Final = 1.0
+"""How long one may take to end that has closed its output."""
 CALLS_A_CHILD: Final = 200
 
 
@@ -197,7 +199,7 @@ class Child:
 
     def _read(self) -> None:
         assert self._process.stdout is not None
-        with contextlib.suppress(ValueError):
+        with contextlib.suppress(ValueError, RecursionError):  # it was taken over, or the end
             for line in self._process.stdout:
                 self._events.put(json.loads(line))
         self._events.put(None)
@@ -212,7 +214,13 @@ class Child:
             raise ChildError("memory-limit", memory_words(self._limits.memory_bytes))
 
     def _death(self) -> ChildError:
-        code = self._process.wait()
+        try:
+            code = self._process.wait(ENDING_S)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            return ChildError(
+                "crashed", "the computing process said nothing any more; it was ended."
+            )
         if code == -signal.SIGXCPU:
             return ChildError(
                 "cpu-limit",
@@ -307,11 +315,11 @@ class Pool:
         child = self._take()
         try:
             result = child.call(task, directory, wall_s=self._wall_s, cancelled=cancelled)
-        except ChildError:
-            self._replace(child)
-            raise
         except InputError:
             self._keep(child)
+            raise
+        except BaseException:
+            self._replace(child)
             raise
         self._keep(child)
         return result

@@ -84,7 +84,7 @@ Form = Literal["csv", "json"]
             "description": "foldback-trajectory/1, or a table",
             "content": {"application/json": {}, "text/csv": {}},
         },
-        **problems(404, 409, 413, 422, 503),
+        **problems(404, 409, 413, 422, 429, 503),
     },
 )
 async def get_trajectory(
@@ -137,7 +137,7 @@ async def get_trajectory(
             "description": "A row for each joint, and whether given motors would do",
             "content": {"application/json": {}, "text/csv": {}},
         },
-        **problems(404, 409, 413, 422, 503),
+        **problems(404, 409, 413, 422, 429, 503),
     },
 )
 async def get_motors(

@@ -130,6 +130,45 @@ def test_the_reader_is_replaced_when_an_upload_was_too_much(directory: Path) -> 
         reader.close()
 
 
+def test_a_child_that_closes_its_output_or_sends_rubbish_is_ended(
+    directory: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    code = tmp_path_factory.mktemp("code")
+    for does in ("os.closerange(3, 64)", "os.write(n, b'rubbish\\n')"):
+        (code / "sitecustomize.py").write_text(
+            "import sys\nif 'server.child' in sys.orig_argv:\n    import taken_over\n"
+        )
+        (code / "taken_over.py").write_text(
+            "import contextlib, os, time\nimport server.reading as it\n"
+            "def check(_):\n    for n in range(3, 64):\n"
+            "        with contextlib.suppress(OSError):\n"
+            f"            {does}\n    time.sleep(30)\n    os._exit(3)\nit.check = check\n"
+        )
+        child = Child("reader", LIMITS, environment={"PYTHONPATH": str(code)})
+        try:
+            with pytest.raises(ChildError, match="it was ended"):
+                child.call("check", directory, wall_s=60)
+            assert not child.alive
+        finally:
+            child.close()
+
+
+def test_whatever_goes_wrong_no_child_is_left_over(directory: Path) -> None:
+    pool = Pool("reader", LIMITS, wall_s=60)
+
+    def fails() -> bool:
+        raise RuntimeError("the gate is gone")
+
+    try:
+        pool.start()
+        (child,) = pool._children._all
+        with pytest.raises(RuntimeError, match="gate"):
+            pool.call("check", directory, cancelled=fails)
+        assert not child.alive
+    finally:
+        pool.close()
+
+
 def test_a_slow_upload_of_one_visitor_does_not_hold_up_another(directory: Path) -> None:
     pool = Pool("reader", LIMITS, wall_s=60)
     reader = Reader(pool, Gate("uploads", **{**ONE, "at_once": 2}))

@@ -10,6 +10,8 @@ import json
 import os
 import socket
 import sqlite3
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -19,13 +21,14 @@ import pytest
 
 from server.children import Child, Kind
 from server.confinement import confined, landlock, seccomp
+from server.confinement.landlock import Allowed
 from server.limits import ChildLimits
 from server.settings import Settings
 from web.movie import Movie
 
 LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0)
 ATTACK = """
-import json, os, socket, threading
+import json, os, resource, socket, threading
 from pathlib import Path
 
 def tried(do):
@@ -54,6 +57,7 @@ def attack(directory):
     pid = os.getppid()
     return {
         "own": tried(lambda: own.write_text("mine")),
+        "own limits": tried(lambda: resource.setrlimit(resource.RLIMIT_CORE, (0, 0))),
         "threads": len(threading.enumerate()),
         "files": sorted(os.readlink(f"/proc/self/fd/{n}").partition(":")[0]
                         for n in os.listdir("/proc/self/fd")
@@ -74,6 +78,11 @@ def attack(directory):
             "home": tried(lambda: os.listdir(os.path.expanduser("~"))),
             "parent": tried(lambda: open(f"/proc/{pid}/cmdline")),
             "signal": tried(lambda: os.kill(pid, 0)),
+            "limits": tried(lambda: resource.prlimit(pid, resource.RLIMIT_NOFILE)),
+            "priority": tried(lambda: os.setpriority(os.PRIO_PROCESS, pid, 19)),
+            "processors": tried(lambda: os.sched_setaffinity(pid, os.sched_getaffinity(0))),
+            "mode": tried(lambda: os.chmod(aim["database"], 0o644)),
+            "times": tried(lambda: os.utime(aim["database"])),
             "programs": tried(lambda: open(aim["package"] + "/attack.py", "w")),
             "tcp": tried(lambda: connect(socket.AF_INET, ("127.0.0.1", aim["port"]))),
             "unix": tried(lambda: connect(socket.AF_UNIX, aim["socket"])),
@@ -86,6 +95,14 @@ def attack(directory):
                 ["/bin/cat", aim["database"]], check=True, capture_output=True)),
         },
     }
+"""
+WITH_A_THREAD = """
+import sys, threading, time
+from pathlib import Path
+from server.confinement import confined
+confined.ENDING_S = 0.1
+threading.Thread(target=lambda: time.sleep(60), daemon=True).start()
+confined.confine(confined.Allowed(writable=(Path(sys.argv[1]),)))
 """
 PLACES = {
     "reader": "import server.reading as it\nit.check = attack",
@@ -183,7 +200,7 @@ def test_a_process_that_was_taken_over_reaches_nothing(
     kind: Kind, tmp_path: Path, aim: dict[str, Any]
 ) -> None:
     found = attacked(kind, tmp_path, aim)
-    assert found["own"] == "done"
+    assert found["own"] == found["own limits"] == "done"
     refused = found["refused"]
     assert refused.pop("program") == "CalledProcessError"
     assert set(refused.values()) == {"PermissionError"}, refused
@@ -191,6 +208,29 @@ def test_a_process_that_was_taken_over_reaches_nothing(
     # begun before the kernel was asked, for it would be free.
     assert found["threads"] == (3 if kind in AWAITED else 2)
     assert "socket" not in found["files"]
+
+
+def test_packages_are_read_wherever_they_are_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("site-packages", "libraries"):
+        place = tmp_path / name
+        monkeypatch.syspath_prepend(place)
+        monkeypatch.setattr(sys.modules["server"], "__file__", str(place / "server/__init__.py"))
+        assert place in confined._programs(Allowed(writable=(tmp_path / "data",)))
+        inside = Allowed(writable=(place / "data",))
+        assert (place in confined._programs(inside)) == (name == "site-packages")
+
+
+@needs_landlock
+def test_who_has_threads_left_is_not_confined(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", WITH_A_THREAD, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "expected one" in done.stderr
 
 
 def test_the_filter_knows_the_calls_of_this_machine() -> None:
