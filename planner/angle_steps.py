@@ -161,9 +161,11 @@ def plan_angles(path: FilePath) -> Array:
 
     Raises:
         KeyError: For a plan of windows.
-        OSError, ValueError, BadZipFile: When the file cannot be read.
+        OSError, ValueError, BadZipFile: When the file cannot be read, or has its angles twice.
     """
     with np.load(path, allow_pickle=False) as file:
+        if "joint_angles_rad" in file and PLANES in file:
+            raise ValueError(f"got both joint_angles_rad and {PLANES}, expected one of them")
         if "joint_angles_rad" in file or "first" in file:
             return file["joint_angles_rad"]
         return frame_angles(file[PLANES], json.loads(str(file["plan"]))["angles"])

@@ -22,6 +22,7 @@ from planner.angle_steps import (
     frame_angles,
     frame_planes,
     told_of,
+    whole_steps,
     window_angles,
     window_planes,
 )
@@ -242,7 +243,11 @@ class Plan:
             "playback": self.playback,
             "certificate": self.certificate.as_dict(),
             "root_module": self.chain.root,
-            "angles": told_of(angles.shape, windowed=isinstance(motion, Windows)),
+            "angles": (
+                None
+                if whole_steps(angles) is None
+                else told_of(angles.shape, windowed=isinstance(motion, Windows))
+            ),
         }
 
     def _columns(self) -> tuple[dict[str, NDArray[Any]], Planes | None]:
@@ -386,20 +391,25 @@ def _columns_of(kind: str) -> dict[str, tuple[tuple[int, ...], Any]]:
     }
 
 
-def _unpack(values: dict[str, Any], kind: str, chain: Chain) -> None:
-    """Puts the angles that are in planes among a plan's values."""
-    told = values.get("angles", {})
+def _unpacked(values: dict[str, Any], kind: str, chain: Chain) -> dict[str, Any]:
+    """A plan's values, those of angles that are in planes as plain numbers."""
+    told = values.get("angles") or {}
+    name = next(name for name in _columns_of(kind) if name.endswith("angles_rad"))
+    forms = [name in values, "data" in told, PLANES in values]
+    if sum(forms) != 1:
+        raise ValueError(
+            f"got its angles {sum(forms)} times, expected {name}, {PLANES} or angles.data alone"
+        )
     if "data" in told:
         planes = np.frombuffer(zlib.decompress(b64decode(told["data"])), np.uint8).reshape(4, -1)
     elif PLANES in values:
         planes = values[PLANES]
     else:
-        return
+        return values
     if kind == "frames":
-        values["joint_angles_rad"] = frame_angles(planes, told)
-        return
-    first, offsets = (np.asarray(values[name], np.int64) for name in ("first", "offsets"))
-    values["angles_rad"] = window_angles(planes, told, first, offsets, chain.folded_rad)
+        return values | {name: frame_angles(planes, told)}
+    first, offsets = (np.asarray(values[each], np.int64) for each in ("first", "offsets"))
+    return values | {name: window_angles(planes, told, first, offsets, chain.folded_rad)}
 
 
 def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
@@ -408,7 +418,7 @@ def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
     windowed = kind == "windows"
     if not windowed and kind != "frames":
         raise ValueError(f"got a motion of {kind!r}, expected frames or windows")
-    _unpack(values, kind, chain)
+    values = _unpacked(values, kind, chain)
     hinges = len(chain.folded_rad)
     arrays: dict[str, Any] = {
         name: np.asarray(values[name], dtype=of).reshape(

@@ -70,6 +70,7 @@ def run_stage(
     Raises:
         InputError: From ``read``, when the input cannot be used.
     """
+    (directory / manifest.FILE).unlink(missing_ok=True)  # of what is written now
     if stage == "export" and tries is not None:
         tries.rest()  # what is written now is the end
     if stage == "explode":
@@ -154,8 +155,7 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
 def _noted(directory: FilePath, candidates: Candidates, **how: Any) -> dict[str, Any]:
     """Keeps the chains that may be folded; what is said of how they were found."""
     chain = candidates.chains[0]
-    for name in (attempts.FILE, manifest.FILE):  # of an earlier fold in this directory
-        (directory / name).unlink(missing_ok=True)
+    (directory / attempts.FILE).unlink(missing_ok=True)  # of an earlier fold in this directory
     candidates.save(directory)
     write_chain_folded(directory, chain)
     return {

@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from planner.chain import Chain
 from planner.errors import InputError
 from planner.kernels.bodies import ROTATION, VELOCITY, WIDTH
+from planner.kernels.clearance import least_separation
 from planner.kernels.pairs import near_pairs
 from planner.kernels.sweep import Angles, Found, Shape, rigid_clearances, sweep_frames
 from planner.kinematics import Poses, forward_kinematics
@@ -154,6 +155,40 @@ def _swept(
         in_betweens=in_betweens,
         per_frame=per_frame,
     )
+
+
+def clearance_at(
+    chain: Chain, motion: Array | Windows, frame: float, modules: tuple[int, int], *, size: float
+) -> float:
+    """The clearance of two modules at one moment of a motion, as a sweep sees it.
+
+    Args:
+        chain: The chain.
+        motion: As for ``sweep``.
+        frame: The moment, as a frame number.
+        modules: The two, the earlier one first.
+        size: Module size as a fraction of the pitch.
+    """
+    before = int(frame)
+    after = min(before + 1, len(motion) - 1)
+    if isinstance(motion, Windows):
+        ends = [motion.angles(chain, k, k + 1)[0].astype(np.float64) for k in (before, after)]
+    else:
+        ends = [motion[before], motion[after]]
+    angles = ends[0] + (frame - before) * (ends[1] - ends[0])
+    poses = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    found, _, _ = least_separation(
+        np.ascontiguousarray(poses.positions),
+        np.ascontiguousarray(poses.rotations),
+        np.array([modules], dtype=np.int64),
+        chain.module.vertices,
+        chain.module.face_normals,
+        chain.module.edge_directions,
+        chain.module.radius,
+        size,
+        FAR,
+    )
+    return float(found)
 
 
 def _in_turn(part: Callable[[int], Found], starts: range, cancelled: Cancelled) -> Iterator[Found]:

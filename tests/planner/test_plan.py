@@ -1,16 +1,20 @@
 from __future__ import annotations
 
 import json
+from base64 import b64encode
 from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import Any
+from zlib import compress
 
 import numpy as np
 import pytest
 
+from planner.angle_steps import frame_planes, plan_angles
 from planner.errors import InputError
 from planner.motion import motion_arrays
 from planner.plan import FORMAT, Plan, versions
+from tests.planner.plans import changed
 
 EARLIER = FilePath(__file__).parent / "earlier_plans"
 """Plans in ``foldback-plan/1`` and ``/2``, as earlier versions wrote them."""
@@ -108,6 +112,30 @@ def test_what_is_no_plan_is_refused(plan: Plan, how: str, tmp_path: FilePath) ->
     path.write_text(json.dumps(damaged(plan.as_dict(), how)))
     with pytest.raises(InputError):
         Plan.load(path)
+
+
+@pytest.mark.parametrize("suffix", ["json", "npz"])
+def test_angles_that_stand_twice_are_refused(plan: Plan, suffix: str, tmp_path: FilePath) -> None:
+    """Readers that took one or the other would see two motions."""
+    path = tmp_path / f"plan.{suffix}"
+    planes = frame_planes(plan.joint_angles_rad)
+    assert planes is not None
+    if suffix == "json":
+        values = plan.as_dict()
+        values["angles"]["data"] = b64encode(compress(planes.tobytes())).decode()
+        path.write_text(json.dumps(values))
+    else:
+        np.savez(path, **plan.npz_arrays(), angle_planes=planes)
+        with pytest.raises(ValueError, match="got both"):
+            plan_angles(path)
+    with pytest.raises(InputError, match="got its angles 2 times"):
+        Plan.load(path)
+
+
+def test_only_angles_in_whole_steps_are_said_to_be(plan: Plan) -> None:
+    moved = changed(plan, joint_angles_rad=plan.joint_angles_rad + 1e-9)
+    assert plan.rest()["angles"] is not None
+    assert moved.rest()["angles"] is None
 
 
 @pytest.mark.parametrize("suffix", ["json", "npz"])

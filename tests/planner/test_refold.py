@@ -20,6 +20,7 @@ from planner.figures import Figures
 from planner.fold_files import write_request
 from planner.folding import fold
 from planner.frames import PHASES, Frames
+from planner.manifest import write_manifest
 from planner.measuring import figures_of
 from planner.parameters import Parameters, PlaybackParameters
 from planner.plan import Plan
@@ -178,11 +179,16 @@ def test_the_timeline_goes_from_shape_to_shape(plan: Plan, made: FilePath) -> No
     np.testing.assert_array_equal(timeline.frames().root_position, plan.root_position)
 
 
-def test_it_is_verified_from_its_files_alone(copy: FilePath) -> None:
-    for name in ("start.json", "start.npz", "record.npz", "playback.npz", "certificate.json"):
+def test_of_files_that_are_gone_only_that_is_told(copy: FilePath) -> None:
+    gone = ("start.json", "start.npz", "record.npz", "playback.npz", "certificate.json")
+    for name in gone:
         (copy / name).unlink()
     found = verify(copy)
-    assert found.problems == ()
+    assert {p.removeprefix("failed: ").partition(":")[0] for p in found.problems} == set(gone)
+    assert all("it is not there" in problem for problem in found.problems)
+    write_manifest(copy)
+    (problem,) = verify(copy).problems
+    assert "record.npz: it is not there, so what plan.npz tells of it" in problem
     assert found.replay is not None
     assert found.replay.overlap == 0.0
     assert found.replay.pose_difference < 1e-9
@@ -205,15 +211,15 @@ def tampered(directory: FilePath, **changes: Any) -> tuple[str, ...]:
 
 
 def test_another_beginning_is_noticed(copy: FilePath, plan: Plan) -> None:
-    assert "does not begin folded as mallet-24" in tampered(copy, start=plan.chain)[0]
+    assert "does not begin folded as mallet-24" in "".join(tampered(copy, start=plan.chain))
     assert tampered(copy, start=None)
-    assert "not of the same modules" in tampered(copy, start=line(24 + 1))[0]
+    assert "not of the same modules" in "".join(tampered(copy, start=line(24 + 1)))
 
 
 def test_a_plan_that_leaves_straight_out_is_refused(copy: FilePath, plan: Plan) -> None:
     angles = plan.joint_angles_rad.copy()
     angles[straight(plan)] = 0.01
-    assert "does not become straight" in tampered(copy, joint_angles_rad=angles)[0]
+    assert "does not become straight" in "".join(tampered(copy, joint_angles_rad=angles))
 
 
 def test_phases_that_are_not_the_timelines_are_refused(copy: FilePath, plan: Plan) -> None:
@@ -225,7 +231,7 @@ def test_phases_that_are_not_the_timelines_are_refused(copy: FilePath, plan: Pla
 
 def test_forms_that_begin_differently_are_noticed(copy: FilePath, plan: Plan) -> None:
     replace(plan, start=plan.chain).save_json(copy / "plan.json")
-    assert "differ in start" in verify(copy).problems[0]
+    assert "plan.json and plan.npz differ in plan.start.name" in verify(copy).problems[0]
 
 
 @pytest.mark.parametrize("half", ["unfolding", "folding"])

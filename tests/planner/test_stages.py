@@ -68,7 +68,8 @@ def test_all_stages_make_a_verified_plan(tmp_path: FilePath) -> None:
     assert export["reason"] == ""
     expected = {name for names in OUTPUTS.values() for name in names}
     present = {path.name for path in directory.iterdir()}
-    assert present == expected | {"request.json", "input", "timeline.zarr", "figures.zarr"}
+    others = {"request.json", "input", "timeline.zarr", "figures.zarr", "manifest.json"}
+    assert present == expected | others
     assert Plan.load(directory / "plan.json").verified
 
 

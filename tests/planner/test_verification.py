@@ -4,19 +4,38 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 import pytest
+import zarr
 
+from planner.certificate import Place
 from planner.errors import InputError, TimelineError
+from planner.fold_files import write_request
+from planner.formats import write_path
 from planner.manifest import write_manifest
+from planner.paths import Path
 from planner.plan import Plan
 from planner.replay import replay
+from planner.request import Request
+from planner.stages import run_stages
 from planner.verification import verify
 from tests.planner.plans import changed
 
+LATER = (
+    "exempt_pairs",
+    "min_clearance_record_at",
+    "frames",
+    "plan_end_error_rad",
+    "max_angle_rad",
+    "max_angle_record_rad",
+    "torque_source",
+    "torque_frames",
+)
+"""What certificates of earlier versions did not tell."""
 ROLLED_UP = np.tile([np.pi / 2, 0.0], 22)
 """All modules of a chain of 24 in four cells."""
 ALL_PAIRS = "".join(
@@ -36,6 +55,41 @@ def rewrite(directory: FilePath, **changes: Any) -> None:
     plan = changed(Plan.load(directory / "plan.npz"), **changes)
     plan.save_npz(directory / "plan.npz")
     plan.save_json(directory / "plan.json")
+
+
+def parent(values: Any, at: tuple[str, ...]) -> Any:
+    for key in at[:-1]:
+        values = values[key]
+    return values
+
+
+def edit_plan(directory: FilePath, change: Callable[[dict[str, Any]], Any]) -> None:
+    """Changes what is not an array in all copies of a plan."""
+    values = json.loads((directory / "plan.json").read_bytes())
+    change(values)
+    (directory / "plan.json").write_text(json.dumps(values))
+    with np.load(directory / "plan.npz") as file:
+        arrays = dict(file)
+    values = json.loads(str(arrays["plan"]))
+    change(values)
+    arrays["plan"] = np.array(json.dumps(values))
+    np.savez_compressed(directory / "plan.npz", **arrays)
+    (directory / "certificate.json").write_text(json.dumps(values["certificate"]))
+
+
+def of_earlier(directory: FilePath) -> None:
+    """Turns a fold into one as earlier versions left it."""
+
+    def change(values: dict[str, Any]) -> None:
+        values["format"] = "foldback-plan/1"
+        for name in ("motion", "angles"):
+            del values[name]
+        values["certificate"]["verdict"] = "verified"
+        for name in ("simulated", *LATER):
+            del values["certificate"][name]
+
+    edit_plan(directory, change)
+    (directory / "manifest.json").unlink()
 
 
 def test_an_untouched_fold_is_verified_again(directory: FilePath) -> None:
@@ -74,14 +128,108 @@ def test_two_forms_that_differ_are_noticed(directory: FilePath) -> None:
 
 def test_a_fold_without_digests_is_checked_as_far_as_it_goes(directory: FilePath) -> None:
     """As earlier versions left it."""
-    (directory / "manifest.json").unlink()
+    of_earlier(directory)
     found = verify(directory)
-    assert found.verified and "manifest.json" in found.notes[0]
+    assert found.problems == ()
+    assert any("no manifest.json" in note for note in found.notes)
+    assert any("The certificate is of an earlier version" in note for note in found.notes)
     path = directory / "certificate.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "min_clearance": 0.5}))
-    (problem,) = verify(directory).problems
+    problem = verify(directory).problems[0]
     assert problem.startswith("failed: certificate.json and plan.npz differ in")
     assert "certificate.min_clearance: got 0.5, expected" in problem
+
+
+def test_a_plan_of_today_has_its_digests(directory: FilePath) -> None:
+    (directory / "manifest.json").unlink()
+    (problem,) = verify(directory).problems
+    assert problem.startswith("failed: manifest.json: it is not there")
+
+
+@pytest.mark.parametrize(
+    ("at", "field"),
+    [
+        (("certificate", "simulated"), "plan.npz.certificate.simulated"),
+        (("certificate", "torque_frames"), "torque_frames"),
+        (("playback", "kind"), "plan.npz.playback.kind"),
+        (("explosion", "strategy"), "plan.npz.explosion.strategy"),
+        (("attempts",), "plan.npz.attempts"),
+        (("angles",), "plan.npz.angles"),
+    ],
+)
+def test_a_field_that_is_gone_everywhere_is_told(
+    at: tuple[str, ...], field: str, directory: FilePath
+) -> None:
+    """A plan of today is not let off as one of earlier versions, which had fewer fields."""
+    edit_plan(directory, lambda values: parent(values, at).pop(at[-1]))
+    write_manifest(directory)
+    try:
+        told = "\n".join(verify(directory).problems)
+    except InputError as error:
+        told = str(error)
+    assert field in told
+
+
+@pytest.mark.parametrize("strategy", ["peel", "one-by-one", "auto"])
+def test_a_straight_line_has_no_torques_and_is_verified(strategy: str, tmp_path: FilePath) -> None:
+    """All of its frames are at one time, so none can be looked at."""
+    straight = Path.from_cells([(k, 0, 0) for k in range(5)], name="line")
+    write_request(tmp_path, Request(strategy=strategy), write_path(straight))
+    run_stages(tmp_path)
+    assert verify(tmp_path).problems == ()
+
+
+def test_joint_errors_are_those_of_the_simulated_angles(directory: FilePath) -> None:
+    """In all copies: the largest errors of a frame, too, and the digests."""
+    errors = zarr.open_array(str(directory / "timeline.zarr" / "joint_error_rad"), mode="r+")
+    values: Any = errors[:]
+    k = len(values) - 50
+    values[k] *= 0.5
+    errors[:] = values
+    plan = Plan.load(directory / "plan.npz")
+    largest = plan.max_error_rad.copy()
+    largest[k - len(values)] = values[k].max()
+    rewrite(directory, max_error_rad=largest)
+    write_manifest(directory)
+    told = "\n".join(verify(directory).problems)
+    assert "timeline.zarr joint_error_rad[" in told
+    assert "max_error_rad" not in told
+
+
+def test_the_error_at_the_end_is_worked_out_anew(directory: FilePath) -> None:
+    edit_plan(directory, lambda values: values["playback"].update(rms_position_error=1e-5))
+    write_manifest(directory)
+    told = "\n".join(verify(directory).problems)
+    assert "plan.npz playback.rms_position_error: got 1e-05, expected" in told
+
+
+def test_a_place_that_is_as_near_will_do(directory: FilePath) -> None:
+    """Which of two like places is the closest depends on the last digit."""
+    plan = Plan.load(directory / "plan.npz")
+    certificate, last = plan.certificate, len(plan.motion) - 1
+    cells = np.rint(plan.chain.folded_poses.positions)
+    i, j = next(
+        (i, j)
+        for j in range(24)
+        for i in range(j - 1)
+        if np.abs(cells[i] - cells[j]).sum() == 1
+        and Place(frame=float(last), modules=(i, j)) != certificate.min_clearance_at
+    )
+    near, far = (Place(frame=float(at), modules=(i, j)) for at in (last, 0))
+
+    def told(**changes: Any) -> str:
+        forged = replace(certificate, **changes)
+        edit_plan(directory, lambda values: values.update(certificate=forged.as_dict()))
+        write_manifest(directory)
+        return "\n".join(p for p in verify(directory).problems if "plan.npz certificate" in p)
+
+    bound = certificate.clearance_bound
+    assert bound is not None
+    assert told(min_clearance_at=near) == ""
+    assert "min_clearance_at" in told(min_clearance_at=far)
+    assert told(clearance_bound=bound * 0.9995, in_betweens=certificate.in_betweens + 1) == ""
+    assert "clearance_bound" in told(clearance_bound=bound * 1.01)
+    assert "in_betweens" in told(in_betweens=2 * certificate.in_betweens + 100)
 
 
 def test_the_plans_own_parameters_count(directory: FilePath) -> None:
