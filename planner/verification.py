@@ -182,7 +182,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
         except InputError as error:
             found.problems.append(f"failed: model.xml: {error.detail}")
         else:
-            where = "" if stride == 1 else f" at every {stride}th frame"
+            where = "" if stride == 1 else f" at one frame in {stride}"
             found.look(
                 f"plain MuJoCo has the same poses and finds no overlap{where}", _replayed(replayed)
             )

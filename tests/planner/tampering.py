@@ -6,14 +6,14 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 import zarr
 
-from planner.manifest import FILE, write_manifest
+from planner.manifest import WHOLE, write_manifest
 from planner.plan import read_values
 
 JSON = ("plan.json", "certificate.json", "chain.json", "request.json", "attempts.json")
@@ -32,12 +32,22 @@ class Change:
     Attributes:
         kind: How.
         files: In which files.
-        where: Which field.
+        where: Where in them.
+        fields: By which names a manifest has what was changed, one for each file; none where that
+            depends on what was hit.
     """
 
     kind: str
     files: tuple[str, ...]
     where: str
+    fields: tuple[str, ...] = ()
+
+    def told_in(self, problems: list[str]) -> bool:
+        """Whether problems name a file, and the field in it where that is known."""
+        names = self.files
+        if self.fields:
+            names = [f"{n}: {f}" for n, f in zip(self.files, self.fields, strict=True)]
+        return any(name in problem for problem in problems for name in names)
 
 
 @dataclass
@@ -62,6 +72,7 @@ class Tampered:
         kinds = SEALED if sealed else KINDS
         change = kinds[random.integers(len(kinds))](self.place, random)
         if sealed and change is not None:
+            change = replace(change, fields=())
             write_manifest(self.place)
         try:
             yield change
@@ -139,7 +150,12 @@ def json_leaf(place: FilePath, random: Random) -> Change | None:
     at = one_leaf(values, random)
     set_leaf(values, at, other_value(get_leaf(values, at), random))
     (place / name).write_text(json.dumps(values))
-    return Change("value in JSON", (name,), str(at))
+    return Change("value in JSON", (name,), str(at), (field_of(values, at[0]),))
+
+
+def field_of(values: Any, key: Any) -> str:
+    """What a manifest calls a value in a JSON file."""
+    return str(key) if isinstance(values, dict) else WHOLE
 
 
 def json_field_gone(place: FilePath, random: Random) -> Change | None:
@@ -153,7 +169,8 @@ def json_field_gone(place: FilePath, random: Random) -> Change | None:
     else:
         values[f"{key}_too"] = 1
     (place / name).write_text(json.dumps(values))
-    return Change("field gone or new in JSON", (name,), key)
+    field = key if key not in values else f"{key}_too"
+    return Change("field gone or new in JSON", (name,), key, (field,))
 
 
 def changed_array(array: Any, random: Random) -> Any:
@@ -175,8 +192,8 @@ def changed_array(array: Any, random: Random) -> Any:
     return array
 
 
-def npz_array(place: FilePath, random: Random) -> Change | None:
-    name = some(NPZ, place, random)
+def npz_array(place: FilePath, random: Random, names: tuple[str, ...] = NPZ) -> Change | None:
+    name = some(names, place, random)
     with np.load(place / name, allow_pickle=False) as file:
         arrays = dict(file)
     key = [k for k, a in arrays.items() if a.size][
@@ -187,12 +204,12 @@ def npz_array(place: FilePath, random: Random) -> Change | None:
         at = one_leaf(values, random)
         set_leaf(values, at, other_value(get_leaf(values, at), random))
         arrays["plan"] = np.array(json.dumps(values))
-        where = str(at)
+        where, field = str(at), f"plan.{at[0]}"
     else:
         arrays[key] = changed_array(arrays[key], random)
-        where = key
+        where = field = key
     np.savez_compressed(place / name, **arrays)
-    return Change("value in npz", (name,), where)
+    return Change("value in npz", (name,), where, (field,))
 
 
 def zarr_array(place: FilePath, random: Random, names: tuple[str, ...] = ZARR) -> Change | None:
@@ -202,17 +219,17 @@ def zarr_array(place: FilePath, random: Random, names: tuple[str, ...] = ZARR) -
     key = arrays[random.integers(len(arrays))]
     array: Any = group[key]
     array[:] = changed_array(array[:], random)
-    return Change("value in zarr", (name,), key)
+    return Change("value in zarr", (name,), key, (key,))
 
 
-def zarr_attribute(place: FilePath, random: Random) -> Change | None:
-    name = some(ZARR, place, random)
+def zarr_attribute(place: FilePath, random: Random, names: tuple[str, ...] = ZARR) -> Change | None:
+    name = some(names, place, random)
     group = zarr.open_group(str(place / name), mode="r+")
     values = group.attrs.asdict()
     at = one_leaf(values, random)
     set_leaf(values, at, other_value(get_leaf(values, at), random))
     group.attrs.put(values)
-    return Change("attribute in zarr", (name,), str(at))
+    return Change("attribute in zarr", (name,), str(at), (f"attributes.{at[0]}",))
 
 
 NUMBER = re.compile(r'(?<=[" ])-?\d+(?:\.\d+)?(?:e-?\d+)?(?=[" ])')
@@ -237,9 +254,25 @@ def model(place: FilePath, random: Random) -> Change | None:
         hit = found[random.integers(len(found))]
         new = ""
     path.write_text(text[: hit.start()] + new + text[hit.end() :])
+    before = text[: hit.start()]
+    element = before.rpartition("<")[2].partition(" ")[0]
+    attribute = before.rpartition('="')[0].rpartition(" ")[2] if how < 2 else ""
+    place_in = before.rpartition('"')[2].count(" ") if how == 0 else 0
     return Change(
-        ("number", "name", "element gone")[how] + " in model.xml", ("model.xml",), hit.group()[:80]
+        ("number", "name", "element gone")[how] + " in model.xml",
+        ("model.xml",),
+        f"{element}.{attribute}[{place_in}] {hit.group()[:80]}",
     )
+
+
+def says_nothing(change: Change) -> bool:
+    """Whether a number in a model may be of those that MuJoCo makes nothing of.
+
+    It takes axes and quaternions as directions, and inertias from the body, not from its geom.
+    """
+    where = change.where.partition(" ")[0]
+    base = where in {f"key.qpos[{k}]" for k in range(3, 7)}
+    return base or where.startswith(("geom.mass", "joint.axis")) or ".quat[" in where
 
 
 def byte(place: FilePath, random: Random) -> Change | None:
@@ -252,14 +285,17 @@ def byte(place: FilePath, random: Random) -> Change | None:
 
 
 def file_gone(place: FilePath, random: Random) -> Change | None:
-    paths = sorted(p for p in place.iterdir() if p.is_file() and p.name != FILE)
+    paths = sorted(p for p in place.iterdir() if p.is_file())
     path = paths[random.integers(len(paths))]
     path.unlink()
-    return Change("file gone", (path.name,), "")
+    return Change("file gone", (path.name,), "", ("it is not there",))
 
 
-FREE = ("seed", "versions", "attempts", "smoothing", "explosion", "playback", "joint_names")
-"""Fields of a plan of which not all can be worked out anew."""
+FREE = ("versions", "smoothing")
+"""Fields of a plan that stand nowhere else and cannot be worked out anew."""
+LOOSE = ("in_betweens", "clearance_bound")
+"""Figures of a certificate that may come out a little otherwise on another processor; so may the
+places that are closest. ``test_verification`` looks at these."""
 
 
 def both_forms(place: FilePath, random: Random, *, sealed: bool = False) -> Change | None:
@@ -268,8 +304,10 @@ def both_forms(place: FilePath, random: Random, *, sealed: bool = False) -> Chan
     fields = [key for key in text if not sealed or key not in FREE]
     key = fields[random.integers(len(fields))]
     at = one_leaf({key: text[key]}, random)
-    if sealed and (at[-1] == "seconds" or at[:2] == ("parameters", "preset")):
-        return None
+    if sealed and key == "certificate":
+        free = (*LOOSE, "seconds", "min_clearance_")
+        if at[1] in free or (at[1].startswith(free[-1]) and "_at" in at[1]):
+            return None
     old = get_leaf(text, at)
     new = other_value(old, random)
     if "angles" in key and isinstance(old, float):
@@ -289,7 +327,71 @@ def both_forms(place: FilePath, random: Random, *, sealed: bool = False) -> Chan
     for field_name, name in (("certificate", "certificate.json"), ("chain", "chain.json")):
         if key == field_name:
             (place / name).write_text(json.dumps(text[key]))
-    return Change("all copies of a value", ("plan.npz", "plan.json", "plan"), str(at))
+    npz_field = f"plan.{key}" if key in rest else key
+    found = () if sealed else (npz_field, key)
+    return Change("all copies of a value", ("plan.npz", "plan.json"), str(at), found)
+
+
+def sealed_results(place: FilePath, random: Random) -> Change | None:
+    """A result of the playback or the explosion, in the stage's own file as well."""
+    part, name, keys = (
+        ("playback", "playback.npz", ("status", "kind", "torque_frames", "rms_position_error")),
+        ("explosion", "record.npz", ("status", "frames")),
+    )[random.integers(2)]
+    text = json.loads((place / "plan.json").read_bytes())
+    key = keys[random.integers(len(keys))]
+    if text[part] is None or (part == "explosion" and not (place / name).exists()):
+        return None
+    new = other_value(text[part][key], random)
+    text[part][key] = new
+    (place / "plan.json").write_text(json.dumps(text))
+    for file_name in ("plan.npz", name):
+        with np.load(place / file_name, allow_pickle=False) as file:
+            arrays = dict(file)
+        if "plan" in arrays:
+            rest = json.loads(str(arrays["plan"]))
+            rest[part] = text[part]
+            arrays["plan"] = np.array(json.dumps(rest))
+        elif key in arrays:
+            arrays[key] = np.array(new)
+        np.savez_compressed(place / file_name, **arrays)
+    return Change("all copies of a result", ("plan.npz", name), f"{part}.{key}")
+
+
+def sealed_field_gone(place: FilePath, random: Random) -> Change | None:
+    """A field, everywhere; earlier versions had fewer, and are let off."""
+    text = json.loads((place / "plan.json").read_bytes())
+    within = ("", "certificate", "playback", "explosion")[random.integers(4)]
+    held = text[within] if within else text
+    if held is None:
+        return None
+    keys = sorted(set(held) - {"format"})
+    key = keys[random.integers(len(keys))]
+    del held[key]
+    (place / "plan.json").write_text(json.dumps(text))
+    with np.load(place / "plan.npz", allow_pickle=False) as file:
+        arrays = dict(file)
+    rest = json.loads(str(arrays["plan"]))
+    if within:
+        rest[within] = held
+    else:
+        rest.pop(key, None)
+        arrays.pop(key, None)
+    arrays["plan"] = np.array(json.dumps(rest))
+    np.savez_compressed(place / "plan.npz", **arrays)
+    (place / "certificate.json").write_text(json.dumps(text.get("certificate")))
+    return Change("field gone everywhere", ("plan.npz", "plan.json"), f"{within}.{key}")
+
+
+def sealed_stage(place: FilePath, random: Random) -> Change | None:
+    """A number in what one stage left."""
+    # The record of a refold or a smoothed plan stands nowhere else.
+    made = any((place / name).exists() for name in ("start.npz", "recorded.npz"))
+    return npz_array(place, random, ("playback.npz",) if made else ("playback.npz", "record.npz"))
+
+
+def sealed_attribute(place: FilePath, random: Random) -> Change | None:
+    return zarr_attribute(place, random, ("timeline.zarr",))
 
 
 def sealed_both(place: FilePath, random: Random) -> Change | None:
@@ -314,5 +416,15 @@ KINDS: tuple[Kind, ...] = (
     file_gone,
     both_forms,
 )
-SEALED: tuple[Kind, ...] = (sealed_both, sealed_both, sealed_timeline, model)
+SEALED: tuple[Kind, ...] = (
+    sealed_both,
+    sealed_both,
+    sealed_results,
+    sealed_field_gone,
+    sealed_timeline,
+    sealed_attribute,
+    sealed_stage,
+    model,
+)
+"""Not among them: figures.zarr, which the digests alone hold."""
 __all__ = ["Change", "Tampered", "read_values"]
