@@ -367,7 +367,7 @@ def _played(plan: Plan, playback: Playback) -> Differences:
         yield from array_difference(
             largest, plan.max_error_rad, f"{both} max_error_rad", atol=SINGLE_WITHIN
         )
-        if playback.simulated and preset(plan.preset).playback.controller != "paper":
+        if playback.simulated and _preset(plan).playback.controller != "paper":
             # The published rule aims past its goal: only there it is not the plan's angles.
             yield from array_difference(
                 played.joint_error_rad,
@@ -530,11 +530,15 @@ def _parameters(plan: Plan, module_size: float | None) -> Parameters:
             "not-a-plan",
             f"got {plain[bad[0]]!r} in parameters.{bad[0]} of plan.npz, expected a number above 0.",
         )
+    found = replace(_preset(plan), **plain)
+    return found if module_size is None else replace(found, module_size=module_size)
+
+
+def _preset(plan: Plan) -> Parameters:
     try:
-        found = replace(preset(plan.preset), **plain)
+        return preset(plan.preset)
     except InputError as error:
         raise InputError(error.code, f"plan.npz: {error.detail}") from error
-    return found if module_size is None else replace(found, module_size=module_size)
 
 
 def _positive(value: Any) -> bool:

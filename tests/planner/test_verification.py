@@ -105,6 +105,14 @@ def test_an_untouched_fold_is_verified_again(directory: FilePath) -> None:
     json.dumps(found.as_dict(), allow_nan=False)
 
 
+def test_what_was_left_out_is_said(directory: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("planner.verification.MOST_REPLAYED", 148 * 24 // 2)
+    checked = verify(directory).checked
+    assert "plain MuJoCo has the same poses and finds no overlap at one frame in 2" in checked
+    assert any("but for what only the simulation knew: torques" in line for line in checked)
+    assert any("figures.zarr (what plots show) by that alone" in line for line in checked)
+
+
 def test_a_forged_verdict_helps_nobody(directory: FilePath) -> None:
     plan = Plan.load(directory / "plan.npz")
     angles = plan.joint_angles_rad.copy()
