@@ -264,6 +264,10 @@ def _complete(
     expected = {**plan.rest(), "joint_names": list(plan.chain.joint_names)}
     if playback is not None:
         expected["playback"] = playback.summary()
+        if not playback.simulated:
+            expected["playback"] |= {"rms_position_error": None, "max_angle_error_rad": None}
+            if playback.torque_frames is None:
+                yield "plan.npz playback.torque_frames: got null, expected how many were looked at"
     if record is not None:
         expected["explosion"] = record.summary()
     columns = {*motion_arrays(plan.motion), "max_error_rad", "angle_planes"}

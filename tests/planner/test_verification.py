@@ -185,6 +185,10 @@ def test_a_straight_line_has_no_torques_and_is_verified(strategy: str, tmp_path:
     write_request(tmp_path, Request(strategy=strategy), write_path(straight))
     run_stages(tmp_path)
     assert verify(tmp_path).problems == ()
+    if strategy != "auto":  # which simulates so few
+        edit_plan(tmp_path, lambda values: values["playback"].update(rms_position_error=0.0))
+        told = "\n".join(verify(tmp_path).problems)
+        assert "plan.npz.playback.rms_position_error: got 0.0, expected null" in told
 
 
 def test_joint_errors_are_those_of_the_simulated_angles(directory: FilePath) -> None:
