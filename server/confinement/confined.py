@@ -129,7 +129,8 @@ def _programs(work: Allowed) -> list[Path]:
     prefixes = {sys.prefix, sys.exec_prefix, sys.base_prefix, sys.base_exec_prefix}
     python = [Path(prefix) / part for prefix in prefixes for part in OF_PYTHON]
     named = [place for name in PLACES for place in os.environ.get(name, "").split(os.pathsep)]
-    kernels = Path.home() / ".cache" / "numba"
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    kernels = Path(caches) / "numba"
     # Ours may lie in a checkout that data lie in, too: not all of that is for it.
     closed = [path.resolve() for path in work.writable]
     added = [
