@@ -62,3 +62,18 @@ class Servo:
             torques = tree.torques_for(target.accelerations)
             targets = targets + (self.damping * target.rates + torques) / self.stiffness
         tree.set_servo_targets(targets)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RateServo:
+    """The paper's servo: rate motors that turn at a rate proportional to what is left.
+
+    Attributes:
+        gain: Rate for one radian that is left, in 1/s.
+    """
+
+    gain: float
+
+    def drive(self, tree: Tree, target: Target) -> None:
+        """See ``Controller``."""
+        tree.set_rates(target.rates + self.gain * (target.angles - tree.angles))

@@ -78,41 +78,36 @@ def _timed_targets(reference: Reference, law: TimeLaw) -> Iterator[Target]:
 
 
 class SnapshotGuide:
-    """The paper's rule: the next snapshot when the largest squared error is below a threshold.
+    """The paper's rule: each snapshot is the target until the chain is near enough to it.
 
-    The motors turn at a rate of gain times what is left to the snapshot. The threshold is loose, so
-    the snapshots run ahead of the chain.
+    Args:
+        snapshots: (F, J) angles in the order in which they are the target.
+        threshold_rad2: A snapshot is left when the largest squared error against it is below this.
+        least_steps: … and after so many steps at least. With 0 the threshold alone decides, and
+            snapshots that the chain is near to already are passed over.
     """
 
-    def __init__(
-        self, snapshots: Array, *, threshold_rad2: float, gain: float, step_s: float
-    ) -> None:
+    def __init__(self, snapshots: Array, *, threshold_rad2: float, least_steps: int) -> None:
         self._snapshots = snapshots
         self._threshold = threshold_rad2
-        self._gain = gain
-        self._step_s = step_s
+        self._least_steps = least_steps
         self._next = 0
-        self._aim = snapshots[0].copy()
+        self._steps = 0
         self._ending = _Ending()
 
     def target(self, angles: Array, rates: Array) -> Target | None:
         """See ``Guide``."""
         last = len(self._snapshots) - 1
-        left = self._snapshots[self._next] - angles
-        if self._next < last and float((left**2).max()) < self._threshold:
+        while self._next < last and self._steps >= self._least_steps and self._near(angles):
             self._next += 1
+            self._steps = 0
         if self._next == last and self._ending.over(rates):
             return None
-        goal = self._snapshots[self._next]
-        rate = self._gain * (goal - self._aim)
-        self._aim = self._aim + self._step_s * rate
-        return Target(
-            angles=self._aim,
-            rates=rate,
-            accelerations=np.zeros_like(rate),
-            goal=goal,
-            fraction=self._next / max(1, last),
-        )
+        self._steps += 1
+        return _still(self._snapshots[self._next], self._next / max(1, last))
+
+    def _near(self, angles: Array) -> bool:
+        return float(((self._snapshots[self._next] - angles) ** 2).max()) < self._threshold
 
 
 class DirectGuide:

@@ -25,6 +25,10 @@ SEGMENT_MODULES: Final = 8
 """Modules of a segment: 5 to 12 cost about the same, 32 ten times as much."""
 
 
+STIFF: Final = ([0.02, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0])
+"""MuJoCo's ``solref`` and ``solimp`` of constraints that give hardly at all."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
     """What the joints and surfaces of a simulated chain are like (pitch 1, module mass 1).
@@ -37,6 +41,7 @@ class Material:
         friction: Sliding friction of contacts; 0 makes them frictionless.
         contact_time_constant: ``solref[0]`` of contacts.
         stop_rad: Where the hinges' stops begin; None for the module's limit.
+        stiff_stops: Whether the stops give hardly at all, as the welds between segments.
     """
 
     geom_size: float = 0.99
@@ -46,6 +51,7 @@ class Material:
     friction: float = 0.0
     contact_time_constant: float = 0.03
     stop_rad: float | None = None
+    stiff_stops: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -197,6 +203,8 @@ def _add_linked(
         hinge.pos = link.hinge_position
         hinge.axis = axis
         hinge.range = [-stop, stop]
+        if material.stiff_stops:
+            hinge.solref_limit, hinge.solimp_limit = STIFF
         hinge.stiffness[0] = material.stiffness
         hinge.armature = material.armature
         hinge.damping[0] = material.damping
@@ -322,8 +330,7 @@ def segment_spec(
             weld.name1 = f"ghost_{stop}"
             weld.name2 = names[stop]
             weld.data[:11] = [0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1]
-            weld.solref = [0.02, 1.0]
-            weld.solimp = [0.9999, 0.9999, 0.001, 0.5, 2.0]
+            weld.solref, weld.solimp = STIFF
         elif rod is not None:
             _add_rod(body, rod, material)
     exclude(spec, names, pairwise(range(n)))

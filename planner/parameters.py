@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from planner.errors import InputError
+from planner.modules import Module
 from planner.peeling_parameters import PeelingParameters
 
 
@@ -65,34 +66,44 @@ class ExplosionParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperExplosionParameters:
-    """The published explosion: constant gains, fixed snapshot interval.
+    """The published explosion: constant gains, fixed step, fixed snapshot interval.
+
+    The paper's figures have no units; read as centimetres, grams and seconds they fit together.
+    What the paper does not say is marked *ours*: docs/decisions/0002-published-preset.md.
 
     Attributes:
-        module_mass: What a module weighs in the units of the gains.
-        radial_gain: λ of eq. 1.
+        radial_gain: λ of eq. 1; its d is the diameter of one module, a pitch.
         repulsion_gain: γ of eq. 3.
-        repulsion_cutoff: Modules farther apart (in pitches) don't repel.
-        step_s: Time step.
-        damping: Uniform drag, in 1/s.
+        damping: Share of its speed that the whole chain loses in each step.
         friction: Of contacts.
-        spring: Hinge spring towards straight; not published. Without it a universal joint can end
-            with both hinges past 90°, where tension no longer straightens it.
-        snapshot_every: Steps between two snapshots.
-        geom_size: Size of the collision hull.
-        max_steps: Give up after so many steps.
+        step_s: Time step.
+        pitch_cm: Distance of neighbouring modules, the paper's "diameter".
+        density_kg_m3: Of a solid module.
+        snapshot_interval: Steps between two snapshots; ours.
+        repulsion_cutoff: Modules farther apart (in pitches) don't repel; ours.
+        spring: Hinge spring towards straight, in g·cm²/s²; ours.
+        stop_deg: Where the hinges' stops are; ours.
+        geom_size: Size of the collision hull; ours.
+        max_steps: Give up after so many steps; ours.
     """
 
-    module_mass: float = 2.7
     radial_gain: float = 0.1
     repulsion_gain: float = 1.0
-    repulsion_cutoff: float = 2.5
-    step_s: float = 0.01
     damping: float = 0.1
     friction: float = 0.1
-    spring: float = 0.1
-    snapshot_every: int = 100
+    step_s: float = 0.01
+    pitch_cm: float = 1.0
+    density_kg_m3: float = 2700.0
+    snapshot_interval: int = 10
+    repulsion_cutoff: float = 2.5
+    spring: float = 1.0
+    stop_deg: float = 90.0
     geom_size: float = 0.99
-    max_steps: int = 200_000
+    max_steps: int = 400_000
+
+    def module_mass_g(self, module: Module) -> float:
+        """What a module weighs in grams."""
+        return 1e-3 * self.density_kg_m3 * module.volume * self.pitch_cm**3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,10 +119,12 @@ class PlaybackParameters:
         step_s: Time step.
         bandwidth: w of computed torque, in 1/s.
         stiffness: Servo gain kp.
-        damping_ratio: Servo gain kv as a fraction of kp.
         friction: Of contacts.
-        torque_limit: Largest servo torque in simulation units; None for no limit.
-        gain: Of the paper's servo, in 1/s: the motors' rate for one radian that is left.
+        torque_limit: Largest torque of a motor in module masses · pitch² / s²; None for no limit.
+            ``paper`` and ``direct`` then have motors as constraints, as ODE has.
+        gain: Of a servo, in 1/s: the motors' rate for one radian that is left, kp / kv.
+        damping: Share of its velocity that the chain loses in each step.
+        least_steps: The paper's rule: each snapshot is the target for so many steps at least.
         direct_steps: Steps in which the baseline's target goes from straight to folded.
         threshold_rad2: The paper's rule: next snapshot below this squared error.
         dynamic_up_to: Longer chains are not simulated: the playback is kinematic.
@@ -125,11 +138,12 @@ class PlaybackParameters:
     step_s: float = 0.02
     bandwidth: float = 30.0
     stiffness: float = 1e7
-    damping_ratio: float = 1.0 / 30.0
     friction: float = 0.0
     torque_limit: float | None = None
     threshold_rad2: float = 0.15
-    gain: float = 1.0
+    gain: float = 30.0
+    damping: float = 0.0
+    least_steps: int = 1
     direct_steps: int = 4000
     dynamic_up_to: int = 500
     max_steps: int = 200_000
@@ -193,7 +207,7 @@ def preset(name: str) -> Parameters:
             preset="paper",
             explosion=PaperExplosionParameters(),
             playback=PlaybackParameters(
-                controller="paper", step_s=0.01, stiffness=1e7, friction=0.1
+                controller="paper", step_s=0.01, stiffness=1e7, friction=0.1, damping=0.1
             ),
         )
     if name == "direct":

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from planner.alignment import aligned_distances
 from planner.angle_steps import packed_frames, snapped, unpacked_frames
 from planner.chain import Chain
-from planner.controllers import ComputedTorque, Controller, Servo
+from planner.controllers import ComputedTorque, Controller, RateServo, Servo
 from planner.errors import InputError, SimulationError
 from planner.frames import Frames, Phase
 from planner.guides import DirectGuide, Guide, SnapshotGuide, Target, TimedGuide
@@ -27,7 +27,7 @@ from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.record import Record, save_npz
 from planner.reference import Reference, clear_reference
 from planner.timelaw import TimeLaw, torque_bounded_law
-from planner.tree import Tree
+from planner.tree import RateMotors, Servos, Tree
 from planner.unfolding import Unfolding
 from planner.windows import Windows
 
@@ -284,6 +284,27 @@ def _kinematic(chain: Chain, frames: Motion, reference_rad: Array | None, begun:
     )
 
 
+def _motors(p: PlaybackParameters) -> Servos | RateMotors | None:
+    if p.controller == "computed-torque":
+        return None
+    if p.torque_limit is not None and p.controller in ("paper", "direct"):
+        # The torque of a stiff servo jumps from one limit to the other; a constraint's does not.
+        return RateMotors(torque_limit=p.torque_limit)
+    return Servos(stiffness=p.stiffness, damping=p.stiffness / p.gain, torque_limit=p.torque_limit)
+
+
+def _controller(p: PlaybackParameters, motors: Servos | RateMotors | None) -> Controller:
+    if motors is None:
+        return ComputedTorque(bandwidth=p.bandwidth)
+    if isinstance(motors, RateMotors):
+        return RateServo(gain=p.gain)
+    return Servo(
+        stiffness=motors.stiffness,
+        damping=motors.damping,
+        feed_forward=p.controller == "servo",
+    )
+
+
 class _Run:
     def __init__(
         self,
@@ -307,26 +328,21 @@ class _Run:
         self.kept: list[Frames] = []
         self.references: list[Array] = []
         self._sent = 0
-        servo = None
-        if parameters.controller != "computed-torque":
-            damping = parameters.stiffness * parameters.damping_ratio
-            servo = (parameters.stiffness, damping, parameters.torque_limit)
+        motors = _motors(parameters)
         material = Material(geom_size=module_size, friction=parameters.friction)
-        self.tree = Tree(chain, material, step_s=parameters.step_s, servo=servo)
+        self.tree = Tree(
+            chain,
+            material,
+            step_s=parameters.step_s,
+            motors=motors,
+            damping=parameters.damping,
+        )
         self.refolds = unfolding is not None
         self.guides: list[tuple[Phase, Guide]] = [("playback", self._guide(recorded))]
         if unfolding is not None:
             reference, law = self._timed(unfolding.chain, unfolding.folding_rad)
             self.guides.insert(0, ("unfolding", TimedGuide(reference, law.backwards())))
-        self.controller: Controller = (
-            ComputedTorque(bandwidth=parameters.bandwidth)
-            if servo is None
-            else Servo(
-                stiffness=servo[0],
-                damping=servo[1],
-                feed_forward=parameters.controller == "servo",
-            )
-        )
+        self.controller = _controller(parameters, motors)
         zero = np.zeros_like(chain.folded_rad)
         if unfolding is not None:
             self.tree.place(unfolding.chain.folded_rad, *root_folded(unfolding.chain))
@@ -345,7 +361,7 @@ class _Run:
         snapshots = recorded.joint_angles_rad[::-1]
         if p.controller == "paper":
             return SnapshotGuide(
-                snapshots, threshold_rad2=p.threshold_rad2, gain=p.gain, step_s=p.step_s
+                snapshots, threshold_rad2=p.threshold_rad2, least_steps=p.least_steps
             )
         if p.controller not in ("computed-torque", "servo"):
             raise InputError(
@@ -430,6 +446,7 @@ class _Run:
                                 fraction=min((part + target.fraction) / len(self.guides), 0.99),
                                 steps=self.steps,
                                 steps_per_second=rate,
+                                simulated_s=self.steps * self.parameters.step_s,
                                 message="folding" if phase == "playback" else phase,
                             )
                         )

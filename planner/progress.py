@@ -15,6 +15,7 @@ class Progress:
         fraction: 0 to 1, an honest guess.
         steps: Simulation steps so far.
         steps_per_second: Simulation steps a second of wall time, lately.
+        simulated_s: Simulated time so far, in seconds.
         message: A few plain words.
         pushes: How many pushes in a row moved nothing on; from a few on it may well be stuck.
     """
@@ -23,6 +24,7 @@ class Progress:
     fraction: float
     steps: int = 0
     steps_per_second: float = 0.0
+    simulated_s: float = 0.0
     message: str = ""
     pushes: int = 0
 

@@ -1,9 +1,8 @@
-"""The explosion as published: constant gains, fixed step, fixed snapshot interval.
+"""The explosion as published: constant gains, fixed step, snapshots at a fixed interval.
 
-The published figures have no units. They fit together in centimetres and grams, where a module of
-1 cm weighs 2.7 and damping is a drag of 0.1 a second; with a mass of 2700 that drag stops all
-motion, and without drag the chain never comes to rest. Here a module weighs 1, so the gains are
-divided by 2.7.
+The paper gives figures without units and leaves some out. What is read into it, and what was tried,
+stands in docs/decisions/0002-published-preset.md. Lengths are in pitches here and a module weighs
+1, so a force in the paper's units is divided by a module's mass in grams and the pitch.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from planner.errors import SimulationError
 from planner.frames import Frames
 from planner.kernels.pairs import near_pairs, repulsion
 from planner.model import Material
+from planner.modules import Module
 from planner.parameters import PaperExplosionParameters
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.record import Record, RecordStatus
@@ -49,10 +49,7 @@ def explode_as_published(
     """
     p = parameters
     begun = reported = time.perf_counter()
-    segments = Segments(
-        chain,
-        Material(geom_size=p.geom_size, friction=p.friction, stiffness=p.spring / p.module_mass),
-    )
+    segments = Segments(chain, explosion_material(p, chain.module))
     recorder = Recorder(
         chain,
         snapshot_rad=0.0,
@@ -65,6 +62,10 @@ def explode_as_published(
         chain.folded_rad, folded.positions[chain.root], folded.rotations[chain.root]
     )
     bent = float(np.abs(chain.folded_rad).sum())
+    force = p.module_mass_g(chain.module) * p.pitch_cm
+    radial_gain = p.radial_gain / force
+    repulsion_gain = p.repulsion_gain / p.pitch_cm**2 / force
+    drag = p.damping / (1.0 - p.damping) / p.step_s
     status: RecordStatus = "timeout"
     reason = f"the chain was not straight after {p.max_steps} steps."
     steps = reported_steps = 0
@@ -72,7 +73,7 @@ def explode_as_published(
         while steps < p.max_steps:
             segments.place(state)
             positions = segments.positions
-            if steps % p.snapshot_every == 0:
+            if steps % p.snapshot_interval == 0:
                 recorder.add(Step.of(steps * p.step_s, state, positions))
                 recorder.commit()
             if steps % CHECK_EVERY == 0:
@@ -92,16 +93,16 @@ def explode_as_published(
                             fraction=float(np.clip(0.5 * (1.0 - left) + 0.5 * span, 0.0, 0.99)),
                             steps=steps,
                             steps_per_second=(steps - reported_steps) / (now - reported),
+                            simulated_s=steps * p.step_s,
                             message="exploding as published",
                         )
                     )
                     reported, reported_steps = now, steps
             arms = positions - positions.mean(axis=0)
-            diameter = 2.0 * float(np.sqrt((arms**2).sum(axis=1).max()))
-            forces = (p.radial_gain / p.module_mass / diameter) * arms
+            forces = radial_gain * arms
             pairs = near_pairs(positions, p.repulsion_cutoff, LINKED + 1)
-            repulsion(positions, pairs, p.repulsion_gain / p.module_mass, forces)
-            state.accelerate(segments.accelerations(state, forces), p.step_s, p.damping)
+            repulsion(positions, pairs, repulsion_gain, forces)
+            state.accelerate(segments.accelerations(state, forces), p.step_s, drag)
             state.advance(p.step_s)
             steps += 1
     except SimulationError as error:
@@ -117,4 +118,15 @@ def explode_as_published(
         frames=recorder.frames(),
         steps=steps,
         seconds=time.perf_counter() - begun,
+    )
+
+
+def explosion_material(p: PaperExplosionParameters, module: Module) -> Material:
+    """Joints and surfaces of the chain as it explodes."""
+    return Material(
+        geom_size=p.geom_size,
+        friction=p.friction,
+        stiffness=p.spring / (p.module_mass_g(module) * p.pitch_cm**2),
+        stop_rad=float(np.deg2rad(p.stop_deg)),
+        stiff_stops=True,
     )

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from planner.errors import InputError
 from planner.modules import CUBE
+from planner.paper_settings import read_settings, with_settings
 from planner.parameters import (
     AUTO,
     STRATEGY_WISHES,
@@ -25,6 +26,7 @@ MODULE_SIZES: Final = (0.1, 1.0)
 LARGEST_SEED: Final = 2**32 - 1
 SMOOTH_SPACING_RAD: Final = 0.06
 """Of the curve through a smoothed motion, the spacing of its control points."""
+SET_PRESETS: Final = ("paper", "direct")
 SHORT_SEED: Final = 2**31
 """Path searches take seeds below this."""
 
@@ -38,6 +40,8 @@ class Request:
         preset: Name of a parameter set.
         seed: What randomness starts from.
         module_size: Size at which the plan is verified; None for the preset's.
+        settings: Other numbers for the preset ``paper`` or ``direct``, see
+            ``planner.paper_settings``.
         strategy: How the chain is let go: ``auto``, or one of ``planner.strategies``.
         refold: Whether the chain begins folded as the plan beside it says, not straight.
         smooth: Whether the plan beside it is smoothed, in place of an explosion.
@@ -48,6 +52,7 @@ class Request:
     preset: str = "default"
     seed: int = 0
     module_size: float | None = None
+    settings: str = ""
     strategy: str = AUTO
     module: str = CUBE.name
     modules: int | None = None
@@ -119,6 +124,14 @@ class Request:
             InputError: An unknown preset, or a seed or module size out of range.
         """
         found = preset(self.preset)
+        if self.settings:
+            if self.preset not in SET_PRESETS:
+                raise InputError(
+                    "bad-settings",
+                    f"got settings for the preset {self.preset}, expected one of: "
+                    f"{', '.join(SET_PRESETS)}.",
+                )
+            found = with_settings(found, read_settings(self.settings))
         if not 0 <= self.seed <= LARGEST_SEED:
             raise _bad("seed", str(self.seed))
         if self.strategy not in STRATEGY_WISHES:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -9,11 +10,40 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import SimulationError
-from planner.model import Material, compiled, tree_spec
+from planner.model import STIFF, Material, compiled, tree_spec
 from planner.untyped import mujoco
 
 Array = NDArray[np.float64]
 ROOT_DOFS: Final = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Servos:
+    """Position actuators: kp (target − angle) − kv rate.
+
+    Attributes:
+        stiffness: kp.
+        damping: kv.
+        torque_limit: Largest torque; None for no limit.
+    """
+
+    stiffness: float
+    damping: float
+    torque_limit: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RateMotors:
+    """Motors as constraints: a hinge turns at the wanted rate as long as its torque suffices.
+
+    So ODE's motors work. In MuJoCo it is a row of dry friction, whose bound is the torque, that
+    brings the rate to the wanted one in place of zero.
+
+    Attributes:
+        torque_limit: Largest torque.
+    """
+
+    torque_limit: float
 
 
 class Tree:
@@ -23,8 +53,9 @@ class Tree:
         chain: The chain.
         material: Joints and surfaces.
         step_s: Time step.
-        servo: (kp, kv, largest torque or None) of a position actuator on every hinge, or None for
-            a chain without motors.
+        motors: Of every hinge; None for a chain without.
+        damping: Share of its velocity that the chain loses in each step: the generalised force
+            −(damping / step) M q̇, which is the same for every way to write the chain.
     """
 
     def __init__(
@@ -33,18 +64,23 @@ class Tree:
         material: Material,
         *,
         step_s: float,
-        servo: tuple[float, float, float | None] | None = None,
+        motors: Servos | RateMotors | None = None,
+        damping: float = 0.0,
     ) -> None:
         self.chain = chain
+        self.motors = motors
+        self._drag = damping / step_s
         spec = tree_spec(chain, material)
-        if servo is not None:
-            _add_servos(spec, chain, servo)
+        if isinstance(motors, Servos):
+            _add_servos(spec, chain, motors)
+        elif isinstance(motors, RateMotors):
+            _add_rate_motors(spec, chain, motors)
         self.model: Any = compiled(spec)
         self.model.opt.timestep = step_s
         self.model.opt.integrator = (
-            mujoco.mjtIntegrator.mjINT_EULER
-            if servo is None
-            else mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+            mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+            if isinstance(motors, Servos)
+            else mujoco.mjtIntegrator.mjINT_EULER
         )
         self.data: Any = mujoco.MjData(self.model)
         joints = [self.model.joint(name) for name in chain.joint_names]
@@ -53,8 +89,12 @@ class Tree:
         self._joints = np.array([j.id for j in joints], dtype=np.int64)
         self._bodies = np.array([self.model.body(f"module_{i}").id for i in range(len(chain))])
         self._work = np.empty(self.model.nv)
-        if servo is not None:
+        self._passive = np.zeros(self.model.nv)
+        if isinstance(motors, Servos):
             self._actuators = np.array([self.model.actuator(n).id for n in chain.joint_names])
+        self._hinge_of_dof = np.zeros(self.model.nv, dtype=np.int64)
+        self._hinge_of_dof[self._dofs] = np.arange(len(self._dofs))
+        self._rows = self._hinge_of_row = np.zeros(0, dtype=np.int64)
         starts = [int(start) for start in self.model.M_rowadr[:ROOT_DOFS]]
         self._root_rows = [slice(start, start + r + 1) for r, start in enumerate(starts)]
 
@@ -87,7 +127,11 @@ class Tree:
     @property
     def motor_torques(self) -> Array:
         """(J,) what motors and applied torques did in the last step."""
-        return (self.data.qfrc_actuator + self.data.qfrc_applied)[self._dofs]
+        data = self.data
+        torques = (data.qfrc_actuator + data.qfrc_applied - self._passive)[self._dofs]
+        if isinstance(self.motors, RateMotors):
+            torques[self._hinge_of_row] += data.efc_force[self._rows]
+        return torques
 
     def place(self, angles: Array, root_position: Array, root_wxyz: Array) -> None:
         """Sets a configuration at rest."""
@@ -98,7 +142,12 @@ class Tree:
 
     def begin_step(self) -> None:
         """Everything of a step that depends on positions and velocities."""
-        mujoco.mj_step1(self.model, self.data)
+        data = self.data
+        mujoco.mj_step1(self.model, data)
+        if self._drag:
+            mujoco.mj_mulM(self.model, data, self._passive, data.qvel)
+            self._passive *= -self._drag
+            data.qfrc_applied[:] = self._passive
 
     def end_step(self) -> None:
         """The rest of a step.
@@ -128,7 +177,15 @@ class Tree:
 
     def apply_torques(self, torques: Array) -> None:
         """Sets (J,) torques on the hinges for the coming step."""
-        self.data.qfrc_applied[self._dofs] = torques
+        self.data.qfrc_applied[self._dofs] = self._passive[self._dofs] + torques
+
+    def set_rates(self, rates: Array) -> None:
+        """Sets (J,) rates that rate motors turn at in the coming step, after ``begin_step``."""
+        data = self.data
+        rows = np.flatnonzero(data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF))
+        self._rows, self._hinge_of_row = rows, self._hinge_of_dof[data.efc_id[rows]]
+        # A row's reference acceleration is −b (J q̇): that of a rate w is −b (J q̇ − w).
+        data.efc_aref[rows] += data.efc_KBIP[rows, 1] * rates[self._hinge_of_row]
 
     def set_servo_targets(self, targets: Array) -> None:
         """Sets (J,) target angles of the position actuators for the coming step."""
@@ -202,8 +259,8 @@ class Tree:
         return lower + np.tril(lower, -1).T
 
 
-def _add_servos(spec: Any, chain: Chain, servo: tuple[float, float, float | None]) -> None:
-    kp, kv, limit = servo
+def _add_servos(spec: Any, chain: Chain, servos: Servos) -> None:
+    limit = servos.torque_limit
     for name in chain.joint_names:
         motor = spec.add_actuator()
         motor.name = name
@@ -211,8 +268,15 @@ def _add_servos(spec: Any, chain: Chain, servo: tuple[float, float, float | None
         motor.target = name
         motor.gaintype = mujoco.mjtGain.mjGAIN_FIXED
         motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-        motor.gainprm[0] = kp
-        motor.biasprm[:3] = [0.0, -kp, -kv]
+        motor.gainprm[0] = servos.stiffness
+        motor.biasprm[:3] = [0.0, -servos.stiffness, -servos.damping]
         if limit is not None:
             motor.forcelimited = True
             motor.forcerange = [-limit, limit]
+
+
+def _add_rate_motors(spec: Any, chain: Chain, motors: RateMotors) -> None:
+    for name in chain.joint_names:
+        hinge = spec.joint(name)
+        hinge.frictionloss = motors.torque_limit
+        hinge.solref_friction, hinge.solimp_friction = STIFF

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from planner.controllers import ComputedTorque, Servo
 from planner.guides import Target
 from planner.model import Material
-from planner.tree import Tree
+from planner.tree import Servos, Tree
 from tests.planner.chains import line
 
 Array = NDArray[np.float64]
@@ -21,8 +21,8 @@ def held(angles: Array) -> Target:
     return Target(angles=angles, rates=zero, accelerations=zero, goal=angles, fraction=1.0)
 
 
-def placed(step_s: float, servo: tuple[float, float, float | None] | None = None) -> Tree:
-    tree = Tree(CHAIN, Material(geom_size=0.3), step_s=step_s, servo=servo)
+def placed(step_s: float, motors: Servos | None = None) -> Tree:
+    tree = Tree(CHAIN, Material(geom_size=0.3), step_s=step_s, motors=motors)
     tree.place(np.zeros(JOINTS), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     return tree
 
@@ -52,7 +52,7 @@ def test_computed_torque_on_target_does_nothing() -> None:
 
 
 def test_feed_forward_gives_the_torque_of_the_inverse_dynamics() -> None:
-    tree = placed(1e-4, (KP, KV, None))
+    tree = placed(1e-4, Servos(stiffness=KP, damping=KV))
     wanted = np.linspace(-1.0, 2.0, JOINTS)
     zero = np.zeros(JOINTS)
     target = Target(angles=zero, rates=zero, accelerations=wanted, goal=zero, fraction=0.5)
@@ -64,7 +64,7 @@ def test_feed_forward_gives_the_torque_of_the_inverse_dynamics() -> None:
 
 
 def test_without_it_the_servo_only_pulls_to_the_target() -> None:
-    tree = placed(1e-4, (KP, KV, None))
+    tree = placed(1e-4, Servos(stiffness=KP, damping=KV))
     angles = np.linspace(-0.01, 0.02, JOINTS)
     zero = np.zeros(JOINTS)
     target = Target(

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from planner.guides import (
@@ -78,22 +77,33 @@ def test_a_chain_that_never_rests_is_waited_for() -> None:
         assert guide.target(np.zeros(2), np.ones(2)) is not None
 
 
-def paper_guide(snapshots: Array) -> SnapshotGuide:
-    return SnapshotGuide(snapshots, threshold_rad2=0.15, gain=1.0, step_s=STEP_S)
+def paper_guide(snapshots: Array, least_steps: int = 1) -> SnapshotGuide:
+    return SnapshotGuide(snapshots, threshold_rad2=0.15, least_steps=least_steps)
 
 
-def test_the_papers_rule_waits_for_the_chain() -> None:
-    snapshots = np.array([[0.0], [0.3], [0.6], [0.9], [1.2]])
-    guide = paper_guide(snapshots)
-    stuck = np.array([0.0])
-    moving = np.ones(1)
-    # The first three are within √0.15 = 0.387 of a chain that does not move; not the next.
-    goals = [guide.target(stuck, moving) for _ in range(50)]
-    assert goals[-1] is not None
-    assert goals[-1].goal[0] == pytest.approx(0.6)
-    follower = guide.target(np.array([0.3]), moving)
-    assert follower is not None
-    assert follower.goal[0] == pytest.approx(0.9)
+def goals(guide: SnapshotGuide, angle: float, steps: int) -> list[float]:
+    found = [guide.target(np.array([angle]), np.ones(1)) for _ in range(steps)]
+    return [float(target.angles[0]) for target in found if target is not None]
+
+
+STEPS_AWAY = np.array([[0.0], [0.3], [0.6], [0.9], [1.2]])
+
+
+def test_a_snapshot_is_left_when_the_chain_is_near_and_not_before() -> None:
+    # Up to √0.15 = 0.387 from a chain that does not move: 0.6 is never reached.
+    guide = paper_guide(STEPS_AWAY)
+    assert goals(guide, 0.0, 5) == [0.0, 0.3, 0.6, 0.6, 0.6]
+    assert goals(guide, 0.3, 3) == [0.9, 0.9, 0.9]
+
+
+def test_each_snapshot_is_the_target_for_so_many_steps_at_least() -> None:
+    assert goals(paper_guide(STEPS_AWAY, 3), 0.0, 8) == [0.0] * 3 + [0.3] * 3 + [0.6] * 2
+
+
+def test_the_threshold_alone_passes_over_what_is_near() -> None:
+    guide = paper_guide(STEPS_AWAY, 0)
+    assert goals(guide, 0.0, 2) == [0.6, 0.6]
+    assert goals(guide, 0.6, 1) == [1.2]
 
 
 def test_the_papers_rule_ends_at_its_last_snapshot_at_rest() -> None:

@@ -184,12 +184,17 @@ def test_direct_servoing_has_a_fair_chance(cells: list[tuple[int, int, int]]) ->
     assert certify(chain, None, playback, parameters).verified
 
 
-def test_the_paper_servo_follows_its_snapshots(small: tuple[Chain, Record]) -> None:
-    paper = replace(DEFAULT, controller="paper", step_s=0.01, stiffness=1e4, max_steps=60_000)
-    playback = play_back(*small, paper)
-    assert playback.status in ("folded", "missed", "timeout")
-    # Its targets run ahead of the chain: that is the paper's rule.
-    assert playback.max_angle_error_rad > 0.01
+@pytest.mark.parametrize("torque_limit", [None, 2000.0])
+def test_the_published_rule_folds(small: tuple[Chain, Record], torque_limit: float | None) -> None:
+    parameters = preset("paper")
+    parameters = replace(
+        parameters, playback=replace(parameters.playback, torque_limit=torque_limit)
+    )
+    playback = play_back(*small, parameters.playback)
+    assert certify(*small, playback, parameters).verified
+    assert playback.rms_position_error is not None
+    assert playback.rms_position_error < 1e-3
+    assert torque_limit is None or playback.peak_torque <= torque_limit * (1.0 + 1e-9)
 
 
 def test_what_cannot_be_played_is_a_broken_call(small: tuple[Chain, Record]) -> None:

@@ -28,7 +28,7 @@ def test_a_small_coil_comes_out_straight() -> None:
     assert (np.diff(frames.time_s) >= 0.0).all()
     np.testing.assert_array_equal(Frames.joined(parts).time_s, frames.time_s)
     # Snapshots come at a fixed interval of simulated time.
-    interval = PAPER.snapshot_every * PAPER.step_s
+    interval = PAPER.snapshot_interval * PAPER.step_s
     np.testing.assert_allclose(np.diff(frames.time_s)[:-1], interval, atol=1e-9)
     assert sweep(chain, frames.joint_angles_rad, size=0.9).clearance > 0.0
 

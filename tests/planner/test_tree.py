@@ -8,14 +8,14 @@ from planner.chain import Chain
 from planner.errors import SimulationError
 from planner.model import Material
 from planner.rotations import wxyz_from_matrix
-from planner.tree import Tree
+from planner.tree import RateMotors, Servos, Tree
 from tests.planner.chains import line, random_state
 
 SOFT = Material(geom_size=0.3)
 
 
-def moving(chain: Chain, seed: int, step_s: float = 0.01) -> Tree:
-    tree = Tree(chain, SOFT, step_s=step_s)
+def moving(chain: Chain, seed: int, step_s: float = 0.01, damping: float = 0.0) -> Tree:
+    tree = Tree(chain, SOFT, step_s=step_s, damping=damping)
     state = random_state(chain, seed, most=0.8)
     tree.place(state.angles, state.position, wxyz_from_matrix(state.rotation))
     tree.data.qvel[:3], tree.data.qvel[3:6] = state.velocity, state.spin
@@ -129,7 +129,9 @@ def test_bad_numbers_raise() -> None:
 @pytest.mark.parametrize("limit", [0.5, 20.0])
 def test_a_servo_gives_no_more_than_its_limit(limit: float) -> None:
     chain = line(6)
-    tree = Tree(chain, SOFT, step_s=0.01, servo=(1e4, 1e2, limit))
+    tree = Tree(
+        chain, SOFT, step_s=0.01, motors=Servos(stiffness=1e4, damping=1e2, torque_limit=limit)
+    )
     tree.place(np.zeros(8), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     largest = 0.0
     for _ in range(50):
@@ -142,7 +144,7 @@ def test_a_servo_gives_no_more_than_its_limit(limit: float) -> None:
 
 def test_a_servo_holds_its_target() -> None:
     chain = line(6)
-    tree = Tree(chain, SOFT, step_s=0.01, servo=(1e5, 1e4, None))
+    tree = Tree(chain, SOFT, step_s=0.01, motors=Servos(stiffness=1e5, damping=1e4))
     tree.place(np.zeros(8), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     target = np.linspace(-0.3, 0.3, 8)
     for _ in range(800):
@@ -150,6 +152,38 @@ def test_a_servo_holds_its_target() -> None:
         tree.set_servo_targets(target)
         tree.end_step()
     np.testing.assert_allclose(tree.angles, target, atol=1e-3)
+
+
+@pytest.mark.parametrize("limit", [0.2, 1e4])
+def test_rate_motors_turn_as_wanted_within_their_torque(limit: float) -> None:
+    tree = Tree(line(6), SOFT, step_s=0.01, motors=RateMotors(torque_limit=limit))
+    tree.place(np.zeros(8), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    wanted = np.linspace(-0.4, 0.4, 8)
+    torques = []
+    for _ in range(20):
+        tree.begin_step()
+        tree.set_rates(wanted)
+        tree.end_step()
+        torques.append(np.abs(tree.motor_torques).max())
+    if limit < 1.0:
+        assert torques[0] == pytest.approx(limit)
+        assert np.abs(tree.rates).max() < 0.4
+    else:
+        np.testing.assert_allclose(tree.rates, wanted, atol=1e-3)
+    assert max(torques) <= limit * (1.0 + 1e-9)
+
+
+def test_damping_takes_its_share_of_all_velocities_in_each_step() -> None:
+    free, damped = moving(line(9), 3), moving(line(9), 3, damping=0.1)
+    accelerations = []
+    for tree in (free, damped):
+        before = tree.data.qvel.copy()
+        tree.begin_step()
+        tree.end_step()
+        accelerations.append(tree.data.qvel - before)
+        after = before
+    # h M⁻¹ f is the same for both; what is damped loses a tenth of what it had, turns and all.
+    np.testing.assert_allclose(accelerations[1] - accelerations[0], -0.1 * after, atol=1e-9)
 
 
 def test_drifting_is_stopped_without_touching_the_hinges() -> None:

@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+from dataclasses import fields
+
+import pytest
+
+from planner.errors import InputError
+from planner.paper_settings import SETTINGS, Setting, read_settings, settings_text, with_settings
+from planner.parameters import PaperExplosionParameters, preset
+
+PAPER = preset("paper")
+
+
+def test_the_published_figures_are_those_of_the_paper() -> None:
+    published = {s.name: s.default(PAPER) for s in SETTINGS if s.source == "published"}
+    assert published == {
+        "radial_gain": 0.1,
+        "repulsion_gain": 1.0,
+        "threshold": 0.15,
+        "damping": 0.1,
+        "friction": 0.1,
+        "step_s": 0.01,
+        "pitch_cm": 1.0,
+        "density_kg_m3": 2700.0,
+    }
+
+
+@pytest.mark.parametrize("setting", SETTINGS, ids=lambda setting: setting.name)
+def test_every_setting_reaches_its_parameters(setting: Setting) -> None:
+    value = setting.least if setting.least != setting.default(PAPER) else setting.most
+    changed = with_settings(PAPER, read_settings(f"{setting.name}={value}"))
+    assert setting.default(changed) == value != setting.default(PAPER)
+    differing = {
+        field.name
+        for field in fields(PaperExplosionParameters)
+        if getattr(changed.explosion, field.name) != getattr(PAPER.explosion, field.name)
+    }
+    assert differing == ({setting.explosion} if setting.explosion else set())
+
+
+def test_density_is_that_of_the_certificate_too() -> None:
+    assert with_settings(PAPER, {"density_kg_m3": 1000.0}).density_kg_m3 == 1000.0
+
+
+def test_settings_are_written_in_one_way() -> None:
+    text = " step_s = 0.0050, motor_max_force=none,damping=.05 , "
+    assert settings_text(text) == "damping=0.05,motor_max_force=none,step_s=0.005"
+    assert settings_text("") == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("speed=1", "got 'speed=1', expected NAME=NUMBER with one of: radial_gain"),
+        ("damping", "got 'damping', expected NAME=NUMBER"),
+        ("damping=", "damping = '', expected a number from 0 to 0.9"),
+        ("damping=nan", "expected a number from 0 to 0.9"),
+        ("damping=1", "expected a number from 0 to 0.9"),
+        ("damping=none", "expected a number from 0 to 0.9"),
+        ("motor_max_force=0", "expected a number from 0.001 to 1e+08, or none"),
+        ("steps_per_snapshot=1.5", "expected a whole number from 0 to 1000"),
+        ("snapshot_interval=1e999", "expected a whole number from 1 to 1000"),
+        ("damping=0.1,damping=0.2", "got damping twice, expected it once"),
+        ("a" * 501, "got 501 characters of settings, expected at most 500"),
+    ],
+)
+def test_what_cannot_be_set_is_refused(text: str, told: str) -> None:
+    with pytest.raises(InputError) as refused:
+        read_settings(text)
+    assert refused.value.code == "bad-settings"
+    assert told in refused.value.detail
+
+
+def test_a_preset_refuses_what_it_does_not_use() -> None:
+    with pytest.raises(InputError, match="radial_gain for the preset direct"):
+        with_settings(preset("direct"), {"radial_gain": 0.2})
+    assert with_settings(preset("direct"), {"friction": 0.3}).playback.friction == 0.3
