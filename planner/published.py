@@ -66,6 +66,7 @@ def explode_as_published(
     radial_gain = p.radial_gain / force
     repulsion_gain = p.repulsion_gain / p.pitch_cm**2 / force
     drag = p.damping / (1.0 - p.damping) / p.step_s
+    reach = 2.0 * chain.module.radius * p.geom_size
     status: RecordStatus = "timeout"
     reason = f"the chain was not straight after {p.max_steps} steps."
     steps = reported_steps = 0
@@ -102,7 +103,15 @@ def explode_as_published(
             forces = radial_gain * arms
             pairs = near_pairs(positions, p.repulsion_cutoff, LINKED + 1)
             repulsion(positions, pairs, repulsion_gain, forces)
-            state.accelerate(segments.accelerations(state, forces), p.step_s, drag)
+            near = (
+                pairs if reach <= p.repulsion_cutoff else near_pairs(positions, reach, LINKED + 1)
+            )
+            acceleration = (
+                segments.free_accelerations(state, forces)
+                if segments.is_free(state, near)
+                else segments.accelerations(state, forces)
+            )
+            state.accelerate(acceleration, p.step_s, drag)
             state.advance(p.step_s)
             steps += 1
     except SimulationError as error:

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import SimulationError
+from planner.kernels.articulated import free_accelerations
+from planner.kernels.clearance import least_separation
 from planner.kernels.kinematics import chain_poses
 from planner.kernels.roots import write_root_velocities, write_state
 from planner.kernels.velocities import chain_velocities
@@ -37,6 +39,8 @@ from planner.untyped import mujoco
 
 Array = NDArray[np.float64]
 BIAS_STEP_S: Final = 1e-4
+FREE_ABOVE: Final = 1e-6
+"""Distance in pitches from which on modules don't touch."""
 WELD_STIFFENING: Final = 1e-4
 """Scale of the bodies' inverse weights in MuJoCo's regularisation of weld rows."""
 
@@ -157,6 +161,10 @@ class Segments:
     ) -> None:
         self.chain = chain
         self.root = chain.root if base is None else 0
+        self._geom_size, self._armature = material.geom_size, material.armature
+        self._stop_rad = (
+            chain.module.angle_limit_rad if material.stop_rad is None else material.stop_rad
+        )
         starts = segment_starts(chain, segment_modules, root=self.root)
         self.starts = np.array(starts if base is None else starts[1:], dtype=np.int64)
         self.model: Any = compiled(segment_spec(chain, material, starts, base=base, rod=rod))
@@ -261,6 +269,71 @@ class Segments:
             angular=root[3:],
             contacts=int(data.ncon),
             depth=max(0.0, -float(data.contact.dist.min())) if data.ncon else 0.0,
+        )
+
+    def is_free(self, state: State, near: NDArray[np.int64]) -> bool:
+        """Whether nothing touches in a state that has been placed, and no hinge is at its stop.
+
+        Args:
+            state: The reduced state.
+            near: (P, 2) all pairs of modules that are not linked and so near that they may touch.
+        """
+        module = self.chain.module
+        if np.abs(state.angles).max() >= self._stop_rad:
+            return False
+        least, _, _ = least_separation(
+            self.positions,
+            self.rotations,
+            near,
+            module.vertices,
+            module.face_normals,
+            module.edge_directions,
+            module.radius,
+            self._geom_size,
+            FREE_ABOVE,
+        )
+        return least >= FREE_ABOVE
+
+    def free_accelerations(self, state: State, forces: Array) -> Acceleration:
+        """The acceleration of a state in which nothing touches and no hinge is at its stop.
+
+        The same as ``accelerations`` gives, in a tenth of the time. ``place`` must have been called
+        for the same state.
+
+        Args:
+            state: The reduced state of a chain without a base.
+            forces: (n, 3) at the modules' centres, in the world.
+
+        Raises:
+            SimulationError: When the numbers are bad.
+        """
+        module = self.chain.module
+        hinges, root = np.empty_like(state.angles), np.empty(6)
+        free_accelerations(
+            state.angles,
+            state.rates,
+            -self.model.jnt_stiffness[self._hinge_ids] * state.angles,
+            forces,
+            module.rigid_links,
+            module.anchor,
+            module.axes,
+            module.inertia,
+            self._armature,
+            self.root,
+            self.positions,
+            self.rotations,
+            self.spins,
+            hinges,
+            root,
+        )
+        if not np.isfinite(hinges).all():
+            raise SimulationError("the accelerations are no longer finite.")
+        return Acceleration(
+            hinges=hinges,
+            linear=root[3:],
+            angular=state.rotation.T @ root[:3],
+            contacts=0,
+            depth=0.0,
         )
 
     def _add_bias_to_contacts(self, state: State) -> None:

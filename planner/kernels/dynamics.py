@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 @njit(cache=True)
-def _joint_axes(rotation: Array, axes: Array, angles: Array, out: Array) -> None:
+def joint_axes(rotation: Array, axes: Array, angles: Array, out: Array) -> None:
     """Writes the (K, 3) hinge axes of one joint in the world, from the module before it."""
     frame = rotation.copy()
     hinge = np.empty((3, 3))
@@ -91,7 +91,7 @@ def _accelerations(
         turning[i + 1] = turning[i]
         j = (i - rigid_links) * hinges
         if j >= 0:
-            _joint_axes(rotations[i], axes, angles[j : j + hinges], world)
+            joint_axes(rotations[i], axes, angles[j : j + hinges], world)
             spin[:] = spins[i]
             for k in range(hinges):
                 cross(spin, world[k], work)
@@ -253,7 +253,7 @@ def many_floating_torques(
                 force[r] += moving[i, r]
                 moment[r] += work[r] + work_2[r] + gyroscopic[i, r]
             j = (i - 1 - rigid_links) * hinges
-            _joint_axes(rotations[i - 1], axes, angles[f, j : j + hinges], world)
+            joint_axes(rotations[i - 1], axes, angles[f, j : j + hinges], world)
             for r in range(3):
                 pivot[r] = positions[i - 1, r]
                 for c in range(3):

@@ -55,7 +55,7 @@ def test_cancelled() -> None:
 
 
 def test_bad_numbers_end_as_data(monkeypatch: pytest.MonkeyPatch) -> None:
-    original = Segments.accelerations
+    original = Segments.free_accelerations
     calls = 0
 
     def broken(self: Segments, state: State, forces: Array) -> Acceleration:
@@ -63,7 +63,7 @@ def test_bad_numbers_end_as_data(monkeypatch: pytest.MonkeyPatch) -> None:
         calls += 1
         return original(self, state, forces * np.nan if calls > 150 else forces)
 
-    monkeypatch.setattr(Segments, "accelerations", broken)
+    monkeypatch.setattr(Segments, "free_accelerations", broken)
     record = explode_as_published(coil(12), PAPER)
     assert record.status == "diverged"
     assert len(record.frames) >= 2

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from planner.chain import Chain
 from planner.errors import SimulationError
 from planner.model import Material, tree_spec
+from planner.modules import TETRAHEDRON
 from planner.rotations import wxyz_from_matrix
 from planner.segments import Acceleration, Segments, State, turned
 from tests.planner.chains import coil, line, random_state
 
 Array = NDArray[np.float64]
 MATERIAL = Material(geom_size=0.5, stiffness=3.0, armature=10.0)
+TETRAHEDRA = Chain.from_angles(TETRAHEDRON, np.zeros(11))
 
 
 def tree_acceleration(
@@ -176,3 +178,44 @@ def test_drag_slows_everything_by_the_same_factor() -> None:
     for name in ("rates", "velocity", "spin"):
         np.testing.assert_allclose(getattr(state, name), getattr(before, name) / 2.0)
     np.testing.assert_array_equal(before.angles, state.angles)
+
+
+@pytest.mark.parametrize("armature", [0.0, 10.0])
+@pytest.mark.parametrize("chain", [line(3), line(4), line(160), TETRAHEDRA], ids=len)
+def test_what_touches_nothing_moves_as_one_tree_of_mujoco(chain: Chain, armature: float) -> None:
+    material = Material(geom_size=0.02, stiffness=3.0, armature=armature)
+    state = random_state(chain, 7, most=1.2)
+    forces = np.random.default_rng(8).normal(size=(len(chain), 3))
+    segments = Segments(chain, material)
+    segments.place(state)
+    found = segments.free_accelerations(state, forces)
+    tree, contacts = tree_acceleration(chain, material, state, forces)
+    assert contacts == 0
+    assert difference(found, tree) < 1e-9
+
+
+def test_a_chain_is_free_until_it_touches_or_a_hinge_is_at_its_stop() -> None:
+    chain = coil(12)
+    segments = Segments(chain, Material(geom_size=1.02, stop_rad=1.5))
+    state = State.at_rest(0.0 * chain.folded_rad, np.zeros(3), np.eye(3))
+    near = np.array([(i, j) for i in range(12) for j in range(i + 2, 12)])
+
+    def is_free() -> bool:
+        segments.place(state)
+        return segments.is_free(state, near)
+
+    assert is_free()
+    state.angles[3] = 1.6
+    assert not is_free()
+    state.angles[:] = 0.95 * chain.folded_rad
+    assert np.abs(state.angles).max() < 1.5
+    assert not is_free()
+
+
+def test_bad_numbers_of_a_free_chain_are_told() -> None:
+    chain = line(5)
+    segments = Segments(chain, MATERIAL)
+    state = random_state(chain, 1)
+    segments.place(state)
+    with pytest.raises(SimulationError, match="finite"):
+        segments.free_accelerations(state, np.full((5, 3), np.nan))
