@@ -6,7 +6,7 @@ the target without a record.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final
 
 from planner.errors import InputError
@@ -180,6 +180,9 @@ class Parameters:
         return asdict(self)
 
 
+PUBLISHED_PLAYBACK: Final = PlaybackParameters(
+    controller="paper", step_s=0.01, friction=0.1, damping=0.1, gain=60.0
+)
 PRESETS: Final = ("default", "paper", "direct")
 STRATEGIES: Final = ("simultaneous", "blocks", "peel", "one-by-one")
 AUTO: Final = "auto"
@@ -206,15 +209,13 @@ def preset(name: str) -> Parameters:
         return Parameters(
             preset="paper",
             explosion=PaperExplosionParameters(),
-            playback=PlaybackParameters(
-                controller="paper", step_s=0.01, stiffness=1e7, friction=0.1, damping=0.1
-            ),
+            playback=PUBLISHED_PLAYBACK,
         )
     if name == "direct":
         return Parameters(
             preset="direct",
             explosion=None,
-            playback=PlaybackParameters(controller="direct", stiffness=1e3, max_steps=6000),
+            playback=replace(PUBLISHED_PLAYBACK, controller="direct", max_steps=20_000),
         )
     raise InputError(
         "unknown-preset", f"got the preset {name!r}, expected one of: {', '.join(PRESETS)}."

@@ -198,7 +198,7 @@ def play_back(
         return _reversed_windows(chain, recorded, parameters, sink, start_s)
     if recorded is not None and len(chain) > parameters.dynamic_up_to:
         return _followed(chain, recorded, parameters, module_size, sink, start_s, finer, unfolding)
-    run = _Run(chain, recorded, parameters, module_size, start_s, finer, unfolding)
+    run = _Run(chain, record, parameters, module_size, start_s, finer, unfolding)
     status, reason = run.simulate(sink, progress, cancelled)
     error = run.final_error()
     if status == "folded" and error > FOLDED_WITHIN:
@@ -305,11 +305,17 @@ def _controller(p: PlaybackParameters, motors: Servos | RateMotors | None) -> Co
     )
 
 
+def _whole(record: Record) -> Frames:
+    """The frames of a record that is not of windows, which alone is simulated."""
+    assert isinstance(record.frames, Frames)
+    return record.frames
+
+
 class _Run:
     def __init__(
         self,
         chain: Chain,
-        recorded: Frames | None,
+        record: Record | None,
         parameters: PlaybackParameters,
         module_size: float,
         start_s: float,
@@ -338,31 +344,29 @@ class _Run:
             damping=parameters.damping,
         )
         self.refolds = unfolding is not None
-        self.guides: list[tuple[Phase, Guide]] = [("playback", self._guide(recorded))]
+        self.guides: list[tuple[Phase, Guide]] = [("playback", self._guide(record))]
         if unfolding is not None:
-            reference, law = self._timed(unfolding.chain, unfolding.folding_rad)
-            self.guides.insert(0, ("unfolding", TimedGuide(reference, law.backwards())))
+            self.guides.insert(0, ("unfolding", self._unfolding(unfolding)))
         self.controller = _controller(parameters, motors)
         zero = np.zeros_like(chain.folded_rad)
         if unfolding is not None:
             self.tree.place(unfolding.chain.folded_rad, *root_folded(unfolding.chain))
-        elif recorded is None:
+        elif record is None:
             self.tree.place(zero, *root_folded(chain))
         else:
-            last = recorded[-1:]
+            last = _whole(record)[-1:]
             self.tree.place(zero, last.root_position[0], last.root_wxyz[0])
 
-    def _guide(self, recorded: Frames | None) -> Guide:
+    def _guide(self, record: Record | None) -> Guide:
         p = self.parameters
         if p.controller == "direct":
             return DirectGuide(self.chain.folded_rad, p.direct_steps, p.step_s)
-        if recorded is None:
+        if record is None:
             raise InputError("no-record", f"the controller {p.controller!r} needs a record.")
-        snapshots = recorded.joint_angles_rad[::-1]
+        angles = record.snapshots_rad
+        snapshots = (_whole(record).joint_angles_rad if angles is None else angles)[::-1]
         if p.controller == "paper":
-            return SnapshotGuide(
-                snapshots, threshold_rad2=p.threshold_rad2, least_steps=p.least_steps
-            )
+            return self._snapshots(snapshots)
         if p.controller not in ("computed-torque", "servo"):
             raise InputError(
                 "unknown-controller",
@@ -370,6 +374,16 @@ class _Run:
                 "direct.",
             )
         return TimedGuide(*self._timed(self.chain, snapshots))
+
+    def _unfolding(self, unfolding: Unfolding) -> Guide:
+        if self.parameters.controller == "paper":
+            return self._snapshots(unfolding.folding_rad[::-1])
+        reference, law = self._timed(unfolding.chain, unfolding.folding_rad)
+        return TimedGuide(reference, law.backwards())
+
+    def _snapshots(self, snapshots: Array) -> SnapshotGuide:
+        p = self.parameters
+        return SnapshotGuide(snapshots, threshold_rad2=p.threshold_rad2, least_steps=p.least_steps)
 
     def _timed(self, chain: Chain, snapshots: Array) -> tuple[Reference, TimeLaw]:
         """A smooth curve through configurations from straight on, and how fast to run along it."""

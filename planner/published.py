@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.angle_steps import snapped
 from planner.chain import Chain
 from planner.errors import SimulationError
 from planner.frames import Frames
@@ -33,6 +34,13 @@ STRAIGHT_RAD: Final = 0.05
 STRAIGHT_SPAN: Final = 0.99
 CHECK_EVERY: Final = 25
 REPORT_EVERY_S: Final = 0.1
+COMMIT_EVERY: Final = 10
+KEPT_RAD: Final = 0.015
+"""A snapshot is kept as a frame when a hinge has turned this much since the last one."""
+KEPT_DISTANCE: Final = 0.7
+"""… or a module has moved this far, in pitches."""
+VERIFIED_SIZE: Final = 0.95
+"""Module size at which frames in between are looked at, see ``planner.recorder``."""
 
 
 def explode_as_published(
@@ -45,16 +53,17 @@ def explode_as_published(
 ) -> Record:
     """Explodes a chain with the paper's parameters; see ``planner.explosion.explode``.
 
-    The last snapshot, nearly straight, is followed by the straight configuration itself.
+    The last snapshot, nearly straight, is followed by the straight configuration itself. Playback
+    follows all snapshots; as frames only so many are kept as show the motion.
     """
     p = parameters
     begun = reported = time.perf_counter()
     segments = Segments(chain, explosion_material(p, chain.module))
     recorder = Recorder(
         chain,
-        snapshot_rad=0.0,
-        snapshot_distance=0.0,
-        size=0.0,
+        snapshot_rad=KEPT_RAD,
+        snapshot_distance=KEPT_DISTANCE,
+        size=VERIFIED_SIZE,
         sink=sink,
     )
     folded = chain.folded_poses
@@ -70,13 +79,16 @@ def explode_as_published(
     status: RecordStatus = "timeout"
     reason = f"the chain was not straight after {p.max_steps} steps."
     steps = reported_steps = 0
+    snapshots: list[Array] = []
     try:
         while steps < p.max_steps:
             segments.place(state)
             positions = segments.positions
             if steps % p.snapshot_interval == 0:
                 recorder.add(Step.of(steps * p.step_s, state, positions))
-                recorder.commit()
+                snapshots.append(state.angles.copy())
+                if len(snapshots) % COMMIT_EVERY == 0:
+                    recorder.commit()
             if steps % CHECK_EVERY == 0:
                 span = float(np.linalg.norm(positions[-1] - positions[0])) / (len(chain) - 1)
                 if np.abs(state.angles).max() < STRAIGHT_RAD and span >= STRAIGHT_SPAN:
@@ -116,8 +128,10 @@ def explode_as_published(
             steps += 1
     except SimulationError as error:
         status, reason = "diverged", f"the simulation broke off: {error}"
+    recorder.commit(end=True)
     if status == "straight":
         state.angles[:] = 0.0
+        snapshots.append(state.angles.copy())
     segments.place(state)
     recorder.add(Step.of(steps * p.step_s, state, segments.positions))
     recorder.commit(end=True)
@@ -127,6 +141,7 @@ def explode_as_published(
         frames=recorder.frames(),
         steps=steps,
         seconds=time.perf_counter() - begun,
+        snapshots_rad=snapped(np.array(snapshots), chain.module.angle_limit_rad),
     )
 
 

@@ -8,9 +8,12 @@ from pathlib import Path as FilePath
 from typing import Any, Literal, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
+from planner.angle_steps import packed_frames, unpacked_frames
 from planner.motion import Motion, motion_arrays, motion_from_arrays
 
+Array = NDArray[np.float64]
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
 
 
@@ -25,6 +28,8 @@ class Record:
         steps: Simulation steps.
         seconds: Wall time.
         strategy: How it was let go, see ``planner.strategies``.
+        snapshots_rad: (S, J) hinge angles of all snapshots, in whole steps, where these are more
+            than the frames: as published, which keeps one every few steps. Playback follows them.
     """
 
     status: RecordStatus
@@ -33,6 +38,7 @@ class Record:
     steps: int
     seconds: float
     strategy: str = "simultaneous"
+    snapshots_rad: Array | None = None
 
     def summary(self) -> dict[str, Any]:
         """The figures without the frames."""
@@ -56,13 +62,20 @@ class Record:
                 "seconds": np.array(self.seconds),
                 "strategy": np.array(self.strategy),
                 **motion_arrays(self.frames),
+                **(
+                    {}
+                    if self.snapshots_rad is None
+                    else packed_frames("snapshots_rad", self.snapshots_rad)
+                ),
             },
         )
 
     @classmethod
     def load(cls, path: FilePath) -> Record:
         """Reads what ``save`` wrote."""
-        with np.load(path, allow_pickle=False) as arrays:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = dict(file)
+            packed = any(name.startswith("snapshots_rad") for name in arrays)
             return cls(
                 status=cast("RecordStatus", str(arrays["status"])),
                 reason=str(arrays["reason"]),
@@ -70,6 +83,7 @@ class Record:
                 steps=int(arrays["steps"]),
                 seconds=float(arrays["seconds"]),
                 strategy=str(arrays.get("strategy", "simultaneous")),
+                snapshots_rad=unpacked_frames(arrays, "snapshots_rad") if packed else None,
             )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from planner.angle_steps import STEP_RAD
 from planner.frames import Frames
 from planner.parameters import PaperExplosionParameters
 from planner.published import explode_as_published
@@ -27,9 +28,14 @@ def test_a_small_coil_comes_out_straight() -> None:
     np.testing.assert_array_equal(frames.joint_angles_rad[-1], 0.0)
     assert (np.diff(frames.time_s) >= 0.0).all()
     np.testing.assert_array_equal(Frames.joined(parts).time_s, frames.time_s)
-    # Snapshots come at a fixed interval of simulated time.
+    snapshots = record.snapshots_rad
+    assert snapshots is not None
+    # One every so many steps and the straight one; the frames kept are among them.
+    assert len(snapshots) == record.steps // PAPER.snapshot_interval + 2
     interval = PAPER.snapshot_interval * PAPER.step_s
-    np.testing.assert_allclose(np.diff(frames.time_s)[:-1], interval, atol=1e-9)
+    numbers = np.rint(frames.time_s[:-1] / interval).astype(int)
+    np.testing.assert_allclose(snapshots[numbers], frames.joint_angles_rad[:-1], atol=STEP_RAD)
+    assert len(frames) < len(snapshots) / 3
     assert sweep(chain, frames.joint_angles_rad, size=0.9).clearance > 0.0
 
 
