@@ -10,6 +10,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
 from planner.alignment import aligned_distances
 from planner.angle_steps import packed_frames, snapped, unpacked_frames
@@ -377,7 +378,10 @@ class _Run:
 
     def _unfolding(self, unfolding: Unfolding) -> Guide:
         if self.parameters.controller == "paper":
-            return self._snapshots(unfolding.folding_rad[::-1])
+            # A plan keeps less than was played; here is a snapshot for each of its steps again.
+            times = np.arange(0.0, unfolding.time_s[-1], self.parameters.step_s)
+            between = make_interp_spline(unfolding.time_s, unfolding.folding_rad, k=1)
+            return self._snapshots(np.vstack([between(times), unfolding.folding_rad[-1:]])[::-1])
         reference, law = self._timed(unfolding.chain, unfolding.folding_rad)
         return TimedGuide(reference, law.backwards())
 

@@ -35,9 +35,9 @@ STRAIGHT_SPAN: Final = 0.99
 CHECK_EVERY: Final = 25
 REPORT_EVERY_S: Final = 0.1
 COMMIT_EVERY: Final = 10
-KEPT_RAD: Final = 0.015
+KEPT_RAD: Final = 0.03
 """A snapshot is kept as a frame when a hinge has turned this much since the last one."""
-KEPT_DISTANCE: Final = 0.7
+KEPT_DISTANCE: Final = 1.0
 """… or a module has moved this far, in pitches."""
 VERIFIED_SIZE: Final = 0.95
 """Module size at which frames in between are looked at, see ``planner.recorder``."""
