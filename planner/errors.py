@@ -28,6 +28,13 @@ class InputError(PlannerError):
         self.detail = detail
 
 
+def named(error: InputError, name: str) -> InputError:
+    """The error with the name of the file that it is about, if it doesn't tell."""
+    if name in str(error):
+        return error
+    return InputError(error.code, f"{name}: {error.detail}", where=error.where)
+
+
 class TimelineError(PlannerError):
     """A timeline on disk that is missing, damaged, or used in the wrong order."""
 

@@ -29,7 +29,7 @@ from planner.angle_steps import (
 from planner.certificate import Certificate
 from planner.chain import Chain
 from planner.diagnosis import stuck_of
-from planner.errors import UNREADABLE, InputError
+from planner.errors import UNREADABLE, InputError, named
 from planner.files import write_whole
 from planner.frames import PHASES, Frames
 from planner.motion import Motion
@@ -333,6 +333,8 @@ class Plan:
                 smoothing=values.get("smoothing"),
                 **{k: values[k] for k in _VALUES},
             )
+        except InputError as error:
+            raise named(error, name) from None
         except UNREADABLE as error:
             raise _unreadable(name, error) from error
 

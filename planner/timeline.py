@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from zarr.codecs import BloscCodec
 
 from planner.chain import Chain
-from planner.errors import TimelineError
+from planner.errors import UNREADABLE, InputError, TimelineError
 from planner.frames import Frames
 from planner.modules import module_named
 from planner.motion import Motion, joined
@@ -272,7 +272,11 @@ class Timeline:
         Raises:
             TimelineError: When there is none, or it is damaged.
         """
-        return cls(str(path), _attributes(str(path)))
+        attributes = _attributes(str(path))
+        try:
+            return cls(str(path), attributes)
+        except (*UNREADABLE, InputError) as error:
+            raise TimelineError(f"{path} is damaged: {error}") from error
 
     def __len__(self) -> int:
         """Frames seen at the last ``refresh``."""
@@ -358,7 +362,7 @@ class Timeline:
             except KeyError as error:
                 raise TimelineError(f"{self.path} is damaged: it lacks {error}.") from error
             rows = [a.shape[0] for n, a in self._arrays.items() if n != "angles_rad"]
-            if min(rows) < frames:
+            if not 0 <= frames <= min(rows):
                 raise TimelineError(
                     f"{self.path} is damaged: it promises {frames} frames and holds {min(rows)}."
                 )

@@ -110,7 +110,7 @@ def damaged(values: dict[str, Any], how: str) -> Any:
 def test_what_is_no_plan_is_refused(plan: Plan, how: str, tmp_path: FilePath) -> None:
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(damaged(plan.as_dict(), how)))
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match=path.name):
         Plan.load(path)
 
 

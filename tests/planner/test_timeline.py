@@ -15,7 +15,7 @@ from planner.chain import Chain
 from planner.errors import TimelineError
 from planner.frames import PHASES, Frames, Phase
 from planner.modules import CUBE
-from planner.timeline import Timeline, TimelineWriter
+from planner.timeline import Timeline, TimelineWriter, chain_attributes
 
 COLUMNS = ("time_s", "joint_angles_rad", "root_position", "root_wxyz")
 
@@ -276,6 +276,15 @@ def test_a_timeline_that_lacks_an_attribute_is_damaged(
         Timeline.open(place)
 
 
+def test_a_chain_that_is_none_is_damage(place: FilePath, hook_chain: Chain) -> None:
+    """And is told by the timeline's name."""
+    TimelineWriter.create(place, hook_chain).close()
+    for chain in ({}, {**chain_attributes(hook_chain), "module": "cubxe"}):
+        edit_attributes(place, chain=chain)
+        with pytest.raises(TimelineError, match=f"{place} is damaged"):
+            Timeline.open(place)
+
+
 def test_another_format_is_refused(place: FilePath, hook_chain: Chain) -> None:
     TimelineWriter.create(place, hook_chain).close()
     edit_attributes(place, format="foldback-timeline/9")
@@ -286,9 +295,10 @@ def test_another_format_is_refused(place: FilePath, hook_chain: Chain) -> None:
 def test_more_frames_promised_than_held_is_damage(place: FilePath, hook_chain: Chain) -> None:
     with TimelineWriter.create(place, hook_chain) as writer:
         writer.append(some_frames(5))
-    edit_attributes(place, frames=9)
-    with pytest.raises(TimelineError, match="promises 9 frames and holds 5"):
-        Timeline.open(place)
+    for frames in (9, -1):
+        edit_attributes(place, frames=frames)
+        with pytest.raises(TimelineError, match=f"promises {frames} frames and holds 5"):
+            Timeline.open(place)
 
 
 def test_a_lost_column_is_damage(place: FilePath, hook_chain: Chain) -> None:
