@@ -197,7 +197,7 @@ def play_back(
                 "a chain that is peeled cannot begin folded otherwise; fold it from straight.",
             )
         return _reversed_windows(chain, recorded, parameters, sink, start_s)
-    if recorded is not None and len(chain) > parameters.dynamic_up_to:
+    if recorded is not None and not simulates(chain, recorded, parameters.dynamic_up_to):
         return _followed(chain, recorded, parameters, module_size, sink, start_s, finer, unfolding)
     run = _Run(chain, record, parameters, module_size, start_s, finer, unfolding)
     status, reason = run.simulate(sink, progress, cancelled)
@@ -221,6 +221,17 @@ def play_back(
         peak_torque=run.peak_torque,
         rms_torque=float(np.sqrt(run.square_torque / max(1, run.steps))),
     )
+
+
+def simulates(chain: Chain, recorded: Motion, dynamic_up_to: int) -> bool:
+    """Whether the playback of a record is simulated; else it is kinematic.
+
+    Args:
+        chain: The chain.
+        recorded: The explosion to play in reverse, or what came of it.
+        dynamic_up_to: As in ``PlaybackParameters``.
+    """
+    return isinstance(recorded, Frames) and len(chain) <= dynamic_up_to
 
 
 def _followed(

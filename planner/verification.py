@@ -21,7 +21,7 @@ from planner.candidates import FILE as CANDIDATES
 from planner.candidates import Candidates
 from planner.certificate import Certificate, certify
 from planner.differences import array_difference, value_differences
-from planner.errors import UNREADABLE, InputError, PlannerError, TimelineError
+from planner.errors import UNREADABLE, InputError, PlannerError, TimelineError, named
 from planner.exports import mjcf
 from planner.fold_files import read_playback, read_record, read_request
 from planner.frames import PHASES, Frames
@@ -31,7 +31,7 @@ from planner.model_differences import model_differences
 from planner.motion import Motion, motion_arrays
 from planner.parameters import Parameters, preset
 from planner.plan import EARLIER, Plan, read_values, versions
-from planner.playback import Playback
+from planner.playback import Playback, simulates
 from planner.progress import Report, silent
 from planner.record import Record
 from planner.replay import Replay, replay
@@ -54,6 +54,8 @@ PLACE_WITHIN: Final = 1e-7
 BOUND_RTOL: Final = 1e-3
 IN_BETWEENS_RTOL: Final = 1e-2
 """Where a tie is broken otherwise, some intervals are halved once more or less."""
+STEPS_WITHIN: Final = 1e-3
+"""Steps by which the time of the frames may differ from that of a simulation's steps."""
 POSES_WITHIN: Final = 1e-6
 OVERLAP_WITHIN: Final = 1e-9
 MOST_REPLAYED: Final = 5_000_000
@@ -116,7 +118,9 @@ def verify(
     """
     try:
         try:
-            return _verified(directory, module_size, progress)
+            # What damaged numbers come out as, infinite or none, is told as any other difference.
+            with np.errstate(all="ignore"):
+                return _verified(directory, module_size, progress)
         except UNREADABLE as error:
             raise InputError(
                 "not-a-plan", f"plan.npz: what it says cannot be worked out ({error})."
@@ -153,6 +157,10 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
         found.look("plan.npz holds all that a plan has", _complete(plan, npz, record, playback))
     if playback is not None:
         found.look("timeline.zarr shows the plan's playback", _played(plan, playback))
+        found.look(
+            "the playback was simulated, or was not, as it says",
+            _of_its_kind(plan, playback, earlier=earlier),
+        )
     found.look(
         "the files of the stages say the same as the plan",
         _stages(directory, plan, npz, record, playback, found.notes),
@@ -264,10 +272,6 @@ def _complete(
     expected = {**plan.rest(), "joint_names": list(plan.chain.joint_names)}
     if playback is not None:
         expected["playback"] = playback.summary()
-        if not playback.simulated:
-            expected["playback"] |= {"rms_position_error": None, "max_angle_error_rad": None}
-            if playback.torque_frames is None:
-                yield "plan.npz playback.torque_frames: got null, expected how many were looked at"
     if record is not None:
         expected["explosion"] = record.summary()
     columns = {*motion_arrays(plan.motion), "max_error_rad", "angle_planes"}
@@ -378,33 +382,94 @@ def _played(plan: Plan, playback: Playback) -> Differences:
                 "timeline.zarr joint_error_rad",
                 atol=SINGLE_WITHIN,
             )
-    yield from _own_figures(plan, playback)
 
 
 _ROOT: Final = ("root_position", "root_wxyz")
 
 
-def _own_figures(plan: Plan, playback: Playback) -> Differences:
-    """Where the playback's own figures are not borne out by its frames."""
-    if playback.simulated:
-        most = float(np.nanmax(plan.max_error_rad, initial=0.0))
-        if playback.status == "folded" and not most <= (playback.max_angle_error_rad or 0.0) * (
-            1 + SINGLE_WITHIN
-        ):
-            yield f"plan.npz playback.max_angle_error_rad: got less than {most}, as a frame has"
+def _of_its_kind(plan: Plan, playback: Playback, *, earlier: bool) -> Differences:
+    """Where a playback is not of the kind that it says, or has not the figures of that kind.
+
+    Which kind it must be follows from the chain, what was recorded of it, and the parameters.
+    """
+    wanted = _preset(plan).explosion is not None
+    if wanted != (plan.explosion is not None):
+        need = "what came of it" if wanted else "null"
+        yield f"plan.npz explosion: expected {need}, as of the preset {plan.preset}"
+    direct = plan.explosion is None and isinstance(plan.motion, Frames)
+    limit = int(_playback_number(plan, "dynamic_up_to"))
+    simulated = direct or simulates(plan.chain, plan.motion, limit)
+    kind = "dynamic" if simulated else "kinematic"
+    yield from value_differences(playback.kind, kind, "plan.npz playback.kind")
+    if simulated:
+        yield from _simulated_figures(plan, playback, earlier=earlier)
+    else:
+        yield from _kinematic_figures(plan, playback, earlier=earlier)
+
+
+def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Differences:
+    """Where the figures of a simulation are not borne out by its frames."""
+    yield from value_differences(playback.torque_frames, None, "plan.npz playback.torque_frames")
+    if playback.status not in ("folded", "missed"):  # it broke off between two frames
         return
+    most = float(np.nanmax(plan.max_error_rad, initial=0.0))
+    if playback.status == "folded" and not most <= (playback.max_angle_error_rad or 0.0) * (
+        1 + SINGLE_WITHIN
+    ):
+        yield f"plan.npz playback.max_angle_error_rad: got less than {most}, as a frame has"
+    told = playback.summary()
+    for name in ("rms_position_error", "max_angle_error_rad", "peak_torque", "rms_torque"):
+        if told[name] is None:
+            yield f"plan.npz playback.{name}: got null, expected a number, as it was simulated"
+    if not earlier:
+        steps = float(np.diff(plan.time_s).sum()) / _playback_number(plan, "step_s")
+        if not abs(playback.steps - steps) <= STEPS_WITHIN:
+            yield f"plan.npz playback.steps: got {playback.steps}, expected {steps:.9g}"
+    played, reference = playback.frames, playback.reference_rad
+    if not isinstance(played, Frames) or reference is None:
+        return
+    if not np.isfinite(played.joint_error_rad).all():
+        yield "timeline.zarr joint_error_rad: got no numbers, expected those of a simulation"
+    if np.diff(reference, axis=0).any() and np.array_equal(played.joint_angles_rad, reference):
+        yield (
+            "timeline.zarr joint_angles_rad: got those of plan.npz to the last digit, expected "
+            "those of a simulation, which never are"
+        )
+
+
+def _kinematic_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Differences:
+    """Where the figures of a kinematic playback are not those of its frames."""
     torques = inverse_dynamics(plan.chain, playback.frames)
     looked = len(torques.frames)
-    told = {"peak_torque": playback.peak_torque, "rms_torque": playback.rms_torque}
-    again = {
+    again: dict[str, Any] = {
         "peak_torque": torques.peak if looked else None,
         "rms_torque": torques.rms if looked else None,
     }
-    if playback.torque_frames is not None:  # which earlier versions did not tell
-        told["torque_frames"], again["torque_frames"] = playback.torque_frames, looked
+    if playback.torque_frames is not None or not earlier:
+        again["torque_frames"] = looked
+    if not earlier:  # earlier versions told errors of 0
+        again |= {"status": "folded", "reason": "", "steps": 0}
+        again |= {"rms_position_error": None, "max_angle_error_rad": None}
+        none = np.full(len(plan.max_error_rad), np.nan)
+        yield from array_difference(plan.max_error_rad, none, "plan.npz max_error_rad")
+    told = playback.summary()
     yield from value_differences(
-        told, again, "plan.npz playback", rtol=FIGURES_RTOL, atol=FIGURES_ATOL
+        {name: told[name] for name in again},
+        again,
+        "plan.npz playback",
+        rtol=FIGURES_RTOL,
+        atol=FIGURES_ATOL,
     )
+
+
+def _playback_number(plan: Plan, name: str) -> float:
+    """One of the plan's own parameters of playback.
+
+    Raises:
+        InputError: ``not-a-plan`` when it is no number above 0, ``unknown-preset``.
+    """
+    value = plan.parameters["playback"].get(name, getattr(_preset(plan).playback, name))
+    return _checked_number(value, f"playback.{name}")
 
 
 def _stages(
@@ -521,18 +586,12 @@ def _parameters(plan: Plan, module_size: float | None) -> Parameters:
     Raises:
         InputError: ``not-a-plan`` when they are none, ``unknown-preset``.
     """
+    names = ("module_size", "density_kg_m3", "joint_speed_limit_rad_s")
     plain = {
-        f.name: plan.parameters[f.name]
-        for f in fields(Parameters)
-        if f.name in ("module_size", "density_kg_m3", "joint_speed_limit_rad_s")
-        and f.name in plan.parameters
+        name: _checked_number(plan.parameters[name], name)
+        for name in names
+        if name in plan.parameters
     }
-    bad = [name for name, value in plain.items() if not _positive(value)]
-    if bad:
-        raise InputError(
-            "not-a-plan",
-            f"got {plain[bad[0]]!r} in parameters.{bad[0]} of plan.npz, expected a number above 0.",
-        )
     found = replace(_preset(plan), **plain)
     return found if module_size is None else replace(found, module_size=module_size)
 
@@ -541,12 +600,22 @@ def _preset(plan: Plan) -> Parameters:
     try:
         return preset(plan.preset)
     except InputError as error:
-        raise InputError(error.code, f"plan.npz: {error.detail}") from error
+        raise named(error, "plan.npz") from None
 
 
-def _positive(value: Any) -> bool:
+def _checked_number(value: Any, name: str) -> float:
+    """A parameter.
+
+    Raises:
+        InputError: ``not-a-plan`` when it is no number above 0.
+    """
     number = isinstance(value, int | float) and not isinstance(value, bool)
-    return number and 0.0 < value < float("inf")
+    if not (number and 0.0 < value < float("inf")):
+        raise InputError(
+            "not-a-plan",
+            f"got {value!r} in parameters.{name} of plan.npz, expected a number above 0.",
+        )
+    return value
 
 
 def _asked(directory: FilePath, plan: Plan, notes: list[str]) -> Differences:
@@ -710,7 +779,7 @@ def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differe
         for difference in model_differences(text, again):
             yield f"model.xml: {difference}"
     except InputError as error:
-        raise InputError(error.code, f"model.xml: {error.detail}") from error
+        raise named(error, "model.xml") from None
 
 
 def _replayed(found: Replay) -> Differences:

@@ -322,7 +322,7 @@ def both_forms(place: FilePath, random: Random, *, sealed: bool = False) -> Chan
     if key in rest:
         rest[key] = text[key]
         arrays["plan"] = np.array(json.dumps(rest))
-    elif isinstance(new, type(old)):
+    elif old is None or isinstance(new, type(old)):
         kind = None if isinstance(old, str) else arrays[key].dtype
         arrays[key] = np.array(text[key], dtype=kind)
     np.savez_compressed(place / "plan.npz", **arrays)
@@ -334,17 +334,24 @@ def both_forms(place: FilePath, random: Random, *, sealed: bool = False) -> Chan
     return Change("all copies of a value", ("plan.npz", "plan.json"), str(at), found)
 
 
+RESULTS = ("status", "kind", "steps", "torque_frames", "rms_position_error")
+"""Of a playback, what follows from its frames."""
+
+
 def sealed_results(place: FilePath, random: Random) -> Change | None:
     """A result of the playback or the explosion, in the stage's own file as well."""
     part, name, keys = (
-        ("playback", "playback.npz", ("status", "kind", "torque_frames", "rms_position_error")),
+        ("playback", "playback.npz", RESULTS),
         ("explosion", "record.npz", ("status", "frames")),
     )[random.integers(2)]
     text = json.loads((place / "plan.json").read_bytes())
     key = keys[random.integers(len(keys))]
     if text[part] is None or (part == "explosion" and not (place / name).exists()):
         return None
-    new = other_value(text[part][key], random)
+    old = text[part][key]
+    new = other_value(old, random)
+    if key == "kind" and random.random() < 0.5:
+        new = "kinematic" if old == "dynamic" else "dynamic"
     text[part][key] = new
     (place / "plan.json").write_text(json.dumps(text))
     for file_name in ("plan.npz", name):

@@ -12,16 +12,23 @@ import numpy as np
 import pytest
 import zarr
 
-from planner.certificate import Place
+from planner.certificate import Place, certify
 from planner.errors import InputError, TimelineError
-from planner.fold_files import write_request
+from planner.exports import mjcf
+from planner.files import write_json
+from planner.fold_files import read_playback, read_record, read_request, write_request
 from planner.formats import write_path
+from planner.frames import Frames
+from planner.inverse import inverse_dynamics
 from planner.manifest import write_manifest
+from planner.parameters import PlaybackParameters
 from planner.paths import Path
 from planner.plan import Plan
 from planner.replay import replay
 from planner.request import Request
 from planner.stages import run_stages
+from planner.timeline import TimelineWriter
+from planner.verdicts import KINEMATICS_ONLY, SIMULATED
 from planner.verification import verify
 from tests.planner.plans import changed
 
@@ -188,7 +195,128 @@ def test_a_straight_line_has_no_torques_and_is_verified(strategy: str, tmp_path:
     if strategy != "auto":  # which simulates so few
         edit_plan(tmp_path, lambda values: values["playback"].update(rms_position_error=0.0))
         told = "\n".join(verify(tmp_path).problems)
-        assert "plan.npz.playback.rms_position_error: got 0.0, expected null" in told
+        assert "plan.npz playback.rms_position_error: got 0.0, expected null" in told
+
+
+def forge(directory: FilePath, **changes: Any) -> None:
+    """Writes another playback into all files that tell of it, with a certificate and digests."""
+    plan = Plan.load(directory / "plan.npz")
+    recorded, old = read_record(directory), read_playback(directory)
+    assert recorded is not None
+    assert old is not None
+    playback = replace(old, **changes)
+    parameters = read_request(directory).parameters()
+    certificate = certify(plan.chain, recorded, playback, parameters)
+    forged = Plan.assembled(
+        plan.chain, parameters, plan.seed, recorded, playback, certificate, plan.attempts
+    )
+    timeline = directory / "timeline.zarr"
+    with TimelineWriter.reopen(timeline, frames=len(recorded.frames)) as writer:
+        writer.append(playback.frames)
+    playback.save(directory / "playback.npz")
+    write_json(directory / "certificate.json", certificate.as_dict())
+    forged.save_npz(directory / "plan.npz")
+    forged.save_json(directory / "plan.json")
+    (directory / "model.xml").write_bytes(mjcf.write(forged))
+    write_manifest(directory)
+
+
+@pytest.fixture
+def peeled(hook: Path, tmp_path: FilePath) -> FilePath:
+    """A fold that was not simulated."""
+    write_request(tmp_path, Request(strategy="peel"), write_path(hook))
+    run_stages(tmp_path)
+    return tmp_path
+
+
+def test_what_was_not_simulated_does_not_pass_for_simulated(peeled: FilePath) -> None:
+    """Not even where everything that tells of it has been made to agree."""
+    plan = Plan.load(peeled / "plan.npz")
+    forge(
+        peeled,
+        kind="dynamic",
+        steps=round(float(plan.time_s[-1]) / PlaybackParameters().step_s),
+        rms_position_error=0.0,
+        max_angle_error_rad=0.0,
+        torque_frames=None,
+    )
+    assert Plan.load(peeled / "plan.npz").certificate.verdict == SIMULATED
+    told = "\n".join(verify(peeled).problems)
+    assert 'plan.npz playback.kind: got "dynamic", expected "kinematic"' in told
+
+
+def test_nothing_is_off_what_was_not_simulated(peeled: FilePath) -> None:
+    rewrite(peeled, max_error_rad=np.zeros(len(Plan.load(peeled / "plan.npz").motion)))
+    write_manifest(peeled)
+    assert "plan.npz max_error_rad[0]: got 0.0, expected NaN" in "\n".join(verify(peeled).problems)
+
+
+def test_what_was_simulated_does_not_pass_for_kinematic(directory: FilePath) -> None:
+    playback = read_playback(directory)
+    assert playback is not None
+    assert isinstance(playback.frames, Frames)
+    frames = replace(
+        playback.frames,
+        joint_angles_rad=playback.reference,
+        joint_error_rad=np.full_like(playback.frames.joint_error_rad, np.nan),
+    )
+    torques = inverse_dynamics(Plan.load(directory / "plan.npz").chain, frames)
+    forge(
+        directory,
+        kind="kinematic",
+        frames=frames,
+        steps=0,
+        rms_position_error=None,
+        max_angle_error_rad=None,
+        peak_torque=torques.peak,
+        rms_torque=torques.rms,
+        torque_frames=len(torques.frames),
+    )
+    assert Plan.load(directory / "plan.npz").certificate.verdict == KINEMATICS_ONLY
+    told = "\n".join(verify(directory).problems)
+    assert 'plan.npz playback.kind: got "kinematic", expected "dynamic"' in told
+
+
+def test_a_reference_does_not_pass_for_a_simulation(directory: FilePath) -> None:
+    """Of a kind that could have been simulated: what comes of one is never its reference."""
+    playback = read_playback(directory)
+    assert playback is not None
+    assert isinstance(playback.frames, Frames)
+    errors = np.zeros_like(playback.frames.joint_error_rad)
+    frames = replace(playback.frames, joint_angles_rad=playback.reference, joint_error_rad=errors)
+    forge(directory, frames=frames, rms_position_error=0.0, max_angle_error_rad=0.0)
+    told = "\n".join(verify(directory).problems)
+    assert "timeline.zarr joint_angles_rad: got those of plan.npz" in told
+
+
+@pytest.mark.parametrize(
+    ("fold", "changes", "problem"),
+    [
+        ("directory", {"steps": 1}, "playback.steps: got 1, expected "),
+        ("directory", {"torque_frames": 3}, "playback.torque_frames: got 3, expected null"),
+        ("directory", {"max_angle_error_rad": None}, "playback.max_angle_error_rad: got null"),
+        ("peeled", {"steps": 1}, "playback.steps: got 1, expected 0"),
+        ("peeled", {"kind": "kinexmatic"}, 'playback.kind: got "kinexmatic", expected "kinematic"'),
+    ],
+)
+def test_a_playback_has_the_figures_of_its_kind(
+    fold: str, changes: dict[str, Any], problem: str, request: pytest.FixtureRequest
+) -> None:
+    place: FilePath = request.getfixturevalue(fold)
+    forge(place, **changes)
+    assert f"plan.npz {problem}" in "\n".join(verify(place).problems)
+
+
+def test_damaged_numbers_are_told_without_a_warning(directory: FilePath) -> None:
+    """A signalling NaN can't be widened without one."""
+    errors: Any = zarr.open_array(str(directory / "timeline.zarr" / "joint_error_rad"), mode="r+")
+    values = errors[:]
+    values.view(np.uint32)[-1, 3] = 0x7FA00000
+    errors[:] = values
+    write_manifest(directory)
+    assert "timeline.zarr and plan.npz differ in max_error_rad" in "\n".join(
+        verify(directory).problems
+    )
 
 
 def test_joint_errors_are_those_of_the_simulated_angles(directory: FilePath) -> None:
