@@ -245,6 +245,15 @@ def test_what_was_not_simulated_does_not_pass_for_simulated(peeled: FilePath) ->
     assert 'plan.npz playback.kind: got "dynamic", expected "kinematic"' in told
 
 
+def test_only_the_baseline_goes_without_an_explosion(directory: FilePath) -> None:
+    """Without one, a chain of any length would count as simulated."""
+    rewrite(directory, explosion=None)
+    (directory / "record.npz").unlink()
+    write_manifest(directory)
+    told = "\n".join(verify(directory).problems)
+    assert "plan.npz explosion: expected what came of it, as of the preset default" in told
+
+
 def test_nothing_is_off_what_was_not_simulated(peeled: FilePath) -> None:
     rewrite(peeled, max_error_rad=np.zeros(len(Plan.load(peeled / "plan.npz").motion)))
     write_manifest(peeled)
