@@ -232,6 +232,11 @@ def test_a_reload_and_a_link_show_what_was_seen(visit: Visit, service: Service) 
     expect(other.locator("#panel-module h2")).to_contain_text("Module 3")
 
 
+WHOLE = """text => text.scrollWidth <= text.clientWidth && text.scrollHeight <= text.clientHeight
+  && text.getBoundingClientRect().right <= innerWidth"""
+"""Whether nothing of a text is cut off."""
+
+
 @pytest.mark.parametrize("scheme", [pytest.param("light", marks=pytest.mark.long), "dark"])
 def test_on_a_phone(visit: Visit, service: Service, scheme: str) -> None:
     fold = service.fold(shape="wrench-24")
@@ -245,6 +250,9 @@ def test_on_a_phone(visit: Visit, service: Service, scheme: str) -> None:
         keep(page, f"{name}-{scheme}-390x844")
         wide = page.evaluate("document.documentElement.scrollWidth")
         assert wide <= 390
+    for width in (360, 390):
+        page.set_viewport_size({"width": width, "height": 844})
+        assert page.locator("#verdict").evaluate(WHOLE)
     page.locator("#details").tap()
     sheet = page.locator("#drawer").bounding_box()
     bar = page.locator("#bar").bounding_box()
