@@ -16,7 +16,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, cast
 
 from server.settings import Settings
 from server.storage import Storage, StorageError
@@ -91,12 +91,18 @@ def superfluous(
     return gone
 
 
+def noted(about: bytes | None) -> dict[str, Any]:
+    """What ``upload.json`` says of an upload; nothing when it is missing or damaged."""
+    try:
+        found = json.loads(about or b"{}")
+    except (ValueError, RecursionError):  # whatever computed there wrote it
+        return {}
+    return cast("dict[str, Any]", found) if isinstance(found, dict) else {}
+
+
 def visitor_noted(about: bytes | None) -> str:
     """Whose upload it is, as ``upload.json`` has it; nobody's of one that is older."""
-    try:
-        return str(json.loads(about or b"{}").get("visitor", ""))
-    except (ValueError, AttributeError, RecursionError):  # whatever computed there wrote it
-        return ""
+    return str(noted(about).get("visitor", ""))
 
 
 class KeptPreviews:

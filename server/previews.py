@@ -21,7 +21,14 @@ from typing import Any, BinaryIO, Final
 from planner.errors import InputError
 from planner.modules import CUBE
 from server.children import ChildError, Reader
-from server.kept_previews import HeldPreview, KeptPreviews, superfluous, visitor_noted
+from server.kept_previews import (
+    UPLOAD,
+    HeldPreview,
+    KeptPreviews,
+    noted,
+    superfluous,
+    visitor_noted,
+)
 from server.problems import Problem
 from server.settings import Settings
 from server.storage import Storage
@@ -89,7 +96,7 @@ class Previews:
         preview_id = new_id()
         try:
             about = json.dumps({"filename": upload.filename, "visitor": visitor})
-            (upload.directory / "upload.json").write_text(about)
+            (upload.directory / UPLOAD).write_text(about)
             os.rename(upload.directory, self._root / preview_id)
         except OSError as error:
             raise Problem(
@@ -111,7 +118,7 @@ class Previews:
         if not (preview_id.isascii() and preview_id.isalnum() and len(preview_id) <= 32):
             raise NoSuchPreviewError(preview_id)
         directory = self._root / preview_id
-        if not (directory / "upload.json").is_file():
+        if not (directory / UPLOAD).is_file():
             self._sweep(0)
             if not self._elsewhere.fetch(preview_id, directory):
                 raise NoSuchPreviewError(preview_id)
@@ -145,12 +152,14 @@ class Previews:
         """What an upload was called.
 
         Raises:
-            NoSuchPreviewError: When there is none.
+            NoSuchPreviewError: When there is none, or what was noted of it is damaged.
         """
         try:
-            about = json.loads((self.directory(preview_id) / "upload.json").read_bytes())
+            about = noted((self.directory(preview_id) / UPLOAD).read_bytes())
         except OSError as error:
             raise NoSuchPreviewError(preview_id) from error
+        if "filename" not in about or not isinstance(about["filename"], str | None):
+            raise NoSuchPreviewError(preview_id)
         return about["filename"]
 
     def report(
@@ -242,7 +251,7 @@ def read_report(place: Path) -> dict[str, Any] | None:
 
 def _held(directory: Path) -> Generator[HeldPreview]:
     """What a directory holds; nothing when another process swept it."""
-    about = directory / "upload.json"
+    about = directory / UPLOAD
     try:
         yield HeldPreview(
             name=directory.name,

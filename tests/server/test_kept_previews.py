@@ -46,6 +46,18 @@ def test_whose_preview_it_is_that_was_written_over_is_not_known(about: bytes) ->
     assert visitor_noted(about) == ""
 
 
+@pytest.mark.parametrize("about", [b"[]", b"{}", b'{"filename": 7}', b"\xff"])
+def test_there_is_no_preview_whose_note_was_written_over(about: bytes, tmp_path: Path) -> None:
+    settings = Settings(data_dir=tmp_path)
+    previews, uploads = Previews(settings), Uploads(settings)
+    with uploads.kept(BytesIO(b"[]"), "thing.stl") as upload:
+        preview_id = previews.add(upload, "a")
+    (previews.directory(preview_id) / UPLOAD).write_bytes(about)
+    with pytest.raises(NoSuchPreviewError):
+        previews.upload(preview_id)
+    uploads.close()
+
+
 def test_a_flood_of_previews_leaves_those_of_others(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path, previews_bytes=8 * 2**20)
     previews, uploads = Previews(settings), Uploads(settings)
