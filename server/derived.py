@@ -14,7 +14,7 @@ from typing import Final
 import sqlalchemy as sa
 
 from server.database import ENDED, MAKING, FoldRow, MovieRow, movie_file
-from server.folders import EXPORTS_DIR, MOVIES, size_of
+from server.folders import DERIVED, EXPORTS_DIR, size_of
 from server.store import Store, seen_of
 
 FRESH_S: Final = 600.0
@@ -41,7 +41,7 @@ def count_apart(store: Store) -> None:
         place = store.folders.place(fold_id)
         if not (made := size_of(place / EXPORTS_DIR)):
             continue
-        own = size_of(place) - made - size_of(place / MOVIES)
+        own = size_of(place, but=DERIVED)
         with store.changing() as session:
             session.execute(
                 sa.update(FoldRow)

@@ -13,6 +13,7 @@ import shutil
 import threading
 import time
 import weakref
+from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -32,6 +33,8 @@ GOING: Final = ".going-"
 MOVIES: Final = "movies"
 EXPORTS_DIR: Final = "exports"
 """Folder for what is made of a fold's files when somebody asks, beside them."""
+DERIVED: Final = (EXPORTS_DIR, MOVIES)
+"""Folders that count apart from the fold's own files."""
 
 
 class NoSuchFoldError(LookupError):
@@ -247,14 +250,14 @@ class Folders:
         return place
 
     def keep(self, fold_id: str, epoch: int) -> int:
-        """Keeps what a fold's directory holds now; the bytes of it.
+        """Keeps what a fold's directory holds now; the bytes of it, without what was made of it.
 
         Raises:
             StorageError: When the storage does not answer.
         """
         place = self.place(fold_id)
         if self.storage is None:
-            return size_of(place)
+            return size_of(place, but=DERIVED)
         return self.storage.keep(_key(fold_id, epoch), place)
 
     def leave(self, fold_id: str, epoch: int) -> None:
@@ -303,10 +306,12 @@ class Folders:
         shutil.rmtree(going, ignore_errors=True)
 
 
-def size_of(directory: Path) -> int:
-    """Bytes of all files in a directory."""
+def size_of(directory: Path, *, but: Collection[str] = ()) -> int:
+    """Bytes of all files in a directory, but for those in some of its folders."""
     total = 0
     for path in directory.rglob("*"):
+        if path.relative_to(directory).parts[0] in but:
+            continue
         with suppress(OSError):
             if path.is_file() and not path.is_symlink():
                 total += path.stat().st_size

@@ -52,6 +52,15 @@ def test_only_the_last_edition_of_a_file_is_kept(store: Store, fold: FoldRow) ->
     assert os.listdir(store.directory(fold.id) / EXPORTS_DIR) == [paths[-1].name]
 
 
+def test_what_was_made_of_a_fold_that_is_computed_is_not_its_own(
+    store: Store, fold: FoldRow
+) -> None:
+    shop = Workshop(store, kept=store.add_derived)
+    asyncio.run(shop.file(fold.id, "picture.png", lambda: b"a picture", of="plan"))
+    store.folders.keep_movie(fold.id, "movie.gif", store.directory(fold.id) / "plan")
+    assert store.folders.keep(fold.id, 1) == len("a plan")
+
+
 def test_files_may_be_kept_elsewhere(store: Store, fold: FoldRow, tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
