@@ -35,6 +35,17 @@ START_S: Final = 3600.0
 ENDING_S: Final = 1.0
 """How long one may take to end that has closed its output."""
 CALLS_A_CHILD: Final = 200
+LARGEST_EVENT_BYTES: Final = 2**20
+MOST_EVENTS: Final = 32
+"""Events that are read ahead; a child that sends more has to wait."""
+EVENTS: Final = {
+    "ready": set[str](),
+    "progress": {"stage", "fraction", "steps", "steps_per_second", "message"},
+    "done": {"result"},
+    "bad-input": {"code", "detail", "where"},
+    "problem": {"code", "detail"},
+}
+"""What a child tells, and the values that come with it."""
 
 
 class ChildError(Exception):
@@ -58,7 +69,7 @@ class Child:
         self, kind: Kind, limits: ChildLimits, *, environment: Mapping[str, str] | None = None
     ) -> None:
         self._limits = limits
-        self._events: queue.Queue[dict[str, Any] | None] = queue.Queue()
+        self._events: queue.Queue[bytes | None] = queue.Queue(MOST_EVENTS)
         # Threads of linear algebra cost memory and bring nothing at these sizes.
         threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
@@ -151,7 +162,11 @@ class Child:
     def close(self) -> None:
         """Ends it and lets go of its pipes."""
         self.kill()
-        self._reading.join()
+        while self._reading.is_alive():  # it may wait for room
+            with contextlib.suppress(queue.Empty):
+                self._events.get(timeout=POLL_S)
+        with contextlib.suppress(queue.Full):  # whoever still waits learns of its end
+            self._events.put_nowait(None)
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
                 with contextlib.suppress(BrokenPipeError):
@@ -189,19 +204,25 @@ class Child:
 
     def _next(self, timeout_s: float) -> dict[str, Any] | None:
         try:
-            event = self._events.get(timeout=timeout_s)
+            line = self._events.get(timeout=timeout_s)
         except queue.Empty:
             return None
-        if event is None:
+        if line is None:
             self._events.put(None)
             raise self._death()
+        if (event := _event(line)) is None:
+            self.kill()
+            raise ChildError("crashed", "the computing process sent rubbish; it was ended.")
         return event
 
     def _read(self) -> None:
         assert self._process.stdout is not None
-        with contextlib.suppress(ValueError, RecursionError):  # it was taken over, or the end
-            for line in self._process.stdout:
-                self._events.put(json.loads(line))
+        read = self._process.stdout.readline
+        with contextlib.suppress(ValueError):  # it was closed
+            while line := read(LARGEST_EVENT_BYTES):
+                self._events.put(line)
+                if not line.endswith(b"\n"):  # it is too long, or the end
+                    break
         self._events.put(None)
 
     def _check_memory(self) -> None:
@@ -232,6 +253,16 @@ class Child:
             hint = " (often: the machine ran out of memory)" if name == "SIGKILL" else ""
             return ChildError("crashed", f"the computing process was ended by {name}{hint}.")
         return ChildError("crashed", f"the computing process ended with exit code {code}.")
+
+
+def _event(line: bytes) -> dict[str, Any] | None:
+    """The event in a line; None where it is none, as of a child that was taken over."""
+    try:
+        event = json.loads(line)
+        told = isinstance(event.get("result", {}), dict) and EVENTS[event["event"]] <= event.keys()
+    except (ValueError, RecursionError, AttributeError, KeyError, TypeError):
+        return None
+    return event if told else None
 
 
 class Children:

@@ -14,6 +14,7 @@ from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
+from zipfile import BadZipFile, ZipFile
 
 from planner.readers.limits import megabytes
 from server.children import ChildError, Pool
@@ -37,6 +38,9 @@ MOTORS: Final = "motors"
 STREAMS, STREAMS_OF_ADDRESS = 8, 2
 """Trajectories that are being sent, which may take those who take them a while; in all and to one
 address."""
+LARGEST_TABLE: Final = 32 * 2**20
+"""Bytes of a table of motors; 12 000 modules take about 5 MB."""
+PIECE_BYTES: Final = 2**20
 LARGEST_PLAN: Final = 64 * 2**20
 """Bytes of a plan that is retimed here; a larger one is for the command line."""
 
@@ -204,7 +208,11 @@ class Trajectories:
         def made() -> bytes:
             with self._motions.directory() as place:
                 self._call("motors", place, wanted, {**wanted.request(), **asdict(motors)})
-                return (place / MOTORS).read_bytes()
+                with open(place / MOTORS, "rb") as table:
+                    found = table.read(LARGEST_TABLE + 1)
+                if len(found) > LARGEST_TABLE:
+                    raise _too_large()
+                return found
 
         return await self._flight.made((wanted, motors), made, visitor=visitor)
 
@@ -227,16 +235,18 @@ class Trajectories:
         return made
 
     def _retimed(self, wanted: Wanted) -> Retimed:
-        from planner.trajectory import FRAMES, REST, Trajectory
+        from planner.trajectory import FRAMES, REST
 
         with self._motions.directory() as place, self._scratch.directory() as kept:
             told = self._call("retime", place, wanted, wanted.request())
             # Whoever has a file open may still change or cut it, and this process reads from it
             # for as long as the trajectory is used.
             for name in (FRAMES, REST):
-                shutil.copyfile(place / name, kept / name)
+                _copy(place / name, kept / name, self._used_bytes)
             return Retimed(
-                name=told["name"], verified=told["verified"], trajectory=Trajectory.load(kept)
+                name=told["name"],
+                verified=told["verified"],
+                trajectory=_loaded(kept, self._used_bytes),
             )
 
     def _call(
@@ -255,14 +265,53 @@ class Trajectories:
             raise _problem(error) from error
 
 
+def _copy(source: Path, target: Path, most: int) -> None:
+    """Copies a file that may still grow.
+
+    Raises:
+        Problem: When it has more bytes than ``most`` (413).
+    """
+    with open(source, "rb") as read, open(target, "wb") as written:
+        while piece := read.read(PIECE_BYTES):
+            if written.tell() + len(piece) > most:
+                raise _too_large()
+            written.write(piece)
+
+
+def _loaded(directory: Path, most: int) -> Trajectory:
+    """The trajectory in a directory.
+
+    Raises:
+        Problem: When it unpacks to more bytes than ``most`` (413), or is none (503).
+    """
+    from planner.trajectory import REST, Trajectory
+
+    try:
+        with ZipFile(directory / REST) as parts:
+            if sum(part.file_size for part in parts.infolist()) > most:
+                raise _too_large()
+        return Trajectory.load(directory)
+    except (BadZipFile, OSError, ValueError, KeyError, TypeError, MemoryError) as error:
+        raise Problem(
+            503,
+            "crashed",
+            "The computing process has left no trajectory that can be read; try again.",
+            headers={"Retry-After": "5"},
+        ) from error
+
+
+def _too_large() -> Problem:
+    return Problem(
+        413,
+        "too-large",
+        "This motion takes more time or memory than it may here; take plan.npz away and use "
+        "`foldback retime`.",
+    )
+
+
 def _problem(error: ChildError) -> Problem:
     if error.code in ("time-limit", "cpu-limit", "memory-limit"):
-        return Problem(
-            413,
-            "too-large",
-            "This motion takes more time or memory than it may here; take plan.npz away and use "
-            "`foldback retime`.",
-        )
+        return _too_large()
     if error.code in ("disk-full", "disk-failed"):
         return Problem(507, "no-room", error.detail, headers={"Retry-After": "60"})
     return Problem(503, error.code, error.detail, headers={"Retry-After": "5"})

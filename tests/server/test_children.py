@@ -16,7 +16,7 @@ import pytest
 
 from planner.errors import InputError
 from server import children
-from server.children import Child, ChildError, Pool, Reader
+from server.children import EVENTS, Child, ChildError, Pool, Reader
 from server.gates import Gate
 from server.limits import ChildLimits
 from server.runner import STAGES
@@ -130,27 +130,60 @@ def test_the_reader_is_replaced_when_an_upload_was_too_much(directory: Path) -> 
         reader.close()
 
 
+def taken_over(place: Path, does: str) -> Child:
+    """A reader in which something else is done with each of its open files ``n``."""
+    (place / "sitecustomize.py").write_text(
+        "import sys\nif 'server.child' in sys.orig_argv:\n    import attack\n"
+    )
+    (place / "attack.py").write_text(
+        "import contextlib, os, time\nimport server.reading as it\n"
+        "def check(_):\n    for n in range(3, 64):\n"
+        "        with contextlib.suppress(OSError):\n"
+        f"            {does}\n    time.sleep(30)\n    os._exit(3)\nit.check = check\n"
+    )
+    return Child("reader", LIMITS, environment={"PYTHONPATH": str(place)})
+
+
+@pytest.mark.parametrize(
+    "does",
+    [
+        "os.closerange(3, 64)",
+        "os.write(n, b'rubbish\\n')",
+        """os.write(n, b'{"event": "done"}\\n')""",
+        "[os.write(n, bytes(2**16)) for _ in range(2**10)]",
+    ],
+)
 def test_a_child_that_closes_its_output_or_sends_rubbish_is_ended(
+    directory: Path, tmp_path_factory: pytest.TempPathFactory, does: str
+) -> None:
+    child = taken_over(tmp_path_factory.mktemp("code"), does)
+    try:
+        with pytest.raises(ChildError, match="it was ended"):
+            child.call("check", directory, wall_s=60)
+        assert not child.alive
+    finally:
+        child.close()
+
+
+def test_a_child_that_tells_without_end_has_to_wait(
     directory: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    code = tmp_path_factory.mktemp("code")
-    for does in ("os.closerange(3, 64)", "os.write(n, b'rubbish\\n')"):
-        (code / "sitecustomize.py").write_text(
-            "import sys\nif 'server.child' in sys.orig_argv:\n    import taken_over\n"
-        )
-        (code / "taken_over.py").write_text(
-            "import contextlib, os, time\nimport server.reading as it\n"
-            "def check(_):\n    for n in range(3, 64):\n"
-            "        with contextlib.suppress(OSError):\n"
-            f"            {does}\n    time.sleep(30)\n    os._exit(3)\nit.check = check\n"
-        )
-        child = Child("reader", LIMITS, environment={"PYTHONPATH": str(code)})
-        try:
-            with pytest.raises(ChildError, match="it was ended"):
-                child.call("check", directory, wall_s=60)
-            assert not child.alive
-        finally:
-            child.close()
+    event = {"event": "progress", **dict.fromkeys(EVENTS["progress"], 0)}
+    line = json.dumps(event).encode() + b"\n"
+    child = taken_over(
+        tmp_path_factory.mktemp("code"), f"[os.write(n, {line!r}) for _ in range(10**6)]"
+    )
+
+    def filled(_: object) -> None:
+        if child._events.full():
+            raise InterruptedError
+
+    try:
+        with pytest.raises(InterruptedError):
+            child.call("check", directory, wall_s=60, on_progress=filled)
+    finally:
+        child.close()
+    assert not child.alive
 
 
 def test_whatever_goes_wrong_no_child_is_left_over(directory: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import subprocess
 import sys
 import threading
@@ -11,6 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, BinaryIO, cast
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 import pytest
@@ -20,12 +22,19 @@ from planner.plan import Plan
 from planner.request import Request
 from planner.retiming import retime as retime_plan
 from planner.stages import run_stages
-from planner.trajectory import FRAMES
+from planner.trajectory import FRAMES, REST
 from server.children import Pool
 from server.problems import Problem
 from server.retiming import motors, retime
 from server.scratch import Scratch
-from server.trajectories import PLAN, STREAMS_OF_ADDRESS, Trajectories, Wanted
+from server.trajectories import (
+    MOTORS,
+    PLAN,
+    STREAMS_OF_ADDRESS,
+    MotorsWanted,
+    Trajectories,
+    Wanted,
+)
 from tests.server.service import SNAKE
 
 COMPILED_LATER = """
@@ -139,6 +148,44 @@ def test_what_has_taken_over_the_child_changes_no_plan_and_no_trajectory(
         frames.write(bytes(1 << 16))
     corners = found.trajectory.path.frames
     assert np.array_equal(corners, retime_plan(Plan.load(plan), 1.0, 2.0).path.frames)
+
+
+def test_of_what_the_child_has_written_no_more_is_read_than_there_may_be(
+    make: Make, here: Here, plan: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    call, spoiled = here.call, Path()
+
+    def taken_over(task: str, place: Path) -> dict[str, Any]:
+        told = call(task, place)
+        if str(spoiled) == REST and not most:
+            (place / REST).write_bytes(b"rubbish")
+        elif str(spoiled) == REST:
+            with ZipFile(place / REST, "a", ZIP_DEFLATED) as parts:
+                parts.writestr("bomb.npy", bytes(2**25))
+        else:
+            os.truncate(place / spoiled, 2**32)
+        return told
+
+    monkeypatch.setattr(here, "call", taken_over)
+    wanted = Wanted.of(plan, 1.0, 2.0)
+    for name, most, status in ((FRAMES, 2**24, 413), (REST, 2**24, 413), (REST, 0, 503)):
+        spoiled = Path(name)
+        trajectories = make(used_bytes=most) if most else make()
+        with pytest.raises(Problem) as refused:
+            asyncio.run(trajectories.of(wanted, "a"))
+        assert refused.value.status == status
+    spoiled = Path(MOTORS)
+    robot = MotorsWanted(
+        module_mass_kg=0.1,
+        pitch_m=None,
+        gravity_m_s2=9.81,
+        held=True,
+        motor_torque_nm=None,
+        form="csv",
+    )
+    with pytest.raises(Problem) as refused:
+        asyncio.run(make().motors(wanted, robot, "a"))
+    assert refused.value.status == 413
 
 
 def test_visitors_take_turns(make: Make, here: Here, plan: Path) -> None:
