@@ -25,7 +25,7 @@ from server.gates import Gate
 from server.jobs import Jobs
 from server.lately import Lately
 from server.leases import Leases
-from server.limits import ChildLimits
+from server.limits import READERS, ChildLimits
 from server.metrics import Metrics
 from server.movies import Movies, NoSuchMovieError
 from server.preview_scenes import PreviewScenes
@@ -67,8 +67,6 @@ from server.workshop import Workshop
 from web.films import Films
 
 WARM_AFTER_S: Final = 1.5
-READERS: Final = 2
-"""Children that read uploads, and that prepare previews; a visitor has one of each at a time."""
 READING_PATIENCE_S: Final = 60.0
 """How long an upload may wait for its turn to be read."""
 log = logging.getLogger("foldback.web")
@@ -225,27 +223,17 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
             most_of_visitor=settings.answers_waiting_of_visitor,
         ),
         uploads=Uploads(settings),
-        reader=Reader(
+        reader=_reader(
             Pool("reader", awaited, wall_s=settings.read_seconds),
-            Gate(
-                "uploads",
-                at_once=READERS,
-                at_once_of_visitor=1,
-                most=settings.max_uploads,
-                most_of_visitor=settings.max_uploads_of_visitor,
-                patience_s=READING_PATIENCE_S,
-            ),
+            "uploads",
+            most=settings.max_uploads,
+            most_of_visitor=settings.max_uploads_of_visitor,
         ),
-        preparer=Reader(
+        preparer=_reader(
             Pool("preparer", awaited, wall_s=settings.preview_seconds),
-            Gate(
-                "previews",
-                at_once=READERS,
-                at_once_of_visitor=1,
-                most=settings.previews_waiting,
-                most_of_visitor=settings.previews_waiting_of_visitor,
-                patience_s=READING_PATIENCE_S,
-            ),
+            "previews",
+            most=settings.previews_waiting,
+            most_of_visitor=settings.previews_waiting_of_visitor,
         ),
         previews=previews,
         preview_scenes=PreviewScenes(previews),
@@ -258,3 +246,15 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         leases=leases,
         secret=store.secret("visitors", secrets.token_bytes(32)),
     )
+
+
+def _reader(pool: Pool, what: str, *, most: int, most_of_visitor: int) -> Reader:
+    gate = Gate(
+        what,
+        at_once=READERS,
+        at_once_of_visitor=1,
+        most=most,
+        most_of_visitor=most_of_visitor,
+        patience_s=READING_PATIENCE_S,
+    )
+    return Reader(pool, gate)

@@ -20,12 +20,15 @@ import psutil
 from packaging.requirements import Requirement
 
 from server.checks.finding import Finding
+from server.limits import AWAITED_CHILDREN
 from server.security import LOOPBACK
 from server.settings import Settings, unknown_names, unknown_words
 
 OLDEST: Final = (3, 11)
-BESIDES_BYTES: Final = 1024 * 2**20
-"""Memory of the web process and of what prepares uploads and previews."""
+WEB_BYTES: Final = 384 * 2**20
+"""Memory of the web process."""
+AWAITED_BYTES: Final = 272 * 2**20
+"""Of each of its computing processes, at rest; docs/operations.md tells how much it may get."""
 BESIDES_FILES: Final = 256
 SPOKEN_S: Final = 5.0
 
@@ -151,10 +154,11 @@ def _count(limit: int) -> str:
 
 
 def memory(settings: Settings) -> Finding:
-    """Whether all folds together fit into the memory."""
+    """Whether all folds together fit into the memory, with the web process and its children."""
     there = min(psutil.virtual_memory().total, *_allowed_bytes())
     folds = settings.workers * settings.folds_per_worker
-    needed = folds * settings.child_memory_bytes + BESIDES_BYTES
+    besides = WEB_BYTES + AWAITED_CHILDREN * AWAITED_BYTES
+    needed = folds * settings.child_memory_bytes + besides
     found = (
         f"{_mib(there)} for {folds} folds at once of up to {_mib(settings.child_memory_bytes)} each"
     )
@@ -163,7 +167,8 @@ def memory(settings: Settings) -> Finding:
     return Finding(
         name="memory",
         verdict="warning",
-        found=f"{found} and {_mib(BESIDES_BYTES)} besides",
+        found=f"{found} and {_mib(besides)} besides, for pages and the {AWAITED_CHILDREN} "
+        "processes that read uploads, prepare previews and retime plans",
         remedy="Lower FOLDBACK_CHILD_MEMORY_BYTES, FOLDBACK_WORKERS or FOLDBACK_FOLDS_PER_WORKER.",
     )
 

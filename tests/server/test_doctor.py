@@ -257,6 +257,15 @@ def test_few_open_files(tmp_path: Path, limit: int, verdict: str) -> None:
     assert verdict == "ok" or "ulimit" in (found.remedy or "")
 
 
+def test_memory_of_what_reads_and_retimes_beside_folds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(machine, "_allowed_bytes", lambda: [1500 * 2**20])
+    found = machine.memory(settings(tmp_path, child_memory_bytes=2**28))
+    assert found.verdict == "warning"
+    assert "the 5 processes that read uploads" in found.found
+
+
 def test_more_folds_than_memory(tmp_path: Path) -> None:
     assert machine.memory(settings(tmp_path, child_memory_bytes=2**28)).verdict == "ok"
     found = machine.memory(settings(tmp_path, workers=64, folds_per_worker=64))
