@@ -1,22 +1,15 @@
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-from pathlib import Path as FilePath
-
 import pytest
 
 from planner.folding import fold
 from planner.paths import Path
 from planner.warm_up import SMALL_SHAPE, warm_up
+from tests.compiled_later import compiled_later
 
-COMPILED_LATER = """
-import json, sys
+IMPORTS = """
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
-from numba.core.dispatcher import Dispatcher
 import trimesh
 from planner.formats import write_path
 from planner.pathfinding.assembly import layered_snake
@@ -27,18 +20,8 @@ from planner.request import Request
 from planner.smooth_plan import smooth_plan
 from planner.stages import run_stages
 from planner.warm_up import warm_up
-
-def kernels():
-    names = [name for name in sys.modules if name.startswith("planner.kernels.")]
-    return {
-        f"{name}.{kernel}": len(found.signatures)
-        for name in names
-        for kernel, found in vars(sys.modules[name]).items()
-        if isinstance(found, Dispatcher)
-    }
-
-warm_up()
-before = kernels()
+"""
+WORK = """
 path = write_path(Path.from_cells(layered_snake((4, 4, 4)), name="box"))
 for strategy in ("simultaneous", "peel", "blocks"):
     with TemporaryDirectory() as place:
@@ -54,7 +37,6 @@ for solid, module in ((box, "tetrahedron"), (turned, "cube")):
         request = Request(module=module, modules=24)
         write_request(FilePath(place), request, solid.export(file_type="off").encode())
         assert run_stages(FilePath(place))["status"] == "verified", module
-print(json.dumps([name for name, count in kernels().items() if count != before.get(name, 0)]))
 """
 
 
@@ -66,13 +48,4 @@ def test_warming_up_takes_the_whole_way() -> None:
 
 @pytest.mark.slow
 def test_nothing_is_compiled_afterwards_whatever_the_strategy() -> None:
-    """In a process of its own: in this one other tests have compiled."""
-    answer = subprocess.run(
-        [sys.executable, "-c", COMPILED_LATER],
-        env={**os.environ, "PYTHONPATH": str(FilePath(__file__).parents[2])},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert answer.returncode == 0, answer.stderr
-    assert json.loads(answer.stdout.splitlines()[-1]) == []
+    assert compiled_later(IMPORTS, WORK) == []

@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import os
-import subprocess
-import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -35,26 +33,16 @@ from server.trajectories import (
     Trajectories,
     Wanted,
 )
+from tests.compiled_later import compiled_later
 from tests.server.service import SNAKE
 
-COMPILED_LATER = """
-import json, shutil, sys
+IMPORTS = """
+import shutil
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from numba.core.dispatcher import Dispatcher
 from server.retiming import motors, retime, warm_up
-
-def kernels():
-    names = [name for name in sys.modules if name.startswith("planner.kernels.")]
-    return {
-        f"{name}.{kernel}": len(found.signatures)
-        for name in names
-        for kernel, found in vars(sys.modules[name]).items()
-        if isinstance(found, Dispatcher)
-    }
-
-warm_up()
-before = kernels()
+"""
+WORK = """
 request = {"max_speed": 1.0, "max_acceleration": 2.0, "module_mass_kg": 0.1, "pitch_m": None,
            "motor_torque_nm": 0.01, "form": "json"}
 for task, more in (
@@ -66,7 +54,6 @@ for task, more in (
         shutil.copyfile(sys.argv[1], Path(place) / "plan.npz")
         (Path(place) / "request.json").write_text(json.dumps({**request, **more}))
         task(Path(place))
-print(json.dumps([name for name, count in kernels().items() if count != before.get(name, 0)]))
 """
 Make = Callable[..., Trajectories]
 
@@ -222,11 +209,7 @@ def test_one_address_cannot_have_all_that_are_sent(make: Make) -> None:
 
 
 def test_nothing_is_compiled_after_the_start(plan: Path) -> None:
-    """In a process of its own: in this one other tests have compiled."""
-    command = [sys.executable, "-c", COMPILED_LATER, str(plan)]
-    answer = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert answer.returncode == 0, answer.stderr
-    assert json.loads(answer.stdout.splitlines()[-1]) == []
+    assert compiled_later(IMPORTS, WORK, str(plan)) == []
 
 
 def test_all_who_want_the_same_wait_for_one_and_hold_no_thread(

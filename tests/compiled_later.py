@@ -1,0 +1,48 @@
+"""Which kernels are compiled after a warm-up, in a process where nothing else has compiled."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+SCRIPT = """
+import json, sys
+from numba.core.dispatcher import Dispatcher
+{imports}
+
+def kernels():
+    names = [name for name in sys.modules if name.startswith("planner.kernels.")]
+    return {{
+        f"{{name}}.{{kernel}}": len(found.signatures)
+        for name in names
+        for kernel, found in vars(sys.modules[name]).items()
+        if isinstance(found, Dispatcher)
+    }}
+
+warm_up()
+before = kernels()
+{work}
+print(json.dumps([name for name, count in kernels().items() if count != before.get(name, 0)]))
+"""
+
+
+def compiled_later(imports: str, work: str, *arguments: str) -> list[str]:
+    """Names of the kernels that ``work`` compiles although ``warm_up`` came first.
+
+    Args:
+        imports: Code that brings ``warm_up``, and what the work needs.
+        work: Code that works.
+        arguments: Its ``sys.argv[1:]``.
+    """
+    answer = subprocess.run(
+        [sys.executable, "-c", SCRIPT.format(imports=imports, work=work), *arguments],
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert answer.returncode == 0, answer.stderr
+    return json.loads(answer.stdout.splitlines()[-1])
