@@ -11,10 +11,13 @@ are those of ``web.window_columns``.
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from planner.motion import Motion
 from planner.timeline import TimelineWriter
 from planner.windows import Windows
 from web.columns import encode
@@ -139,11 +142,26 @@ def thinned(film: Film, stride: int) -> bytes:
     """
     if stride == 1:
         return reel_of(film, largest=WHOLE)
+    taken = film.windows if film.windowed else film.frames
+    parts: list[Motion] = [taken(0, len(film), stride)]
+    if (len(film) - 1) % stride:
+        parts.append(taken(len(film) - 1, len(film)))
+    return _joined(film, parts)
+
+
+def chosen(film: Film, frames: NDArray[np.int64]) -> bytes:
+    """Some frames of a finished film without windows in one reel, counted anew.
+
+    Raises:
+        TimelineError: When the timeline is being replaced.
+    """
+    return _joined(film, [film.frames(0, len(film))[frames]])
+
+
+def _joined(film: Film, parts: Sequence[Motion]) -> bytes:
     with tempfile.TemporaryDirectory() as place:
         path = f"{place}/timeline.zarr"
-        taken = film.windows if film.windowed else film.frames
         with TimelineWriter.create(path, film.chain, windowed=film.windowed) as writer:
-            writer.append(taken(0, len(film), stride))
-            if (len(film) - 1) % stride:
-                writer.append(taken(len(film) - 1, len(film)))
+            for part in parts:
+                writer.append(part)
         return reel_of(Film(path), largest=WHOLE)
