@@ -12,7 +12,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test test-long load audit deploy-check lint format bench success-map constraints clean chromium tools
+.PHONY: help run test test-long load audit deploy-check lint format bench success-map reproduction constraints clean chromium tools
 
 help: ## What there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -68,6 +68,9 @@ bench: $(STAMP) ## The figures: a table, and JSON in out/
 
 success-map: $(STAMP) ## What folds and what does not: runs what is missing, draws the map
 	@$(BIN)/python -m tests.benchmarks.success_map
+
+reproduction: $(STAMP) ## The paper's experiments: runs what is missing, tells all (ARGS="--only ID …")
+	@$(BIN)/python -m tests.benchmarks.reproduction $(ARGS)
 
 constraints: $(STAMP) ## Write constraints.txt from what is installed
 	@{ echo "# Versions that are tested together; \`make constraints\` writes this file."; \

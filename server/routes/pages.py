@@ -92,7 +92,9 @@ async def what_folds() -> Response:
 async def featured_scenery(request: Request) -> Response:
     """What is known of the chain on the first page."""
     gallery = request.app.state.context.gallery
-    return _kept(request, await asyncio.to_thread(lambda: scenery_of(_featured_chain(gallery))))
+    return kept_answer(
+        request, await asyncio.to_thread(lambda: scenery_of(_featured_chain(gallery)))
+    )
 
 
 @router.get("/featured/picture.png")
@@ -128,7 +130,7 @@ def _featured_chain(gallery: Gallery) -> Chain:
 @router.get("/featured/reel")
 async def featured_reel(request: Request) -> Response:
     """Its fold, recorded: ``examples/make_featured.py``."""
-    return _kept(request, await asyncio.to_thread(_recorded))
+    return kept_answer(request, await asyncio.to_thread(_recorded))
 
 
 @cache
@@ -136,12 +138,16 @@ def _recorded() -> bytes:
     return REEL.read_bytes()
 
 
-def _kept(request: Request, data: bytes) -> Response:
-    """Something that browsers keep until it changes."""
+def kept_answer(
+    request: Request, data: bytes, kind: str = "application/octet-stream", *, listed: bool = False
+) -> Response:
+    """Something that browsers keep until it changes; ``listed`` as of a page."""
     headers = {"ETag": f'"{hashlib.sha256(data).hexdigest()[:20]}"', "Cache-Control": "no-cache"}
+    if listed:
+        headers |= LISTED
     if request.headers.get("if-none-match") == headers["ETag"]:
         return Response(status_code=304, headers=headers)
-    return Response(data, media_type="application/octet-stream", headers=headers)
+    return Response(data, media_type=kind, headers=headers)
 
 
 @router.get("/shapes/{name}.svg")

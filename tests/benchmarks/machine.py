@@ -20,7 +20,7 @@ def machine() -> dict[str, Any]:
     """What the figures depend on besides the code."""
     return {
         "cores": os.cpu_count(),
-        "processor": _processor(),
+        "processor": processor(),
         "python": platform.python_version(),
         "mujoco": mujoco.__version__,
         "reference_seconds": reference_seconds(),
@@ -40,7 +40,8 @@ def reference_seconds() -> float:
     return time.perf_counter() - begun
 
 
-def _processor() -> str:
+def processor() -> str:
+    """What the processor is called."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as lines:
             return next(line.split(":")[1].strip() for line in lines if "model name" in line)

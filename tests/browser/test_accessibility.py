@@ -51,6 +51,7 @@ def findings(page: Page) -> dict[str, list[str]]:
         "/gallery?q=nothing-is-called-this",
         "/shapes/new",
         "/what-folds",
+        "/paper",
         "/folds/nosuchfold",
         "/previews/nosuchpreview",
     ],

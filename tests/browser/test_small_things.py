@@ -140,7 +140,7 @@ def test_cancelling_is_said_until_it_is_done(visit: Visit, service: Service) -> 
 @pytest.mark.parametrize("width", [390, 1280])
 def test_what_folds_is_shown(visit: Visit, width: int) -> None:
     page = visit("/", width=width, height=844)
-    page.locator(".foot a").click()
+    page.locator(".foot a[href='/what-folds']").click()
     expect(page.locator("h1")).to_have_text("What folds, and what does not")
     shown = page.locator(".telling-picture img")
     page.wait_for_function("() => document.querySelector('.telling-picture img').complete")

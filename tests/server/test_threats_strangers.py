@@ -159,7 +159,14 @@ def test_search_engines_are_told_no_secret_link(desk: Service) -> None:
             "/view",
             "/embed/view",
         ),
-        "all": (f"/folds/{public['id']}", "/", "/gallery", "/what-folds", "/shapes/mallet-64.svg"),
+        "all": (
+            f"/folds/{public['id']}",
+            "/",
+            "/gallery",
+            "/what-folds",
+            "/paper",
+            "/shapes/mallet-64.svg",
+        ),
     }.items():
         for path in paths:
             assert desk.http.get(path).headers["x-robots-tag"] == listed, path

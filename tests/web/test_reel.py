@@ -11,7 +11,7 @@ from tests.planner import peels
 from tests.web import long_folds
 from web.columns import decode
 from web.film import Film
-from web.reel import kept_reel, reel_of, thinned
+from web.reel import chosen, kept_reel, reel_of, thinned
 from web.window_columns import windows_of
 
 
@@ -139,3 +139,11 @@ def test_a_long_fold_is_thinned(long_film: Film) -> None:
     header, found = decode(thinned(long_film, 10))
     assert header["total"] == len(found["time_s"]) == len(range(0, len(LONG), 10)) + 1
     assert found["time_s"][-1] == LONG.time_s[-1]
+
+
+def test_some_frames_of_a_film(timeline_path: Path) -> None:
+    frames = np.array([0, 3, 99, 150, 199])
+    header, found = decode(chosen(Film(timeline_path), frames))
+    assert (header["total"], header["stride"]) == (5, 1)
+    recorded = Timeline.open(timeline_path).frames(0, 200)
+    assert np.array_equal(found["time_s"], recorded.time_s[frames])

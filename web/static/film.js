@@ -41,6 +41,11 @@ export class Source {
   }
 }
 
+// A whole film in one reel, which is fetched once.
+export class Recording extends Source {
+  reel() { return this.once ??= this.get("reel"); }
+}
+
 export class Film extends Teller {
   // `over` says that nothing more comes: the fold is over, whatever its timeline says.
   constructor(source, { over = true } = {}) {

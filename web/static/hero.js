@@ -1,5 +1,5 @@
 // The fold in motion on the first page.
-import { Film, Source } from "./film.js";
+import { Film, Recording } from "./film.js";
 import { Player } from "./player.js";
 import { Sketch } from "./sketch.js";
 
@@ -8,7 +8,7 @@ const SPEED = 1.6;
 // Plays the film whose address `hero` names on its canvas.
 export function playHero(hero, canvas, { calm }) {
   const sketch = new Sketch(canvas, () => hero.classList.add("moving"));
-  const player = new Player(new Film(new Source(hero.dataset.film)), {
+  const player = new Player(new Film(new Recording(hero.dataset.film)), {
     sketch, aspect: () => canvas.clientWidth / Math.max(1, canvas.clientHeight),
   });
   new ResizeObserver(() => player.show(true)).observe(canvas);

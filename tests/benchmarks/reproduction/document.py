@@ -1,0 +1,92 @@
+"""Document: the same as the page, as Markdown with stills."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any, Final
+
+PICTURES: Final = "../web/paper"
+WIDTH: Final = 200
+INTRODUCTION: Final = """\
+# The paper's experiments, run again
+
+*Folding Arbitrary 3D Shapes with Space Filling Chain Robots: Reverse Explosion Approach to Folding
+Sequence Design* tells of a dozen folds. Each is run here again by `--preset paper`, which is the
+published method with the published numbers, and told beside what the paper says.
+
+`make reproduction` runs what is missing and writes this page and the one at `/paper`, where every
+film plays. Red is joint error; orange marks where a fold fails.
+"""
+
+
+def document(page: dict[str, Any]) -> str:
+    """The Markdown of what ``telling.told`` gives."""
+    parts = [INTRODUCTION, *_list(page["summary"]), page["machine"]]
+    for section in page["sections"]:
+        parts += _section(section, page["head"])
+    parts += [
+        "## What was read into the paper",
+        "The numbers of `--preset paper`. Each can be set by name, as in "
+        "`--settings damping=0.05,radial_gain=0.2`; "
+        "[decisions/0002](decisions/0002-published-preset.md) says how they were found.",
+        _table(
+            ["Parameter", "Name", "Value", "From", "Meaning"],
+            [
+                [
+                    one["label"],
+                    f"`{one['name']}`",
+                    f"{one['value']} {one['unit']}".strip(),
+                    one["source"],
+                    one["meaning"],
+                ]
+                for one in page["settings"]
+            ],
+        ),
+        "## What is not as in the paper",
+        *_list(page["differences"]),
+    ]
+    return "\n\n".join(part.strip() for part in parts if part.strip()) + "\n"
+
+
+def _section(section: dict[str, Any], head: list[dict[str, str]]) -> list[str]:
+    quote = section["quote"] and f"> {section['quote']}\n>\n> {section['where']}"
+    strips = [
+        _image(f"{card['id']}/strip", f"{card['title']}: out above, back below", 720)
+        for card in section["cards"]
+        if card["strip"]
+    ]
+    straight = [
+        _image(f"{card['id']}/straight", f"{card['title']}, straight")
+        for card in section["cards"]
+        if card["straight"]
+    ]
+    stills = [
+        _image(f"{card['id']}/still", f"{card['title']}: {card['verdict']}")
+        for card in section["cards"]
+        if card["film"]
+    ]
+    failed = [f"{card['title']}: {card['why']}." for card in section["cards"] if card["why"]]
+    return [
+        f"## {section['heading']}",
+        quote,
+        section["words"],
+        "\n".join(strips),
+        "\n".join([*straight, *stills]),
+        *_list(failed),
+        _table([one["name"] for one in head], section["rows"]),
+    ]
+
+
+def _image(name: str, alt: str, width: int = WIDTH) -> str:
+    return f'<img src="{PICTURES}/{name}.webp" alt="{escape(alt)}" width="{width}">'
+
+
+def _list(lines: list[str]) -> list[str]:
+    return ["\n".join(f"- {line}" for line in lines)] if lines else []
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    def line(cells: list[str]) -> str:
+        return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+
+    return "\n".join([line(head), line(["---"] * len(head)), *(line(row) for row in rows)])

@@ -1,0 +1,137 @@
+"""The paper's experiments are run once, kept with their pictures, and told as they came out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from planner.formats import write_path
+from planner.paths import Path as CellPath
+from planner.request import Request
+from tests.benchmarks.reproduction.__main__ import DOCUMENT, PAPER
+from tests.benchmarks.reproduction.different import CHOSEN, different_shapes, features, measured
+from tests.benchmarks.reproduction.document import document
+from tests.benchmarks.reproduction.experiments import STATEMENTS, Experiment, experiments
+from tests.benchmarks.reproduction.reproduce import reproduce, tell
+from tests.benchmarks.reproduction.runs import stored_runs
+from tests.benchmarks.reproduction.telling import figure, told
+from web.colours import STUCK
+
+SQUARE = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1, 0), (0, 1, 0), (0, 2, 0), (1, 2, 0)]
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> tuple[Experiment, ...]:
+    """A fold of eight cubes that works, and one that does not: its modules are too large."""
+    file = tmp_path / "tiny.json"
+    file.write_bytes(write_path(CellPath.from_cells(SQUARE, name="tiny")))
+    sizes = {"tiny": None, "tiny-large": 1.0}
+    return tuple(
+        Experiment(
+            id=name,
+            statement="direct",
+            shape=str(file.with_suffix("")),
+            request=Request(preset="direct", module_size=size),
+            title=name,
+            published="tangled",
+            straight=True,
+            strip=True,
+        )
+        for name, size in sizes.items()
+    )
+
+
+def test_experiments_are_run_once_and_told(tmp_path: Path, tiny: tuple[Experiment, ...]) -> None:
+    files, paper = tmp_path / "paper", tmp_path / "reproduction.md"
+    reproduce(list(tiny), tiny, files)
+    tell(tiny, files, paper)
+    good, bad = (stored_runs(files / "runs.jsonl")[one.id] for one in tiny)
+    assert good.verified and good.overlap is None and good.playback is not None
+    assert good.playback.simulated_s == pytest.approx(0.02 * good.playback.steps, abs=0.1)
+    assert not bad.verified and bad.overlap is not None and bad.stuck_frame is not None
+    assert 0 <= bad.stuck_frame < bad.frames
+    assert min(good.wall_s, good.processor_s, good.reference_s, good.folder_mb) > 0.0
+
+    for name in ("reel", "chain.json", "still.webp", "straight.webp", "strip.webp"):
+        assert (files / "tiny" / name).stat().st_size > 100
+    marked = [orange(files / name / "still.webp") for name in ("tiny", "tiny-large")]
+    assert marked[0] == 0 and marked[1] > 100
+
+    cards = {card["id"]: card for card in page_of(files)["cards"]}
+    assert [cards[one.id]["verdict"] for one in tiny] == ["verified (simulated)", "tangles"]
+    assert cards["tiny-large"]["stuck"] == list(bad.overlap.modules)
+    assert "tiny by direct servoing: tangled in the paper, verified here." in paper.read_text()
+    assert f"overlap by {figure(bad.overlap.depth)} pitch" in paper.read_text()
+
+    before = (files / "runs.jsonl").read_text()
+    reproduce(list(tiny), tiny, files, minutes=0.0)
+    assert (files / "runs.jsonl").read_text() == before
+    # What is not asked for any more goes, with its pictures.
+    reproduce([tiny[0]], tiny[:1], files, again=True, minutes=-1.0)
+    assert (files / "runs.jsonl").read_text() == ""
+    tell(tiny[:1], files, paper)
+    assert [path for path in files.iterdir() if path.is_dir()] == []
+    assert page_of(files)["cards"][0]["verdict"] == "not run yet"
+
+
+def page_of(files: Path) -> dict:
+    sections = json.loads((files / "page.json").read_bytes())["sections"]
+    return next(section for section in sections if section["id"] == "direct")
+
+
+def orange(path: Path) -> int:
+    """Pixels of the colour of modules where a fold fails, in whatever light."""
+    picture = np.asarray(Image.open(path).convert("RGBA")).astype(float)
+    red, green, blue, alpha = np.moveaxis(picture, -1, 0)
+    ratio = STUCK[1] / STUCK[0]
+    return int(((alpha > 250) & (blue < 60) & (red > 90) & (abs(green / red - ratio) < 0.1)).sum())
+
+
+def test_page_and_document_say_what_the_rows_say() -> None:
+    """``make reproduction ARGS=--tell`` makes them of what is stored."""
+    page = told(stored_runs(PAPER / "runs.jsonl"), experiments())
+    assert json.loads((PAPER / "page.json").read_bytes()) == json.loads(json.dumps(page))
+    assert DOCUMENT.read_text(encoding="utf-8") == document(page)
+    filmed = {card["id"] for s in page["sections"] for card in s["cards"] if card["film"]}
+    assert {path.name for path in PAPER.iterdir() if path.is_dir()} == filmed
+    for name in filmed:
+        assert (PAPER / name / "reel").stat().st_size <= 300_000
+
+
+def test_every_statement_has_experiments_and_every_experiment_one() -> None:
+    every = experiments()
+    assert len({one.id for one in every}) == len(every)
+    assert {one.statement for one in every} == {statement.id for statement in STATEMENTS}
+    ids = {one.id for one in every}
+    assert {one.start for one in every if one.start} <= ids
+    assert {name for s in STATEMENTS for pair in s.pairs for name in pair} <= ids
+
+
+def test_the_ten_shapes_differ() -> None:
+    names, rows = measured()
+    scaled = (rows - rows.mean(axis=0)) / rows.std(axis=0)
+    away = np.linalg.norm(scaled[:, None] - scaled[None], axis=-1)
+    np.fill_diagonal(away, np.inf)
+    chosen = [names.index(name) for name in different_shapes()]
+    assert len(set(chosen)) == CHOSEN
+    assert away[np.ix_(chosen, chosen)].min() > np.median(away.min(axis=0))
+
+
+def test_features_of_a_row_and_a_square() -> None:
+    row = np.array([(x, 0, 0) for x in range(8)])
+    assert features(row) == pytest.approx([np.log(8), 0.5, 0.5, 4.0, 1.0, 0.0])
+    square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    assert features(square)[4:] == pytest.approx([1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [(0.0, "0"), (3e-16, "0"), (0.00033, "0.00033"), (-0.0531, "−0.053"), (0.05, "0.05")]
+    + [(1.0, "1"), (12.34, "12"), (160_000.0, "160\u2009000")],
+)
+def test_figures_have_two_digits(value: float, words: str) -> None:
+    assert figure(value) == words

@@ -1,0 +1,66 @@
+"""The page of the paper's experiments, and the films and stills in it."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from html import unescape
+
+import httpx
+import pytest
+from fastapi import FastAPI
+
+from server.routes import pages, paper
+from tests.benchmarks.reproduction.experiments import STATEMENTS
+from web.columns import decode
+
+
+def get(path: str, **headers: str) -> httpx.Response:
+    app = FastAPI()
+    app.include_router(pages.router)
+    app.include_router(paper.router)
+
+    async def ask() -> httpx.Response:
+        transport = httpx.ASGITransport(app=app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://here") as client:
+            return await client.get(path, headers=headers)
+
+    return asyncio.run(ask())
+
+
+def test_every_statement_is_told_and_every_address_in_it_answers() -> None:
+    page = get("/paper")
+    assert page.status_code == 200
+    text = unescape(page.text)
+    for statement in STATEMENTS:
+        assert statement.quote in text and f'id="{statement.id}"' in text
+    for name in ("Radial force gain λ", "Damping", "not in the paper"):
+        assert name in text
+    stills = set(re.findall(r'<img src="([^"]+)"', page.text))
+    films = set(re.findall(r'data-film="([^"]+)"', page.text))
+    assert stills and films
+    for still in stills:
+        answer = get(still)
+        assert answer.headers["content-type"] == "image/webp" and len(answer.content) > 500
+    for film in films:
+        scenery, _ = decode(get(f"{film}/scenery").content)
+        reel, columns = decode(get(f"{film}/reel").content)
+        assert reel["total"] == len(columns["time_s"]) > 10
+        assert columns["joint_angles_rad"].shape[1] == scenery["chain"]["hinges"] * (
+            scenery["chain"]["modules"] - 1 - scenery["chain"]["rigid_links"]
+        )
+
+
+def test_browsers_keep_films_until_they_change() -> None:
+    first = get("/paper/mallet-24/reel")
+    again = get("/paper/mallet-24/reel", **{"if-none-match": first.headers["etag"]})
+    assert (again.status_code, again.content) == (304, b"")
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["nosuch/reel", "mallet-24/nosuch", "mallet-24/chain.json", "..%2f..%2fserver/app.py"]
+    + ["mallet-24/..%2f..%2fpage.json", "%2e%2e/page.json"],
+)
+def test_no_address_leads_to_another_file(path: str) -> None:
+    assert get(f"/paper/{path}").status_code == 404

@@ -1,0 +1,49 @@
+"""Stills: modules wherever they are, on nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.modules import CUBE, MODULES, Module
+from web.colours import ERROR, NEUTRAL, STUCK
+from web.still import still
+
+POSITIONS = np.array([(x, 0.0, 0.0) for x in range(6)])
+UPRIGHT = np.tile([1.0, 0.0, 0.0, 0.0], (6, 1))
+
+
+def pixels(colours: np.ndarray, **how: object) -> np.ndarray:
+    module = how.pop("module", CUBE)
+    assert isinstance(module, Module)
+    picture = still(module, POSITIONS, UPRIGHT, colours, size=(240, 150), **how)  # type: ignore[arg-type]
+    assert (picture.size, picture.mode) == ((240, 150), "RGBA")
+    return np.asarray(picture).astype(int)
+
+
+@pytest.mark.parametrize("module", [CUBE, MODULES["tetrahedron"]])
+def test_only_modules_are_drawn_and_none_is_cut_off(module: Module) -> None:
+    drawn = pixels(np.tile(np.array(NEUTRAL, np.uint8), (6, 1)), module=module)
+    alpha = drawn[..., 3]
+    edge = np.concatenate([alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]])
+    assert edge.max() == 0 and 0.03 < (alpha == 255).mean() < 0.8
+    assert np.ptp(drawn[alpha == 255][:, :3], axis=1).max() < 40  # grey
+
+
+def test_colours_are_those_of_the_modules_and_a_part_is_seen_larger() -> None:
+    colours = np.tile(np.array(NEUTRAL, np.uint8), (6, 1))
+    colours[2], colours[3] = STUCK, ERROR
+    whole = pixels(colours)
+    near = pixels(colours, around=POSITIONS[2:4])
+    orange, red = (
+        [
+            int(((p[..., 3] == 255) & (p[..., 0] - p[..., 2] > 60) & test(p)).sum())
+            for p in (whole, near)
+        ]
+        for test in (
+            lambda p: p[..., 1] > 0.4 * p[..., 0],
+            lambda p: p[..., 1] < 0.3 * p[..., 0],
+        )
+    )
+    for few, many in (orange, red):
+        assert 20 < few < many / 2
