@@ -88,7 +88,9 @@ def orange(path: Path) -> int:
     picture = np.asarray(Image.open(path).convert("RGBA")).astype(float)
     red, green, blue, alpha = np.moveaxis(picture, -1, 0)
     ratio = STUCK[1] / STUCK[0]
-    return int(((alpha > 250) & (blue < 60) & (red > 90) & (abs(green / red - ratio) < 0.1)).sum())
+    return int(
+        ((alpha > 250) & (blue < 60) & (red > 90) & (abs(green - ratio * red) < 0.1 * red)).sum()
+    )
 
 
 def test_page_and_document_say_what_the_rows_say() -> None:
