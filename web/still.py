@@ -13,7 +13,7 @@ from PIL import Image
 
 from planner.modules import Module
 from planner.rotations import matrix_from_wxyz
-from web.camera import FIELD_OF_VIEW_RAD, View, framing
+from web.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, View, framing
 from web.drawn import drawn_modules
 from web.lighting import THEMES, UP, Theme, fill_light, key_light, share_left, unit
 from web.module_faces import module_faces
@@ -26,6 +26,10 @@ Bytes = NDArray[np.uint8]
 SIZE: Final = (640, 400)
 TIMES: Final = 2
 MARGIN: Final = (0.88, 0.86)
+TURNS_RAD: Final = tuple(float(turn) for turn in np.deg2rad(np.arange(0, 360, 30)))
+ELEVATIONS_RAD: Final = (ELEVATION_RAD, float(np.deg2rad(55.0)))
+OPEN_ENOUGH: Final = 0.6
+"""Of the widest view, what the usual one has to have."""
 EXPOSURE: Final = 1.1
 """Brings the tones to those of movies, where faces shine a little."""
 
@@ -50,13 +54,8 @@ def still(
         around: (m, 3) points to have in view; all centres when None.
     """
     width, height = (TIMES * side for side in size)
-    view = framing(
-        np.asarray(positions if around is None else around, dtype=np.float64),
-        radius=module.radius,
-        aspect=width / height,
-        margin=MARGIN,
-    )
-    camera = Camera(view, width, height)
+    seen = np.asarray(positions if around is None else around, dtype=np.float64)
+    camera = Camera(_open_view(seen, module.radius, width / height), width, height)
     places, rotations = positions.astype(np.float64), matrix_from_wxyz(wxyzs.astype(np.float64))
     corners, tones = module_triangles(module, places, rotations, colours, camera, THEMES["light"])
     picture, cover = (np.zeros((height, width, 3), np.uint8) for _ in range(2))
@@ -64,6 +63,37 @@ def still(
     draw_triangles(cover, corners, np.full_like(tones, 255.0))
     drawn = Image.fromarray(np.concatenate([picture, cover[..., :1]], axis=-1))
     return drawn.resize(size, Image.Resampling.BOX)
+
+
+def _open_view(points: Array, radius: float, aspect: float) -> View:
+    """The usual view of points, or another one where that shows something flat by its edge."""
+    usual = framing(points, radius=radius, aspect=aspect, margin=MARGIN)
+    sights = [(AZIMUTH_RAD + turn, up) for turn in TURNS_RAD for up in ELEVATIONS_RAD]
+    best = max(sights, key=lambda sight: _spread(points, *sight))
+    here = _spread(points, usual.azimuth_rad, usual.elevation_rad)
+    if here >= OPEN_ENOUGH * _spread(points, *best):
+        return usual
+    return framing(
+        points,
+        radius=radius,
+        aspect=aspect,
+        azimuth_rad=best[0],
+        elevation_rad=best[1],
+        margin=MARGIN,
+    )
+
+
+def _spread(points: Array, azimuth: float, elevation: float) -> float:
+    """How wide points look across their longest side: a standard deviation, at least half a pitch.
+
+    A row of modules looks the same from everywhere.
+    """
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    flat = np.cos(elevation)
+    out = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+    seen = (points - points.mean(axis=0)) @ np.column_stack([right, np.cross(out, right)])
+    narrow = float(np.linalg.eigvalsh(seen.T @ seen / len(points))[0])
+    return max(0.5, np.sqrt(max(narrow, 0.0)))
 
 
 class Camera:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from planner.modules import CUBE, MODULES, Module
+from web.camera import AZIMUTH_RAD, ELEVATION_RAD
 from web.colours import ERROR, NEUTRAL, STUCK
 from web.still import still
 
@@ -47,3 +48,16 @@ def test_colours_are_those_of_the_modules_and_a_part_is_seen_larger() -> None:
     )
     for few, many in (orange, red):
         assert 20 < few < many / 2
+
+
+def test_what_is_flat_is_not_seen_by_its_edge() -> None:
+    """A wall that the usual view looks along."""
+    grey = np.tile(np.array(NEUTRAL, np.uint8), (36, 1))
+    away = np.array([np.cos(AZIMUTH_RAD), np.sin(AZIMUTH_RAD), 0.0])
+    out = np.cos(ELEVATION_RAD) * away + [0.0, 0.0, np.sin(ELEVATION_RAD)]
+    along = np.array([-np.sin(AZIMUTH_RAD), np.cos(AZIMUTH_RAD), 0.0])
+    wall = np.array([x * out + y * along for x in range(6) for y in range(6)])
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (36, 1))
+    alpha = np.asarray(still(CUBE, wall, upright, grey, size=(240, 150)))[..., 3]
+    rows, columns = np.nonzero(alpha)
+    assert min(np.ptp(rows), np.ptp(columns)) > 75

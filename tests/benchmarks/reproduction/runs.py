@@ -12,10 +12,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from examples.run_gallery import SHAPES
 from planner.errors import InputError
 from planner.files import write_whole
-from planner.fold_files import write_request
+from planner.fold_files import read_record, write_request
 from planner.plan import Plan
 from planner.refold import write_start
 from planner.request import Request
@@ -215,8 +218,8 @@ def _figures(
     return {
         "modules": summary["modules"],
         "module": summary["module"],
-        "explosion": _phase(summary["explosion"], film, stages.get("explosion")),
-        "playback": _phase(playback, film, _whole(stages)),
+        "explosion": _explosion(directory, summary["explosion"]),
+        "playback": _playback(playback, film, _whole(stages)),
         "rms": playback.get("rms_position_error"),
         "lag_rad": playback.get("max_angle_error_rad"),
         "clearance_plan": certificate["min_clearance"],
@@ -236,17 +239,26 @@ def _whole(stages: dict[str, tuple[int, int]]) -> tuple[int, int] | None:
     return (found[0][0], found[-1][1]) if found else None
 
 
-def _phase(told: dict[str, Any], film: Film, frames: tuple[int, int] | None) -> Phase | None:
-    if not told or not told.get("steps") or frames is None:
+def _explosion(directory: Path, told: dict[str, Any]) -> Phase | None:
+    record = read_record(directory)
+    if record is None:
         return None
-    begin, end = frames
-    times = film.frames(begin, end).time_s
+    return _phase(told, record.frames.time_s, int(told["frames"]))
+
+
+def _playback(told: dict[str, Any], film: Film, frames: tuple[int, int] | None) -> Phase | None:
+    if not told.get("steps") or frames is None:
+        return None
+    return _phase(told, film.frames(*frames).time_s, frames[1] - frames[0])
+
+
+def _phase(told: dict[str, Any], time_s: NDArray[np.float64], frames: int) -> Phase:
     return Phase(
-        status=str(told.get("status", "")),
+        status=str(told["status"]),
         steps=int(told["steps"]),
-        simulated_s=round(float(times[-1] - times[0]), 2),
+        simulated_s=round(float(time_s[-1] - time_s[0]), 2),
         wall_s=round(float(told["seconds"]), 2),
-        frames=end - begin,
+        frames=frames,
     )
 
 
