@@ -21,6 +21,7 @@ def fold(
     preset: str = "default",
     seed: int = 0,
     module_size: float | None = None,
+    settings: str = "",
     directory: str | FilePath | None = None,
     progress: Report = silent,
     workers: int = 1,
@@ -32,6 +33,8 @@ def fold(
         preset: ``default``, ``paper`` or ``direct``.
         seed: What randomness starts from.
         module_size: Size at which the plan is verified; None for the preset's.
+        settings: Other numbers for ``paper`` or ``direct``, as ``damping=0.05,radial_gain=0.2``:
+            see ``planner.paper_settings``.
         directory: Where the plan, the timeline and the model are kept; nowhere when None.
         progress: Told how far it is.
         workers: Explosions that are made at once at most, when one sticks; the plan is the same.
@@ -40,11 +43,17 @@ def fold(
         The plan, verified or not: see ``Plan.certificate``.
 
     Raises:
-        InputError: An unknown preset, or a seed or module size out of range.
+        InputError: An unknown preset, or a seed, module size or setting out of range.
     """
     with directory_or_aside(directory) as folder:
         data = write_path(shape) if isinstance(shape, Path) else write_chain(shape)
-        request = Request(filename=shape.name, preset=preset, seed=seed, module_size=module_size)
+        request = Request(
+            filename=shape.name,
+            preset=preset,
+            seed=seed,
+            module_size=module_size,
+            settings=settings,
+        )
         write_request(folder, request, data)
         run_stages(folder, progress=progress, workers=workers)
         return Plan.load(folder / "plan.npz")

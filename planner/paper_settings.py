@@ -50,10 +50,11 @@ class Setting:
     optional: bool = False
 
     def default(self, parameters: Parameters) -> float | None:
-        """What it is in a set of parameters."""
-        if self.explosion is not None:
-            return getattr(_explosion(parameters), self.explosion)
-        assert self.playback is not None
+        """What it is in the parameters of a preset that uses it."""
+        explosion = parameters.explosion
+        if self.explosion is not None and isinstance(explosion, PaperExplosionParameters):
+            return getattr(explosion, self.explosion)
+        assert self.playback is not None, f"{parameters.preset} does not use {self.name}"
         return getattr(parameters.playback, self.playback)
 
 
@@ -240,14 +241,24 @@ def read_settings(text: str) -> dict[str, float | None]:
     return found
 
 
-def settings_text(text: str) -> str:
+def settings_text(text: str, parameters: Parameters | None = None) -> str:
     """The same settings, written in the one way that is compared: sorted, without spaces.
+
+    Args:
+        text: As it was typed.
+        parameters: Of the preset; settings that leave them as they are go.
 
     Raises:
         InputError: ``bad-settings``.
     """
     found = read_settings(text)
-    return ",".join(f"{name}={_short(found[name])}" for name in sorted(found))
+    if parameters is not None:
+        found = {
+            name: value
+            for name, value in found.items()
+            if with_settings(parameters, {name: value}) != parameters
+        }
+    return ",".join(f"{name}={value_text(found[name])}" for name in sorted(found))
 
 
 def with_settings(parameters: Parameters, settings: Mapping[str, float | None]) -> Parameters:
@@ -277,6 +288,11 @@ def with_settings(parameters: Parameters, settings: Mapping[str, float | None]) 
     )
 
 
+def value_text(value: float | None) -> str:
+    """A value as it is written in a text of settings."""
+    return NO_LIMIT if value is None else f"{value:.12g}"
+
+
 def _number(setting: Setting, text: str) -> float | None:
     if setting.optional and text == NO_LIMIT:
         return None
@@ -292,15 +308,6 @@ def _number(setting: Setting, text: str) -> float | None:
             f"{setting.most:g}{none}."
         )
     return value
-
-
-def _short(value: float | None) -> str:
-    return NO_LIMIT if value is None else f"{value:.12g}"
-
-
-def _explosion(parameters: Parameters) -> PaperExplosionParameters:
-    found = parameters.explosion
-    return found if isinstance(found, PaperExplosionParameters) else PaperExplosionParameters()
 
 
 def _bad(detail: str) -> InputError:

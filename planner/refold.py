@@ -25,6 +25,7 @@ def refold(
     preset: str = "default",
     seed: int = 0,
     module_size: float | None = None,
+    settings: str = "",
     directory: str | FilePath | None = None,
     progress: Report = silent,
 ) -> Plan:
@@ -37,6 +38,8 @@ def refold(
         preset: ``default``, ``paper`` or ``direct``.
         seed: What randomness starts from.
         module_size: Size at which the plan is verified; None for the preset's.
+        settings: Other numbers for ``paper`` or ``direct``, as ``damping=0.05,radial_gain=0.2``:
+            see ``planner.paper_settings``.
         directory: Where the plan, the timeline and the model are kept; nowhere when None.
         progress: Told how far it is.
 
@@ -49,7 +52,13 @@ def refold(
     """
     with directory_or_aside(directory) as folder:
         data = write_path(shape) if isinstance(shape, Path) else write_chain(shape)
-        request = Request(filename=shape.name, preset=preset, seed=seed, module_size=module_size)
+        request = Request(
+            filename=shape.name,
+            preset=preset,
+            seed=seed,
+            module_size=module_size,
+            settings=settings,
+        )
         write_start(folder, start)
         write_request(folder, replace(request, refold=True), data)
         run_stages(folder, progress=progress)

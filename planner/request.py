@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from planner.errors import InputError
 from planner.modules import CUBE
-from planner.paper_settings import read_settings, with_settings
+from planner.paper_settings import read_settings, settings_text, with_settings
 from planner.parameters import (
     AUTO,
     STRATEGY_WISHES,
@@ -104,6 +104,16 @@ class Request:
                     )
         except InputError as error:
             raise _placed(error) from None
+
+    def canonical(self) -> Request:
+        """The same request, its settings in the one way that is compared.
+
+        Raises:
+            InputError: ``bad-settings``, or ``unknown-preset``.
+        """
+        if not self.settings:
+            return self
+        return replace(self, settings=settings_text(self.settings, preset(self.preset)))
 
     def wishes(self) -> Wishes:
         """How a shape is to become a path."""

@@ -5,8 +5,12 @@ from dataclasses import fields
 import pytest
 
 from planner.errors import InputError
+from planner.folding import fold
 from planner.paper_settings import SETTINGS, Setting, read_settings, settings_text, with_settings
 from planner.parameters import PaperExplosionParameters, preset
+from planner.paths import Path
+from planner.refold import refold
+from planner.request import Request
 
 PAPER = preset("paper")
 
@@ -75,3 +79,37 @@ def test_a_preset_refuses_what_it_does_not_use() -> None:
     with pytest.raises(InputError, match="radial_gain for the preset direct"):
         with_settings(preset("direct"), {"radial_gain": 0.2})
     assert with_settings(preset("direct"), {"friction": 0.3}).playback.friction == 0.3
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "kept"),
+    [
+        ("paper", "damping=.10, step_s=0.005, radial_gain=0.1", "step_s=0.005"),
+        ("paper", "motor_max_force=none", ""),
+        ("direct", "step_s=0.01,damping=0", "step_s=0.01"),
+        ("default", "", ""),
+    ],
+)
+def test_what_is_set_to_what_it_is_anyway_is_the_same_request(
+    name: str, given: str, kept: str
+) -> None:
+    assert Request(preset=name, settings=given).canonical() == Request(preset=name, settings=kept)
+
+
+def test_a_default_is_that_of_the_preset() -> None:
+    (step,) = (s for s in SETTINGS if s.name == "step_s")
+    assert step.default(PAPER) == 0.01
+    assert step.default(preset("direct")) == preset("direct").playback.step_s == 0.02
+
+
+def test_folds_and_refolds_of_the_library_take_settings() -> None:
+    cells = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0), (3, 1, 0), (3, 2, 0), (3, 3, 0), (4, 3, 0)]
+    loud = "radial_gain=20,snapshot_interval=5"
+    path, turned = Path.from_cells(cells), Path.from_cells([(y, x, z) for x, y, z in cells])
+    plan = fold(path, preset="paper", settings=loud)
+    assert plan.parameters["explosion"]["radial_gain"] == 20
+    back = refold(plan, turned, preset="paper", settings=loud)
+    assert back.parameters["explosion"]["snapshot_interval"] == 5
+    with pytest.raises(InputError, match="settings for the preset default") as refused:
+        fold(path, settings=loud)
+    assert refused.value.code == "bad-settings"
