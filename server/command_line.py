@@ -16,6 +16,7 @@ COMMANDS: Final = (
     "worker",
     "fold",
     "refold",
+    "settings",
     "smooth",
     "shape",
     "verify",

@@ -12,7 +12,18 @@ FoldDirectory = Annotated[Path, typer.Argument(metavar="DIR", help="What `fold` 
 PlanDirectory = Annotated[
     Path, typer.Option("--out", help="Directory for the plan; made if it is not there.")
 ]
-Preset = Annotated[str, typer.Option(help="default, paper or direct.")]
+Preset = Annotated[
+    str, typer.Option(help="default, paper (as published) or direct (a baseline that fails).")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=NUMBER",
+        help="Another number for paper or direct, as damping=0.05; again for more of them. "
+        "`foldback settings` lists them.",
+    ),
+]
 Seed = Annotated[str, typer.Option(metavar="INTEGER", help="What randomness starts from.")]
 ModuleSize = Annotated[
     str | None,

@@ -23,7 +23,15 @@ from planner.stages import STAGES, next_stage, run_stage
 from planner.tries import Tries
 from server import certificate_words
 from server.command_inputs import make_directory, read_input, refuse
-from server.command_options import AsJson, ModuleSize, PlanDirectory, Preset, Seed, Workers
+from server.command_options import (
+    AsJson,
+    ModuleSize,
+    PlanDirectory,
+    Preset,
+    Seed,
+    Settings,
+    Workers,
+)
 from server.quantities import sentence
 
 WORDS = {
@@ -45,6 +53,7 @@ def fold(
         typer.Option(help="Or a chain of tetrahedra, one sign a hinge: '0 - - + 0'."),
     ] = None,
     preset: Preset = "default",
+    settings: Settings = None,
     seed: Seed = "0",
     module_size: ModuleSize = None,
     strategy: Annotated[
@@ -72,6 +81,7 @@ def fold(
     try:
         request = Request.of(
             preset=preset,
+            settings=",".join(settings or ()),
             seed=seed,
             module_size=module_size,
             strategy=strategy,
@@ -134,12 +144,18 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
             bar = bars.add_task({**WORDS, **words}[stage], total=1.0, note="")
 
             def report(progress: StageProgress, bar: Any = bar) -> None:
-                note = f"{progress.steps} steps" if progress.steps else ""
-                bars.update(bar, completed=progress.fraction, note=note)
+                note = {"note": _steps(progress)} if progress.steps else {}
+                bars.update(bar, completed=progress.fraction, **note)
 
             summary = run_stage(stage, out, progress=report, tries=tries)
             stage = next_stage(stage, summary)
     return summary
+
+
+def _steps(progress: StageProgress) -> str:
+    """How far a simulation is: ``48200 steps · 482 s simulated``."""
+    simulated = f" · {progress.simulated_s:.0f} s simulated" if progress.simulated_s else ""
+    return f"{progress.steps} steps{simulated}"
 
 
 def show(summary: dict[str, Any], out: Path) -> None:

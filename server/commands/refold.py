@@ -20,7 +20,15 @@ from planner.stages import STAGES, run_stage
 from planner.timeline import chain_from_attributes
 from planner.unfolding import Unfolding
 from server.command_inputs import make_directory, read_input, refuse
-from server.command_options import AsJson, ModuleSize, PlanDirectory, Preset, Seed, Workers
+from server.command_options import (
+    AsJson,
+    ModuleSize,
+    PlanDirectory,
+    Preset,
+    Seed,
+    Settings,
+    Workers,
+)
 from server.commands.fold import compute, finish
 from server.gallery import Gallery
 
@@ -39,6 +47,7 @@ def refold(
     ],
     out: PlanDirectory,
     preset: Preset = "default",
+    settings: Settings = None,
     seed: Seed = "0",
     module_size: ModuleSize = None,
     workers: Workers = None,
@@ -47,7 +56,9 @@ def refold(
     """Unfold a folded chain and fold it into another shape; exits as `fold` does."""
     begins: Chain | None = None
     try:
-        request = Request.of(preset=preset, seed=seed, module_size=module_size)
+        request = Request.of(
+            preset=preset, settings=",".join(settings or ()), seed=seed, module_size=module_size
+        )
         request.check()
         folded = _plan(start)
         if folded is None:

@@ -20,6 +20,8 @@ import httpx
 import psutil
 
 PATIENCE_S = 120.0
+STAIRS = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0], [3, 2, 0], [3, 3, 0], [4, 3, 0]]
+"""Eight modules, which explode in no time."""
 SNAKE = [[x if y % 2 == 0 else 3 - x, y, 0] for y in range(4) for x in range(4)]
 
 
