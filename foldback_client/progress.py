@@ -21,6 +21,7 @@ class Progress:
         fraction: Of the stage, 0 to 1.
         steps: Of the simulation.
         steps_per_second: How fast they come.
+        simulated_s: Simulated time of the stage; 0 where none is told.
         message: In words.
         modules: Of the chain.
         queue_position: 1 is next; 0 when it does not wait.
@@ -33,6 +34,7 @@ class Progress:
     fraction: float = 0.0
     steps: int = 0
     steps_per_second: float = 0.0
+    simulated_s: float = 0.0
     message: str = ""
     modules: int = 0
     queue_position: int = 0

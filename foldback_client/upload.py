@@ -48,6 +48,7 @@ class FoldWishes(Wishes, total=False):
     refold: str
     smooth: str
     preset: Literal["default", "paper", "direct"]
+    settings: str
     module_size: float
     strategy: Literal["auto", "simultaneous", "blocks", "peel", "one-by-one"]
 

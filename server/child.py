@@ -77,6 +77,7 @@ class _Parent:
             fraction=progress.fraction,
             steps=progress.steps,
             steps_per_second=progress.steps_per_second,
+            simulated_s=progress.simulated_s,
             message=progress.message,
         )
 

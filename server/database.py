@@ -23,7 +23,8 @@ class FoldRow(Base):
 
     ``status`` is one of ``STATUSES``; ``stage`` one of ``planner.stages.STAGES`` or None;
     ``refold`` is the name of the shape that a refold begins as, None where the chain is straight;
-    ``smooths`` is the id of the fold whose plan is smoothed, None where it is recorded.
+    ``smooths`` is the id of the fold whose plan is smoothed, None where it is recorded;
+    ``settings`` is what ``planner.paper_settings.settings_text`` makes of those of its preset.
 
     ``turn`` is its place in the queue, the least first, and ``cost_s`` what computing it is
     expected to take. ``worker`` computes it; ``epoch`` counts how often it has changed hands, and
@@ -69,6 +70,7 @@ class FoldRow(Base):
     pinned: Mapped[bool] = mapped_column(default=False)
     strategy: Mapped[str] = mapped_column(sa.String(16), default="auto")
     smooths: Mapped[str | None] = mapped_column(sa.String(32), default=None)
+    settings: Mapped[str] = mapped_column(sa.String(500), default="")
     owner: Mapped[str | None] = mapped_column(sa.String(64), index=True, default=None)
     derived_bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
 

@@ -373,6 +373,7 @@ class _Progress:
             "fraction": 0.0,
             "steps": 0,
             "steps_per_second": 0.0,
+            "simulated_s": 0.0,
             "message": "getting ready" if stage == STAGES[0] else "",
         }
         self._waits = True

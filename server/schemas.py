@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, Field
 
+from planner.expected import expected_seconds
 from planner.exports import Export
 from planner.verdicts import summary_told_honestly
 from server.gallery import GalleryShape
@@ -116,6 +117,7 @@ class Progress(BaseModel):
     fraction: float = Field(description="0 to 1, of the stage.")
     steps: int
     steps_per_second: float
+    simulated_s: float = Field(description="Simulated time of the stage; 0 where none is told.")
     message: str
     modules: int
     queue_position: int = Field(description="1 is next; 0 when it does not wait.")
@@ -151,6 +153,9 @@ class Fold(BaseModel):
         description="The id of the fold whose plan it smooths; null when it is recorded."
     )
     preset: str
+    settings: str = Field(
+        description="Where they differ from the preset's: `damping=0.05,step_s=0.005`."
+    )
     seed: int
     module_size: float | None
     strategy: str = Field(description="How its chain is let go: `auto` is what suits it.")
@@ -177,6 +182,7 @@ class Fold(BaseModel):
             refold=row.refold,
             smooths=row.smooths,
             preset=row.preset,
+            settings=row.settings,
             seed=row.seed,
             module_size=row.module_size,
             strategy=row.strategy,
@@ -296,6 +302,7 @@ class Preview(BaseModel):
         description="Why no path begins there; the path is another one then. Empty when one does."
     )
     expected_s: float = Field(description="About how long the fold will take.")
+    expected_as_published_s: float = Field(description="The same with the preset `paper`.")
     positions: list[list[float]] | None = Field(
         description="Of the folded chain's modules; None without a chain."
     )
@@ -309,8 +316,13 @@ class Preview(BaseModel):
         """The report of a preview; without what is large unless ``full``."""
         without = {"cells": [], "mesh": None, "positions": None, "wxyzs": None, "line": None}
         large = {} if full else without
-        links = PreviewLinks(page=f"/previews/{preview_id}", folds="/api/folds")
-        return cls.model_validate({**report, **large, "id": preview_id, "key": key, "links": links})
+        more = {
+            "id": preview_id,
+            "key": key,
+            "expected_as_published_s": expected_seconds(report["modules"], "paper"),
+            "links": PreviewLinks(page=f"/previews/{preview_id}", folds="/api/folds"),
+        }
+        return cls.model_validate({**report, **large, **more})
 
 
 class FramesBody(BaseModel):
@@ -348,6 +360,7 @@ def progress_of(row: FoldRow, store: Store, leases: Leases) -> dict[str, Any]:
         "fraction": 1.0 if row.over else float(told.get("fraction", 0.0)),
         "steps": int(told.get("steps", 0)),
         "steps_per_second": float(told.get("steps_per_second", 0.0)),
+        "simulated_s": float(told.get("simulated_s", 0.0)),
         "message": str(told.get("message", "")),
         "modules": row.modules,
         "queue_position": place,

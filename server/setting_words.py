@@ -41,10 +41,14 @@ ROWS: Final = tuple(
     )
     for setting in SETTINGS
 )
+LISTED: Final = ", ".join(f"`{row.name}`{f' ({row.unit})' if row.unit else ''}" for row in ROWS)
+"""Their names and units, for the description of the API."""
 
 
 def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:
     """What a fold's settings have changed, as labels and values: ``0.05, instead of 0.1``."""
+    if not settings:
+        return []
     found, usual = read_settings(settings), preset(preset_name)
     return [
         (setting.label, f"{_told(found[setting.name], setting.unit)}, instead of {default}")

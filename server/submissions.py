@@ -37,6 +37,8 @@ class Submission:
     upload: Upload
     shape: str | None
     preset: str
+    settings: str = ""
+    """As ``planner.request.Request.canonical`` writes them."""
     seed: int
     module_size: float | None
     visitor: str
@@ -92,6 +94,7 @@ class Submission:
             **self.wishes.changed(),
             **({} if self.beginning is None else {self.beginning.use: self.beginning.digest}),
             **({} if self.strategy == AUTO else {"strategy": self.strategy}),
+            **({"settings": self.settings} if self.settings else {}),
             **({} if self.public else {"owner": owner}),
         }
         return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()
@@ -136,6 +139,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
             shape=submission.shape,
             public=submission.public,
             preset=submission.preset,
+            settings=submission.settings,
             seed=submission.seed,
             module_size=submission.module_size,
             content_key=submission.content_key,
@@ -267,6 +271,7 @@ def _write(directory: Path, submission: Submission) -> None:
     request = {
         "filename": submission.upload.filename,
         "preset": submission.preset,
+        "settings": submission.settings,
         "seed": submission.seed,
         "module_size": submission.module_size,
         **submission.wishes.changed(),

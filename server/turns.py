@@ -18,9 +18,9 @@ LATEST: Final = 2**31 - 2
 SLOWEST: Final = 3600.0
 
 
-def expected_s(modules: int) -> float:
+def expected_s(modules: int, preset: str) -> float:
     """About how long a fold takes, as far as its turn depends on it."""
-    return min(SLOWEST, expected_seconds(modules))
+    return min(SLOWEST, expected_seconds(modules, preset))
 
 
 def ticks(cost_s: float) -> int:

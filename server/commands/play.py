@@ -19,7 +19,8 @@ from fastapi.responses import RedirectResponse
 
 from planner.diagnosis import stuck_of
 from planner.ended import where
-from planner.errors import TimelineError
+from planner.errors import InputError, TimelineError
+from planner.request import Request
 from planner.stages import work_out_figures
 from planner.timeline import Timeline
 from planner.verdicts import told_honestly
@@ -41,6 +42,7 @@ class FolderRow:
     modules: int
     module: str
     preset: str | None
+    settings: str
     seed: int | None
     summary: dict[str, Any]
     stage: str | None = None
@@ -123,6 +125,7 @@ def row_of(directory: Path) -> FolderRow:
         modules=len(chain),
         module=chain.module.name,
         preset=request.get("preset") or plan.get("preset"),
+        settings=_settings(request.get("preset"), request.get("settings")),
         seed=request.get("seed", plan.get("seed")),
         summary=summary,
     )
@@ -198,6 +201,14 @@ def play(
             timeout_graceful_shutdown=2,
         )
     ).run()
+
+
+def _settings(preset: Any, settings: Any) -> str:
+    """What a fold was asked for with; none where a file says what cannot have been."""
+    try:
+        return Request(preset=str(preset), settings=str(settings or "")).canonical().settings
+    except InputError:
+        return ""
 
 
 def _json(path: Path) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 
 from planner.errors import TimelineError
+from planner.expected import expected_seconds
 from planner.exports import exports_of
 from planner.modules import CUBE, MODULES
 from planner.parameters import AUTO
@@ -26,6 +27,7 @@ from server.quantities import parameters as parameters_in_words
 from server.routes.failures import attempts, exploding, failure
 from server.routes.finding import Found
 from server.schemas import export_href
+from server.setting_words import changed, in_a_line
 from server.smoothing_words import note_of, rows_of
 from server.timelines import frames_promised
 
@@ -69,7 +71,7 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
         "name": _title(row),
         "status": row.status,
         "running": running and api,
-        "preset": PRESETS.get(row.preset, row.preset),
+        "preset": f"{PRESETS.get(row.preset, row.preset)}{in_a_line(row.settings)}",
         "verdict": _verdict(row, summary, certificate),
         "cover": "Loading the view" if not running else "Waiting for the first frame",
         "problem": problem,
@@ -78,6 +80,7 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
         "again": _again(row) if api else None,
         "frames": frames_promised(directory),
         "refoldable": api and row.status == "verified",
+        "refold": _published(row) if row.preset == "paper" else {},
         "smoothable": api and _smoothable(row, summary),
         "smoothing": _smoothing(found if api else None, summary),
         "compare": _compare(found) if api and not running else [],
@@ -153,9 +156,14 @@ def _problem(row: Any, summary: dict[str, Any]) -> dict[str, str] | None:
     return None
 
 
+def _published(row: Any) -> dict[str, str]:
+    """The fields of a form that ask for a fold's preset with its settings."""
+    return {"preset": row.preset, **({"settings": row.settings} if row.settings else {})}
+
+
 def _again(row: Any) -> dict[str, Any] | None:
     """What may be tried where there is no plan: words for a button, and the form to send."""
-    form: dict[str, Any] = {"fold": row.id, "preset": row.preset, "seed": row.seed}
+    form: dict[str, Any] = {"fold": row.id, **_published(row), "seed": row.seed}
     if row.module_size is not None:
         form["module_size"] = row.module_size
     if row.strategy != AUTO:
@@ -166,7 +174,9 @@ def _again(row: Any) -> dict[str, Any] | None:
         return None
     plain = Request()
     if row.preset != plain.preset:
-        return {"text": "Try with the default preset", "form": {**form, "preset": plain.preset}}
+        plainly = {key: value for key, value in form.items() if key != "settings"}
+        plainly["preset"] = plain.preset
+        return {"text": "Try with the default preset", "form": plainly}
     if row.module_size is not None and row.module_size > plain.parameters().module_size:
         usual = {key: value for key, value in form.items() if key != "module_size"}
         return {"text": "Try the usual module size", "form": usual}
@@ -181,7 +191,7 @@ def _compare(found: Found) -> list[dict[str, Any]]:
     if row.module_size is not None:
         form["module_size"] = row.module_size
     seed = (row.seed + 1) % (LARGEST_SEED + 1)
-    other = {**form, "preset": row.preset, "seed": seed}
+    other = {**form, **_published(row), "seed": seed}
     another = {"text": "Another seed", "hint": f"Seed {seed}", "form": other}
     if getattr(row, "smooths", None):
         recorded = {"text": "As recorded", "hint": "What was smoothed", "id": found.recorded}
@@ -189,14 +199,22 @@ def _compare(found: Found) -> list[dict[str, Any]]:
     ways = (
         ("default", "Reverse explosion", "Our preset"),
         ("direct", "Direct servoing", "Straight to the shape, without a record"),
-        ("paper", "As published", "The paper's parameters; takes minutes"),
+        ("paper", "As published", f"Takes {_about(expected_seconds(row.modules, 'paper'))}"),
     )
     others = [
         {"text": text, "hint": hint, "form": {**form, "preset": preset}}
         for preset, text, hint in ways
-        if preset != row.preset
+        if preset != row.preset or row.settings
     ]
     return [*others, another]
+
+
+def _about(seconds: float) -> str:
+    """A time that is not known exactly: ``about a minute``."""
+    minutes = round(seconds / 60)
+    if minutes > 1:
+        return f"about {minutes} minutes"
+    return "about a minute" if seconds >= 45 else "less than a minute"
 
 
 def _smoothable(row: Any, summary: dict[str, Any]) -> bool:
@@ -258,6 +276,7 @@ def _properties(
                 ("Identifier", row.id),
             ],
         ),
+        ("Changed settings", [*changed(row.preset, row.settings)]),
         (
             "Certificate",
             [

@@ -11,8 +11,11 @@ from fastapi import APIRouter, Depends, File, Form, Request, UploadFile
 from fastapi.responses import Response, StreamingResponse
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
+from planner.errors import InputError
+from planner.paper_settings import LONGEST
 from planner.readers.limits import quote
 from planner.request import LARGEST_SEED, MODULE_SIZES
+from planner.request import Request as Asked
 from planner.starts import TEXT as START
 from planner.starts import cell_of
 from planner.wishes import MODULE_COUNTS
@@ -24,6 +27,7 @@ from server.lately import mark
 from server.previews import ShapeWishes
 from server.problems import Problem
 from server.schemas import Accepted, Fold, Folds, Links, ProblemBody, Shape, Shapes
+from server.setting_words import LISTED as SETTINGS_LISTED
 from server.store import new_token
 from server.submissions import Submission, input_noted, noted, submit
 from server.uploads import FormRoute
@@ -138,6 +142,15 @@ def post_fold(
         Literal["default", "paper", "direct"],
         Form(description="`direct` servoes straight to the shape: the baseline that fails."),
     ] = "default",
+    settings: Annotated[
+        str,
+        Form(
+            # Longer ones are refused in the planner's words.
+            json_schema_extra={"maxLength": LONGEST},
+            description="Other numbers for the presets `paper` and `direct`, as "
+            f"`damping=0.05,radial_gain=0.2`. There are: {SETTINGS_LISTED}.",
+        ),
+    ] = "",
     seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
     module_size: Annotated[
         float | None,
@@ -156,6 +169,11 @@ def post_fold(
 
     So is a shape of the gallery, as it is usually folded, for everybody.
     """
+    try:
+        asked = Asked(preset=preset, settings=settings)
+        asked.check()
+    except InputError as error:
+        raise Problem.of_input(error) from None
     source, filename = input_of(context, file, shape, preview, fold, smooth)
     if smooth is not None and refold is not None:
         source.close()
@@ -189,6 +207,7 @@ def post_fold(
                     upload=upload,
                     shape=shape,
                     preset=preset,
+                    settings=asked.canonical().settings,
                     seed=seed,
                     module_size=module_size,
                     visitor=context.visitor(request),

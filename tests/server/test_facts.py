@@ -93,6 +93,7 @@ def found(directory: Path, frames: int, **values: Any) -> Found:
         "status": "failed",
         "modules": 16,
         "preset": "default",
+        "settings": "",
         "seed": 0,
         "module_size": None,
         "strategy": "auto",
@@ -196,6 +197,41 @@ def test_what_may_be_tried_again_is_offered(tmp_path: Path) -> None:
         assert again["form"] == {"fold": "f" * 20, "preset": name, "seed": seed}
     for values in ({"status": "verified"}, {"status": "running"}, {"stage": "read"}):
         assert fold_facts(found(tmp_path, 0, **values))["again"] is None
+
+
+SETTINGS = "damping=0.05,radial_gain=0.2"
+
+
+def test_changed_settings_are_told_and_kept(tmp_path: Path) -> None:
+    row = {"preset": "paper", "settings": SETTINGS}
+    facts = fold_facts(found(tmp_path, 0, status="cancelled", **row))
+    assert facts["preset"] == "As in the paper, Radial force gain λ 0.2, Damping 0.05"
+    groups = {group["heading"]: group["rows"] for group in facts["properties"]}
+    assert groups["Changed settings"] == [
+        {"label": "Radial force gain λ", "value": "0.2 dyn, instead of 0.1"},
+        {"label": "Damping", "value": "0.05 of the speed, each step, instead of 0.1"},
+    ]
+    assert facts["again"]["form"] == {"fold": "f" * 20, "seed": 0, **row}
+    assert facts["refold"] == row
+    forms = {way["text"]: way["form"] for way in facts["compare"]}
+    assert forms["Another seed"] == {"fold": "f" * 20, "seed": 1, **row}
+    assert forms["As published"] == {"fold": "f" * 20, "seed": 0, "preset": "paper"}
+    failed = fold_facts(found(tmp_path, 0, **row))
+    assert failed["again"]["form"] == {"fold": "f" * 20, "preset": "default", "seed": 0}
+    usual = fold_facts(found(tmp_path, 0, status="verified"))
+    assert usual["refold"] == {}
+    assert "Changed settings" not in {group["heading"] for group in usual["properties"]}
+
+
+@pytest.mark.parametrize(
+    ("modules", "hint"), [(16, "less than a minute"), (160, "about a minute"), (500, "about 3 min")]
+)
+def test_how_long_the_published_method_takes_is_told(
+    tmp_path: Path, modules: int, hint: str
+) -> None:
+    facts = fold_facts(found(tmp_path, 0, status="verified", modules=modules))
+    (published,) = [way for way in facts["compare"] if way["text"] == "As published"]
+    assert published["hint"].startswith(f"Takes {hint}")
 
 
 def test_what_went_wrong_is_a_sentence(tmp_path: Path) -> None:

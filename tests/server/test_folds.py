@@ -17,7 +17,7 @@ from planner.timeline import Timeline
 from server.cancelled import KEPT_S, sweep_cancelled
 from server.settings import Settings
 from server.store import Store
-from tests.server.service import SNAKE, Service, owner
+from tests.server.service import SNAKE, STAIRS, Service, owner
 
 
 def get(service: Service, finished: dict[str, Any], part: str, **params: Any) -> httpx.Response:
@@ -285,6 +285,49 @@ def test_a_fold_is_asked_for_once_more_by_its_id(desk: Service) -> None:
     assert (answer.status_code, answer.json()["code"]) == (404, "no-input")
     assert desk.state(first["id"])["status"] == "cancelled"
     assert desk.http.get(f"/folds/{first['id']}").status_code == 200
+
+
+def test_settings_make_another_fold_unless_they_change_nothing(desk: Service) -> None:
+    first = desk.fold(STAIRS, preset="paper", settings=" radial_gain=.2, damping=0.10,")
+    assert desk.state(first["id"])["settings"] == "radial_gain=0.2"
+    request = json.loads((desk.directory(first["id"]) / "request.json").read_bytes())
+    assert request["settings"] == "radial_gain=0.2"
+    token = first["owner_token"]
+
+    def again(**form: str) -> dict[str, Any]:
+        return desk.fold(STAIRS, token=token, **{"preset": "paper", **form})
+
+    same = again(settings="step_s=0.01,radial_gain=0.20")
+    assert (same["existing"], same["id"]) == (True, first["id"])
+    plain = again()
+    assert not plain["existing"]
+    assert again(settings="damping=0.1")["id"] == plain["id"]
+    assert not again(settings="radial_gain=0.3")["existing"]
+    # By its id, too; what is made of it goes with the settings that are asked for.
+    link = {"fold": first["id"], "preset": "paper"}
+    assert desk.fold(**link, settings="radial_gain=0.2", token=token)["id"] == first["id"]
+    assert desk.fold(**link, settings="radial_gain=0.2")["id"] == first["id"]
+    assert desk.fold(**link, token=token)["id"] == plain["id"]
+
+
+def test_a_published_fold_is_followed_by_simulated_seconds_and_refolded(service: Service) -> None:
+    asked = {"preset": "paper", "settings": "radial_gain=0.5"}
+    first = service.fold(STAIRS, **asked)
+    seen = [data for name, data in service.events(first["id"]) if name == "progress"]
+    told = [(each["steps"], each["simulated_s"]) for each in seen if each["stage"] == "explode"]
+    steps, simulated_s = max(told)
+    assert steps > 0
+    assert simulated_s == pytest.approx(0.01 * steps)
+    state = service.state(first["id"])
+    assert (state["status"], state["settings"]) == ("verified", "radial_gain=0.5")
+    parameters = service.http.get(f"/api/folds/{first['id']}/plan.json").json()["parameters"]
+    assert parameters["explosion"]["radial_gain"] == 0.5
+    turned = [[y, x, z] for x, y, z in STAIRS]
+    back = service.fold(turned, refold=first["id"], **asked)
+    state = service.wait_over(back["id"])
+    assert (state["status"], state["settings"]) == ("verified", "radial_gain=0.5")
+    again = service.fold(fold=back["id"], token=back["owner_token"], **asked)
+    assert (again["existing"], again["id"]) == (True, back["id"])
 
 
 def test_a_fold_of_the_gallery_stays_one_when_asked_for_again(desk: Service) -> None:

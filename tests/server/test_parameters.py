@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from planner.paper_settings import LONGEST, SETTINGS
 from planner.parameters import PRESETS, STRATEGY_WISHES
 from planner.pathfinding.candidates import METHODS
 from planner.request import LARGEST_SEED, MODULE_SIZES
@@ -54,6 +55,28 @@ def test_http_and_the_command_line_refuse_in_the_same_words(
     assert {key: answer.json()[key] for key in ("code", "detail", "where")} == typed["error"]
 
 
+@pytest.mark.parametrize(
+    ("preset", "settings"),
+    [
+        ("paper", "speed=1"),
+        ("paper", "damping=2"),
+        ("paper", "d" * 501),
+        ("default", "damping=0.2"),
+    ],
+)
+def test_settings_are_refused_in_the_same_words(
+    desk: Service, tmp_path: Path, preset: str, settings: str
+) -> None:
+    command = ["fold", "mallet-64", "--out", str(tmp_path / "out"), "--preset", preset, "--json"]
+    told = CliRunner().invoke(application(), [*command, "--set", settings])
+    assert told.exit_code == 2, told.output
+    error = json.loads(told.output)["error"]
+    assert (error["code"], error["where"]) == ("bad-settings", "settings")
+    form = {"shape": "mallet-64", "preset": preset, "settings": settings}
+    status, problem = desk.refused(**form)
+    assert (status, {key: problem[key] for key in error}) == (422, error)
+
+
 def test_what_a_shape_is_asked_for_reads_the_same(tmp_path: Path) -> None:
     for option, code in (("--modules=many", "bad-modules"), ("--seed=-1", "bad-seed")):
         out = str(tmp_path / "path.json")
@@ -79,6 +102,8 @@ def test_the_api_says_what_the_planner_takes(desk: Service) -> None:
     assert tuple(of("strategy")["enum"]) == STRATEGY_WISHES
     assert tuple(of("method")["enum"]) == METHODS
     assert tuple(of("ends")["enum"]) == ENDS
+    assert of("settings")["maxLength"] == LONGEST
+    assert all(f"`{setting.name}`" in of("settings")["description"] for setting in SETTINGS)
     for name, limits in (
         ("seed", (0, LARGEST_SEED)),
         ("modules", MODULE_COUNTS),

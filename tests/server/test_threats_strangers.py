@@ -234,6 +234,28 @@ def test_senseless_questions_are_answered(
         assert answer.status_code < 500 or answer.json()["code"] == "busy", (question, answer.text)
 
 
+@pytest.mark.parametrize(
+    "settings",
+    [
+        "damping=" + "9" * 5000,
+        "," * 100_000,
+        "damping=1e999",
+        "damping=٣",
+        "damping=0x1",
+        "__class__=1",
+        "damping=<script>",
+        "damping=0.1\x00",
+        "damping=\ud800".encode("utf-8", "surrogatepass"),
+    ],
+    ids=lambda settings: ascii(settings[:20]),
+)
+def test_hostile_settings_are_refused(desk: Service, settings: str | bytes) -> None:
+    form: dict[str, Any] = {"shape": "mallet-64", "preset": "paper", "settings": settings}
+    answer = desk.http.post("/api/folds", data=form)
+    assert 400 <= answer.status_code < 500, answer.text
+    assert len(answer.text) < 1000
+
+
 def test_other_methods_do_nothing(desk: Service) -> None:
     for method in ("PUT", "PATCH", "TRACE", "CONNECT", "PROPFIND", "OPTIONS"):
         for path in ("/api/folds", "/", "/api/folds/x"):
