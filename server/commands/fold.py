@@ -144,8 +144,9 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
             bar = bars.add_task({**WORDS, **words}[stage], total=1.0, note="")
 
             def report(progress: StageProgress, bar: Any = bar) -> None:
-                note = {"note": _steps(progress)} if progress.steps else {}
-                bars.update(bar, completed=progress.fraction, **note)
+                bars.update(bar, completed=progress.fraction)
+                if progress.steps:
+                    bars.update(bar, note=_steps(progress))
 
             summary = run_stage(stage, out, progress=report, tries=tries)
             stage = next_stage(stage, summary)

@@ -185,7 +185,10 @@ def _again(row: Any) -> dict[str, Any] | None:
 
 
 def _compare(found: Found) -> list[dict[str, Any]]:
-    """What a fold may be set beside: words for a button, and the form to send for the other."""
+    """What a fold may be set beside: words for a button, and the form to send for the other.
+
+    ``settable`` tells that settings of the published method may be sent with it, or must.
+    """
     row = found.row
     form: dict[str, Any] = {"fold": row.id, "seed": row.seed}
     if row.module_size is not None:
@@ -199,14 +202,20 @@ def _compare(found: Found) -> list[dict[str, Any]]:
     ways = (
         ("default", "Reverse explosion", "Our preset"),
         ("direct", "Direct servoing", "Straight to the shape, without a record"),
-        ("paper", "As published", f"Takes {_about(expected_seconds(row.modules, 'paper'))}"),
     )
     others = [
         {"text": text, "hint": hint, "form": {**form, "preset": preset}}
         for preset, text, hint in ways
-        if preset != row.preset or row.settings
+        if (preset, "") != (row.preset, row.settings)
     ]
-    return [*others, another]
+    published = {"form": {**form, "preset": "paper"}, "settable": "may"}
+    if (row.preset, row.settings) == ("paper", ""):
+        published |= {"text": "As published, changed", "hint": "With settings of your own"}
+        published["settable"] = "must"
+    else:
+        takes = _about(expected_seconds(row.modules, "paper"))
+        published |= {"text": "As published", "hint": f"Takes {takes}"}
+    return [*others, published, another]
 
 
 def _about(seconds: float) -> str:

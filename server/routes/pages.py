@@ -28,6 +28,7 @@ from server.routes.facts import fold_facts
 from server.routes.finding import Found, find_now
 from server.routes.pictures import picture_answer
 from server.security import LISTED
+from server.setting_words import ROWS, SOURCES
 from web.isometric import isometric_svg
 from web.isometric_modules import chain_svg
 from web.scenery import scenery_of
@@ -56,6 +57,8 @@ POLICY: Final = "; ".join(
         "frame-ancestors 'self'",
     )
 )
+KNOWN: Final[dict[str, Any]] = {"paper_settings": ROWS, "setting_sources": SOURCES}
+"""What every template may use."""
 HEADINGS: Final = {
     404: "There is nothing here",
     429: "This is a little too much at once",
@@ -255,7 +258,7 @@ def page(
 
 def rendered(template: str, /, **values: Any) -> str:
     """A template filled in."""
-    return _templates().get_template(template).render(**values)
+    return _templates().get_template(template, globals=KNOWN).render(**values)
 
 
 @cache

@@ -1,5 +1,6 @@
 // Where one goes from a fold: beside another one, or on into another shape.
 import { UNREACHABLE, askForFold, foldAsked } from "./asking.js";
+import { changed, open, refused } from "./paper_settings.js";
 import { element } from "./words.js";
 
 const get = (id) => document.getElementById(id);
@@ -16,6 +17,7 @@ export class Companions {
     this.id = facts.id;
     this.folded = facts.refoldable;
     this.others = facts.compare;
+    this.published = facts.refold;
     get("compare").hidden = facts.running;
     get("refold").hidden = !facts.refoldable;
     get("smooth").hidden = !facts.smoothable;
@@ -27,8 +29,10 @@ export class Companions {
 
   fillCompare() {
     const ways = get("compare-ways");
-    ways.replaceChildren(...this.others.map(({ text, hint, form, id }) => this.way(text, hint, async () => {
+    get("paper-settings").hidden = !this.others.some(({ settable }) => settable);
+    ways.replaceChildren(...this.others.map(({ text, hint, form, id, settable }) => this.way(text, hint, async () => {
       if (id) location.href = `/compare?a=${id}&b=${this.id}`;
+      else if (settable) return this.comparePublished(form, settable);
       else location.href = `/compare?a=${this.id}&b=${(await foldAsked(form)).id}`;
     })));
     get("compare-form").onsubmit = (event) => {
@@ -37,6 +41,21 @@ export class Companions {
       if (found) location.href = `/compare?a=${this.id}&b=${found[1]}`;
       else this.toast("That is no link of a fold");
     };
+  }
+
+  // Beside the published method, with settings of one's own where there are some, or must be. True
+  // when the page stays.
+  async comparePublished(form, settable) {
+    const settings = changed();
+    get("compare-message").textContent = "";
+    if (settable === "must" && !settings.settings) { get("compare-message").textContent = "Change a setting below."; open(); return true; }
+    try {
+      location.href = `/compare?a=${this.id}&b=${(await foldAsked({ ...form, ...settings })).id}`;
+    } catch (error) {
+      get("compare-message").textContent = refused(error.message);
+      return true;
+    }
+    return false;
   }
 
   // Shapes of the gallery that this chain can become as well.
@@ -57,7 +76,7 @@ export class Companions {
     this.filled = true;
     if (!shapes.length) hint("No shape of the gallery has the same number of modules. Take a file of your own.");
     else list.replaceChildren(...shapes.map(({ name, title, modules }) => this.way(title, `${modules} modules`, async () => {
-      const refold = await foldAsked({ refold: this.id, shape: name });
+      const refold = await foldAsked({ refold: this.id, shape: name, ...this.published });
       location.href = `/folds/${refold.id}`;
     }, `/shapes/${name}.svg`)));
   }
@@ -75,7 +94,7 @@ export class Companions {
     if (!file) return;
     get("refold-message").textContent = "";
     try {
-      location.href = `/folds/${(await foldAsked({ refold: this.id, file })).id}`;
+      location.href = `/folds/${(await foldAsked({ refold: this.id, file, ...this.published })).id}`;
     } catch (error) {
       get("refold-message").textContent = error.message;
     }
@@ -87,7 +106,7 @@ export class Companions {
       element("span", {}, text, element("small", {}, hint)));
     button.onclick = async () => {
       button.disabled = true;
-      try { await go(); } catch (error) { this.toast(error.message); button.disabled = false; }
+      try { if (await go()) button.disabled = false; } catch (error) { this.toast(error.message); button.disabled = false; }
     };
     return button;
   }

@@ -1,6 +1,7 @@
 // The landing page: takes files and shapes, and keeps the featured fold in motion.
 import { UNREACHABLE, askForFold } from "./asking.js";
 import { playHero } from "./hero.js";
+import { changed, follow, refused } from "./paper_settings.js";
 import { refusal } from "./words.js";
 
 const get = (id) => document.getElementById(id);
@@ -21,9 +22,11 @@ function say(text, tone = "") {
 async function start(fields, label) {
   say(`Sending ${label}…`);
   const resting = player.send({ do: "pause" });
-  const refused = await askForFold({ ...fields, preset: get("preset").value, seed: get("seed").value || "0" });
-  if (!refused) return;
-  say(refused, "bad");
+  const preset = get("preset").value;
+  const settings = preset === "paper" ? changed() : {};
+  const problem = await askForFold({ ...fields, preset, ...settings, seed: get("seed").value || "0" });
+  if (!problem) return;
+  say(refused(problem), "bad");
   if (resting && !calm) player.send({ do: "play" });
 }
 
@@ -71,6 +74,7 @@ function offer(file) {
   button.onclick = () => send(file, true);
 }
 
+follow(get("preset"));
 drop.addEventListener("submit", (event) => event.preventDefault());
 get("file").addEventListener("change", (event) => { if (event.target.files[0]) send(event.target.files[0]); event.target.value = ""; });
 let depth = 0;

@@ -1,5 +1,6 @@
 // The preview page: wishes in the panel, their report in figures, and the scene that shows it.
 import { UNREACHABLE, askForFold } from "./asking.js";
+import { changed, follow, refused } from "./paper_settings.js";
 import { PreviewStage } from "./preview_stage.js";
 import { hasWebGL } from "./scene.js";
 import { element, refusal, sentence, whole, duration } from "./words.js";
@@ -128,6 +129,11 @@ function put(id, text, tone = "") {
 }
 
 
+function expected() {
+  const seconds = get("preset").value === "paper" ? report.expected_as_published_s : report.expected_s;
+  put("expected", report.has_path ? duration(seconds) : "–");
+}
+
 function show() {
   const { kind, name, modules, iou, feasibility, knot, has_path: path } = report;
   get("name").textContent = name;
@@ -156,7 +162,7 @@ function show() {
   get("iou-part").hidden = iou === null;
   put("iou", iou === null ? "" : `${Math.round(100 * iou)} %`);
   get("iou-part").style.setProperty("--share", iou ?? 0);
-  put("expected", path ? duration(report.expected_s) : "–");
+  expected();
   put("candidates", String(report.candidates));
   const knots = { unknot: "None", knotted: "Knotted", undecided: "Undecided" };
   put("knot", knot ? knots[knot.verdict] : "–", knot?.verdict === "knotted" ? "bad" : "");
@@ -295,6 +301,8 @@ get("wishes").addEventListener("submit", (event) => { event.preventDefault(); lo
 get("modules").addEventListener("input", () => { set(modulesAt(Number(get("modules").value))); soon(); });
 get("modules-number").addEventListener("change", () => { set(Number(get("modules-number").value)); look(); });
 get("seed").addEventListener("change", () => { wishes.seed = Math.max(0, Math.floor(Number(get("seed").value)) || 0); elsewhere(); look(); });
+follow(get("preset"));
+get("preset").addEventListener("change", () => { if (report) expected(); });
 for (const input of document.querySelectorAll(".choice input")) {
   input.addEventListener("change", () => { choose(input.name, input.value); if (input.name !== "ends") elsewhere(); look(); });
 }
@@ -317,11 +325,13 @@ get("fold").onclick = async () => {
   button.textContent = "Sending…";
   problem("");
   const body = form();
-  body.set("preset", get("preset").value);
+  const preset = get("preset").value;
+  body.set("preset", preset);
+  if (preset === "paper") for (const [key, value] of Object.entries(changed())) body.set(key, value);
   if (report.as_voxels) body.set("as_voxels", "true");
-  const refused = await askForFold(body);
-  if (!refused) return;
-  problem(refused);
+  const said = await askForFold(body);
+  if (!said) return;
+  problem(refused(said));
   button.disabled = false;
   button.textContent = `Fold ${whole(report.modules)} modules`;
 };

@@ -69,7 +69,8 @@ export class Progress {
     } else {
       const parts = [`${text} ${Math.floor(100 * (now.fraction ?? 0))} %`];
       if (now.steps) parts.push(`${whole(now.steps)} steps`);
-      if (now.steps_per_second) parts.push(`${whole(now.steps_per_second)} steps/s`);
+      if (now.simulated_s) parts.push(`${whole(now.simulated_s)} s simulated`);
+      else if (now.steps_per_second) parts.push(`${whole(now.steps_per_second)} steps/s`);
       text = parts.join(" · ");
     }
     this.say(text);
