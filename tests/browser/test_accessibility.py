@@ -75,7 +75,7 @@ def test_axe_sees_what_is_wrong(visit: Visit) -> None:
 def test_landing_with_all_its_parts_open(visit: Visit) -> None:
     page = visit("/")
     page.locator("#type").click()
-    page.locator(".options summary").click()
+    page.locator(".options > summary").click()
     page.locator("#angles").fill("no signs")
     page.locator("#typed").click()
     expect(page.locator("#drop-message")).to_have_attribute("data-tone", "bad")
@@ -90,7 +90,7 @@ def test_preview(visit: Visit) -> None:
     page.wait_for_url(re.compile("/previews/[a-z0-9]+$"))
     page.locator("body:not(.busy-now)").wait_for()
     page.locator("#cover.drawn, #cover.gone").wait_for(state="attached")
-    page.locator(".more summary").click()
+    page.locator(".more > summary").click()
     assert findings(page) == {}
 
 

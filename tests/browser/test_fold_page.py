@@ -82,12 +82,14 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
             route.continue_()
             return
         told = {"status": "running", "stage": "explode", "fraction": 0.4, "steps": 1200}
-        route.fulfill(json={"progress": told})
+        route.fulfill(json={"progress": told | {"steps_per_second": 100, "simulated_s": 12.2}})
 
     page.route("**/api/folds/*/events", lambda route: route.fulfill(status=429))
     page.route(re.compile(r"/api/folds/[a-z0-9]+$"), answer)
     dropped(page, json.dumps(json.loads(SHAPE.read_text()) | {"name": "asked for"}))
-    expect(page.locator("#verdict")).to_have_text(re.compile(r" 40 % · 1.?200 steps$"))
+    expect(page.locator("#verdict")).to_have_text(
+        re.compile(r" 40 % · 1.?200 steps · 12 s simulated$")
+    )
     expect(page.locator("#verdict")).to_have_text(re.compile("^verified"))
     expect(page.locator("#progress")).to_be_hidden()
     assert len(asked) > 1

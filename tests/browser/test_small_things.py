@@ -49,7 +49,7 @@ def test_messages_are_sentences(visit: Visit) -> None:
     message = page.locator("#drop-message[data-tone=bad]")
     expect(message).to_contain_text(re.compile("[a-z]"))
     assert message.inner_text()[0].isupper()
-    page.locator("details.options summary").click()
+    page.locator("details.options > summary").click()
     page.locator("#seed").evaluate("seed => { seed.value = 99999999999; }")
     page.locator("[data-shape=wrench-24]").click()
     expect(message).to_have_text(
@@ -61,7 +61,7 @@ def test_messages_are_sentences(visit: Visit) -> None:
 
 def test_the_baseline_is_offered_and_its_failure_is_shown(visit: Visit, service: Service) -> None:
     page = visit("/")
-    page.locator("details.options summary").click()
+    page.locator("details.options > summary").click()
     page.locator("#preset").select_option(label="Direct servoing (the baseline that fails)")
     page.locator("[data-shape=wrench-80]").click()
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))

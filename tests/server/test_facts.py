@@ -216,6 +216,9 @@ def test_changed_settings_are_told_and_kept(tmp_path: Path) -> None:
     forms = {way["text"]: way["form"] for way in facts["compare"]}
     assert forms["Another seed"] == {"fold": "f" * 20, "seed": 1, **row}
     assert forms["As published"] == {"fold": "f" * 20, "seed": 0, "preset": "paper"}
+    plain = fold_facts(found(tmp_path, 0, status="verified", preset="paper"))["compare"]
+    settable = {way["text"]: way["settable"] for way in plain if "settable" in way}
+    assert settable == {"As published, changed": "must"}
     failed = fold_facts(found(tmp_path, 0, **row))
     assert failed["again"]["form"] == {"fold": "f" * 20, "preset": "default", "seed": 0}
     usual = fold_facts(found(tmp_path, 0, status="verified"))
