@@ -76,6 +76,8 @@ def test_landing_with_all_its_parts_open(visit: Visit) -> None:
     page = visit("/")
     page.locator("#type").click()
     page.locator(".options > summary").click()
+    page.locator("#preset").select_option("paper")
+    page.locator("#paper-settings > summary").click()
     page.locator("#angles").fill("no signs")
     page.locator("#typed").click()
     expect(page.locator("#drop-message")).to_have_attribute("data-tone", "bad")
@@ -91,6 +93,8 @@ def test_preview(visit: Visit) -> None:
     page.locator("body:not(.busy-now)").wait_for()
     page.locator("#cover.drawn, #cover.gone").wait_for(state="attached")
     page.locator(".more > summary").click()
+    page.locator("#preset").select_option("paper")
+    page.locator("#paper-settings > summary").click()
     assert findings(page) == {}
 
 

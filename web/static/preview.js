@@ -331,6 +331,7 @@ get("fold").onclick = async () => {
   if (report.as_voxels) body.set("as_voxels", "true");
   const said = await askForFold(body);
   if (!said) return;
+  problem(said); // takes its room first, so that the field is seen beside it
   problem(refused(said));
   button.disabled = false;
   button.textContent = `Fold ${whole(report.modules)} modules`;
