@@ -60,6 +60,14 @@ def test_pages_that_need_no_fold(visit: Visit, path: str) -> None:
     assert findings(visit(path)) == {}
 
 
+def test_the_paper_with_a_film_open(visit: Visit) -> None:
+    page = visit("/paper")
+    run = page.locator(".run:has(.run-where)").first
+    run.locator(".run-where").click()
+    run.locator(".run-view.moving").wait_for()
+    assert findings(page) == {}
+
+
 def test_axe_sees_what_is_wrong(visit: Visit) -> None:
     page = visit("/folds/nosuchfold")
     page.locator(".message > p").first.evaluate("p => { p.style.color = '#777'; }")
