@@ -98,13 +98,17 @@ class SnapshotGuide:
     def target(self, angles: Array, rates: Array) -> Target | None:
         """See ``Guide``."""
         last = len(self._snapshots) - 1
-        while self._next < last and self._steps >= self._least_steps and self._near(angles):
+        while self._next < last and self._steps >= self._least() and self._near(angles):
             self._next += 1
             self._steps = 0
         if self._next == last and self._ending.over(rates):
             return None
         self._steps += 1
         return _still(self._snapshots[self._next], self._next / max(1, last))
+
+    def _least(self) -> int:
+        """Steps for this snapshot; the first one begins the motion, and is never passed over."""
+        return max(self._least_steps, int(self._next == 0))
 
     def _near(self, angles: Array) -> bool:
         return float(((self._snapshots[self._next] - angles) ** 2).max()) < self._threshold

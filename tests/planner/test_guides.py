@@ -102,7 +102,8 @@ def test_each_snapshot_is_the_target_for_so_many_steps_at_least() -> None:
 
 def test_the_threshold_alone_passes_over_what_is_near() -> None:
     guide = paper_guide(STEPS_AWAY, 0)
-    assert goals(guide, 0.0, 2) == [0.6, 0.6]
+    # But for the first, where the motion begins.
+    assert goals(guide, 0.0, 3) == [0.0, 0.6, 0.6]
     assert goals(guide, 0.6, 1) == [1.2]
 
 
