@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner import manifest
+from planner.angle_steps import STEP_RAD
 from planner.candidates import FILE as CANDIDATES
 from planner.candidates import Candidates
 from planner.certificate import Certificate, certify
@@ -33,6 +34,7 @@ from planner.parameters import Parameters, preset
 from planner.plan import EARLIER, Plan, read_values, versions
 from planner.playback import Playback, simulates
 from planner.progress import Report, silent
+from planner.published import KEPT_RAD
 from planner.record import Record
 from planner.replay import Replay, replay
 from planner.smoothing_ways import RECORDED_PLAN
@@ -567,6 +569,33 @@ def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Diff
     )
     if record is not None:
         yield from _same_motion(found.frames, record.frames, "record.npz")
+    yield from _snapshots(found, plan)
+
+
+def _snapshots(record: Record, plan: Plan) -> Differences:
+    """Where the snapshots that a published playback follows are not those its frames are of."""
+    told: Any = plan.parameters.get("explosion") or {}
+    every, name = told.get("snapshot_interval"), "record.npz snapshots_rad"
+    angles, frames = record.snapshots_rad, record.frames
+    if every is None or isinstance(frames, Windows):
+        if angles is not None:
+            yield f"{name}: got some, expected none with these parameters"
+        return
+    shape = (record.steps // every + 2, len(plan.chain.folded_rad))
+    if angles is None or (record.status == "straight" and angles.shape != shape):
+        got = None if angles is None else angles.shape
+        yield f"{name}: got the shape {got}, expected {shape}"
+        return
+    numbers = np.rint(frames.time_s / (every * told["step_s"])).astype(np.int64)
+    numbers[-1] = len(angles) - 1
+    if (np.diff(numbers) < 0).any() or numbers[0] < 0 or numbers.max() >= len(angles):
+        yield f"{name}: the frames are not at its times"
+        return
+    yield from array_difference(angles[numbers], frames.joint_angles_rad, name, atol=STEP_RAD)
+    held = np.searchsorted(numbers, np.arange(len(angles)), side="right") - 1
+    far = np.abs(angles - frames.joint_angles_rad[held]).max(axis=1)
+    if not (far <= KEPT_RAD + STEP_RAD).all():
+        yield f"{name}[{int(np.argmax(~(far <= KEPT_RAD + STEP_RAD)))}]: it is far from its frame"
 
 
 def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:

@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pytest
@@ -30,6 +30,7 @@ from planner.stages import run_stages
 from planner.timeline import TimelineWriter
 from planner.verdicts import KINEMATICS_ONLY, SIMULATED
 from planner.verification import verify
+from tests.planner.chains import COIL
 from tests.planner.plans import changed
 
 LATER = (
@@ -504,3 +505,25 @@ def test_replay_finds_a_deep_overlap_where_it_is(folded: Callable[..., Any]) -> 
     assert found.overlap > 0.1
     assert found.overlap_frame is not None
     assert 49.0 <= found.overlap_frame <= 51.0
+
+
+QUICK: Final = "radial_gain=5"
+"""Settings with which a few modules explode in under a second."""
+
+
+@pytest.mark.parametrize("change", ["value", "fewer", "none"])
+def test_snapshots_that_were_changed_are_told(change: str, tmp_path: FilePath) -> None:
+    request = Request(preset="paper", settings=QUICK)
+    write_request(tmp_path, request, write_path(COIL))
+    run_stages(tmp_path)
+    assert verify(tmp_path).problems == ()
+    record = read_record(tmp_path)
+    assert record is not None
+    assert record.snapshots_rad is not None
+    snapshots = record.snapshots_rad.copy()
+    snapshots[len(snapshots) // 2, 3] += 0.1
+    found = {"value": snapshots, "fewer": snapshots[1:], "none": None}[change]
+    replace(record, snapshots_rad=found).save(tmp_path / "record.npz")
+    write_manifest(tmp_path)
+    problems = verify(tmp_path).problems
+    assert any("record.npz snapshots_rad" in problem for problem in problems), problems
