@@ -75,13 +75,15 @@ def choice_of(request: Request, candidates: Candidates) -> Choice:
     if request.smooth:
         return Choice(strategies=(WAYS,), seed=request.seed, seeds=1)
     parameters = request.parameters()
+    ours = isinstance(parameters.explosion, ExplosionParameters)
     return Choice(
         strategies=tuple(
             strategies_for(chain, parameters, refolds=request.refold) for chain in candidates.chains
         ),
         seed=request.seed,
         two_ended=candidates.two_ended,
-        forces=isinstance(parameters.explosion, ExplosionParameters),
+        forces=ours,
+        **({} if ours else {"seeds": 1}),  # as published there is nothing that a seed changes
     )
 
 

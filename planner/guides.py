@@ -77,17 +77,57 @@ def _timed_targets(reference: Reference, law: TimeLaw) -> Iterator[Target]:
         yield _still(end, 1.0)
 
 
+class Snapshots(Protocol):
+    """Hinge angles, (J,) each, in the order in which they are the target."""
+
+    def __len__(self) -> int:
+        """How many."""
+        ...
+
+    def __getitem__(self, index: int, /) -> Array:
+        """One of them."""
+        ...
+
+
+class Backwards:
+    """A motion from its end to its beginning, with a snapshot for each step of its time.
+
+    Args:
+        time_s: (F,) times, from 0 on.
+        angles_rad: (F, J) angles at these, joined by straight lines.
+        step_s: Time of a step.
+    """
+
+    def __init__(self, time_s: Array, angles_rad: Array, step_s: float) -> None:
+        self._time_s, self._angles, self._step_s = time_s, angles_rad, step_s
+
+    def __len__(self) -> int:
+        """Snapshots; the last one is the beginning itself."""
+        return int(np.ceil(self._time_s[-1] / self._step_s)) + 1
+
+    def __getitem__(self, index: int, /) -> Array:
+        """The (J,) angles ``index`` steps before the end."""
+        time_s = max(0.0, float(self._time_s[-1]) - index * self._step_s)
+        k = int(
+            np.clip(np.searchsorted(self._time_s, time_s, "right") - 1, 0, len(self._angles) - 1)
+        )
+        if k + 1 == len(self._angles):
+            return self._angles[k].copy()
+        part = (time_s - self._time_s[k]) / (self._time_s[k + 1] - self._time_s[k])
+        return (1.0 - part) * self._angles[k] + part * self._angles[k + 1]
+
+
 class SnapshotGuide:
     """The paper's rule: each snapshot is the target until the chain is near enough to it.
 
     Args:
-        snapshots: (F, J) angles in the order in which they are the target.
+        snapshots: What to follow.
         threshold_rad2: A snapshot is left when the largest squared error against it is below this.
         least_steps: … and after so many steps at least. With 0 the threshold alone decides, and
             snapshots that the chain is near to already are passed over.
     """
 
-    def __init__(self, snapshots: Array, *, threshold_rad2: float, least_steps: int) -> None:
+    def __init__(self, snapshots: Snapshots, *, threshold_rad2: float, least_steps: int) -> None:
         self._snapshots = snapshots
         self._threshold = threshold_rad2
         self._least_steps = least_steps

@@ -7,6 +7,7 @@ on the page. ``SETTINGS`` is what all of these offer and what docs/decisions/000
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Literal
@@ -17,6 +18,11 @@ from planner.parameters import PaperExplosionParameters, Parameters
 LONGEST: Final = 500
 """Characters of a text of settings."""
 NO_LIMIT: Final = "none"
+NUMBER: Final = re.compile(
+    r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?|[+-]?\.[0-9]+([eE][+-]?[0-9]+)?"
+)
+MOST_TURNED: Final = 1.0
+"""Share of what is left that a motor may turn in one step."""
 Source = Literal["published", "named", "ours"]
 
 
@@ -35,6 +41,7 @@ class Setting:
         explosion: The field of ``PaperExplosionParameters`` that it sets, if any.
         playback: The field of ``PlaybackParameters`` that it sets, if any.
         optional: Whether it may be ``none``.
+        direct: Whether servoing straight to the shape uses it too.
     """
 
     name: str
@@ -48,6 +55,7 @@ class Setting:
     explosion: str | None = None
     playback: str | None = None
     optional: bool = False
+    direct: bool = False
 
     def default(self, parameters: Parameters) -> float | None:
         """What it is in the parameters of a preset that uses it."""
@@ -99,6 +107,7 @@ SETTINGS: Final = (
         most=0.9,
         explosion="damping",
         playback="damping",
+        direct=True,
     ),
     Setting(
         name="friction",
@@ -110,6 +119,7 @@ SETTINGS: Final = (
         most=2.0,
         explosion="friction",
         playback="friction",
+        direct=True,
     ),
     Setting(
         name="motor_max_force",
@@ -121,6 +131,7 @@ SETTINGS: Final = (
         most=1e8,
         playback="torque_limit",
         optional=True,
+        direct=True,
     ),
     Setting(
         name="step_s",
@@ -132,6 +143,7 @@ SETTINGS: Final = (
         most=0.02,
         explosion="step_s",
         playback="step_s",
+        direct=True,
     ),
     Setting(
         name="pitch_cm",
@@ -152,6 +164,7 @@ SETTINGS: Final = (
         least=1.0,
         most=1e5,
         explosion="density_kg_m3",
+        direct=True,
     ),
     Setting(
         name="snapshot_interval",
@@ -169,7 +182,8 @@ SETTINGS: Final = (
         label="Steps for each snapshot",
         unit="steps",
         source="ours",
-        meaning="Servo steps for each snapshot at least; with 0 the threshold alone decides.",
+        meaning="Servo steps for each snapshot at least; with 0 the threshold alone decides, but "
+        "for the first snapshot.",
         least=0,
         most=1000,
         whole=True,
@@ -184,6 +198,7 @@ SETTINGS: Final = (
         least=0.01,
         most=100.0,
         playback="gain",
+        direct=True,
     ),
     Setting(
         name="repulsion_cutoff",
@@ -277,9 +292,15 @@ def with_settings(parameters: Parameters, settings: Mapping[str, float | None]) 
         if setting.playback is not None:
             playback, used = replace(playback, **{setting.playback: number}), True
         if name == "density_kg_m3":
-            density = value
-        if not used:
+            density, used = value, True
+        if not used or (explosion is None and not setting.direct):
             raise _bad(f"got {name} for the preset {parameters.preset}, which does not use it.")
+    turned = playback.gain * playback.step_s
+    if turned > MOST_TURNED:
+        raise _bad(
+            f"got motor_gain · step_s = {turned:g}, expected at most {MOST_TURNED:g}: above it a "
+            "motor turns past its target in each step."
+        )
     return replace(
         parameters,
         explosion=explosion,
@@ -296,10 +317,7 @@ def value_text(value: float | None) -> str:
 def _number(setting: Setting, text: str) -> float | None:
     if setting.optional and text == NO_LIMIT:
         return None
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = float(f"{float(text):.12g}") if NUMBER.fullmatch(text) else math.nan
     if not setting.least <= value <= setting.most or (setting.whole and value != int(value)):
         kind = "a whole number" if setting.whole else "a number"
         none = f", or {NO_LIMIT}" if setting.optional else ""

@@ -69,7 +69,7 @@ class PaperExplosionParameters:
     """The published explosion: constant gains, fixed step, fixed snapshot interval.
 
     The paper's figures have no units; read as centimetres, grams and seconds they fit together.
-    What the paper does not say is marked *ours*: docs/decisions/0002-published-preset.md.
+    Which of them the paper gives, names, or does not have: ``planner.paper_settings.SETTINGS``.
 
     Attributes:
         radial_gain: λ of eq. 1; its d is the diameter of one module, a pitch.
@@ -79,12 +79,12 @@ class PaperExplosionParameters:
         step_s: Time step.
         pitch_cm: Distance of neighbouring modules, the paper's "diameter".
         density_kg_m3: Of a solid module.
-        snapshot_interval: Steps between two snapshots; ours.
-        repulsion_cutoff: Modules farther apart (in pitches) don't repel; ours.
-        spring: Hinge spring towards straight, in g·cm²/s²; ours.
-        stop_deg: Where the hinges' stops are; ours.
-        geom_size: Size of the collision hull; ours.
-        max_steps: Give up after so many steps; ours.
+        snapshot_interval: Steps between two snapshots.
+        repulsion_cutoff: Modules farther apart (in pitches) don't repel.
+        spring: Hinge spring towards straight, in g·cm²/s².
+        stop_deg: Where the hinges' stops are.
+        geom_size: Size of the collision hull.
+        max_steps: Give up after so many steps.
     """
 
     radial_gain: float = 0.1

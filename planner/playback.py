@@ -10,7 +10,6 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from planner.alignment import aligned_distances
 from planner.angle_steps import packed_frames, snapped, unpacked_frames
@@ -18,7 +17,15 @@ from planner.chain import Chain
 from planner.controllers import ComputedTorque, Controller, RateServo, Servo
 from planner.errors import InputError, SimulationError
 from planner.frames import Frames, Phase
-from planner.guides import DirectGuide, Guide, SnapshotGuide, Target, TimedGuide
+from planner.guides import (
+    Backwards,
+    DirectGuide,
+    Guide,
+    SnapshotGuide,
+    Snapshots,
+    Target,
+    TimedGuide,
+)
 from planner.inverse import inverse_dynamics
 from planner.kinematic import kinematic_frames, root_folded, windowed_frames
 from planner.model import Material
@@ -389,14 +396,12 @@ class _Run:
 
     def _unfolding(self, unfolding: Unfolding) -> Guide:
         if self.parameters.controller == "paper":
-            # A plan keeps less than was played; here is a snapshot for each of its steps again.
-            times = np.arange(0.0, unfolding.time_s[-1], self.parameters.step_s)
-            between = make_interp_spline(unfolding.time_s, unfolding.folding_rad, k=1)
-            return self._snapshots(np.vstack([between(times), unfolding.folding_rad[-1:]])[::-1])
+            step_s = self.parameters.step_s
+            return self._snapshots(Backwards(unfolding.time_s, unfolding.folding_rad, step_s))
         reference, law = self._timed(unfolding.chain, unfolding.folding_rad)
         return TimedGuide(reference, law.backwards())
 
-    def _snapshots(self, snapshots: Array) -> SnapshotGuide:
+    def _snapshots(self, snapshots: Snapshots) -> SnapshotGuide:
         p = self.parameters
         return SnapshotGuide(snapshots, threshold_rad2=p.threshold_rad2, least_steps=p.least_steps)
 

@@ -35,6 +35,11 @@ STRAIGHT_SPAN: Final = 0.99
 CHECK_EVERY: Final = 25
 REPORT_EVERY_S: Final = 0.1
 COMMIT_EVERY: Final = 10
+STILL_STEPS: Final = 5000
+STILL_RATE: Final = 1e-7
+"""In rad/s: a chain that is this slow does not get straight within the steps there are."""
+MOST_ANGLES: Final = 20_000_000
+"""Of all snapshots together: 160 MB. The 160 wrench has three million."""
 KEPT_RAD: Final = 0.03
 """A snapshot is kept as a frame when a hinge has turned this much since the last one."""
 KEPT_DISTANCE: Final = 1.0
@@ -89,7 +94,16 @@ def explode_as_published(
                 snapshots.append(state.angles.copy())
                 if len(snapshots) % COMMIT_EVERY == 0:
                     recorder.commit()
+            if len(snapshots) * len(state.angles) > MOST_ANGLES:
+                reason = (
+                    f"{len(snapshots)} snapshots are more than are kept of so long a chain, and it "
+                    "was not straight; set a longer snapshot_interval."
+                )
+                break
             if steps % CHECK_EVERY == 0:
+                if steps and steps % STILL_STEPS == 0 and np.abs(state.rates).max() < STILL_RATE:
+                    status, reason = "stalled", f"nothing moved any more after {steps} steps."
+                    break
                 span = float(np.linalg.norm(positions[-1] - positions[0])) / (len(chain) - 1)
                 if np.abs(state.angles).max() < STRAIGHT_RAD and span >= STRAIGHT_SPAN:
                     status, reason = "straight", ""

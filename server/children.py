@@ -40,7 +40,7 @@ MOST_EVENTS: Final = 32
 """Events that are read ahead; a child that sends more has to wait."""
 EVENTS: Final = {
     "ready": set[str](),
-    "progress": {"stage", "fraction", "steps", "steps_per_second", "message"},
+    "progress": {"stage", "fraction", "steps", "steps_per_second", "simulated_s", "message"},
     "done": {"result"},
     "bad-input": {"code", "detail", "where"},
     "problem": {"code", "detail"},

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from planner.errors import InputError
 from planner.paper_settings import SETTINGS, Source, read_settings, value_text
 from planner.parameters import preset
 from server.quantities import quantity
@@ -49,7 +50,10 @@ def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:
     """What a fold's settings have changed, as labels and values: ``0.05, instead of 0.1``."""
     if not settings:
         return []
-    found, usual = read_settings(settings), preset(preset_name)
+    try:
+        found, usual = read_settings(settings), preset(preset_name)
+    except InputError:  # what a fold of before could be asked for
+        return [("Settings", settings)]
     return [
         (setting.label, f"{_told(found[setting.name], setting.unit)}, instead of {default}")
         for setting in SETTINGS
@@ -59,7 +63,10 @@ def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:
 
 def in_a_line(settings: str) -> str:
     """The same for a heading: ``, Damping 0.05``."""
-    found = read_settings(settings)
+    try:
+        found = read_settings(settings)
+    except InputError:
+        return f", {settings}"
     return "".join(f", {s.label} {_told(found[s.name])}" for s in SETTINGS if s.name in found)
 
 

@@ -214,7 +214,7 @@ class Store:
         Its turn in the queue is settled here.
         """
         row.owner = hash_of(token)
-        row.cost_s = expected_s(row.modules, row.preset)
+        row.cost_s = expected_s(row.modules, row.preset, row.settings)
         try:
             with self.changing() as session:
                 row.turn = self._turn(session, row)

@@ -16,11 +16,19 @@ TICKS_A_SECOND: Final = 10
 LATEST: Final = 2**31 - 2
 """What the job system takes as a priority; at full load it is reached after years."""
 SLOWEST: Final = 3600.0
+CHANGED: Final = 4.0
+"""The most steps of a published explosion over those that it usually takes."""
 
 
-def expected_s(modules: int, preset: str) -> float:
-    """About how long a fold takes, as far as its turn depends on it."""
-    return min(SLOWEST, expected_seconds(modules, preset))
+def expected_s(modules: int, preset: str, settings: str = "") -> float:
+    """About how long a fold takes, as far as its turn depends on it.
+
+    Args:
+        modules: Of its chain.
+        preset: Its parameters.
+        settings: What it changes of them: such a fold may take all the steps that there are.
+    """
+    return min(SLOWEST, (CHANGED if settings else 1.0) * expected_seconds(modules, preset))
 
 
 def ticks(cost_s: float) -> int:

@@ -4,11 +4,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from planner.guides import (
     SETTLE_STEPS,
     STILL_STEPS,
+    Backwards,
     DirectGuide,
     Guide,
     SnapshotGuide,
@@ -112,3 +114,10 @@ def test_the_papers_rule_ends_at_its_last_snapshot_at_rest() -> None:
     targets = obeyed(paper_guide(snapshots), np.zeros(2))
     np.testing.assert_allclose(targets[-1].goal, snapshots[-1])
     np.testing.assert_allclose(targets[-1].angles, snapshots[-1], atol=1e-3)
+
+
+def test_a_motion_backwards_has_a_snapshot_for_each_step() -> None:
+    motion = Backwards(
+        np.array([0.0, 0.2, 0.25, 0.25]), np.array([[0.0], [2.0], [3.0], [4.0]]), 0.1
+    )
+    assert [float(motion[k][0]) for k in range(len(motion))] == pytest.approx([4.0, 1.5, 0.5, 0.0])

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import pytest
 
@@ -60,6 +60,7 @@ def test_settings_are_written_in_one_way() -> None:
         ("damping=", "damping = '', expected a number from 0 to 0.9"),
         ("damping=nan", "expected a number from 0 to 0.9"),
         ("damping=1", "expected a number from 0 to 0.9"),
+        ("damping=1_0e-2", "expected a number from 0 to 0.9"),
         ("damping=none", "expected a number from 0 to 0.9"),
         ("motor_max_force=0", "expected a number from 0.001 to 1e+08, or none"),
         ("steps_per_snapshot=1.5", "expected a whole number from 0 to 1000"),
@@ -86,7 +87,7 @@ def test_a_preset_refuses_what_it_does_not_use() -> None:
     [
         ("paper", "damping=.10, step_s=0.005, radial_gain=0.1", "step_s=0.005"),
         ("paper", "motor_max_force=none", ""),
-        ("direct", "step_s=0.01,damping=0", "step_s=0.01"),
+        ("direct", "step_s=0.005,damping=0.1", "step_s=0.005"),
         ("default", "", ""),
     ],
 )
@@ -99,7 +100,8 @@ def test_what_is_set_to_what_it_is_anyway_is_the_same_request(
 def test_a_default_is_that_of_the_preset() -> None:
     (step,) = (s for s in SETTINGS if s.name == "step_s")
     assert step.default(PAPER) == 0.01
-    assert step.default(preset("direct")) == preset("direct").playback.step_s == 0.02
+    direct = replace(preset("direct").playback, step_s=0.005)
+    assert step.default(replace(preset("direct"), playback=direct)) == 0.005
 
 
 def test_folds_and_refolds_of_the_library_take_settings() -> None:
@@ -113,3 +115,19 @@ def test_folds_and_refolds_of_the_library_take_settings() -> None:
     with pytest.raises(InputError, match="settings for the preset default") as refused:
         fold(path, settings=loud)
     assert refused.value.code == "bad-settings"
+
+
+@pytest.mark.parametrize("text", ["threshold=0.1", "steps_per_snapshot=7", "spring=2"])
+def test_direct_servoing_has_no_snapshots_to_set(text: str) -> None:
+    with pytest.raises(InputError, match="for the preset direct, which does not use it"):
+        with_settings(preset("direct"), read_settings(text))
+
+
+def test_motors_may_not_turn_past_their_target() -> None:
+    with pytest.raises(InputError, match=r"motor_gain · step_s = 2, expected at most 1"):
+        with_settings(PAPER, read_settings("motor_gain=100,step_s=0.02"))
+
+
+def test_a_text_is_the_same_when_it_is_written_again() -> None:
+    text = settings_text("damping=0.1000000000000004", PAPER)
+    assert text == settings_text(text, PAPER) == ""

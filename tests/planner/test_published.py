@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from planner import published
 from planner.angle_steps import STEP_RAD
 from planner.frames import Frames
 from planner.parameters import PaperExplosionParameters
-from planner.published import explode_as_published
+from planner.published import STILL_STEPS, explode_as_published
 from planner.segments import Acceleration, Segments, State
 from planner.sweep import sweep
 from tests.planner.chains import coil, line
@@ -74,3 +75,19 @@ def test_bad_numbers_end_as_data(monkeypatch: pytest.MonkeyPatch) -> None:
     assert record.status == "diverged"
     assert len(record.frames) >= 2
     assert np.isfinite(record.frames.joint_angles_rad).all()
+
+
+def test_what_nothing_moves_is_given_up() -> None:
+    still = replace(PAPER, radial_gain=0.0, repulsion_gain=0.0, spring=0.0)
+    record = explode_as_published(coil(6), still)
+    assert record.status == "stalled"
+    assert record.steps == STILL_STEPS
+    assert "nothing moved" in record.reason
+
+
+def test_snapshots_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(published, "MOST_ANGLES", 1000)
+    record = explode_as_published(coil(12), replace(PAPER, snapshot_interval=1))
+    assert record.status == "timeout"
+    assert record.steps < 60
+    assert "set a longer snapshot_interval" in record.reason

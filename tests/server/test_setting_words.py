@@ -27,7 +27,7 @@ def test_what_is_changed_is_told_beside_what_it_was() -> None:
         ("Damping", "0.05 of the speed, each step, instead of 0.1"),
         ("Joint motor maximum force", "12.5 module mass · pitch²/s², instead of no limit"),
     ]
-    assert changed("direct", "step_s=0.01") == [("Step size", "0.01 s, instead of 0.02")]
+    assert changed("direct", "step_s=0.02") == [("Step size", "0.02 s, instead of 0.01")]
     assert in_a_line("damping=0.05,radial_gain=0.2") == ", Radial force gain λ 0.2, Damping 0.05"
     assert (changed("default", ""), in_a_line("")) == ([], "")
 
