@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,26 +23,29 @@ from tests.benchmarks.reproduction.telling import figure, told
 from web.colours import STUCK
 
 SQUARE = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1, 0), (0, 1, 0), (0, 2, 0), (1, 2, 0)]
+SPIRAL = [(x, 0, 0) for x in range(4)] + [(3, 1, 0), (3, 2, 0)]
+SPIRAL += [(x, 3, 0) for x in (3, 2, 1, 0)] + [(0, 2, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
+SPIRAL += [(2, 2, 0), (1, 2, 0)]
 
 
 @pytest.fixture
 def tiny(tmp_path: Path) -> tuple[Experiment, ...]:
-    """A fold of eight cubes that works, and one that does not: its modules are too large."""
-    file = tmp_path / "tiny.json"
-    file.write_bytes(write_path(CellPath.from_cells(SQUARE, name="tiny")))
-    sizes = {"tiny": None, "tiny-large": 1.0}
+    """A fold of eight cubes that works, and one of sixteen that tangles."""
+    for name, cells in (("tiny", SQUARE), ("spiral", SPIRAL)):
+        file = tmp_path / f"{name}.json"
+        file.write_bytes(write_path(CellPath.from_cells(cells, name=name)))
     return tuple(
         Experiment(
             id=name,
             statement="direct",
-            shape=str(file.with_suffix("")),
-            request=Request(preset="direct", module_size=size),
+            shape=str(tmp_path / name),
+            request=Request(preset="direct"),
             title=name,
             published="tangled",
             straight=True,
             strip=True,
         )
-        for name, size in sizes.items()
+        for name in ("tiny", "spiral")
     )
 
 
@@ -51,20 +55,25 @@ def test_experiments_are_run_once_and_told(tmp_path: Path, tiny: tuple[Experimen
     tell(tiny, files, paper)
     good, bad = (stored_runs(files / "runs.jsonl")[one.id] for one in tiny)
     assert good.verified and good.overlap is None and good.playback is not None
-    assert good.playback.simulated_s == pytest.approx(0.02 * good.playback.steps, abs=0.1)
+    assert good.playback.simulated_s == pytest.approx(0.01 * good.playback.steps, abs=0.1)
     assert not bad.verified and bad.overlap is not None and bad.stuck_frame is not None
     assert 0 <= bad.stuck_frame < bad.frames
     assert min(good.wall_s, good.processor_s, good.reference_s, good.folder_mb) > 0.0
 
     for name in ("reel", "chain.json", "still.webp", "straight.webp", "strip.webp"):
         assert (files / "tiny" / name).stat().st_size > 100
-    marked = [orange(files / name / "still.webp") for name in ("tiny", "tiny-large")]
+    marked = [orange(files / name / "still.webp") for name in ("tiny", "spiral")]
     assert marked[0] == 0 and marked[1] > 100
 
     cards = {card["id"]: card for card in page_of(files)["cards"]}
     assert [cards[one.id]["verdict"] for one in tiny] == ["verified (simulated)", "tangles"]
-    assert cards["tiny-large"]["stuck"] == list(bad.overlap.modules)
-    assert "tiny by direct servoing: tangled in the paper, verified here." in paper.read_text()
+    assert cards["spiral"]["stuck"] == list(bad.overlap.modules)
+    assert (
+        "Verified here, tangled in the paper (servoing straight to the shape): tiny."
+        in paper.read_text()
+    )
+    (line,) = (o for o in page_data(files)["overview"] if o["id"] == "direct")
+    assert (line["published"], line["here"]) == ("all tangle", "1 verified, 1 failed")
     assert f"overlap by {figure(bad.overlap.depth)} pitch" in paper.read_text()
 
     before = (files / "runs.jsonl").read_text()
@@ -78,9 +87,12 @@ def test_experiments_are_run_once_and_told(tmp_path: Path, tiny: tuple[Experimen
     assert page_of(files)["cards"][0]["verdict"] == "not run yet"
 
 
+def page_data(files: Path) -> dict:
+    return json.loads((files / "page.json").read_bytes())
+
+
 def page_of(files: Path) -> dict:
-    sections = json.loads((files / "page.json").read_bytes())["sections"]
-    return next(section for section in sections if section["id"] == "direct")
+    return page_section(page_data(files), "direct")
 
 
 def orange(path: Path) -> int:
@@ -131,9 +143,51 @@ def test_features_of_a_row_and_a_square() -> None:
 
 
 @pytest.mark.parametrize(
+    ("verified", "words"),
+    [
+        ({24: True, 64: True, 80: False}, "It works up to 64 modules, and fails from 80 on."),
+        ({24: True, 64: False, 80: True}, "It works at 24 and 80 modules, and fails at 64."),
+        ({24: False, 64: False, 80: False}, "It fails at 24, 64 and 80 modules."),
+        ({}, ""),
+    ],
+)
+def test_from_which_size_on_it_fails_is_told(verified: dict[int, bool], words: str) -> None:
+    every = [one for one in experiments() if one.statement == "threshold"]
+    (stored,) = (run for run in stored_runs(PAPER / "runs.jsonl").values() if run.id == "wrench-24")
+    runs = {
+        one.id: replace(
+            stored, asked=one.asked, modules=n, verdict="verified" if verified[n] else "failed: no"
+        )
+        for one in every
+        if (n := int(one.shape.rpartition("-")[2])) in verified
+    }
+    page = told(runs, tuple(every))
+    assert page_section(page, "threshold")["found"] == words
+    assert [s for s in page["summary"] if s.startswith("Pacing")] == (
+        [f"Pacing by the threshold alone: i{words[1:]}"] if words else []
+    )
+
+
+def test_what_plays_beside_the_published_method_is_told_beside_it() -> None:
+    every = tuple(o for o in experiments() if "wrench-160" in (o.id, o.id.removeprefix("default-")))
+    (stored,) = (run for run in stored_runs(PAPER / "runs.jsonl").values() if run.id == "wrench-24")
+    runs = {one.id: replace(stored, id=one.id, asked=one.asked) for one in every}
+    page = told(runs, every)
+    section = page_section(page, "default")
+    assert section["pairs"] == [["wrench-160", "default-wrench-160"]]
+    assert [row[0] for row in section["rows"]] == ["Wrench of 160, paper", "Wrench of 160, default"]
+    assert page["lead"].startswith("The paper folds a chain of 160 cubes into a wrench in about")
+    assert "ends less than 0.0001 pitch from its shape" in page["lead"]
+
+
+def page_section(page: dict, name: str) -> dict:
+    return next(section for section in page["sections"] if section["id"] == name)
+
+
+@pytest.mark.parametrize(
     ("value", "words"),
     [(0.0, "0"), (3e-16, "0"), (0.00033, "0.00033"), (-0.0531, "−0.053"), (0.05, "0.05")]
-    + [(1.0, "1"), (12.34, "12"), (160_000.0, "160\u2009000")],
+    + [(1.0, "1"), (12.34, "12"), (160_000.0, "160\u202f000")],
 )
 def test_figures_have_two_digits(value: float, words: str) -> None:
     assert figure(value) == words

@@ -21,13 +21,22 @@ film plays. Red is joint error; orange marks where a fold fails.
 
 def document(page: dict[str, Any]) -> str:
     """The Markdown of what ``telling.told`` gives."""
-    parts = [INTRODUCTION, *_list(page["summary"]), page["machine"]]
+    parts = [
+        INTRODUCTION,
+        page["lead"],
+        *_list(page["summary"]),
+        _table(
+            ["Experiment", "In the paper", "Here"],
+            [[one["heading"], one["published"], one["here"]] for one in page["overview"]],
+        ),
+        page["machine"],
+    ]
     for section in page["sections"]:
         parts += _section(section, page["head"])
     parts += [
         "## What was read into the paper",
         "The numbers of `--preset paper`. Each can be set by name, as in "
-        "`--settings damping=0.05,radial_gain=0.2`; "
+        "`--set damping=0.05 --set radial_gain=0.2`; "
         "[decisions/0002](decisions/0002-published-preset.md) says how they were found.",
         _table(
             ["Parameter", "Name", "Value", "From", "Meaning"],
@@ -69,11 +78,13 @@ def _section(section: dict[str, Any], head: list[dict[str, str]]) -> list[str]:
     return [
         f"## {section['heading']}",
         quote,
-        section["words"],
+        f"{section['words']} {section['found']}",
         "\n".join(strips),
         "\n".join([*straight, *stills]),
         *_list(failed),
-        _table([one["name"] for one in head], section["rows"]),
+        _table(
+            ["<br>".join(filter(None, [one["name"], one["unit"]])) for one in head], section["rows"]
+        ),
     ]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from itertools import chain
 from typing import Any, Final
 
 from planner.paper_settings import SETTINGS
@@ -18,7 +19,7 @@ from tests.benchmarks.reproduction.runs import Phase, Run
 
 FORMAT: Final = "foldback-reproduction/1"
 NONE: Final = "–"
-THIN: Final = "\u2009"
+NARROW: Final = "\u202f"
 HEAD: Final = (
     "Fold",
     "Verdict",
@@ -28,7 +29,6 @@ HEAD: Final = (
     "End error",
     "Clearance (proved)",
     "Largest lag",
-    "Snapshots",
     "Files",
 )
 UNITS: Final = {
@@ -38,9 +38,10 @@ UNITS: Final = {
     "End error": "RMS, pitches",
     "Clearance (proved)": "of the simulated playback, pitches, modules of 0.95",
     "Largest lag": "of a hinge behind its target, rad",
-    "Snapshots": "of the explosion",
     "Files": "MB",
 }
+SMALLEST: Final = 1e-4
+"""Pitches of an end error that are told; what is less is told to be less."""
 PUBLISHED_SECONDS: Final = 0.01
 """Of a step."""
 SOURCES: Final = {
@@ -49,11 +50,11 @@ SOURCES: Final = {
     "ours": "not in the paper",
 }
 ASIDE: Final = (
-    "The paper's simulations ran on the Open Dynamics Engine, these run on MuJoCo: contacts, "
+    "The paper's simulations ran on the Open Dynamics Engine, these run on MuJoCo. Contacts, "
     "friction, stops and motors are other models of the same things.",
-    "Its program, its recordings and its video were not at hand. What it does not tell was chosen "
-    "so that its folds work, and is marked so above.",
-    "It tells no wall times, clearances or joint errors, so ours stand alone.",
+    "The paper's program, recordings and video were not at hand. What the paper does not tell was "
+    "chosen so that its folds work, and is marked so above.",
+    "The paper tells no wall times, clearances or joint errors: ours stand alone.",
 )
 
 
@@ -70,6 +71,7 @@ class Card:
         film: Whether there is one.
         stuck_frame: Frame of the film where it fails; None when it does not.
         stuck: Modules there.
+        steps: Of its simulations, in words; empty when it has not been run.
         strip, straight: Whether there are these pictures as well.
     """
 
@@ -82,6 +84,7 @@ class Card:
     film: bool
     stuck_frame: int | None
     stuck: tuple[int, ...]
+    steps: str
     strip: bool
     straight: bool
 
@@ -98,7 +101,9 @@ def told(runs: Mapping[str, Run], every: tuple[Experiment, ...]) -> dict[str, An
     return {
         "format": FORMAT,
         "machine": _machine(runs),
+        "lead": _lead(runs),
         "summary": _summary(every, runs),
+        "overview": [_overview(statement, every, runs) for statement in STATEMENTS],
         "head": [{"name": name, "unit": UNITS.get(name, "")} for name in HEAD],
         "sections": [_section(statement, every, runs) for statement in STATEMENTS],
         "settings": _settings(),
@@ -110,7 +115,13 @@ def _section(
     statement: Statement, every: tuple[Experiment, ...], runs: Mapping[str, Run]
 ) -> dict[str, Any]:
     own = [one for one in every if one.statement == statement.id]
-    rows = [_row(one, runs.get(one.id)) for one in own]
+    pairs = [list(pair) for pair in statement.pairs if all(one in runs for one in pair)]
+    by_id = {one.id: one for one in every}
+    rows = [
+        row if (one := by_id[name]) in own else [f"{row[0]}, {one.request.preset}", *row[1:]]
+        for name in dict.fromkeys([*chain.from_iterable(pairs), *(one.id for one in own)])
+        for row in [_row(by_id[name], runs.get(name))]
+    ]
     published = sorted({one.published_steps for one in own if one.published_steps})
     for steps in published:
         row = ["Published", "folds", f"about {whole(steps)}", seconds(steps * PUBLISHED_SECONDS)]
@@ -121,7 +132,8 @@ def _section(
         "where": statement.where,
         "quote": statement.quote,
         "words": statement.words,
-        "pairs": [list(pair) for pair in statement.pairs if all(one in runs for one in pair)],
+        "found": _by_size(own, runs) if statement.by_size else "",
+        "pairs": pairs,
         "cards": [asdict(card_of(one, runs.get(one.id))) for one in own],
         "rows": rows,
     }
@@ -140,6 +152,7 @@ def card_of(one: Experiment, run: Run | None) -> Card:
         film=film,
         stuck_frame=None if run is None else run.stuck_frame,
         stuck=() if run is None else run.overlap.modules if run.overlap else run.stuck,
+        steps="" if run is None else _steps(run),
         strip=film and one.strip,
         straight=film and one.straight,
     )
@@ -183,10 +196,9 @@ def _row(one: Experiment, run: Run | None) -> list[str]:
         _both(run.explosion, run.playback, lambda phase: whole(phase.steps)),
         _both(run.explosion, run.playback, lambda phase: seconds(phase.simulated_s)),
         f"{run.wall_s:.1f} ({run.processor_s:.1f})",
-        NONE if run.rms is None else figure(run.rms),
+        NONE if run.rms is None else _small(run.rms),
         NONE if clearance is None else figure(clearance) + proved,
         NONE if run.lag_rad is None else figure(run.lag_rad),
-        NONE if run.explosion is None else whole(run.explosion.frames),
         f"{run.folder_mb:.1f}",
     ]
 
@@ -195,54 +207,125 @@ def _both(explosion: Phase | None, playback: Phase | None, told: Any) -> str:
     return " + ".join(told(phase) for phase in (explosion, playback) if phase) or NONE
 
 
+def _lead(runs: Mapping[str, Run]) -> str:
+    """What the paper is known for, and what came of it here."""
+    published = (
+        f"The paper folds a chain of 160 cubes into a wrench in about {whole(160_000)} steps."
+    )
+    run = runs.get("wrench-160")
+    if run is None:
+        return published
+    if not (run.verified and run.explosion and run.playback and run.rms is not None):
+        return f"{published} Here the same chain fails: {_failed(run)}."
+    steps = run.explosion.steps + run.playback.steps
+    apart = (
+        f" Modules of 0.95 pitch stay at least {figure(run.bound)} pitch apart, by proof."
+        if run.bound
+        else ""
+    )
+    return (
+        f"{published} Here the same chain folds in {whole(steps)} steps: "
+        f"{whole(run.explosion.steps)} to explode, {whole(run.playback.steps)} to fold. It ends "
+        f"{'less than ' if run.rms < SMALLEST else ''}{figure(max(run.rms, SMALLEST))} pitch from "
+        f"its shape.{apart}"
+    )
+
+
 def _summary(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list[str]:
     """What has come out, in sentences that hold for the runs that there are."""
     found: list[str] = []
-    for name, one in (("wrench-160", "wrench of 160"), ("mallet-160", "mallet of 160")):
-        run = runs.get(name)
-        if run is not None and run.explosion and run.playback and run.verified:
-            found.append(
-                f"The {one} folds by the published method in "
-                f"{whole(run.explosion.steps + run.playback.steps)} steps and "
-                f"{run.wall_s:.0f} s, and ends {figure(run.rms or 0.0)} pitch from its shape."
-            )
     for published, words in (
-        ("verified", "folds that the paper tells of fold here too"),
-        ("tangled", "attempts that fail in the paper fail here too"),
+        ("verified", "folds that work in the paper work here."),
+        ("tangled", "attempts that fail in the paper fail here."),
     ):
         of = [one for one in every if one.published == published and one.id in runs]
         same = sum(runs[one.id].verified == (published == "verified") for one in of)
         if of:
-            found.append(f"{same} of {len(of)} {words}.")
+            found.append(f"{same} of {len(of)} {words}")
+    for statement in STATEMENTS:
+        own = [one for one in every if one.statement == statement.id]
+        if statement.by_size and (sentence := _by_size(own, runs)):
+            found.append(f"{statement.heading}: {_small_first(sentence)}")
     missing = len(every) - len(runs)
     if missing:
         found.append(f"{missing} of {len(every)} experiments have not been run yet.")
     return found
 
 
+def _overview(
+    statement: Statement, every: tuple[Experiment, ...], runs: Mapping[str, Run]
+) -> dict[str, str]:
+    """A statement in a line: what it says, and how many of its folds came out how."""
+    own = [one for one in every if one.statement == statement.id]
+    done = [runs[one.id] for one in own if one.id in runs]
+    good = sum(run.verified for run in done)
+    counts = {"verified": good, "failed": len(done) - good, "not run yet": len(own) - len(done)}
+    return {
+        "id": statement.id,
+        "heading": statement.heading,
+        "published": statement.published,
+        "here": ", ".join(f"{count} {words}" for words, count in counts.items() if count),
+    }
+
+
+def _by_size(own: list[Experiment], runs: Mapping[str, Run]) -> str:
+    """At which numbers of modules folds work, and at which they fail."""
+    done = [runs[one.id] for one in own if one.id in runs]
+    good = sorted({run.modules for run in done if run.verified})
+    bad = sorted({run.modules for run in done if not run.verified})
+    if not bad or not good:
+        sizes = _listed([str(n) for n in good or bad])
+        return f"It {'works' if good else 'fails'} at {sizes} modules." if sizes else ""
+    if good[-1] < bad[0]:
+        return f"It works up to {good[-1]} modules, and fails from {bad[0]} on."
+    works, fails = (_listed([str(n) for n in sizes]) for sizes in (good, bad))
+    return f"It works at {works} modules, and fails at {fails}."
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+
+
 def _differences(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list[str]:
-    """Where an experiment came out otherwise than in the paper, or did not work."""
+    """Where experiments came out otherwise than in the paper, or did not work."""
     found: list[str] = []
-    for one in every:
-        run = runs.get(one.id)
-        if run is None:
-            continue
-        if one.published == "tangled" and run.verified:
-            found.append(f"{one.title} by direct servoing: tangled in the paper, verified here.")
-        elif one.published == "verified" and not run.verified:
-            found.append(f"{one.title}: folds in the paper; here it {_failed(run)}.")
-        elif one.published is None and not run.verified:
-            found.append(f"{one.title} ({_section_of(one)}): it {_failed(run)}.")
+    for statement in STATEMENTS:
+        own = [one for one in every if one.statement == statement.id and one.id in runs]
+        for words, ones in (
+            ("Verified here, tangled in the paper", _came_out(own, runs, "tangled", verified=True)),
+            ("Fails here, folds in the paper", _came_out(own, runs, "verified", verified=False)),
+            ("Fails here, not told of in the paper", _came_out(own, runs, None, verified=False)),
+        ):
+            if ones:
+                titles = "; ".join(_small_first(one.title) for one in ones)
+                found.append(f"{words} ({_small_first(statement.heading)}): {titles}.")
     return found
+
+
+def _came_out(
+    own: list[Experiment], runs: Mapping[str, Run], published: str | None, *, verified: bool
+) -> list[Experiment]:
+    return [o for o in own if o.published == published and runs[o.id].verified == verified]
+
+
+def _small_first(words: str) -> str:
+    return words[:1].lower() + words[1:]
 
 
 def _failed(run: Run) -> str:
     return f"{verdict(run)}, {why(run)}"
 
 
-def _section_of(one: Experiment) -> str:
-    (found,) = (s.heading for s in STATEMENTS if s.id == one.statement)
-    return found[0].lower() + found[1:]
+def _steps(run: Run) -> str:
+    """All of its simulations."""
+    phases = [phase for phase in (run.explosion, run.playback) if phase]
+    simulated = sum(phase.simulated_s for phase in phases)
+    steps = whole(sum(phase.steps for phase in phases))
+    return f"{steps} steps, {seconds(simulated)} s simulated" if phases else ""
+
+
+def _small(value: float) -> str:
+    return f"< {SMALLEST:g}" if value < SMALLEST else figure(value)
 
 
 def _machine(runs: Mapping[str, Run]) -> str:
@@ -266,7 +349,11 @@ def _settings() -> list[dict[str, str]]:
             "label": setting.label,
             "name": setting.name,
             "value": "none" if (value := setting.default(parameters)) is None else figure(value),
-            "unit": "" if value is None else setting.unit,
+            "unit": ""
+            if value is None
+            else "step"
+            if (value, setting.unit) == (1, "steps")
+            else setting.unit,
             "source": SOURCES[setting.source],
             "meaning": setting.meaning,
         }
@@ -275,8 +362,8 @@ def _settings() -> list[dict[str, str]]:
 
 
 def whole(number: int) -> str:
-    """With thin spaces between thousands."""
-    return f"{number:,}".replace(",", THIN)
+    """With narrow spaces between thousands, where no line breaks."""
+    return f"{number:,}".replace(",", NARROW)
 
 
 def seconds(value: float) -> str:
