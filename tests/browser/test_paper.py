@@ -27,10 +27,12 @@ def test_a_film_plays_is_scrubbed_and_shows_where_it_tangles(visit: Visit) -> No
     page.locator(".foot a[href='/paper']").click()
     expect(page.locator("h1")).to_have_text("The paper’s experiments, run again")
     run = page.locator("#direct .run:has(.run-where)").first
-    run.scroll_into_view_if_needed()
+    page.locator(".overview a[href='#threshold']").click()
+    expect(page.locator("#threshold-title")).to_be_in_viewport()
     # Nothing moves by itself for who wants it calm, and nothing is loaded.
     assert not [name for name in films if name.endswith("/reel")]
 
+    run.scroll_into_view_if_needed()
     run.locator(".run-start").click()
     run.locator(".run-view.moving").wait_for()
     page.wait_for_function("() => foldback.player.is.playing && foldback.player.shown.frame > 1")

@@ -44,7 +44,7 @@ def document(page: dict[str, Any]) -> str:
                 [
                     one["label"],
                     f"`{one['name']}`",
-                    f"{one['value']} {one['unit']}".strip(),
+                    one["value"],
                     one["source"],
                     one["meaning"],
                 ]

@@ -327,9 +327,9 @@ def _paper(
 
 @cache
 def _title(shape: str) -> str:
-    """``Wrench of 160`` for ``wrench-160``; of others what their file says."""
+    """``Wrench of 160`` for ``wrench-160``; ``Key of 128`` where a file tells name and cells."""
     name, _, number = shape.rpartition("-")
     if number.isdigit():
         return f"{name.capitalize()} of {number}"
-    told = json.loads((SHAPES / f"{shape}.json").read_bytes())["title"]
-    return str(told).partition(",")[0]
+    told = json.loads((SHAPES / f"{shape}.json").read_bytes())
+    return f"{str(told['title']).partition(',')[0]} of {len(told['cells'])}"

@@ -214,7 +214,7 @@ def _lead(runs: Mapping[str, Run]) -> str:
     )
     run = runs.get("wrench-160")
     if run is None:
-        return published
+        return f"{published} Here it has not been run yet."
     if not (run.verified and run.explosion and run.playback and run.rms is not None):
         return f"{published} Here the same chain fails: {_failed(run)}."
     steps = run.explosion.steps + run.playback.steps
@@ -348,17 +348,20 @@ def _settings() -> list[dict[str, str]]:
         {
             "label": setting.label,
             "name": setting.name,
-            "value": "none" if (value := setting.default(parameters)) is None else figure(value),
-            "unit": ""
-            if value is None
-            else "step"
-            if (value, setting.unit) == (1, "steps")
-            else setting.unit,
+            "value": _value(setting.default(parameters), setting.unit),
             "source": SOURCES[setting.source],
             "meaning": setting.meaning,
         }
         for setting in SETTINGS
     ]
+
+
+def _value(value: float | None, unit: str) -> str:
+    if value is None:
+        return "none"
+    if unit == "°":
+        return f"{figure(value)}°"
+    return f"{figure(value)} {'step' if (value, unit) == (1, 'steps') else unit}".strip()
 
 
 def whole(number: int) -> str:
