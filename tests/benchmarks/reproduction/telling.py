@@ -44,6 +44,8 @@ SMALLEST: Final = 1e-4
 """Pitches of an end error that are told; what is less is told to be less."""
 PUBLISHED_SECONDS: Final = 0.01
 """Of a step."""
+BUSY: Final = 1.5
+"""How many times longer the same work takes at most where nothing else is done."""
 SOURCES: Final = {
     "published": "published",
     "named": "named, without a number",
@@ -335,10 +337,12 @@ def _machine(runs: Mapping[str, Run]) -> str:
     cores = sorted({run.cores for run in runs.values()})
     names = sorted({run.processor for run in runs.values()})
     reference = [run.reference_s for run in runs.values()]
+    busy = " It was busy with other work: processor times, in brackets, tell more."
     return (
         f"Times are of {' and '.join(str(n) for n in cores)} cores of {' and '.join(names)}, where "
-        f"1000 steps of one tree of 160 cubes took {min(reference):.2f} to {max(reference):.2f} s "
-        "just before each run."
+        f"1000 steps of MuJoCo on a chain of 160 cubes took {min(reference):.2f} to "
+        f"{max(reference):.2f} s just before each run."
+        f"{busy if max(reference) > BUSY * min(reference) else ''}"
     )
 
 
