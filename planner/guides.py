@@ -17,6 +17,8 @@ CHUNK: Final = 256
 SETTLE_STEPS: Final = 60
 AT_REST_RATE: Final = 1e-4
 STILL_STEPS: Final = 500
+STUCK_STEPS: Final = 3000
+"""A chain that has not come near to a snapshot after so many steps more than it gets does not."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -143,6 +145,8 @@ class SnapshotGuide:
             self._steps = 0
         if self._next == last and self._ending.over(rates):
             return None
+        if self._steps >= self._least_steps + STUCK_STEPS:
+            return None  # what is tangled stays so
         self._steps += 1
         return _still(self._snapshots[self._next], self._next / max(1, last))
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from planner.guides import (
     SETTLE_STEPS,
     STILL_STEPS,
+    STUCK_STEPS,
     Backwards,
     DirectGuide,
     Guide,
@@ -114,6 +115,12 @@ def test_the_papers_rule_ends_at_its_last_snapshot_at_rest() -> None:
     targets = obeyed(paper_guide(snapshots), np.zeros(2))
     np.testing.assert_allclose(targets[-1].goal, snapshots[-1])
     np.testing.assert_allclose(targets[-1].angles, snapshots[-1], atol=1e-3)
+
+
+def test_a_chain_that_comes_no_nearer_is_given_up() -> None:
+    guide = paper_guide(STEPS_AWAY, 2)
+    given = sum(guide.target(np.zeros(1), np.ones(1)) is not None for _ in range(2 * STUCK_STEPS))
+    assert given == 2 + 2 + 2 + STUCK_STEPS
 
 
 def test_a_motion_backwards_has_a_snapshot_for_each_step() -> None:
