@@ -196,6 +196,6 @@ def test_the_command_line_refuses_what_differs_and_what_is_no_plan(tmp_path: Pat
 
 
 def test_a_plan_that_is_not_verified_exits_with_3(tmp_path: Path) -> None:
-    code, told = cli("wrench-24", "mallet-24", "--out", tmp_path, "--preset", "direct", "--json")
+    code, told = cli("wrench-80", "mallet-80", "--out", tmp_path, "--preset", "direct", "--json")
     assert code == 3
     assert json.loads(told.splitlines()[-1])["status"] == "failed"
