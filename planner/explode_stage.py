@@ -11,7 +11,7 @@ from planner.best_record import BestRecord
 from planner.candidates import Candidates
 from planner.fold_files import read_recorded, read_request, write_chain_folded
 from planner.parameters import ExplosionParameters
-from planner.portfolio import Choice, Try
+from planner.portfolio import MOST_SEEDS, Choice, Try
 from planner.progress import Cancelled, Progress, Report
 from planner.record import Record
 from planner.request import Request
@@ -83,7 +83,7 @@ def choice_of(request: Request, candidates: Candidates) -> Choice:
         seed=request.seed,
         two_ended=candidates.two_ended,
         forces=ours,
-        **({} if ours else {"seeds": 1}),  # as published there is nothing that a seed changes
+        seeds=MOST_SEEDS if ours else 1,  # as published there is nothing that a seed changes
     )
 
 

@@ -27,14 +27,12 @@ class Target:
 
     Attributes:
         angles, rates, accelerations: (J,).
-        goal: (J,) what joint errors are measured against; the angles, unless these creep up to it.
         fraction: How far the playback is, 0 to 1.
     """
 
     angles: Array
     rates: Array
     accelerations: Array
-    goal: Array
     fraction: float
 
 
@@ -71,7 +69,6 @@ def _timed_targets(reference: Reference, law: TimeLaw) -> Iterator[Target]:
                 angles=angles[k],
                 rates=rates[k],
                 accelerations=accelerations[k],
-                goal=angles[k],
                 fraction=(start + k) / len(law),
             )
     end = reference.spline(np.rint(law.u[-1]))
@@ -110,9 +107,7 @@ class Backwards:
     def __getitem__(self, index: int, /) -> Array:
         """The (J,) angles ``index`` steps before the end."""
         time_s = max(0.0, float(self._time_s[-1]) - index * self._step_s)
-        k = int(
-            np.clip(np.searchsorted(self._time_s, time_s, "right") - 1, 0, len(self._angles) - 1)
-        )
+        k = int(np.searchsorted(self._time_s, time_s, "right")) - 1
         if k + 1 == len(self._angles):
             return self._angles[k].copy()
         part = (time_s - self._time_s[k]) / (self._time_s[k + 1] - self._time_s[k])
@@ -178,7 +173,6 @@ class DirectGuide:
             angles=angles,
             rates=self._law.rate[k] * self._folded,
             accelerations=self._law.acceleration[k] * self._folded,
-            goal=angles,
             fraction=k / len(self._law),
         )
 
@@ -196,4 +190,4 @@ class _Ending:
 
 def _still(angles: Array, fraction: float) -> Target:
     zero = np.zeros_like(angles)
-    return Target(angles=angles, rates=zero, accelerations=zero, goal=angles, fraction=fraction)
+    return Target(angles=angles, rates=zero, accelerations=zero, fraction=fraction)

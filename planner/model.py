@@ -53,6 +53,10 @@ class Material:
     stop_rad: float | None = None
     stiff_stops: bool = False
 
+    def stop_of(self, module: Module) -> float:
+        """Where the stops of a module's hinges begin, in rad."""
+        return module.angle_limit_rad if self.stop_rad is None else self.stop_rad
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Base:
@@ -195,7 +199,7 @@ def _add_linked(
     body.name = name
     body.pos = link.position
     body.quat = link.wxyz
-    stop = module.angle_limit_rad if material.stop_rad is None else material.stop_rad
+    stop = material.stop_of(module)
     for hinge_name, axis in zip(hinges, link.axes, strict=False):
         hinge = body.add_joint()
         hinge.name = hinge_name

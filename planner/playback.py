@@ -448,7 +448,7 @@ class _Run:
                     self._keep(phase, angles, target, sink)
                     return "folded", ""
                 target = following
-                error = float(np.abs(target.goal - angles).max())
+                error = float(np.abs(target.angles - angles).max())
                 self.largest_error = max(self.largest_error, error)
                 if (
                     max(np.abs(angles - last_angles).max(), np.abs(target.angles - last_aim).max())
@@ -507,7 +507,7 @@ class _Run:
             joint_angles_rad=angles[None],
             root_position=self.tree.root_position[None],
             root_wxyz=self.tree.root_wxyz[None],
-            joint_error_rad=np.abs(target.goal - angles)[None],
+            joint_error_rad=np.abs(target.angles - angles)[None],
         )
         self.kept.append(frame)
         self.references.append(target.angles.copy())

@@ -162,9 +162,7 @@ class Segments:
         self.chain = chain
         self.root = chain.root if base is None else 0
         self._geom_size, self._armature = material.geom_size, material.armature
-        self._stop_rad = (
-            chain.module.angle_limit_rad if material.stop_rad is None else material.stop_rad
-        )
+        self._stop_rad = material.stop_of(chain.module)
         starts = segment_starts(chain, segment_modules, root=self.root)
         self.starts = np.array(starts if base is None else starts[1:], dtype=np.int64)
         self.model: Any = compiled(segment_spec(chain, material, starts, base=base, rod=rod))

@@ -18,7 +18,7 @@ KP, KV = 1e4, 1e3
 
 def held(angles: Array) -> Target:
     zero = np.zeros(JOINTS)
-    return Target(angles=angles, rates=zero, accelerations=zero, goal=angles, fraction=1.0)
+    return Target(angles=angles, rates=zero, accelerations=zero, fraction=1.0)
 
 
 def placed(step_s: float, motors: Servos | None = None) -> Tree:
@@ -55,7 +55,7 @@ def test_feed_forward_gives_the_torque_of_the_inverse_dynamics() -> None:
     tree = placed(1e-4, Servos(stiffness=KP, damping=KV))
     wanted = np.linspace(-1.0, 2.0, JOINTS)
     zero = np.zeros(JOINTS)
-    target = Target(angles=zero, rates=zero, accelerations=wanted, goal=zero, fraction=0.5)
+    target = Target(angles=zero, rates=zero, accelerations=wanted, fraction=0.5)
     tree.begin_step()
     torques = tree.torques_for(wanted)
     Servo(stiffness=KP, damping=KV, feed_forward=True).drive(tree, target)
@@ -67,9 +67,7 @@ def test_without_it_the_servo_only_pulls_to_the_target() -> None:
     tree = placed(1e-4, Servos(stiffness=KP, damping=KV))
     angles = np.linspace(-0.01, 0.02, JOINTS)
     zero = np.zeros(JOINTS)
-    target = Target(
-        angles=angles, rates=zero + 5.0, accelerations=zero + 9.0, goal=angles, fraction=0.5
-    )
+    target = Target(angles=angles, rates=zero + 5.0, accelerations=zero + 9.0, fraction=0.5)
     tree.begin_step()
     Servo(stiffness=KP, damping=KV, feed_forward=False).drive(tree, target)
     tree.end_step()

@@ -56,7 +56,7 @@ def test_frames_tell_the_truth(shape: str, folded: Callable[..., Any]) -> None:
     np.testing.assert_allclose(
         frames.joint_error_rad,
         np.abs(playback.reference_rad - frames.joint_angles_rad),
-        # The goal's angles are rounded to whole steps when they become the plan's.
+        # The target's angles are rounded to whole steps when they become the plan's.
         atol=0.5 * STEP_RAD + 1e-15,
     )
     assert frames.joint_error_rad.max() <= playback.max_angle_error_rad + 1e-15
