@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
@@ -175,8 +176,10 @@ def test_a_child_that_tells_without_end_has_to_wait(
     )
 
     def filled(_: object) -> None:
-        if child._events.full():
-            raise InterruptedError
+        # Takes nothing more, so that the queue fills however slow the child is.
+        while not child._events.full():
+            time.sleep(0.01)
+        raise InterruptedError
 
     try:
         with pytest.raises(InterruptedError):
