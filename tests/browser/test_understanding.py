@@ -31,6 +31,22 @@ def figures(service: Service, fold: str) -> Figures:
     return Figures.load(service.directory(fold) / "figures.zarr")
 
 
+COUNT_PICTURES = """() => {
+  const { clear } = WebGL2RenderingContext.prototype;
+  let latest = null;
+  window.pictures = 0;
+  WebGL2RenderingContext.prototype.clear = function (...given) {
+    if (document.timeline.currentTime !== latest) window.pictures++;
+    latest = document.timeline.currentTime;
+    return clear.apply(this, given);
+  };
+}"""
+AT_REST = """() => new Promise((done) => {
+  const before = window.pictures;
+  setTimeout(() => done(window.pictures - before <= 3), 2000);
+})"""
+
+
 def opened(visit: Visit, fold: str, **options: object) -> Page:
     page = visit(f"/folds/{fold}", **options)
     page.locator("#sketch.gone").wait_for(state="attached")
@@ -78,6 +94,17 @@ def test_plots_show_the_figures_and_lead_into_the_fold(
     page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 20)
     assert shown_frame(page) == pytest.approx(0.75 * (len(figures) - 1), abs=3)
     keep(page, "plots")
+
+
+def test_a_view_at_rest_costs_no_battery_and_wakes(visit: Visit, fold: str) -> None:
+    page = opened(visit, fold)
+    (view,) = (frame for frame in page.frames if "view" in frame.url)
+    view.evaluate(COUNT_PICTURES)
+    view.wait_for_function(AT_REST)
+    before = view.evaluate("pictures")
+    page.locator("#view").hover()
+    page.mouse.wheel(0, 200)
+    view.wait_for_function("(before) => pictures > before + 3", arg=before)
 
 
 @pytest.mark.parametrize(

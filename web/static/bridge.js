@@ -11,6 +11,33 @@
   } catch { } // not all browsers let go of an address
   history.replaceState = () => {}; // it would write the name of its server there
 
+  // The client paints all the time, also what has not changed, which costs a battery. It rests a while
+  // after what it was last told, asked or shown: then it paints once a second.
+  const RESTS_AFTER_MS = 1500;
+  const RESTING_MS = 1000;
+  const NOTICED = ["pointerdown", "pointermove", "wheel", "touchstart", "touchmove", "keydown", "resize", "focus"];
+  const paintNext = window.requestAnimationFrame.bind(window);
+  const paintNoMore = window.cancelAnimationFrame.bind(window);
+  const waiting = new Map(); // timer → what is to be painted then
+  let noticed = performance.now();
+  window.requestAnimationFrame = (draw) => {
+    if (performance.now() - noticed < RESTS_AFTER_MS) return paintNext(draw);
+    const timer = setTimeout(() => { waiting.delete(timer); paintNext(draw); }, RESTING_MS);
+    waiting.set(timer, draw);
+    return -timer;
+  };
+  window.cancelAnimationFrame = (id) => {
+    if (id > 0) return paintNoMore(id);
+    clearTimeout(-id);
+    waiting.delete(-id);
+  };
+  function notice() {
+    noticed = performance.now();
+    for (const [timer, draw] of waiting) { clearTimeout(timer); paintNext(draw); }
+    waiting.clear();
+  }
+  for (const name of NOTICED) addEventListener(name, notice, { capture: true, passive: true });
+
   const MOVED_PX = 4;
   const PICTURES = 2; // it is told in the first, and there in the second
   const SHOWN = new Set([
@@ -42,6 +69,7 @@
   const opened = () => { if (port && wire) say({ is: "open" }); };
 
   function take({ data }) {
+    notice();
     if (data?.do === "show" && Array.isArray(data.messages)) {
       const messages = data.messages.filter((message) => SHOWN.has(message?.type));
       for (const message of messages) if ("titlebar_content" in message) message.titlebar_content = null; // links
@@ -54,10 +82,11 @@
     }
   }
 
-  const twice = (then) => requestAnimationFrame(() => requestAnimationFrame(then));
+  const twice = (then) => paintNext(() => paintNext(then));
 
   function paint(id, last) {
-    if (missing || pictures < last) requestAnimationFrame(() => paint(id, last));
+    notice();
+    if (missing || pictures < last) paintNext(() => paint(id, last));
     else twice(() => say({ is: "done", id }));
   }
 
@@ -75,6 +104,7 @@
   // What the client would tell its server.
   function told(message) {
     if (message.type === "ViewerCameraMessage") {
+      notice(); // it glides to where it was sent
       say({ is: "camera", position: [...message.position], target: [...message.look_at] });
     } else if (message.type === "ScenePointerMessage" && message.ray_origin) {
       say({ is: "pick", origin: [...message.ray_origin], direction: [...message.ray_direction] });
