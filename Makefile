@@ -12,7 +12,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test test-long load audit deploy-check lint format bench success-map reproduction constraints clean chromium tools
+.PHONY: help run test test-long load audit deploy-check lint format bench success-map reproduction constraints clean tools
 
 help: ## What there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -31,14 +31,10 @@ $(STAMP): pyproject.toml constraints.txt
 run: $(STAMP) ## Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR)
 	@exec $(BIN)/foldback serve --first-shape wrench-160
 
-chromium: $(STAMP)
-	@$(BIN)/python -m tests.browser.ensure_chromium
-
 tools: $(STAMP)
-	@$(BIN)/python -m tests.server.ensure_postgres
-	@$(BIN)/python -m tests.deploy.ensure_tools
+	@$(BIN)/python -m tests.tools
 
-test: $(STAMP) chromium tools ## Run all tests, the browser's too
+test: $(STAMP) tools ## Run all tests, the browser's too
 	@$(BIN)/python -m pytest -q
 
 lint: $(STAMP) ## Style and types

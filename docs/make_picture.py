@@ -24,7 +24,7 @@ sys.path.insert(0, str(ROOT))
 
 from planner.timeline import Timeline  # noqa: E402
 from tests.browser.conftest import FLAGS  # noqa: E402
-from tests.browser.ensure_chromium import ensure  # noqa: E402
+from tests.tools import CHROMIUM  # noqa: E402
 
 OUT = ROOT / "docs" / "wrench.gif"
 SIZE = (640, 360)
@@ -63,7 +63,7 @@ def main() -> None:
     """Writes the picture."""
     with tempfile.TemporaryDirectory() as folder, player(Path(folder)) as address:
         frames = Timeline.open(Path(folder) / "timeline.zarr").frames()
-        chromium = ensure()
+        chromium = CHROMIUM.get()
         with sync_playwright() as playwright:
             browser = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
             page = browser.new_page(

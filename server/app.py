@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import secrets
-import threading
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -100,14 +99,12 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.state.context = context
         census = app.state.census = Census(settings, context.leases)
         app.state.readiness = Readiness(settings, census, context.store.folders.check)
-        # In a thread: starting a process takes a moment that the first answer need not wait for.
-        threading.Thread(target=context.reader.start, daemon=True).start()
-        threading.Thread(target=context.preparer.start, daemon=True).start()
-        warming = asyncio.create_task(_warm_up(context))
+        warming = asyncio.create_task(_warm_up(context)) if settings.prewarm else None
         try:
             yield
         finally:
-            warming.cancel()
+            if warming is not None:
+                warming.cancel()
             context.reader.close()
             context.preparer.close()
             context.trajectories.close()
@@ -178,8 +175,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
 
 async def _warm_up(context: Context) -> None:
-    """Loads what the first visitors would wait for, once the service has come to rest."""
-    await asyncio.sleep(WARM_AFTER_S)
+    """Starts and loads what the first visitors would wait for."""
+    # In a thread: starting a process takes a moment that the first answer need not wait for.
+    await asyncio.to_thread(context.reader.start)
+    await asyncio.to_thread(context.preparer.start)
+    await asyncio.sleep(WARM_AFTER_S)  # the service has come to rest
     await asyncio.to_thread(pages.warm_up, context.gallery)
 
 

@@ -95,8 +95,9 @@ class Runner:
         self._stopping = threading.Event()
 
     def prewarm(self) -> None:
-        """Has a child ready for the next fold."""
-        self._children.prewarm()
+        """Has a child ready for the next fold, unless the settings keep it from that."""
+        if self._settings.prewarm:
+            self._children.prewarm()
 
     def stop(self) -> None:
         """Ends all children; their folds go on elsewhere, or with the next start."""

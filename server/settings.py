@@ -112,6 +112,12 @@ class Settings(BaseSettings):
     folds_per_worker: int = Field(
         default=1, ge=1, le=64, description="Folds a worker computes at once."
     )
+    prewarm: bool = Field(
+        default=True,
+        description="Whether computing processes start, and the first page is made, before anybody "
+        "asks. Without it an idle service has some 700 MB less, and who comes first waits some "
+        "seconds more.",
+    )
     lease_s: float = Field(
         default=15.0, gt=0, description="A worker silent for so long is dead; others take over."
     )

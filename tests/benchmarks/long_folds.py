@@ -11,8 +11,8 @@ from tests.benchmarks.command import playing
 from tests.benchmarks.page import PLAY
 from tests.benchmarks.tables import Section
 from tests.browser.conftest import FLAGS
-from tests.browser.ensure_chromium import ensure
 from tests.planner import peels
+from tests.tools import CHROMIUM
 from tests.web.long_folds import fold, write
 
 SIDES = (20, 20, 25)
@@ -47,7 +47,7 @@ def long_folds(reference_seconds: float) -> Section:
     section = Section(name="long-folds")
     chain = peels.snake(SIDES)
     windows = fold(chain, width=WINDOW_HINGES, step=STEP)
-    chromium = ensure()
+    chromium = CHROMIUM.get()
     flags = [*FLAGS, "--enable-precise-memory-info", "--js-flags=--expose-gc"]
     what = f"{len(chain)} modules, {len(windows)} frames"
     with (

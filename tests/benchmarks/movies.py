@@ -11,7 +11,7 @@ from pathlib import Path
 
 from planner.timeline import Timeline
 from tests.benchmarks.tables import Section
-from tests.web.ensure_gl import ensure
+from tests.tools import OPENGL
 
 SHAPE = "wrench-160"
 SECONDS_BAR = 60.0
@@ -26,7 +26,7 @@ def movies(reference_seconds: float) -> Section:
     """Folds the 160 wrench once; makes an MP4 of 720p, a plain GIF and the social picture of it."""
     del reference_seconds
     section = Section(name="movies")
-    backend = ensure()
+    backend = OPENGL.get()
     command = [sys.executable, "-m", "server.command_line"]
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder:
         directory = Path(folder) / "fold"

@@ -21,8 +21,8 @@ from server.gallery import Gallery
 from tests.benchmarks.command import playing
 from tests.benchmarks.tables import Section
 from tests.browser.conftest import FLAGS
-from tests.browser.ensure_chromium import ensure
 from tests.server.service import Service
+from tests.tools import CHROMIUM
 
 SHAPE = "wrench-160"
 LARGE = (10, 10, 10)
@@ -114,7 +114,7 @@ def page(reference_seconds: float) -> Section:
     """Opens the pages in Chromium with software GL, and uses them."""
     del reference_seconds
     section = Section(name="page")
-    chromium = ensure()
+    chromium = CHROMIUM.get()
     with (
         tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder,
         sync_playwright() as playwright,

@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
-from tests.browser.ensure_chromium import ensure
 from tests.server.service import Service
+from tests.tools import CHROMIUM
 
 ARTIFACTS = Path(__file__).parents[2] / "artifacts"
 PATIENCE_MS = 90_000
@@ -41,7 +41,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    path = ensure()
+    path = CHROMIUM.get()
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
         yield browser

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import httpx
 
-from tests.deploy.ensure_tools import ensure
 from tests.server.service import PATIENCE_S
+from tests.tools import CADDY
 
 CADDYFILE = Path(__file__).parents[2] / "deploy" / "Caddyfile"
 
@@ -44,7 +44,7 @@ class Proxy:
             "UPSTREAMS": f"to {addresses}",
             "MAX_BODY": max_body,
         }
-        command = [ensure("caddy"), "run", "--config", str(CADDYFILE), "--adapter", "caddyfile"]
+        command = [CADDY.get(), "run", "--config", str(CADDYFILE), "--adapter", "caddyfile"]
         with open(self.log, "w") as log:
             self.process = subprocess.Popen(command, env=environment, stderr=log, stdout=log)
         self._wait(f"http://127.0.0.1:{health}/")

@@ -16,9 +16,9 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from foldback_client import Client
-from tests.deploy.ensure_tools import ensure
 from tests.deploy.proxy import CADDYFILE, Proxy, free_ports
 from tests.server.service import SNAKE, Service
+from tests.tools import CADDY
 
 SETTINGS = {
     "workers": 0,
@@ -50,7 +50,7 @@ def proxy(webs: list[Service], tmp_path_factory: pytest.TempPathFactory) -> Iter
 @pytest.mark.parametrize("upstreams", ["to 10.0.0.5:8000 10.0.0.6:8000", "dynamic a web 8000"])
 def test_caddy_takes_the_file(upstreams: str, tmp_path: Path) -> None:
     done = subprocess.run(
-        [ensure("caddy"), "validate", "--config", str(CADDYFILE), "--adapter", "caddyfile"],
+        [CADDY.get(), "validate", "--config", str(CADDYFILE), "--adapter", "caddyfile"],
         env={
             "PATH": os.environ["PATH"],
             "HOME": str(tmp_path),

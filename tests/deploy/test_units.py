@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.deploy.ensure_tools import ensure
 from tests.deploy.files import DEPLOY
+from tests.tools import SYSTEMD
 
 UNITS = ("foldback-web.service", "foldback-worker@.service")
 MOST_EXPOSED = 20
@@ -29,7 +29,7 @@ def units(tmp_path: Path) -> list[Path]:
 
 
 def analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [ensure("systemd-analyze"), *map(str, arguments)]
+    command = [SYSTEMD.get(), *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
@@ -89,7 +89,7 @@ def test_the_user_is_made(tmp_path: Path) -> None:
     place.mkdir(parents=True)
     shutil.copy(DEPLOY / "systemd" / "foldback.sysusers", place / "foldback.conf")
     (tmp_path / "etc").mkdir()
-    ensure("systemd-analyze")
+    SYSTEMD.get()
     done = subprocess.run(
         ["systemd-sysusers", f"--root={tmp_path}"], capture_output=True, text=True, check=False
     )

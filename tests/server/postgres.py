@@ -16,7 +16,7 @@ from typing import Any
 
 import psycopg
 
-from tests.server.ensure_postgres import ensure
+from tests.tools import POSTGRES
 
 PATIENCE_S = 60.0
 USER = "foldback"
@@ -30,7 +30,7 @@ class Postgres:
     """
 
     def __init__(self) -> None:
-        self._programs = ensure()
+        self._programs = Path(POSTGRES.get())
         self._as = _other_user()
         # Not pytest's own place: that one is closed to other users.
         self._directory = Path(tempfile.mkdtemp(prefix="foldback-postgres-"))

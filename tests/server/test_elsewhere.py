@@ -15,7 +15,7 @@ import pytest
 from tests.server.bucket import Bucket
 from tests.server.postgres import Postgres
 from tests.server.service import PATIENCE_S, SNAKE, Service, owner
-from tests.web.ensure_gl import ensure
+from tests.tools import OPENGL
 
 SMALL = {"width": 128, "height": 72, "fps": 10, "seconds": 0.4}
 LONG = {"width": 128, "height": 72, "fps": 60, "seconds": 30}
@@ -26,7 +26,7 @@ def machines(
     tmp_path: Path, postgres: Postgres, bucket: Bucket
 ) -> Iterator[tuple[Callable[[str], Service], str]]:
     """Makes machines by name, and the URL of their database."""
-    ensure()
+    OPENGL.get()
     settings = {
         "database_url": postgres.database(),
         "storage_url": bucket.bucket(),

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from server.command_line import application
 from tests.server.service import PATIENCE_S, SNAKE, Service, owner
-from tests.web.ensure_gl import ensure
+from tests.tools import OPENGL
 
 SMALL = {"width": 128, "height": 72, "fps": 10, "seconds": 0.4}
 LONG = {"width": 128, "height": 72, "fps": 60, "seconds": 30}
@@ -23,7 +23,7 @@ LONG = {"width": 128, "height": 72, "fps": 60, "seconds": 30}
 
 @pytest.fixture(scope="module", autouse=True)
 def backend() -> str:
-    return ensure()
+    return OPENGL.get()
 
 
 def ask(service: Service, fold_id: str, **wishes: Any) -> dict[str, Any]:

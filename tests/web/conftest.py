@@ -10,7 +10,7 @@ from planner.chain import Chain
 from planner.frames import Frames
 from planner.paths import Path as CellPath
 from planner.timeline import TimelineWriter
-from tests.web.ensure_gl import ensure
+from tests.tools import OPENGL
 
 SNAKE = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
 ERROR_AT_END = 3e-3
@@ -81,4 +81,4 @@ def growing(chain: Chain, tmp_path: Path) -> tuple[Path, TimelineWriter, Callabl
 @pytest.fixture(scope="session")
 def backend() -> str:
     """A backend of OpenGL that draws without a screen."""
-    return ensure()
+    return OPENGL.get()

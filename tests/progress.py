@@ -1,0 +1,55 @@
+"""Progress of a run on several processes, for a person: a line for each tenth, failures at once."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+STEP = 10
+"""Per cent of the tests between two lines."""
+
+
+class Progress:
+    """Takes the place of the dots; ``pytest -n`` with any number turns it on."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self._config = config
+        self._begun = time.monotonic()
+        self._over = 0
+        self._told = 0
+        self._failed = 0
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_report_teststatus(self, report: pytest.TestReport) -> tuple[str, str, str] | None:
+        """Nothing is written for a test that passed."""
+        return ("passed", "", "") if report.passed and report.when == "call" else None
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Counts a test at its end and writes what there is to tell."""
+        terminal = self._config.pluginmanager.get_plugin("terminalreporter")
+        if report.failed:
+            self._failed += 1
+            terminal.ensure_newline()
+            terminal.write_line(f"  failed: {report.nodeid}", red=True)
+        if report.when != "teardown":
+            return
+        self._over += 1
+        every = terminal._session.testscollected
+        share = STEP * (100 * self._over // every // STEP)
+        if share > self._told:
+            self._told = share
+            seconds = time.monotonic() - self._begun
+            failed = f", {self._failed} failed" if self._failed else ""
+            terminal.ensure_newline()
+            terminal.write_line(
+                f"  {share:3d} %  {self._over} of {every} tests{failed}, "
+                f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
+            )
+
+
+def add_to(config: pytest.Config) -> None:
+    """Reports progress when tests run on several processes; their own output is not touched."""
+    if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Progress(config), "progress")

@@ -1,0 +1,160 @@
+"""Programs that tests use besides Python: found where they are, or got.
+
+``python -m tests.tools`` gets all that are missing, and says in one line what it could not get.
+Debian's packages are installed when this is root on a Debian; Chromium may also be Playwright's own
+download. ``FOLDBACK_CHROMIUM`` names another Chromium, ``FOLDBACK_POSTGRES`` another directory of
+PostgreSQL's programs. Tests whose program is missing fail: none is ever skipped.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+CHROMIUMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+POSTGRES_PROGRAMS = ("initdb", "postgres")
+POSTGRES_OF_DEBIAN = Path("/usr/lib/postgresql")
+GL_BACKENDS = ("egl", "osmesa")
+
+
+class MissingToolError(RuntimeError):
+    """A program is not there, and could not be got."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """One program, or what stands for it.
+
+    Args:
+        name: What people call it.
+        packages: Debian's packages that bring it.
+        find: Where it is, or None.
+        download: Gets it without being root.
+    """
+
+    name: str
+    packages: tuple[str, ...]
+    find: Callable[[], str | None]
+    download: Callable[[], None] | None = None
+
+    def get(self) -> str:
+        """Where it is; it is got first when it is not there.
+
+        Raises:
+            MissingToolError: Saying how to install it.
+        """
+        if found := self.find() or _got([self]).get(self.name):
+            return found
+        raise MissingToolError(_words([self]))
+
+
+def _starts_chromium(path: str) -> bool:
+    try:
+        answer = subprocess.run(
+            [path, "--version"], capture_output=True, text=True, timeout=60, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return answer.returncode == 0 and "Chrom" in answer.stdout
+
+
+def _find_chromium() -> str | None:
+    named = os.environ.get("FOLDBACK_CHROMIUM")
+    found = [named] if named else [path for name in CHROMIUMS if (path := shutil.which(name))]
+    if not (named or found):
+        from playwright.sync_api import sync_playwright
+
+        with sync_playwright() as playwright:
+            found = [playwright.chromium.executable_path]
+    return next((path for path in found if _starts_chromium(path)), None)
+
+
+def _download_chromium() -> None:
+    subprocess.run(
+        [sys.executable, "-m", "playwright", "install", "chromium"],
+        stdout=subprocess.DEVNULL,
+        check=False,
+    )
+
+
+def _find_postgres() -> str | None:
+    """The directory with PostgreSQL's programs, the newest version first."""
+    named, on_path = os.environ.get("FOLDBACK_POSTGRES"), shutil.which("postgres")
+    of_debian = [p for p in POSTGRES_OF_DEBIAN.glob("*") if p.name.isdecimal()]
+    places = [
+        *([Path(on_path).resolve().parent] if on_path else []),
+        *(p / "bin" for p in sorted(of_debian, key=lambda p: -int(p.name))),
+    ]
+    for place in [Path(named)] if named else places:
+        if all(os.access(place / program, os.X_OK) for program in POSTGRES_PROGRAMS):
+            return str(place)
+    return None
+
+
+def _draws(backend: str) -> bool:
+    """Whether a window can be opened with a backend; tried in a process of its own."""
+    code = f"from mujoco.{backend} import GLContext; GLContext(64, 64).make_current()"
+    answer = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "MUJOCO_GL": backend},
+        capture_output=True,
+        timeout=120,
+        check=False,
+    )
+    return answer.returncode == 0
+
+
+CHROMIUM = Tool("Chromium", ("chromium",), _find_chromium, _download_chromium)
+POSTGRES = Tool("PostgreSQL", ("postgresql",), _find_postgres)
+CADDY = Tool("Caddy", ("caddy",), lambda: shutil.which("caddy"))
+SYSTEMD = Tool("systemd-analyze", ("systemd",), lambda: shutil.which("systemd-analyze"))
+OPENGL = Tool(
+    "OpenGL without a screen",
+    ("libegl1", "libgl1", "libgl1-mesa-dri"),
+    lambda: next((backend for backend in GL_BACKENDS if _draws(backend)), None),
+)
+TOOLS = (CHROMIUM, POSTGRES, CADDY, SYSTEMD, OPENGL)
+
+
+def _got(missing: list[Tool]) -> dict[str, str]:
+    """Tries to install tools; where those are that are there now."""
+    packages = [package for tool in missing for package in tool.packages]
+    if os.geteuid() == 0 and shutil.which("apt-get"):
+        print(f"Installing {', '.join(packages)}, once …", file=sys.stderr)
+        environment = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+        for command in (
+            ["apt-get", "update", "-qq"],
+            ["apt-get", "install", "-qq", "--yes", "--no-install-recommends", *packages],
+        ):
+            subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, check=False)
+    for tool in missing:
+        if tool.download and not tool.find():
+            print(f"Downloading {tool.name}, once …", file=sys.stderr)
+            tool.download()
+    return {tool.name: found for tool in missing if (found := tool.find())}
+
+
+def _words(missing: list[Tool]) -> str:
+    packages = " ".join(package for tool in missing for package in tool.packages)
+    return (
+        f"Missing for the tests: {', '.join(tool.name for tool in missing)}. Run `sudo apt-get "
+        f"install {packages}`; all that needs none of them is run by `make test-fast`."
+    )
+
+
+def main() -> None:
+    """Gets what is missing."""
+    missing = [tool for tool in TOOLS if not tool.find()]
+    if missing:
+        found = _got(missing)
+        if missing := [tool for tool in missing if tool.name not in found]:
+            sys.exit(_words(missing))
+
+
+if __name__ == "__main__":
+    main()
