@@ -119,7 +119,7 @@ def page(reference_seconds: float) -> Section:
         tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder,
         sync_playwright() as playwright,
     ):
-        service = Service(Path(folder) / "data").start()
+        service = Service(Path(folder) / "data", prewarm=True).start()
 
         def launch() -> Browser:
             return playwright.chromium.launch(executable_path=chromium, args=FLAGS)

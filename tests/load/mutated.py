@@ -41,6 +41,7 @@ def mutated_uploads(short: bool = False, *, first: int = 0) -> Section:
         service = Service(
             Path(folder) / "data",
             workers=0,
+            prewarm=True,
             largest_queue=10**6,
             largest_queue_of_visitor=10**6,
             previews_bytes=64 * 2**20,

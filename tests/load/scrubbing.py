@@ -29,6 +29,7 @@ def scrubbing(short: bool = False) -> Section:
             Path(folder) / "data",
             workers=1 if short else 2,
             niceness=19,
+            prewarm=True,
             largest_queue_of_visitor=apart + 5,
         ).start()
         try:

@@ -90,7 +90,7 @@ class Site:
         return str(self.web.http.base_url)
 
     def _service(self, name: str, **settings: object) -> Service:
-        service = Service(self.disk.path / name, **{**self._settings, **settings})
+        service = Service(self.disk.path / name, **{"prewarm": True, **self._settings, **settings})
         service.log = self.place / f"{name}.log"
         service.environment.update(
             {**self.clock.environment, **self.setup.environment, MARK: self._mark}

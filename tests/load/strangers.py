@@ -36,7 +36,7 @@ def strangers(short: bool = False) -> Section:
     section = Section(name="strangers")
     side, seconds = (5, 3.0) if short else (10, 20.0)
     with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
-        service = Service(Path(folder) / "data", largest_queue_of_visitor=32).start()
+        service = Service(Path(folder) / "data", largest_queue_of_visitor=32, prewarm=True).start()
         try:
             checked(str(service.http.base_url))
             cells = np.rint(snake((side, side, side)).folded_poses.positions).astype(int)

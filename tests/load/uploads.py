@@ -25,7 +25,11 @@ def uploads(short: bool = False) -> Section:
     count, seconds, queue = (6, 1.0, 2) if short else (200, 60.0, 64)
     with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
         service = Service(
-            Path(folder) / "data", workers=1, largest_queue=queue, largest_queue_of_visitor=4
+            Path(folder) / "data",
+            workers=1,
+            largest_queue=queue,
+            largest_queue_of_visitor=4,
+            prewarm=True,
         ).start()
         try:
             service.wait_workers(1)

@@ -31,7 +31,7 @@ def viewers(short: bool = False) -> Section:
     section = Section(name="viewers")
     count, warm = (40, 10) if short else (1000, 20)
     with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
-        service = Service(Path(folder) / "data", max_robots_of_visitor=32).start()
+        service = Service(Path(folder) / "data", max_robots_of_visitor=32, prewarm=True).start()
         try:
             address = checked(str(service.http.base_url))
             folds = [service.fold(SNAKE, seed=str(k))["id"] for k in range(2 if short else 5)]

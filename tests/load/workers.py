@@ -46,7 +46,7 @@ def _folds(number: int, count: int, short: bool) -> tuple[float, float]:
     """Wall and processor seconds from the first fold's upload to the last one's end."""
     with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
         service = Service(
-            Path(folder) / "data", workers=number, largest_queue_of_visitor=count
+            Path(folder) / "data", workers=number, largest_queue_of_visitor=count, prewarm=True
         ).start()
         try:
             service.wait_workers(number)
