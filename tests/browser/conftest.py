@@ -32,14 +32,6 @@ FLAGS = (
 
 
 @pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """A service with a worker."""
-    service = Service(tmp_path_factory.mktemp("service") / "data").start()
-    yield service
-    assert service.stop() == 0
-
-
-@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     path = CHROMIUM.get()
     with sync_playwright() as playwright:

@@ -63,14 +63,6 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 
 @pytest.fixture(scope="session")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """A service with a worker."""
-    service = Service(tmp_path_factory.mktemp("service") / "data").start()
-    yield service
-    assert service.stop() == 0
-
-
-@pytest.fixture(scope="session")
 def finished(service: Service) -> dict[str, Any]:
     """A fold that is over: what the upload was answered, its events and its state."""
     accepted = service.fold(SNAKE, seed="3")
