@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner.alignment import aligned_distances
 from planner.exports import mjcf
 from planner.fold_files import write_request
 from planner.formats import write_path
 from planner.pathfinding.assembly import layered_snake
 from planner.paths import Path
 from planner.plan import Plan
+from planner.readers import read
 from planner.request import Request
 from planner.stages import run_stages
 from tests.planner.conftest import SHAPES
@@ -67,6 +69,12 @@ def test_the_exported_model_agrees_with_the_certificate(
     fold = folded(name)
     xml = (fold.directory / "model.xml").read_text()
     assert check(fold.plan, xml) == QUARTERS * (len(fold.plan.time_s) - 1) + 1
+    asked = read((SHAPES / f"{name}.json").read_bytes())
+    if isinstance(asked, Path):  # the last configuration is the shape that was asked for
+        frames = fold.plan.whole()
+        last = frames.joint_angles_rad[-1], frames.root_position[-1], frames.root_wxyz[-1]
+        positions = fold.chain.poses(*last).positions
+        assert aligned_distances(positions, asked.cells.astype(float)).max() < POSES_WITHIN
 
 
 @pytest.mark.parametrize("sides", [(4, 4, 6), pytest.param((6, 6, 8), marks=pytest.mark.long)])
