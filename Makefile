@@ -6,13 +6,14 @@ MAKEFLAGS += --no-builtin-rules
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+PARALLEL := -n logical --maxprocesses 4 --dist worksteal
 
 # The first interpreter that starts and is new enough; 3.11 to 3.13 are tried ones.
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python python3.14; do \
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test test-long load audit deploy-check lint format bench success-map reproduction constraints clean tools
+.PHONY: help run test test-fast test-long coverage load audit deploy-check lint format bench success-map reproduction constraints clean tools
 
 help: ## What there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -34,8 +35,11 @@ run: $(STAMP) ## Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_
 tools: $(STAMP)
 	@$(BIN)/python -m tests.tools
 
-test: $(STAMP) tools ## Run all tests, the browser's too
-	@$(BIN)/python -m pytest -q
+test: $(STAMP) tools ## All that guards a commit, a real browser too: some 6 minutes on two cores
+	@$(BIN)/python -m pytest -q $(PARALLEL) --durations=20 $(ARGS)
+
+test-fast: $(STAMP) ## What needs no other program, within a minute
+	@$(BIN)/python -m pytest -q $(PARALLEL) -m "not processes and not slow and not browser and not long and not benchmark" $(ARGS)
 
 lint: $(STAMP) ## Style and types
 	@$(BIN)/ruff check .
@@ -46,8 +50,16 @@ format: $(STAMP) ## Let ruff put the code in order
 	@$(BIN)/ruff check --fix --quiet .
 	@$(BIN)/ruff format .
 
-test-long: $(STAMP) tools ## Tests that take many seconds each
-	@$(BIN)/python -m pytest -q -m long
+test-long: $(STAMP) tools ## What takes long by nature: faults, replays of all shapes; an hour and more
+	@$(BIN)/python -m pytest -q -m long -o timeout=0 --durations=20 $(ARGS)
+
+coverage: $(STAMP) tools ## Lines and branches that `make test` runs, for each package
+	@rm -rf out/coverage && mkdir -p out/coverage
+	@$(BIN)/python -m coverage run -m pytest -q $(PARALLEL) -o timeout=0 $(ARGS)
+	@$(BIN)/python -m coverage combine -q
+	@for package in planner web server foldback_client; do \
+		printf '%-16s ' $$package; \
+		$(BIN)/python -m coverage report --include="$$package/*" | tail -n 1; done
 
 load: $(STAMP) tools ## Crowds, attacks and faults: a table, and JSON in out/
 	@$(BIN)/python -m tests.load

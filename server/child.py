@@ -125,11 +125,12 @@ def _step_back(niceness: int) -> None:
         Path("/proc/self/autogroup").write_text(str(niceness))
 
 
-def _stages() -> Task:
+def _stages(*, warm: bool) -> Task:
     from planner.stages import run_stage
     from planner.warm_up import warm_up
 
-    warm_up()
+    if warm:
+        warm_up()
 
     def run(
         stage: str,
@@ -149,10 +150,11 @@ def _stages() -> Task:
     return run
 
 
-def _reader() -> Task:
+def _reader(*, warm: bool) -> Task:
     from server.reading import check, preview, warm_up
 
-    warm_up()
+    if warm:
+        warm_up()
 
     def read(
         task: str,
@@ -169,15 +171,17 @@ def _reader() -> Task:
     return read
 
 
-def _preparer() -> Task:
+def _preparer(*, warm: bool) -> Task:
     from planner.warm_up_paths import warm_up_paths
 
     import_module("planner.preparation")  # so that the first preview need not wait for it
-    warm_up_paths()
-    return _reader()
+    if warm:
+        warm_up_paths()
+    return _reader(warm=warm)
 
 
-def _movies() -> Task:
+def _movies(*, warm: bool) -> Task:
+    del warm  # it draws, and computes nothing
     from planner.errors import TimelineError
     from web.encoding import EncodingError
     from web.filming import film_movie
@@ -214,10 +218,11 @@ def _movies() -> Task:
     return film
 
 
-def _retimer() -> Task:
+def _retimer(*, warm: bool) -> Task:
     from server.retiming import motors, retime, warm_up
 
-    warm_up()
+    if warm:
+        warm_up()
 
     def work_out(
         task: str,
@@ -257,7 +262,7 @@ def main() -> None:
             "movies": _movies,
             "retimer": _retimer,
         }
-        task = kinds[kind]()
+        task = kinds[kind](warm=limits["warm"])
         _limit(limits["memory_bytes"], limits["cpu_s"])
     except Exception as error:
         traceback.print_exc()

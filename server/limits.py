@@ -23,12 +23,14 @@ class ChildLimits:
         niceness: As of ``nice``.
         folders: Directories that it works in, one request after the other; when there are none, the
             directory of its first request.
+        warm: Whether it runs every compiled loop once before it takes a request.
     """
 
     memory_bytes: int
     cpu_s: float
     niceness: int = 0
     folders: tuple[str, ...] = ()
+    warm: bool = True
 
     @classmethod
     def of(cls, settings: Settings, *, awaited: bool = False) -> ChildLimits:
@@ -45,6 +47,7 @@ class ChildLimits:
             cpu_s=settings.stage_cpu_seconds,
             niceness=min(settings.niceness, AWAITED_NICENESS) if awaited else settings.niceness,
             folders=folders if awaited else (),
+            warm=settings.prewarm,
         )
 
 

@@ -114,9 +114,9 @@ class Settings(BaseSettings):
     )
     prewarm: bool = Field(
         default=True,
-        description="Whether computing processes start, and the first page is made, before anybody "
-        "asks. Without it an idle service has some 700 MB less, and who comes first waits some "
-        "seconds more.",
+        description="Whether computing processes start and run their compiled loops once, and the "
+        "first page is made, before anybody asks. Without it an idle service takes some 700 MB "
+        "less, who comes first waits some seconds more, and the loops must have been compiled.",
     )
     lease_s: float = Field(
         default=15.0, gt=0, description="A worker silent for so long is dead; others take over."

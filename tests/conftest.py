@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -15,9 +19,39 @@ settings.register_profile("foldback", deadline=None, derandomize=True, print_blo
 settings.load_profile("foldback")
 
 
+KERNELS = Path(__file__).parents[1] / "planner" / "kernels"
+PROCESSES = {"service", "desk", "service_with", "postgres", "bucket", "browser", "backend"}
+"""Fixtures that start programs."""
+
+
+@pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Marks what starts programs: ``make test-fast`` leaves it out."""
+    for item in items:
+        if PROCESSES & set(getattr(item, "fixturenames", ())):
+            item.add_marker("processes")
+
+
 def pytest_configure(config: pytest.Config) -> None:
-    """Runs on several processes tell how far they are."""
+    """Compiles what is not compiled yet; runs on several processes tell how far they are."""
+    if not hasattr(config, "workerinput"):
+        _compile(config)
     progress.add_to(config)
+
+
+def _compile(config: pytest.Config) -> None:
+    """Has all kernels in their cache: the services of these tests start children without it."""
+    stamps = {
+        path.name: [path.stat().st_mtime_ns, path.stat().st_size]
+        for path in sorted(KERNELS.glob("*.py"))
+    }
+    compiled = [sys.prefix, version("numba"), stamps]
+    if config.cache is None or config.cache.get("foldback/compiled", None) == compiled:
+        return
+    print("Compiling the kernels, once: about a minute …", flush=True)
+    warm_up = "from planner.warm_up import warm_up; warm_up()"
+    subprocess.run([sys.executable, "-c", warm_up], cwd=KERNELS.parents[1], check=True)
+    config.cache.set("foldback/compiled", compiled)
 
 
 @pytest.fixture(scope="session")

@@ -105,6 +105,7 @@ def test_a_closed_cycle_of_blocks_is_not_knotted() -> None:
         assert knot_of(cycle, closed=True).verdict == "unknot"
 
 
+@pytest.mark.slow
 @given(coarse=connected_sets(most=8), seed=st.integers(0, 9))
 def test_the_spread_of_every_cut_is_that_of_the_path_it_makes(coarse: Ints, seed: int) -> None:
     cycle = block_cycle(coarse, np.random.default_rng(seed))

@@ -75,6 +75,7 @@ def test_derivatives_are_differences(module: Module, count: int, seed: int, at: 
     np.testing.assert_allclose(changed + found @ found, change, atol=1e-5 * scale)
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(
     MODULES,

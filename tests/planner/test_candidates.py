@@ -65,6 +65,7 @@ def test_an_order_of_assembly_may_be_asked_for_and_may_not_be_there() -> None:
     assert none.paths == () and "no box" in none.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [BOX, BENT, PLATE])
 def test_the_same_seed_gives_the_same_candidates(shape: Shape) -> None:
     one, same = (find_paths(shape, seed=3, method="exact") for _ in range(2))
@@ -84,6 +85,7 @@ def test_the_candidate_whose_neighbours_are_closest_comes_first(method: str) -> 
     assert spreads == sorted(spreads)
 
 
+@pytest.mark.slow
 def test_a_knotted_candidate_comes_last() -> None:
     overhand = walk(OVERHAND)
     assert knot_of(overhand).verdict == "knotted"

@@ -94,6 +94,7 @@ def test_a_sound_plan_is_verified() -> None:
     assert certificate.rms_position_error == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["wrench-24", "mallet-24", "mallet-64", "wrench-94"])
 def test_real_plans_are_verified(shape: str, folded: Callable[..., Any]) -> None:
     certificate = folded(shape).plan.certificate
@@ -165,6 +166,7 @@ def test_a_certificate_of_an_earlier_version_says_what_it_bears_out(
 # A verdict is attacked from here on: none of these plans may pass.
 
 
+@pytest.mark.slow
 def test_moments_that_cannot_be_bounded_are_refused_by_their_frame() -> None:
     # Modules of full size touch all along: nothing can be proved of them.
     chain, plan = closing()
@@ -330,6 +332,7 @@ def test_once_cancelled_is_cancelled(times: int) -> None:
         assert certificate.in_betweens == 0
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1))
 def test_nothing_random_is_verified_that_a_dense_look_refuses(seed: int) -> None:
     rng = np.random.default_rng(seed)

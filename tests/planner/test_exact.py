@@ -53,6 +53,7 @@ small_sets = st.sets(
 )
 
 
+@pytest.mark.slow
 @given(cells=small_sets)
 @settings(max_examples=150)
 def test_the_search_agrees_with_trying_everything(cells: set[tuple[int, int, int]]) -> None:
@@ -166,6 +167,7 @@ def test_no_time_is_undecided_never_infeasible() -> None:
     assert found.status == "undecided" and found.order is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sets", "results"), [(feasible_sets, RESULTS), (hard_sets, HARD_RESULTS)])
 def test_the_stored_sets_are_those_that_their_results_are_of(
     sets: Callable[[], Iterator[FeasibleSet]], results: FilePath
@@ -178,6 +180,7 @@ def test_the_stored_sets_are_those_that_their_results_are_of(
         check_stored(changed, results)
 
 
+@pytest.mark.slow
 def test_what_nobody_knew_is_solved_proved_or_left_open() -> None:
     known = check_stored(list(hard_sets()), HARD_RESULTS)
     for each in list(hard_sets())[::5]:

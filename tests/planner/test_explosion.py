@@ -52,6 +52,7 @@ def test_snapshots_follow_one_another_closely(shape: str, folded: Callable[..., 
     assert moved.max() <= 1.03 * max(DEFAULT.snapshot_distance, DEFAULT.body_cap)
 
 
+@pytest.mark.slow
 def test_contacts_are_as_shallow_as_the_size_to_verify_wants() -> None:
     chain = Chain.from_path(read((SHAPES / "cactus.json").read_bytes()))
     clearances = {}
@@ -62,6 +63,7 @@ def test_contacts_are_as_shallow_as_the_size_to_verify_wants() -> None:
     assert clearances[0.95] < 0.0 < clearances[0.99]
 
 
+@pytest.mark.slow
 def test_tetrahedra_come_apart_that_nearly_fill_their_place() -> None:
     chain = read((SHAPES / "tetra-letter-f.json").read_bytes())
     assert isinstance(chain, Chain)
@@ -250,6 +252,7 @@ def test_it_goes_back_to_where_contacts_were_looked_at(monkeypatch: pytest.Monke
     assert explode(coil(24), DEFAULT).status == "straight"
 
 
+@pytest.mark.slow
 def test_a_knot_stays_tied_and_is_reported() -> None:
     chain = knotted()
     record = explode(chain, DEFAULT)

@@ -83,6 +83,7 @@ def root_of(plan: Plan, frame: int) -> Array:
     return transform
 
 
+@pytest.mark.slow
 def test_exports_have_names_and_files_of_their_own(plan: Plan) -> None:
     for attribute in ("name", "filename"):
         values = [getattr(export, attribute) for export in EXPORTS]

@@ -107,6 +107,7 @@ def test_a_subtle_one_is_proved_by_the_solver() -> None:
     assert exact_path(apply_repair(Shape.from_cells(cells), found.repairs[0])).status == "found"
 
 
+@pytest.mark.slow
 @given(
     cells=st.sets(
         st.tuples(st.integers(0, 4), st.integers(0, 3), st.integers(0, 2)),

@@ -95,6 +95,7 @@ def test_clearances_are_those_of_all_pairs(module: str, size: float) -> None:
             assert clearance[k, others[i]] <= clearance[k, i] + 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["wrench-24", "tetra-bar"])
 def test_the_certificate_and_the_figures_agree(shape: str, folded: Callable[..., Any]) -> None:
     fold = folded(shape)
@@ -184,6 +185,7 @@ def test_torques_are_those_of_the_certificates_fold_time(
     np.testing.assert_allclose(once.torque_nm, 0.25 * fast.torque_nm, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_what_is_saved_is_read_in_any_range(tmp_path: FilePath) -> None:
     chain = coil(10)
     timeline_of(tmp_path / "t", chain, ("playback", closing(chain, 300)), error=0.0)

@@ -57,6 +57,7 @@ def test_parts_are_told_and_dropped_only_when_asked() -> None:
     assert any("drop the other 1 cell" in note for note in repaired.notes)
 
 
+@pytest.mark.slow
 def test_a_mesh_is_filled_and_what_is_kept_is_told() -> None:
     mesh = trimesh.creation.icosphere(subdivisions=3)
     data = mesh.export(file_type="stl")

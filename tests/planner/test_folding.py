@@ -51,6 +51,7 @@ def test_a_directory_is_made_and_filled(tmp_path: FilePath) -> None:
     assert Plan.load(tmp_path / "a" / "b" / "plan.json").summary() == plan.summary()
 
 
+@pytest.mark.slow
 def test_a_path_and_its_chain_fold_alike() -> None:
     path = Path.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (0, 1, 1)], name="same")
     one, other = fold(path), fold(Chain.from_path(path))

@@ -109,6 +109,7 @@ def test_the_ring_turns_as_rings_do() -> None:
     assert (-1, -1, -1, 1) in found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("side", "kept"), [(1, 0.334), (2, 0.596)])
 def test_small_solids_keep_less_of_their_form(side: int, kept: float) -> None:
     """Intersection over union of a block of rings with its cubes; 4³ cells: 0.77, 6³: 0.85."""

@@ -148,6 +148,7 @@ def test_turning_mirroring_shifting_and_reversing_keep_the_answer(
     assert knot.determinant == (3 if knotted else 1)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), sticks=st.integers(6, 60))
 def test_making_a_random_polygon_smaller_keeps_its_determinant(seed: int, sticks: int) -> None:

@@ -40,6 +40,7 @@ def relieved(size: float, count: int) -> Array:
     return points[CUBE.reach(points) <= CUBE.relief_radius(size)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.9, 0.95, 0.99])
 def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range(size: float) -> None:
     points = relieved(size, 25)
@@ -49,6 +50,7 @@ def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range(size: float) 
         assert not (np.abs(seen) < half - 1e-9).all(axis=1).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.9, 0.95, 0.99])
 def test_the_relief_takes_hardly_more_than_it_must(size: float) -> None:
     side = (np.arange(24) + 0.5) / 24.0 - 0.5

@@ -69,6 +69,7 @@ def windows_of(plan: Plan) -> Windows:
     return plan.motion
 
 
+@pytest.mark.slow
 def test_it_is_verified_and_says_how_it_was_made(made: FilePath, plan: Plan) -> None:
     assert plan.certificate.verdict == "verified (kinematics only)"
     assert plan.explosion is not None and plan.explosion["strategy"] == "peel"
@@ -297,6 +298,7 @@ def test_what_needs_all_angles_says_when_they_are_too_many(
         assert refused.value.code == "plan-too-long"
 
 
+@pytest.mark.slow
 def test_a_long_chain_is_cut_into_trees_that_continue_each_other() -> None:
     chain = snake((9, 10, 11))
     text = mjcf(chain, module_size=0.95)
@@ -393,6 +395,7 @@ def test_a_strategy_that_cannot_be_had_is_refused(tmp_path: FilePath) -> None:
         run_stage("read", tmp_path)
 
 
+@pytest.mark.slow
 def test_a_box_can_be_laid_joint_by_joint(tmp_path: FilePath) -> None:
     """Row by row, layer by layer: what is straight swings where nothing lies yet."""
     path = Path.from_cells([tuple(c) for c in layered_snake((6, 7, 8)).tolist()], name="box")

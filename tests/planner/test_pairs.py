@@ -49,6 +49,7 @@ def test_walking_finds_all_pairs(
     assert len(found) == len({(i, j) for i, j in found})
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(st.integers(1000, 1300), st.integers(0, 2**32 - 1), st.floats(0.0, 3.0), st.floats(0.8, 4.0))
 def test_the_grid_finds_all_pairs(count: int, seed: int, stiffness: float, cutoff: float) -> None:

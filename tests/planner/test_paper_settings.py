@@ -104,6 +104,7 @@ def test_a_default_is_that_of_the_preset() -> None:
     assert step.default(replace(preset("direct"), playback=direct)) == 0.005
 
 
+@pytest.mark.slow
 def test_folds_and_refolds_of_the_library_take_settings() -> None:
     cells = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0), (3, 1, 0), (3, 2, 0), (3, 3, 0), (4, 3, 0)]
     loud = "radial_gain=20,snapshot_interval=5"

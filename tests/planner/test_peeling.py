@@ -63,6 +63,7 @@ def solid(voxels: np.ndarray, seed: int) -> tuple[Chain, Windows]:
     return chain, record.frames
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [snake, blocks])
 def test_a_chain_comes_off_straight(case: Case) -> None:
     chain, record = case()
@@ -84,6 +85,7 @@ def test_it_is_clear_at_the_frames_and_everywhere_between(case: Case) -> None:
     assert found.bound > 0.0
 
 
+@pytest.mark.slow
 def test_a_snake_is_clear_at_a_size_of_98_percent() -> None:
     chain, record = snake()
     found = sweep(chain, record.frames.angles(chain), size=0.98)
@@ -131,6 +133,7 @@ def test_the_seed_decides() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_knot_stalls_with_a_reason() -> None:
     chain = knotted(6)
     small = replace(DEFAULT, unit=16, most_modules=40, window=30, patience=60)

@@ -157,6 +157,7 @@ def test_a_cancelled_playback_keeps_its_frames(small: tuple[Chain, Record]) -> N
     assert len(playback.frames) > 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["mallet-64", "wrench-80"])
 def test_direct_servoing_of_a_real_shape_fails(shape: str, folded: Callable[..., Any]) -> None:
     # All hinges at once lead the chain through itself.
@@ -165,6 +166,7 @@ def test_direct_servoing_of_a_real_shape_fails(shape: str, folded: Callable[...,
     assert certificate.min_clearance < -0.5
 
 
+@pytest.mark.slow
 def test_direct_servoing_with_motors_of_limited_force_tangles(folded: Callable[..., Any]) -> None:
     chain = folded("mallet-64", "direct").chain
     parameters = replace(preset("direct").playback, torque_limit=1000.0)

@@ -227,6 +227,7 @@ def test_the_one_that_came_farthest_is_kept(tmp_path: FilePath) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["chain.json", "timeline.zarr"]
 
 
+@pytest.mark.slow
 def test_all_that_was_tried_is_in_the_plan(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -125,6 +125,7 @@ def test_cells_in_no_order_are_a_path_only_for_those_who_say_so() -> None:
     assert (prepared.kind, len(prepared.chain)) == ("voxels", 8)
 
 
+@pytest.mark.slow
 def test_paths_begin_in_the_cell_that_is_asked_for() -> None:
     for cell in prepare(CUBE_OBJ, "cube.obj", Wishes(modules=64)).report()["cells"][::7]:
         prepared = prepare(CUBE_OBJ, "cube.obj", Wishes(modules=64, start=tuple(cell)))
@@ -146,6 +147,7 @@ def test_where_no_path_begins_another_is_kept_and_it_says_so() -> None:
     assert refused.value.code == "not-a-cell"
 
 
+@pytest.mark.slow
 def test_a_repair_never_makes_eight_times_the_modules_unless_so_many_are_wanted() -> None:
     # A comb: each tooth is a dead end, and nothing small helps.
     comb = [[x, 0, 0] for x in range(41)] + [[x, y, 0] for x in range(0, 41, 2) for y in (1, 2)]

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 PAPER = PaperExplosionParameters()
 
 
+@pytest.mark.slow
 def test_a_small_coil_comes_out_straight() -> None:
     chain = coil(12)
     parts: list[Frames] = []

@@ -81,6 +81,7 @@ def test_every_format_gives_the_cells_that_were_written(writer: Writer, cells: C
     assert cells_of(writer(cells)) == cells.tolist()
 
 
+@pytest.mark.slow
 @given(walks(), st.text(max_size=200), st.floats(1e-6, 1e3))
 def test_a_written_path_is_read_back(cells: Cells, name: str, pitch_m: float) -> None:
     path = Path.from_cells(cells, name=name, pitch_m=pitch_m)

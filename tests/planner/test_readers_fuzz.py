@@ -56,6 +56,7 @@ def mutated(data: bytes, rng: random.Random) -> bytes:
     return bytes(changed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FILES)
 def test_thousands_of_mutated_files_are_read_or_refused(kind: str) -> None:
     rng = random.Random(kind)
@@ -78,6 +79,7 @@ def test_thousands_of_mutated_files_are_read_or_refused(kind: str) -> None:
     assert len(outcomes) >= 2, outcomes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["stl", "obj", "glb"])
 def test_what_is_read_of_mutated_meshes_is_voxelised_or_refused(kind: str) -> None:
     rng = random.Random(f"voxels of {kind}")

@@ -83,6 +83,7 @@ SOUPS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SOUPS)
 def test_triangles_at_random_are_no_surface(kind: str) -> None:
     points, faces = SOUPS[kind](np.random.default_rng(0), 600_000)
@@ -101,6 +102,7 @@ def test_surfaces_are_surfaces_sewn_or_not() -> None:
     assert is_surface(small.vertices, small.faces)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["same.obj", "same.off", "same.stl"])
 def test_a_million_lines_of_nothing_are_refused_in_little_memory(name: str) -> None:
     corners = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"

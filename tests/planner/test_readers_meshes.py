@@ -408,6 +408,7 @@ def test_more_triangles_or_bytes_than_the_limit_are_refused(kind: str) -> None:
     assert isinstance(read(data, most_triangles=576, most_cells=10), Solid) or kind == "gltf"
 
 
+@pytest.mark.slow
 def test_reading_does_not_load_libraries_that_only_others_need() -> None:
     code = (
         "import sys, planner.readers\nassert not {'trimesh', 'networkx', 'lxml'} & set(sys.modules)"

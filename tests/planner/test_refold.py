@@ -80,6 +80,7 @@ def judged(directory: FilePath, **changes: Any) -> Certificate:
     return certify(plan.chain, None, replace(playback, **changes), Parameters(), start=plan.start)
 
 
+@pytest.mark.slow
 def test_a_refold_is_verified_with_both_shapes_named(plan: Plan) -> None:
     assert plan.certificate.verdict == "verified (simulated)"
     assert plan.start is not None
@@ -210,6 +211,7 @@ def tampered(directory: FilePath, **changes: Any) -> tuple[str, ...]:
     return verify(directory).problems
 
 
+@pytest.mark.slow
 def test_another_beginning_is_noticed(copy: FilePath, plan: Plan) -> None:
     assert "does not begin folded as mallet-24" in "".join(tampered(copy, start=plan.chain))
     assert tampered(copy, start=None)
@@ -272,6 +274,7 @@ def test_a_simulation_that_missed_straight_is_refused(made: FilePath, plan: Plan
     assert "from straight" in judged(made, frames=other).verdict
 
 
+@pytest.mark.slow
 def test_it_goes_on_from_a_refold(plan: Plan, wrench: Folded) -> None:
     way = Unfolding.of_plan(plan)
     assert way.chain.name == "mallet-24"
@@ -283,6 +286,7 @@ def test_it_goes_on_from_a_refold(plan: Plan, wrench: Folded) -> None:
     np.testing.assert_allclose(back.joint_angles_rad[-1], wrench.chain.folded_rad, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_tetrahedra_refold_too(tmp_path: FilePath) -> None:
     zigzag = ["0", "-", "-", "+", "0", "+", "+", "-", "0", "-", "+"]
     signs = {"-": -np.pi / 2, "0": 0.0, "+": np.pi / 2}
@@ -321,6 +325,7 @@ def test_a_plan_that_does_not_lead_to_its_shape_is_no_beginning(wrench: Folded) 
     assert refused.value.code == "refold-not-folded"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("again_from", ["play_back", "certify"])
 def test_a_stage_that_is_run_again_comes_to_the_same(
     again_from: str, copy: FilePath, plan: Plan
@@ -349,6 +354,7 @@ def refuse(monkeypatch: pytest.MonkeyPatch, frame: float) -> None:
     monkeypatch.setattr("planner.stages.certify", refusing)
 
 
+@pytest.mark.slow
 def test_other_paths_are_tried_for_the_second_half_only(
     copy: FilePath, plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:

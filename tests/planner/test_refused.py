@@ -68,6 +68,7 @@ def sticking(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
     monkeypatch.setattr("planner.strategies.explode", once)
 
 
+@pytest.mark.slow
 def test_a_refused_plan_is_shown_when_all_others_stick(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -86,6 +87,7 @@ def test_a_refused_plan_is_shown_when_all_others_stick(
     assert not LEFT & {path.name for path in directory.iterdir()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("clearances", "shown"), [((-0.3, -0.1, -0.2, -0.2), 1), ((-0.1, -0.2, -0.3, -0.3), 0)]
 )
@@ -106,6 +108,7 @@ def test_the_closest_of_the_refused_is_shown(
     assert not LEFT & {path.name for path in directory.iterdir()}
 
 
+@pytest.mark.slow
 def test_nothing_is_left_when_a_later_one_is_verified(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -115,6 +118,7 @@ def test_nothing_is_left_when_a_later_one_is_verified(
     assert not LEFT & {path.name for path in directory.iterdir()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("doubled", [4, 6, 7])
 def test_a_stage_that_is_run_twice_changes_nothing(
     doubled: int, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch

@@ -26,7 +26,7 @@ from server.limits import ChildLimits
 from server.settings import Settings
 from web.movie import Movie
 
-LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0)
+LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
 ATTACK = """
 import json, os, resource, socket, threading
 from pathlib import Path
