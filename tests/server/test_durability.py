@@ -8,6 +8,7 @@ import sqlite3
 import pytest
 
 from planner.timeline import Timeline
+from server.store import new_token
 from tests.server.service import SNAKE, Service
 
 pytestmark = pytest.mark.slow
@@ -169,10 +170,11 @@ def test_what_was_being_uploaded_at_the_end_leaves_nothing(service_with) -> None
 @pytest.mark.long
 def test_asking_again_brings_a_lost_job_back(service_with) -> None:
     service = service_with(workers=0).start()
-    fold_id = service.fold(SNAKE)["id"]
+    token = new_token()
+    fold_id = service.fold(SNAKE, token=token)["id"]
     with sqlite3.connect(service.data_dir / "jobs.db") as jobs:
         assert jobs.execute("DELETE FROM workflow_status").rowcount == 1
     jobs.close()
-    assert service.fold(SNAKE)["id"] == fold_id
+    assert service.fold(SNAKE, token=token)["id"] == fold_id
     with service.worker():
         check_finished(service, fold_id)
