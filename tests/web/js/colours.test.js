@@ -1,0 +1,63 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { COLOURINGS, colouring, ramped, roundUp } from "../../../web/static/colours.js";
+import { close, recorded, unpack, vectors } from "./vectors.js";
+
+// Figures that tell the same of every frame.
+const figuresOf = (modules, joints) => ({
+  row: () => ({
+    position_error: new Float32Array(modules).fill(0.02),
+    torque: new Float32Array(joints).fill(-0.3),
+    clearance: Float32Array.from({ length: modules }, (_, i) => (i === 3 ? -0.01 : 0.2)),
+  }),
+  largest: (name) => ({ position_error: 0.034, torque: 1.7 })[name],
+});
+
+test("shares of a ramp are coloured as in Python", async () => {
+  const { scenery, shares, errors } = vectors.colours;
+  const { header, arrays } = await unpack(scenery);
+  const found = ramped(Float64Array.from(shares, (v) => v ?? NaN), arrays.ramp_error, header.colours.unknown);
+  assert.deepEqual([...found], errors);
+});
+
+test("scales end as in Python", () => {
+  for (const [value, scale] of vectors.colours.scales) close([roundUp(value)], [scale], { rtol: 1e-9 });
+  assert.equal(roundUp(0), 1);
+});
+
+test("every colouring has a scale in numbers", async () => {
+  const { film } = await recorded();
+  const shown = film.snapshot(film.last);
+  const figures = figuresOf(film.chain.modules, film.joints);
+  const told = {};
+  const seen = {};
+  for (const [key] of COLOURINGS) {
+    const chosen = colouring(key, film, figures);
+    seen[key] = chosen.of(shown);
+    assert.equal(seen[key].length, 3 * film.chain.modules);
+    told[key] = chosen.legend().high;
+    assert.match(chosen.legend().ramp, /^linear-gradient\(to right, (rgb\(\d+ \d+ \d+\)(, |\)$)){9}/);
+  }
+  const { speed, error, ...others } = told;
+  assert.deepEqual(others, {
+    "error-even": error, position: "0.05 pitch", torque: "2 N·m", clearance: "0.5 pitch", chain: "Module 15",
+  });
+  assert.match(speed, /^[\d.]+ rad\/s$/);
+  const scale = film.errorScale;
+  assert.equal(error, `${scale} rad`);
+  // Red alone means error, or worse: two that overlap.
+  const redness = (colours) => Array.from({ length: colours.length / 3 }, (_, i) => colours[3 * i] - Math.max(colours[3 * i + 1], colours[3 * i + 2]));
+  assert.ok(Math.max(...redness(seen.error)) > 60);
+  for (const key of ["error-even", "position", "torque", "speed", "chain"]) assert.ok(Math.max(...redness(seen[key])) < 60, key);
+  assert.deepEqual([...seen.clearance.subarray(9, 12)], film.scenery.header.colours.error);
+});
+
+test("what is not measured yet is grey", async () => {
+  const { film } = await recorded();
+  const nothing = { row: () => null, largest: () => 0 };
+  const { unknown } = film.scenery.header.colours;
+  for (const key of ["position", "torque", "clearance"]) {
+    const colours = colouring(key, film, nothing).of(film.snapshot(0));
+    assert.deepEqual([...colours.subarray(0, 3)], unknown, key);
+  }
+});

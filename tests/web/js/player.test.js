@@ -1,0 +1,201 @@
+import assert from "node:assert/strict";
+import { beforeEach, test } from "node:test";
+import { distanceNeeded } from "../../../web/static/camera.js";
+import { Pair } from "../../../web/static/pair.js";
+import { Player } from "../../../web/static/player.js";
+import { Playhead } from "../../../web/static/playhead.js";
+import { close, recorded, turnOfEvents, vectors } from "./vectors.js";
+
+const PICTURE_MS = 1000 / 30;
+const AT_END = vectors.film.frames.at(-1);
+let due = [];
+let now = 0;
+
+beforeEach(() => {
+  due = [];
+  now = 0;
+  globalThis.requestAnimationFrame = (then) => due.push(then);
+});
+
+// Lets so many pictures be drawn.
+function draw(pictures) {
+  for (let k = 0; k < pictures; k++) {
+    now += PICTURE_MS;
+    for (const then of due.splice(0)) then(now);
+  }
+}
+
+async function shown(options = {}) {
+  const { film } = await recorded();
+  const player = new Player(film, options);
+  const heard = {};
+  for (const name of ["state", "module", "outline", "drawn"]) player.on(name, (detail) => { heard[name] = detail; });
+  assert.equal(player.send({ do: "play" }), false); // there is nothing yet
+  await turnOfEvents();
+  draw(1);
+  return { film, player, heard };
+}
+
+test("a frame that is sought is shown, and told of", async () => {
+  const { player, heard, film } = await shown();
+  assert.deepEqual([heard.outline.frames, heard.outline.modules, heard.outline.joints], [film.total, 16, 14]);
+  for (const { frame, time_s: time } of vectors.film.frames) {
+    assert.ok(player.send({ do: "seek", frame }));
+    draw(1);
+    assert.equal(heard.drawn, frame);
+    assert.deepEqual([heard.state.frame, heard.state.frames, heard.state.time_s], [frame, film.total, time]);
+  }
+  assert.equal(heard.state.phase, "playback");
+  assert.ok(player.send({ do: "seek", percent: 0 }));
+  assert.deepEqual([heard.state.frame, heard.state.phase, heard.state.error_rad], [0, "explosion", null]);
+  assert.equal(player.send({ do: "dance" }), false);
+});
+
+test("modules are as red as Python says, and blue when selected", async () => {
+  const { player, film } = await shown();
+  for (const { frame, colours } of vectors.film.frames) {
+    player.send({ do: "seek", frame });
+    close(player.colours(), colours, { atol: 2 }); // errors travel with a precision of 1 in 256
+  }
+  const { selected: blue, stuck } = film.scenery.header.colours;
+  player.send({ do: "select", module: 5 });
+  player.mark([2, 99]);
+  const found = player.colours();
+  assert.deepEqual([...found.subarray(15, 18)], blue);
+  assert.deepEqual([...found.subarray(6, 9)], stuck);
+  close(found.subarray(21), AT_END.colours.slice(21), { atol: 2 });
+});
+
+test("a selected module tells its cell and its joint", async () => {
+  const { player, heard, film } = await shown();
+  player.send({ do: "seek", frame: AT_END.frame });
+  player.send({ do: "select", module: 6 });
+  const { index, cell, joints } = heard.module;
+  assert.deepEqual([index, cell.map((c) => c + 0)], [6, vectors.film.cells[6]]);
+  const first = (6 - film.chain.rigid_links) * film.chain.hinges;
+  assert.deepEqual(joints.map(({ name }) => name), vectors.film.joints.slice(first, first + film.chain.hinges));
+  close(joints.map(({ angle_rad: angle }) => angle), AT_END.angles.slice(first, first + film.chain.hinges));
+  close([Math.max(...joints.map(({ error_rad: error }) => error))], [AT_END.errors[6]], { rtol: 1 / 256 });
+  player.send({ do: "select", module: 99 });
+  assert.equal(heard.module.index, 6);
+  player.send({ do: "select", module: null });
+  assert.equal(heard.module.index, null);
+});
+
+test("a click on a module selects it, and lets go of it", async () => {
+  const { player, heard } = await shown();
+  const at = Array.from(player.shown.positions.subarray(9, 12));
+  player.pick([at[0], at[1], at[2] + 5], [0, 0, -1]);
+  assert.equal(heard.module.index, 3);
+  player.pick([at[0], at[1], at[2] + 5], [0, 0, -1]);
+  assert.equal(heard.module.index, null);
+});
+
+test("it plays to the end, with the whole chain in view", async () => {
+  const { player, heard, film } = await shown({ aspect: () => 0.7 });
+  player.send({ do: "play" });
+  for (let k = 0; k < 900 && player.is.playing; k++) {
+    draw(1);
+    const { position, target } = player.view;
+    assert.ok(position.every(Number.isFinite) && target.every(Number.isFinite));
+    const { view } = player.follower;
+    assert.ok(view.distance >= (1 - 1e-9) * distanceNeeded(player.points(player.shown), view, player.seeing));
+  }
+  assert.deepEqual([player.is.playing, player.playhead.frame, heard.state.playing], [false, film.last, false]);
+  draw(200);
+  assert.equal(due.length, 0); // at rest nothing is drawn any more
+  player.send({ do: "play" });
+  assert.equal(player.playhead.frame, 0); // from the end it begins again
+});
+
+test("the camera goes to modules that are to be looked at, and back", async () => {
+  const { player } = await shown();
+  player.send({ do: "seek", frame: 120 });
+  draw(200);
+  const whole = player.follower.view;
+  player.lookAt([3, 4]);
+  draw(200);
+  const seen = player.follower.view;
+  const middle = [0, 1, 2].map((c) => ((player.shown.positions[9 + c] + player.shown.positions[12 + c]) / 2) * player.pitch);
+  close(seen.target, middle, { atol: 0.5 * player.pitch });
+  player.lookAt([]);
+  draw(200);
+  close(player.follower.view.target, whole.target, { atol: 0.1 * player.pitch });
+  close([player.follower.view.distance], [whole.distance], { rtol: 0.05 });
+});
+
+function head(last = 239, growing = false) {
+  const film = { last, growing };
+  return { film, playhead: new Playhead(film) };
+}
+
+test("a playhead stops at the end, or goes round, or back", () => {
+  const { playhead } = head();
+  playhead.do({ do: "play" });
+  assert.equal(playhead.advance(1, 1), true);
+  assert.equal(playhead.frame, 12); // 240 frames in 20 s
+  playhead.do({ do: "set", speed: 100 });
+  assert.equal(playhead.is.speed, 20);
+  playhead.advance(1, 2);
+  assert.deepEqual([playhead.frame, playhead.is.playing], [239, false]);
+  playhead.do({ do: "set", loop: true });
+  playhead.do({ do: "play" });
+  playhead.advance(1, 3);
+  playhead.advance(1, 3.1);
+  assert.deepEqual([playhead.frame, playhead.is.playing], [239, true]); // it holds there
+  playhead.advance(0.01, 5);
+  assert.equal(playhead.frame, 0);
+  playhead.do({ do: "set", reverse: true, loop: false, speed: 1 });
+  playhead.do({ do: "play" });
+  playhead.advance(0.5, 6);
+  assert.equal(playhead.frame, 233);
+});
+
+test("steps are whole frames, and stay in the film", () => {
+  const { playhead } = head();
+  playhead.do({ do: "seek", percent: 50 });
+  assert.equal(playhead.frame, 119.5);
+  playhead.do({ do: "step", by: 1 });
+  assert.equal(playhead.frame, 120);
+  playhead.do({ do: "seek", frame: 3.5 });
+  playhead.do({ do: "step", by: -1 });
+  assert.equal(playhead.frame, 3);
+  playhead.do({ do: "step", by: -10 });
+  assert.equal(playhead.frame, 0);
+  assert.equal(playhead.do({ do: "nothing" }), false);
+});
+
+test("a live playhead stays at the end of what grows", () => {
+  const { film, playhead } = head(10, true);
+  playhead.do({ do: "set", live: true });
+  for (let k = 0; k < 60; k++) playhead.advance(0.1, k);
+  assert.equal(playhead.frame, 10);
+  film.last = 20;
+  for (let k = 0; k < 60; k++) playhead.advance(0.1, k);
+  assert.deepEqual([playhead.frame, playhead.is.live], [20, true]);
+  film.growing = false;
+  playhead.advance(0.1, 99);
+  assert.equal(playhead.is.live, false);
+});
+
+test("two folds go through their phases in step", async () => {
+  const [{ player: one, film }, { player: two }] = [await shown(), await shown()];
+  // The second has half as long an explosion.
+  const begin = film.outline.phases[1].from;
+  const { outline } = two.film;
+  outline.phases = [{ name: "explosion", from: begin / 2, to: begin }, outline.phases[1]];
+  const pair = new Pair([one, two]);
+  let told = null;
+  pair.on("state", (state) => { told = state; });
+  assert.equal(pair.send({ do: "play" }), false);
+  pair.begin();
+  assert.equal(pair.last, film.last);
+  for (const [frame, other] of [[0, begin / 2], [begin - 1, begin - 1], [begin, begin], [film.last, film.last]]) {
+    assert.ok(pair.send({ do: "seek", frame }));
+    assert.deepEqual([one.playhead.frame, two.playhead.frame], [frame, other]);
+    assert.equal(told.phase, frame < begin ? "explosion" : "playback");
+  }
+  close([told.error_rad], [Math.max(...AT_END.errors)], { rtol: 1 / 256 });
+  pair.send({ do: "select", module: 4 });
+  assert.deepEqual([one.selected, two.selected], [4, 4]);
+});

@@ -1,0 +1,50 @@
+// What the frame of the 3D view says is looked at before it is believed.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { Scene } from "../../../web/static/scene.js";
+
+// As a browser's, for what is pressed in the frame.
+globalThis.KeyboardEvent ??= class extends Event {
+  constructor(type, { key, shiftKey, ...options }) {
+    super(type, options);
+    Object.assign(this, { key, shiftKey });
+  }
+};
+
+function listening() {
+  const heard = [];
+  const keys = [];
+  const frame = new EventTarget();
+  frame.addEventListener("keydown", ({ key, shiftKey }) => keys.push([key, shiftKey]));
+  const scene = new Scene(frame, { touch: () => heard.push("touch") }, ["End"]);
+  scene.scenery = {};
+  scene.pick = (...ray) => heard.push(ray);
+  return { scene, heard, keys };
+}
+
+test("nonsense from the view is not believed", () => {
+  const { scene, heard, keys } = listening();
+  const bad = [[NaN, 0, 0], [0, 0, Infinity], [1e300, 0, 0], [0, 0], [0, 0, 0, 0], "abc", null, ["1", "2", "3"], { length: 3 }, [[], [], []], new Float32Array(3)];
+  for (const vector of bad) {
+    scene.hear({ is: "camera", position: vector, target: [0, 0, 0] });
+    scene.hear({ is: "camera", position: [0, 0, 1], target: vector });
+    scene.hear({ is: "pick", origin: vector, direction: [0, 0, 1] });
+    scene.hear({ is: "pick", origin: [0, 0, 1], direction: vector });
+  }
+  scene.hear({ is: "camera", position: [1, 2, 3], target: [1, 2, 3] }); // looks nowhere
+  for (const told of [
+    null, 1, "open", [], {}, { is: "constructor" }, { is: "done", id: "x" }, { is: "key", key: "F5" }, { is: "key", key: ["End"] },
+  ]) scene.hear(told);
+  assert.deepEqual([heard, scene.camera, keys], [[], null, []]);
+});
+
+test("what makes sense is", () => {
+  const { scene, heard, keys } = listening();
+  scene.hear({ is: "camera", position: [1, 2, 3], target: [0, 0, 0] });
+  scene.hear({ is: "pick", origin: [1, 2, 3], direction: [0, 0, -1] });
+  scene.hear({ is: "touch" });
+  scene.hear({ is: "key", key: "End", shift: "yes" });
+  assert.deepEqual(heard, [[[1, 2, 3], [0, 0, -1]], "touch"]);
+  assert.deepEqual(scene.camera, { position: [1, 2, 3], target: [0, 0, 0] });
+  assert.deepEqual(keys, [["End", false]]);
+});

