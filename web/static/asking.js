@@ -1,5 +1,5 @@
 // Asking for a fold.
-import { refusal } from "./words.js";
+import { refusal, wordsOf } from "./words.js";
 
 const OWN = "foldback:token";
 export const UNREACHABLE = "The server cannot be reached. Check the connection and try again.";
@@ -20,19 +20,27 @@ function ownToken() {
 }
 
 // The headers that prove whose a fold is; none for a token that is not there.
+/**
+ * @param {string | null} token
+ * @returns {Record<string, string>}
+ */
 export const proof = (token) => (token ? { Authorization: `Bearer ${token}` } : {});
 
 // The token that proves that a fold is this browser's; null for others'.
+/** @param {string} id */
 export function tokenOf(id) {
   try { return localStorage.getItem(`foldback:owner:${id}`); } catch { return null; }
 }
 
 // Asks for a fold with form data or plain fields, and keeps the token that proves whose it is.
 // Throws an Error with words for people when it was refused.
+/**
+ * @param {FormData | Form} body
+ * @returns {Promise<{ id: string }>}
+ */
 export async function foldAsked(body) {
-  let form = body;
-  if (!(form instanceof FormData)) {
-    form = new FormData();
+  const form = body instanceof FormData ? body : new FormData();
+  if (!(body instanceof FormData)) {
     for (const [key, value] of Object.entries(body)) form.set(key, value instanceof Blob ? value : String(value));
   }
   let answer;
@@ -49,17 +57,19 @@ export async function foldAsked(body) {
 
 // The same, and goes to its page. Returns why it could not be, in words; an empty text means that the
 // page is being left.
+/** @param {FormData | Form} body */
 export async function askForFold(body) {
   try {
     location.href = `/folds/${(await foldAsked(body)).id}`;
     return "";
   } catch (error) {
-    return error.message;
+    return wordsOf(error);
   }
 }
 
 // Another's fold, or one of the gallery that others have asked for, comes without. Where nothing may
 // be kept the fold is seen all the same; it cannot be cancelled then.
+/** @param {{ id: string, owner_token?: string }} told */
 function keepToken({ id, owner_token: token }) {
   try {
     if (token) localStorage.setItem(`foldback:owner:${id}`, token);

@@ -1,26 +1,34 @@
 // The timeline bar: phases as two tints, the error as a small area in it, and the playhead.
-import { PHASES, radians, seconds, whole } from "./words.js";
+import { PHASES, get, radians, seconds, whole } from "./words.js";
 
 const SVG = "http://www.w3.org/2000/svg";
-const get = (id) => document.getElementById(id);
+
+const PRESSED = /** @type {const} */ (["reverse", "loop", "follow", "live"]);
+const USED = /** @type {const} */ (["back", "play", "forward", "reverse", "loop", "follow", "speed", "jump"]);
 
 export class Bar {
+  /**
+   * @param {Playing} player
+   * @param {(figure: string) => number | null} worst
+   */
   constructor(player, worst = () => null) {
     this.player = player;
     this.worst = worst;
+    /** @type {BarOutline | null} */
     this.outline = null;
+    /** @type {State | null} */
     this.state = null;
     this.onStuck = () => {};
     this.scrubbing = false;
     this.scrub = get("scrub");
-    const send = (message) => () => player.send(message);
+    const send = (/** @type {Command} */ message) => () => player.send(message);
     get("play").onclick = send({ do: "toggle" });
     get("back").onclick = send({ do: "step", by: -1 });
     get("forward").onclick = send({ do: "step", by: 1 });
-    for (const name of ["reverse", "loop", "follow", "live"]) {
+    for (const name of PRESSED) {
       get(name).onclick = () => player.send({ do: "set", [name]: get(name).getAttribute("aria-pressed") !== "true" });
     }
-    get("speed").onchange = (event) => player.send({ do: "set", speed: Number(event.target.value) });
+    get("speed").onchange = () => player.send({ do: "set", speed: Number(get("speed").value) });
     this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
     this.scrub.addEventListener("pointerdown", () => { this.scrubbing = true; });
     for (const name of ["pointerup", "pointercancel", "change"]) {
@@ -38,21 +46,25 @@ export class Bar {
     player.on("state", (state) => this.show(state));
   }
 
+  /** @param {boolean} on */
   enable(on) {
-    for (const name of ["back", "play", "forward", "reverse", "loop", "follow", "speed", "jump"]) get(name).disabled = !on;
+    for (const name of USED) get(name).disabled = !on;
     get("head").hidden = !on;
   }
 
+  /** @param {number} frame */
   seek(frame) {
     this.place(frame);
     this.player.send({ do: "seek", frame });
   }
 
   // Where a fold came to nothing; null when it did not.
+  /** @param {Failing | null} stuck */
   sticksAt(stuck) {
     for (const option of get("jump").options) if (option.value === "stuck") option.hidden = !stuck;
   }
 
+  /** @param {string} where */
   jump(where) {
     if (where === "stuck") {
       this.onStuck();
@@ -66,32 +78,37 @@ export class Bar {
     if (frame !== null) this.player.send({ do: "seek", frame });
   }
 
+  /** @param {KeyboardEvent} event */
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
-    const inField = event.target.closest?.("select, textarea, input:not([type=range])");
-    const onButton = event.target.closest?.("button, a, summary, [role=tab]");
+    const target = event.target instanceof Element ? event.target : null;
+    const inField = target?.closest("select, textarea, input:not([type=range])");
+    const onButton = target?.closest("button, a, summary, [role=tab]");
     if (inField) return;
-    if (event.target.closest?.("[role=tablist]") && event.key.startsWith("Arrow")) return;
-    const message = {
+    if (target?.closest("[role=tablist]") && event.key.startsWith("Arrow")) return;
+    /** @type {Record<string, Command | null>} */
+    const messages = {
       ArrowLeft: { do: "step", by: event.shiftKey ? -10 : -1 },
       ArrowRight: { do: "step", by: event.shiftKey ? 10 : 1 },
       Home: { do: "seek", percent: 0 },
       End: { do: "seek", percent: 100 },
       " ": onButton ? null : { do: "toggle" },
-    }[event.key];
+    };
+    const message = messages[event.key];
     if (!message) return;
     event.preventDefault();
     event.stopImmediatePropagation();
     this.player.send(message);
   }
 
+  /** @param {BarOutline} outline */
   draw(outline) {
     this.outline = outline;
     const { frames, phases, errors } = outline;
     this.enable(true);
     this.scrub.disabled = frames < 2;
     get("folded").disabled = !this.folding;
-    this.scrub.max = Math.max(0, frames - 1);
+    this.scrub.max = String(Math.max(0, frames - 1));
     const plot = get("plot");
     plot.replaceChildren();
     const names = get("phases");
@@ -100,9 +117,9 @@ export class Bar {
       const rect = document.createElementNS(SVG, "rect");
       rect.setAttribute("class", `phase-${phase.name}`);
       const from = (1000 * phase.from) / frames;
-      rect.setAttribute("x", from);
-      rect.setAttribute("width", (1000 * phase.to) / frames - from);
-      rect.setAttribute("height", 100);
+      rect.setAttribute("x", String(from));
+      rect.setAttribute("width", String((1000 * phase.to) / frames - from));
+      rect.setAttribute("height", "100");
       plot.append(rect);
       const name = document.createElement("span");
       name.textContent = PHASES[phase.name];
@@ -125,11 +142,12 @@ export class Bar {
     if (this.state) this.show({ ...this.state, frames });
   }
 
+  /** @param {State} state */
   show(state) {
     this.state = state;
     if (!this.scrubbing) this.place(state.frame);
-    const press = (id, on) => get(id).setAttribute("aria-pressed", String(on));
-    for (const name of ["reverse", "loop", "follow", "live"]) press(name, state[name]);
+    const press = (/** @type {string} */ id, /** @type {boolean} */ on) => get(id).setAttribute("aria-pressed", String(on));
+    for (const name of PRESSED) press(name, state[name]);
     get("live").hidden = !state.growing;
     this.showFolded(state);
     const running = state.playing;
@@ -146,27 +164,32 @@ export class Bar {
   }
 
   // Within its phase a fold goes from straight to folded, and an explosion the other way.
+  /** @param {State} state */
   showFolded({ frame }) {
     const phase = this.outline?.phases.find(({ to }) => frame < to) ?? this.outline?.phases.at(-1);
     if (!phase) return;
     const share = Math.min(1, Math.max(0, (frame - phase.from) / Math.max(1, phase.to - 1 - phase.from)));
     const folded = 100 * (phase.name === "playback" ? share : 1 - share);
     const slider = get("folded");
-    if (document.activeElement !== slider || !slider.matches(":active")) slider.value = folded;
+    if (document.activeElement !== slider || !slider.matches(":active")) slider.value = String(folded);
     get("r-folded").textContent = `${Math.round(folded)} %`;
   }
 
   get folding() { return this.outline?.phases.findLast(({ name }) => name === "playback"); }
 
   // Goes to so much of the fold itself.
+  /** @param {number} percent */
   fold(percent) {
-    const { from, to } = this.folding;
+    const { folding } = this;
+    if (!folding) return;
+    const { from, to } = folding;
     this.player.send({ do: "seek", frame: from + (percent / 100) * (to - 1 - from) });
   }
 
+  /** @param {number} frame */
   place(frame) {
     const last = Math.max(1, Number(this.scrub.max));
     get("head").style.left = `${(100 * Math.min(frame, last)) / last}%`;
-    if (Number(this.scrub.value) !== Math.round(frame)) this.scrub.value = Math.round(frame);
+    if (Number(this.scrub.value) !== Math.round(frame)) this.scrub.value = String(Math.round(frame));
   }
 }

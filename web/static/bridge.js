@@ -18,6 +18,7 @@
   const NOTICED = ["pointerdown", "pointermove", "wheel", "touchstart", "touchmove", "keydown", "resize", "focus"];
   const paintNext = window.requestAnimationFrame.bind(window);
   const paintNoMore = window.cancelAnimationFrame.bind(window);
+  /** @type {Map<number, FrameRequestCallback>} */
   const waiting = new Map(); // timer → what is to be painted then
   let noticed = performance.now();
   window.requestAnimationFrame = (draw) => {
@@ -47,13 +48,17 @@
     "SetCameraLookAtMessage", "SetCameraPositionMessage", "SetOrientationMessage", "SetPositionMessage",
     "SetSceneNodeVisibilityMessage", "ThemeConfigurationMessage",
   ]);
+  /** @type {MessagePort | null} */
   let port = null; // to the page
+  /** @type {{ tell(data: unknown): void } | null} */
   let wire = null; // to the client, which thinks that it is its worker
+  /** @type {string[]} */
   let keys = []; // that the page wants to hear of
 
   // Pictures that the client has painted, and whether modules that it was given are in none yet.
   let pictures = 0;
   let missing = false;
+  /** @type {CSSNumberish | null} */
   let latest = null;
   const { clear, drawElementsInstanced } = WebGL2RenderingContext.prototype;
   WebGL2RenderingContext.prototype.clear = function (...given) {
@@ -65,9 +70,10 @@
     return drawElementsInstanced.apply(this, given);
   };
 
-  const say = (message) => port?.postMessage(message);
+  const say = (/** @type {Record<string, unknown>} */ message) => port?.postMessage(message);
   const opened = () => { if (port && wire) say({ is: "open" }); };
 
+  /** @param {MessageEvent<{ do?: string, id?: number, messages?: SceneMessage[] } | null>} event */
   function take({ data }) {
     notice();
     if (data?.do === "show" && Array.isArray(data.messages)) {
@@ -82,8 +88,12 @@
     }
   }
 
-  const twice = (then) => paintNext(() => paintNext(then));
+  const twice = (/** @type {() => void} */ then) => paintNext(() => paintNext(then));
 
+  /**
+   * @param {number | undefined} id
+   * @param {number} last
+   */
   function paint(id, last) {
     notice();
     if (missing || pictures < last) paintNext(() => paint(id, last));
@@ -91,10 +101,11 @@
   }
 
   // Only the page around the frame hands over a port, and only one is taken.
+  /** @param {MessageEvent<{ keys?: string[] } | null>} event */
   function begin({ source, ports, data }) {
     if (source !== parent || parent === window || ports.length !== 1) return;
     removeEventListener("message", begin);
-    if (Array.isArray(data?.keys)) ({ keys } = data);
+    if (Array.isArray(data?.keys)) keys = data.keys;
     [port] = ports;
     port.onmessage = take;
     opened();
@@ -102,6 +113,7 @@
   addEventListener("message", begin);
 
   // What the client would tell its server.
+  /** @param {{ type?: string, position: number[], look_at: number[], ray_origin?: number[], ray_direction: number[] }} message */
   function told(message) {
     if (message.type === "ViewerCameraMessage") {
       notice(); // it glides to where it was sent
@@ -111,14 +123,17 @@
     }
   }
 
-  window.Worker = class extends EventTarget {
+  class Wire extends EventTarget {
+    /** @type {((event: MessageEvent) => void) | null} */
     onmessage = null;
 
+    /** @param {{ type: string, message: Parameters<typeof told>[0] }} asked */
     postMessage({ type, message }) {
       if (type === "set_server") setTimeout(() => { wire = this; this.tell({ type: "connected" }); opened(); });
       else if (type === "send") told(message);
     }
 
+    /** @param {unknown} data */
     tell(data) {
       const event = new MessageEvent("message", { data });
       this.onmessage?.(event);
@@ -126,7 +141,8 @@
     }
 
     terminate() {}
-  };
+  }
+  window.Worker = /** @type {typeof Worker} */ (/** @type {unknown} */ (Wire));
   addEventListener("keydown", (event) => {
     const { key, shiftKey: shift } = event;
     if (!keys.includes(key) || event.ctrlKey || event.metaKey || event.altKey) return;
@@ -134,6 +150,7 @@
     event.stopImmediatePropagation();
     say({ is: "key", key, shift });
   }, { capture: true });
+  /** @type {[x: number, y: number] | null} */
   let start = null;
   const forget = () => { start = null; };
   addEventListener("pointerdown", (event) => { start = [event.clientX, event.clientY]; }, { capture: true });

@@ -1,6 +1,7 @@
 // A camera that keeps the whole chain in view, smoothly, until a visitor takes hold of it.
 // `web/camera.py` frames movies by the same equations.
 const MOST_POINTS = 600;
+/** @type {Vector[]} */
 const WAYS = [
   [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 1], [0, 1, -1], [1, 0, 1], [1, 0, -1], [1, 1, 0], [1, -1, 0],
   [1, 1, 1], [1, 1, -1], [1, -1, 1], [1, -1, -1],
@@ -9,35 +10,69 @@ const SETTLE_S = 0.14;
 const SETTLED = 2e-4;
 const WHOLE_TURN = 2 * Math.PI;
 
+/**
+ * @param {Vector} a
+ * @param {Vector} b
+ */
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+/**
+ * @param {Vector} a
+ * @param {Vector} b
+ * @returns {Vector}
+ */
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const between = (angle) => ((((angle + Math.PI) % WHOLE_TURN) + WHOLE_TURN) % WHOLE_TURN) - Math.PI;
+const between = (/** @type {number} */ angle) => ((((angle + Math.PI) % WHOLE_TURN) + WHOLE_TURN) % WHOLE_TURN) - Math.PI;
 
+/**
+ * @param {number} azimuth
+ * @param {number} elevation
+ * @returns {Vector}
+ */
 export function outward(azimuth, elevation) {
   const flat = Math.cos(elevation);
   return [flat * Math.cos(azimuth), flat * Math.sin(azimuth), Math.sin(elevation)];
 }
 
+/**
+ * @param {View} view
+ * @returns {Vector}
+ */
 export function positionOf(view) {
   const out = outward(view.azimuth, view.elevation);
-  return view.target.map((v, k) => v + view.distance * out[k]);
+  return vector((k) => view.target[k] + view.distance * out[k]);
 }
 
 // Azimuth and elevation from which `position` looks at `target`.
+/**
+ * @param {Vector} position
+ * @param {Vector} target
+ * @returns {[azimuth: number, elevation: number]}
+ */
 export function anglesOf(position, target) {
   const off = position.map((v, k) => v - target[k]);
   const length = Math.max(Math.hypot(...off), 1e-9);
   return [Math.atan2(off[1], off[0]), Math.asin(Math.min(1, Math.max(-1, off[2] / length)))];
 }
 
+/**
+ * @param {number} azimuth
+ * @param {number} elevation
+ * @returns {[right: Vector, up: Vector, out: Vector]}
+ */
 function axesOf(azimuth, elevation) {
   const out = outward(azimuth, elevation);
+  /** @type {Vector} */
   const right = [-Math.sin(azimuth), Math.cos(azimuth), 0];
   return [right, cross(out, right), out];
 }
 
 // Up to some hundreds of points that stand for all n: every so many-th, and where all end, either way,
 // along each of WAYS.
+/**
+ * @param {Numbers} points
+ * @param {number} n
+ * @returns {Vector[]}
+ */
 export function fewPoints(points, n = points.length / 3) {
   const by = Math.max(1, Math.floor(n / MOST_POINTS));
   const numbers = [];
@@ -58,16 +93,25 @@ export function fewPoints(points, n = points.length / 3) {
   return numbers.map((i) => [points[3 * i], points[3 * i + 1], points[3 * i + 2]]);
 }
 
-const some = (points) => (Array.isArray(points[0]) ? points : fewPoints(points));
+/** @param {(axis: number) => number} part */
+const vector = (part) => /** @type {Vector} */ ([part(0), part(1), part(2)]);
+
+/** @param {Numbers | Vector[]} points */
+const some = (points) => (Array.isArray(points[0]) ? /** @type {Vector[]} */ (points) : fewPoints(/** @type {Numbers} */ (points)));
 
 // The nearest view that shows all points: (3n) centres of modules that reach `radius` far, or a list of
 // few of them.
+/**
+ * @param {Numbers | Vector[]} points
+ * @param {Seeing & { elevation: number, azimuth?: number | null, margin?: [number, number] }} seeing
+ * @returns {View}
+ */
 export function framing(points, { radius, aspect, field, home, azimuth = null, elevation, margin = [0.9, 0.72] }) {
   const few = some(points);
-  azimuth ??= sideOf(few, aspect, home);
+  azimuth ??= sideOf(few, aspect, home ?? 0);
   const axes = axesOf(azimuth, elevation);
-  const local = few.map((p) => axes.map((axis) => dot(p, axis)));
-  const middle = [0, 1, 2].map((k) => {
+  const local = few.map((p) => vector((k) => dot(p, axes[k])));
+  const middle = vector((k) => {
     let low = Infinity;
     let high = -Infinity;
     for (const p of local) { low = Math.min(low, p[k]); high = Math.max(high, p[k]); }
@@ -79,7 +123,7 @@ export function framing(points, { radius, aspect, field, home, azimuth = null, e
   for (let round = 0; round < 3; round++) { // perspective shifts the middle; a few rounds centre the picture
     distance = 4 * radius;
     for (const p of local) {
-      const [x, y, z] = p.map((v, k) => v - middle[k]);
+      const [x, y, z] = vector((k) => p[k] - middle[k]);
       distance = Math.max(distance, (Math.abs(x) + radius) / (wide * margin[0]) + z, (Math.abs(y) + radius) / (tall * margin[1]) + z);
     }
     const seen = [[Infinity, -Infinity], [Infinity, -Infinity]];
@@ -92,17 +136,22 @@ export function framing(points, { radius, aspect, field, home, azimuth = null, e
     }
     for (const k of [0, 1]) middle[k] += ((seen[k][0] + seen[k][1]) / 2) * distance;
   }
-  const target = [0, 1, 2].map((c) => axes.reduce((sum, axis, k) => sum + middle[k] * axis[c], 0));
+  const target = vector((c) => axes.reduce((sum, axis, k) => sum + middle[k] * axis[c], 0));
   return { target, azimuth, elevation, distance };
 }
 
 // The least distance from which a view cuts nothing off, for the target that it has.
+/**
+ * @param {Numbers | Vector[]} points
+ * @param {View} view
+ * @param {Seeing} seeing
+ */
 export function distanceNeeded(points, view, { radius, aspect, field }) {
   const [right, up, out] = axesOf(view.azimuth, view.elevation);
   const tall = Math.tan(field / 2);
   let needed = 0;
   for (const p of some(points)) {
-    const off = p.map((v, k) => v - view.target[k]);
+    const off = vector((k) => p[k] - view.target[k]);
     const depth = dot(off, out);
     needed = Math.max(needed, (Math.abs(dot(off, right)) + radius) / (tall * aspect) + depth, (Math.abs(dot(off, up)) + radius) / tall + depth);
   }
@@ -110,11 +159,17 @@ export function distanceNeeded(points, view, { radius, aspect, field }) {
 }
 
 // A view between several, from as far as the one that must not be cut off needs.
+/**
+ * @param {View[]} views
+ * @param {number[]} weights
+ * @param {View} nearest
+ * @returns {View}
+ */
 export function blended(views, weights, nearest) {
   const total = weights.reduce((a, b) => a + b, 0);
   const share = weights.map((w) => w / total);
-  const mean = (value) => views.reduce((sum, view, k) => sum + share[k] * value(view), 0);
-  const target = [0, 1, 2].map((c) => mean((v) => v.target[c]));
+  const mean = (/** @type {(view: View) => number} */ value) => views.reduce((sum, view, k) => sum + share[k] * value(view), 0);
+  const target = vector((c) => mean((v) => v.target[c]));
   const aside = Math.hypot(...target.map((v, k) => v - nearest.target[k]));
   return {
     target,
@@ -126,14 +181,21 @@ export function blended(views, weights, nearest) {
 
 // Glides to the view that it should have.
 export class Follower {
-  constructor() { this.view = null; this.goal = null; }
+  constructor() {
+    /** @type {View | null} */
+    this.view = null;
+    /** @type {View | null} */
+    this.goal = null;
+  }
 
+  /** @param {View} goal */
   aim(goal, atOnce = false) {
     this.goal = goal;
     if (atOnce || !this.view) this.view = goal;
   }
 
   // True while it moves.
+  /** @param {number} seconds */
   move(seconds) {
     const { view, goal } = this;
     if (!view || !goal || view === goal) return false;
@@ -146,7 +208,7 @@ export class Follower {
       return true;
     }
     this.view = {
-      target: view.target.map((v, k) => v + (goal.target[k] - v) * share),
+      target: vector((k) => view.target[k] + (goal.target[k] - view.target[k]) * share),
       azimuth: view.azimuth + turn * share,
       elevation: view.elevation + rise * share,
       distance: view.distance * (goal.distance / view.distance) ** share,
@@ -156,6 +218,11 @@ export class Follower {
 }
 
 // A long chain is looked at from its side, on a tall window from nearer its end.
+/**
+ * @param {Vector[]} points
+ * @param {number} aspect
+ * @param {number} home
+ */
 function sideOf(points, aspect, home) {
   const n = points.length;
   const mean = [0, 1, 2].map((k) => points.reduce((sum, p) => sum + p[k], 0) / n);
@@ -179,6 +246,7 @@ function sideOf(points, aspect, home) {
 }
 
 // Eigenvalues and eigenvectors (in columns) of a symmetric 3×3 matrix, by Jacobi's rotations.
+/** @param {number[][]} given */
 function eigen(given) {
   const a = given.map((row) => [...row]);
   const v = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];

@@ -3,14 +3,27 @@ const TYPES = {
   "<f8": Float64Array, "<f4": Float32Array, "|u1": Uint8Array, "<u2": Uint16Array, "<u4": Uint32Array, "<i4": Int32Array,
 };
 
+/**
+ * @template {Message<object, Record<string, Column>>} [Told=Message<Record<string, unknown>, Record<string, Column>>]
+ * @param {ArrayBuffer} buffer
+ * @returns {Promise<Told>}
+ */
 export async function decode(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
+  /** @type {{ columns: ColumnTold[] }} */
   const { columns, ...header } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  /** @type {Record<string, Column>} */
   const arrays = {};
   await Promise.all(columns.map(async (told) => { arrays[told.name] = await column(told, buffer, 4 + length); }));
-  return { header, arrays };
+  return /** @type {Told} */ (/** @type {unknown} */ ({ header, arrays }));
 }
 
+/**
+ * @param {ColumnTold} told
+ * @param {ArrayBuffer} buffer
+ * @param {number} start
+ * @returns {Promise<Column>}
+ */
 async function column({ dtype, shape, at, size, step, short }, buffer, start) {
   const Type = TYPES[dtype];
   const count = shape.reduce((a, b) => a * b, 1);
@@ -29,10 +42,11 @@ async function column({ dtype, shape, at, size, step, short }, buffer, start) {
   }
   const row = shape.length > 1 ? count / (shape[0] || 1) : 1;
   for (let i = row; i < count; i++) values[i] += values[i - row];
-  for (let i = 0; i < count; i++) found[i] = values[i] * step;
+  for (let i = 0; i < count; i++) found[i] = values[i] * (step ?? 1);
   return found;
 }
 
+/** @param {Uint8Array<ArrayBuffer>} bytes */
 async function inflated(bytes) {
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());

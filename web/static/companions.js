@@ -1,21 +1,28 @@
 // Where one goes from a fold: beside another one, or on into another shape.
 import { UNREACHABLE, askForFold, foldAsked } from "./asking.js";
 import { changed, open, refused } from "./paper_settings.js";
-import { element } from "./words.js";
+import { element, get, wordsOf } from "./words.js";
 
-const get = (id) => document.getElementById(id);
 
 export class Companions {
+  /** @param {(text: string) => void} toast */
   constructor(toast) {
     this.toast = toast;
-    for (const name of ["compare", "refold"]) get(name).onclick = () => { this.fill(name); get(`${name}-dialog`).showModal(); };
+    get("compare").onclick = () => { this.fillCompare(); get("compare-dialog").showModal(); };
+    get("refold").onclick = () => { this.fillRefold(); get("refold-dialog").showModal(); };
     get("smooth").onclick = () => this.smooth();
-    get("refold-file").onchange = (event) => this.refoldInto(event.target);
+    get("refold-file").onchange = () => this.refoldInto(get("refold-file"));
+    this.id = "";
+    /** @type {Way[]} */
+    this.others = [];
+    /** @type {Form} */
+    this.published = {};
+    this.filled = false;
   }
 
+  /** @param {Facts} facts */
   facts(facts) {
     this.id = facts.id;
-    this.folded = facts.refoldable;
     this.others = facts.compare;
     this.published = facts.refold;
     get("compare").hidden = facts.running;
@@ -23,17 +30,13 @@ export class Companions {
     get("smooth").hidden = !facts.smoothable;
   }
 
-  fill(name) {
-    if (name === "compare") this.fillCompare(); else this.fillRefold();
-  }
-
   fillCompare() {
     const ways = get("compare-ways");
     get("paper-settings").hidden = !this.others.some(({ settable }) => settable);
     ways.replaceChildren(...this.others.map(({ text, hint, form, id, settable }) => this.way(text, hint, async () => {
-      if (id) location.href = `/compare?a=${id}&b=${this.id}`;
-      else if (settable) return this.comparePublished(form, settable);
-      else location.href = `/compare?a=${this.id}&b=${(await foldAsked(form)).id}`;
+      if (!id && settable) return this.comparePublished(form, settable);
+      location.href = id ? `/compare?a=${id}&b=${this.id}` : `/compare?a=${this.id}&b=${(await foldAsked(form)).id}`;
+      return false;
     })));
     get("compare-form").onsubmit = (event) => {
       event.preventDefault();
@@ -45,6 +48,10 @@ export class Companions {
 
   // Beside the published method, with settings of one's own where there are some, or must be. True
   // when the page stays.
+  /**
+   * @param {Form} form
+   * @param {string} settable
+   */
   async comparePublished(form, settable) {
     const settings = changed();
     get("compare-message").textContent = "";
@@ -52,7 +59,7 @@ export class Companions {
     try {
       location.href = `/compare?a=${this.id}&b=${(await foldAsked({ ...form, ...settings })).id}`;
     } catch (error) {
-      get("compare-message").textContent = refused(error.message);
+      get("compare-message").textContent = refused(wordsOf(error));
       return true;
     }
     return false;
@@ -62,7 +69,8 @@ export class Companions {
   async fillRefold() {
     if (this.filled) return;
     const list = get("refold-shapes");
-    const hint = (text) => list.replaceChildren(element("p", { class: "hint" }, text));
+    const hint = (/** @type {string} */ text) => list.replaceChildren(element("p", { class: "hint" }, text));
+    /** @type {{ name: string, title: string, modules: number }[]} */
     let shapes;
     try {
       const answer = await fetch(`/api/folds/${this.id}/refolds`);
@@ -78,35 +86,43 @@ export class Companions {
     else list.replaceChildren(...shapes.map(({ name, title, modules }) => this.way(title, `${modules} modules`, async () => {
       const refold = await foldAsked({ refold: this.id, shape: name, ...this.published });
       location.href = `/folds/${refold.id}`;
+      return false;
     }, `/shapes/${name}.svg`)));
   }
 
   async smooth() {
     get("smooth").disabled = true;
-    const refused = await askForFold({ smooth: this.id });
-    if (refused) this.toast(refused);
+    const problem = await askForFold({ smooth: this.id });
+    if (problem) this.toast(problem);
     get("smooth").disabled = false;
   }
 
+  /** @param {HTMLInputElement} field */
   async refoldInto(field) {
-    const [file] = field.files;
+    const [file] = field.files ?? [];
     field.value = "";
     if (!file) return;
     get("refold-message").textContent = "";
     try {
       location.href = `/folds/${(await foldAsked({ refold: this.id, file, ...this.published })).id}`;
     } catch (error) {
-      get("refold-message").textContent = error.message;
+      get("refold-message").textContent = wordsOf(error);
     }
   }
 
+  /**
+   * @param {string} text
+   * @param {string} hint
+   * @param {() => Promise<boolean>} go
+   * @param {string | null} picture
+   */
   way(text, hint, go, picture = null) {
     const button = element("button", { class: "way", type: "button" },
       ...(picture ? [element("img", { src: picture, alt: "", width: 56, height: 56, loading: "lazy" })] : []),
       element("span", {}, text, element("small", {}, hint)));
     button.onclick = async () => {
       button.disabled = true;
-      try { if (await go()) button.disabled = false; } catch (error) { this.toast(error.message); button.disabled = false; }
+      try { if (await go()) button.disabled = false; } catch (error) { this.toast(wordsOf(error)); button.disabled = false; }
     };
     return button;
   }

@@ -9,21 +9,23 @@ import { hasWebGL } from "./scene.js";
 import { Sketch } from "./sketch.js";
 import { Stage } from "./stage.js";
 import { toast } from "./toast.js";
-import { copyText, element, radians } from "./words.js";
+import { copyText, element, get, radians } from "./words.js";
 
-const get = (id) => document.getElementById(id);
 const START_MS = 600; // two 3D views at once would keep both drawings waiting
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+/** @type {Facts[]} */
 const facts = JSON.parse(get("facts").textContent);
+/** @type {Promise<boolean>} */
 const webgl = new Promise((told) => { setTimeout(() => told(hasWebGL()), START_MS); });
 
 const sides = facts.map(({ id, running }, k) => {
   const side = get(`side-${k}`);
-  const frame = side.querySelector("iframe");
-  const canvas = side.querySelector("canvas");
+  const frame = /** @type {HTMLIFrameElement} */ (side.querySelector("iframe"));
+  const canvas = /** @type {HTMLCanvasElement} */ (side.querySelector("canvas"));
+  const now = /** @type {HTMLElement} */ (side.querySelector(".side-now"));
   const sketch = new Sketch(canvas);
   const stage = new Stage(frame, {
-    open: () => player.standIn.takeOver(),
+    open: () => player.standIn?.takeOver(),
     touch: () => { if (player.is.follow) pair.send({ do: "set", follow: false }); },
     pick: (origin, direction) => player.pick(origin, direction),
   });
@@ -31,8 +33,8 @@ const sides = facts.map(({ id, running }, k) => {
     stage, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),
   });
   new ResizeObserver(() => player.show(true)).observe(frame);
-  player.on("state", ({ error_rad: error }) => {
-    side.querySelector(".side-now").textContent = error === null ? "No error recorded here" : `Error ${radians(error)}`;
+  player.on("state", (/** @type {State} */ { error_rad: error }) => {
+    now.textContent = error === null ? "No error recorded here" : `Error ${radians(error)}`;
   });
   webgl.then((there) => setTimeout(() => { if (there) frame.src = "/view"; }, 1500 * k));
   return { player, stage };
@@ -47,7 +49,10 @@ colours.onchange = () => {
   for (const { player } of sides) player.colourBy(colouring(colours.value, player.film, null));
   scale();
 };
-const scale = () => showScale(sides[0].player.colouring, sides[0].player.film);
+const scale = () => {
+  const { colouring: chosen, film } = sides[0].player;
+  if (chosen) showScale(chosen, film);
+};
 pair.on("outline", scale);
 get("through").onclick = () => {
   const on = get("through").getAttribute("aria-pressed") !== "true";

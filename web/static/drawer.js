@@ -1,15 +1,15 @@
 // Details at the side: the selected module, plots, properties, what can be taken away.
-import { copyText, element } from "./words.js";
+import { copyText, element, get } from "./words.js";
 
-const get = (id) => document.getElementById(id);
 const LONG = 28; // characters; beside their label they would stand in a narrow column
 const BEFORE_AFTER = "Smoothing, before and after";
 const TABS = ["attempts", "module", "plots", "properties", "downloads"];
 
 export class Drawer {
+  /** @param {(text: string) => void} toast */
   constructor(toast) {
     this.toast = toast;
-    get("details").onclick = () => this.open(get("drawer").hidden);
+    get("details").onclick = () => this.open(Boolean(get("drawer").hidden));
     get("drawer-close").onclick = () => this.close();
     addEventListener("keydown", (event) => this.key(event));
     const tabs = TABS.filter((name) => get(`tab-${name}`));
@@ -17,7 +17,7 @@ export class Drawer {
       const tab = get(`tab-${name}`);
       tab.onclick = () => this.choose(name);
       tab.onkeydown = (event) => {
-        const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+        const by = event.key === "ArrowRight" ? 1 : event.key === "ArrowLeft" ? -1 : 0;
         if (!by) return;
         const there = tabs.filter((other) => !get(`tab-${other}`).hidden);
         const next = there[(there.indexOf(name) + by + there.length) % there.length];
@@ -27,6 +27,7 @@ export class Drawer {
     }
   }
 
+  /** @param {boolean} open */
   open(open) {
     get("drawer").hidden = !open;
     get("details").setAttribute("aria-expanded", String(open));
@@ -37,6 +38,7 @@ export class Drawer {
     get("details").focus();
   }
 
+  /** @param {KeyboardEvent} event */
   key(event) {
     if (event.key !== "Escape" || event.defaultPrevented || get("drawer").hidden || document.querySelector("dialog[open]")) return;
     event.preventDefault();
@@ -44,11 +46,13 @@ export class Drawer {
   }
 
   // Opens the drawer at a tab.
+  /** @param {string} name */
   openAt(name) {
     this.choose(name);
     this.open(true);
   }
 
+  /** @param {string} name */
   choose(name) {
     for (const other of TABS) {
       if (!get(`tab-${other}`)) continue;
@@ -59,6 +63,7 @@ export class Drawer {
     }
   }
 
+  /** @param {Facts} facts */
   facts(facts) {
     const groups = facts.properties.map(({ heading, rows }) => {
       const list = element("dl", { class: "rows" });
@@ -82,6 +87,7 @@ export class Drawer {
   }
 
   // What smoothing has changed.
+  /** @param {Smoothing} smoothing */
   smoothing({ rows, note, compare }) {
     const table = element("table", { class: "joints" },
       element("thead", {}, element("tr", {},

@@ -7,20 +7,39 @@ const EDGED_PX = 5;
 const GAPPED_PX = 12; // modules beside hidden ones that are larger show the gap between them
 const GAP = 0.6; // and how bright it is
 
-let paper = null;
-let pen = null;
-let size = null;
+/** @typedef {{ place: number[], stops: [at: number, colour: string][] }} Ground a gradient, in shares of the paper */
+/** @typedef {Outline & { neighbours: Int32Array | null, rods: boolean, full: number }} Drawn */
+/** @typedef {{ i: number, many: number, hidden: number, far: number }} Piece */
+/** @typedef {(x: number, y: number, z: number, at: number[]) => number} See where a place is in the picture, and how deep */
+/**
+ * What the page says.
+ * @typedef {{ is: "begin", paper: OffscreenCanvas, size: typeof size, ground: Ground | null }
+ *   | { is: "ground", ground: Ground | null }
+ *   | { is: "size", size: typeof size }
+ *   | { is: "outline", outline: Drawn }
+ *   | { is: "frame", data: ArrayBuffer }} Told
+ */
+
+// Both are there from "begin" on.
+/** @type {OffscreenCanvas} */
+let paper;
+/** @type {OffscreenCanvasRenderingContext2D} */
+let pen;
+let size = { width: 0, height: 0, scale: 1 };
+/** @type {Ground | null} */
 let ground = null;
+/** @type {OffscreenCanvas | null} */
 let back = null;
+/** @type {Drawn | null} */
 let outline = null;
+/** @type {ArrayBuffer | null} */
 let latest = null;
 let due = false;
 
-onmessage = ({ data }) => {
+onmessage = (/** @type {MessageEvent<Told>} */ { data }) => {
   if (data.is === "begin") {
     ({ paper, size, ground } = data);
-    // By the processor: quicker where graphics are software.
-    pen = paper.getContext("2d", { willReadFrequently: true, alpha: !ground });
+    pen = penOf(paper, !ground);
     ask(false);
   } else if (data.is === "ground") {
     if (ground && data.ground) ({ ground } = data);
@@ -38,12 +57,20 @@ onmessage = ({ data }) => {
   }
 };
 
+// By the processor: quicker where graphics are software.
+/**
+ * @param {OffscreenCanvas} canvas
+ * @param {boolean} alpha
+ */
+const penOf = (canvas, alpha) => /** @type {OffscreenCanvasRenderingContext2D} */ (canvas.getContext("2d", { willReadFrequently: true, alpha }));
+
 let owed = false;
+/** @param {boolean} told */
 function ask(told) {
   owed ||= told;
   if (due) return;
   due = true;
-  (self.requestAnimationFrame ?? ((draw) => setTimeout(draw, 16)))(() => {
+  (self.requestAnimationFrame ?? ((/** @type {() => void} */ then) => setTimeout(then, 16)))(() => {
     due = false;
     if (size.width) {
       clear();
@@ -59,29 +86,52 @@ function clear() {
   const height = Math.round(size.height * size.scale);
   if (paper.width !== width || paper.height !== height) { paper.width = width; paper.height = height; }
   if (!ground) { pen.clearRect(0, 0, width, height); return; }
-  if (back?.width !== width || back.height !== height) back = painted(width, height);
+  if (back?.width !== width || back.height !== height) back = painted(ground, width, height);
   pen.drawImage(back, 0, 0);
 }
 
-function painted(width, height) {
+/**
+ * @param {Ground} gradient
+ * @param {number} width
+ * @param {number} height
+ */
+function painted({ place, stops }, width, height) {
   const found = new OffscreenCanvas(width, height);
-  const brush = found.getContext("2d", { willReadFrequently: true, alpha: false });
-  const [wide, tall, x, y] = ground.place;
+  const brush = penOf(found, false);
+  const [wide, tall, x, y] = place;
   brush.translate(x * width, y * height);
   brush.scale(wide * width, tall * height);
   const gradient = brush.createRadialGradient(0, 0, 0, 0, 0, 1);
-  for (const [at, colour] of ground.stops) gradient.addColorStop(at, colour);
+  for (const [at, colour] of stops) gradient.addColorStop(at, colour);
   brush.fillStyle = gradient;
   brush.fillRect(-x / wide, -y / tall, 1 / wide, 1 / tall);
   return found;
 }
 
+/**
+ * @param {Numbers} a
+ * @param {Numbers} b
+ */
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+/**
+ * @param {Vector} a
+ * @param {Vector} b
+ * @returns {Vector}
+ */
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+/**
+ * @param {Vector} a
+ * @returns {Vector}
+ */
 const unit = (a) => { const l = Math.hypot(...a) || 1; return [a[0] / l, a[1] / l, a[2] / l]; };
 const SIDE = unit([-0.3, -1.0, 0.5]);
 
 // How bright a face with this outward normal is: sky, a light from the side, a little from below.
+/**
+ * @param {number} x
+ * @param {number} y
+ * @param {number} z
+ */
 function light(x, y, z) {
   const side = Math.max(0, x * SIDE[0] + y * SIDE[1] + z * SIDE[2]);
   return Math.min(1.2, 0.5 + 0.26 * (z * 0.5 + 0.5) + 0.36 * Math.max(0, z) + 0.3 * side);
@@ -91,6 +141,10 @@ const HEAD = 9; // numbers before those of the modules
 const GROUPED_PX = 6; // straight modules that are smaller are drawn as one
 const ALIKE = 48; // and so much their colours may differ
 
+/**
+ * @param {Drawn} drawn
+ * @param {ArrayBuffer} data
+ */
 function draw({ modules, corners, faces, normals, neighbours, rods, full, field_of_view_rad: angle }, data) {
   const numbers = new Float32Array(data, 0, HEAD + 7 * modules);
   const colours = new Uint8Array(data, 4 * numbers.length, 3 * modules);
@@ -103,6 +157,7 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, field_
   const right = unit(cross([0, 0, 1], out));
   const up = cross(out, right);
   const zoom = height / 2 / Math.tan(angle / 2);
+  /** @type {See} */
   const see = (x, y, z, at) => {
     const [a, b, c] = [x - eye[0], y - eye[1], z - eye[2]];
     const depth = -(a * out[0] + b * out[1] + c * out[2]);
@@ -117,9 +172,9 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, field_
   drawn.sort((a, b) => b.far - a.far);
 
   const reach = normals.map((normal, f) => dot(normal, corners[faces[f][0]]));
-  const points = corners.map(() => [0, 0]);
-  const around = corners.map(() => [0, 0]);
-  const trace = (face, at) => {
+  const points = corners.map(() => /** @type {[number, number]} */ ([0, 0]));
+  const around = corners.map(() => /** @type {[number, number]} */ ([0, 0]));
+  const trace = (/** @type {number[]} */ face, /** @type {[number, number][]} */ at) => {
     pen.beginPath();
     face.forEach((v, n) => (n ? pen.lineTo(...at[v]) : pen.moveTo(...at[v])));
     pen.closePath();
@@ -137,7 +192,7 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, field_
     // What is seen through a gap is a hidden face, in the dark; without a gap there must be no hole.
     const gapped = hidden && large > GAPPED_PX;
     const local = [0, 1, 2].map((c) => r[c] * e[0] + r[3 + c] * e[1] + r[6 + c] * e[2]);
-    const place = (grown, into) => corners.forEach(([front, left, top], v) => {
+    const place = (/** @type {number} */ grown, /** @type {number[][]} */ into) => corners.forEach(([front, left, top], v) => {
       const [a, b, c] = [front > 0 ? front * grown + many - 1 : front * grown, left * grown, top * grown];
       see(x + r[0] * a + r[1] * b + r[2] * c, y + r[3] * a + r[4] * b + r[5] * c, z + r[6] * a + r[7] * b + r[8] * c, into[v]);
     });
@@ -148,7 +203,7 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, field_
       if ((hidden >> f) & 1 || dot(normal, local) <= reach[f] + (normal[0] > 0 ? normal[0] * (many - 1) : 0)) continue;
       const [a, b, c] = normal;
       const bright = light(r[0] * a + r[1] * b + r[2] * c, r[3] * a + r[4] * b + r[5] * c, r[6] * a + r[7] * b + r[8] * c);
-      const shade = (v, share) => Math.min(255, Math.round(colours[3 * i + v] * bright * share));
+      const shade = (/** @type {number} */ v, /** @type {number} */ share) => Math.min(255, Math.round(colours[3 * i + v] * bright * share));
       if (gapped) {
         pen.fillStyle = pen.strokeStyle = `rgb(${shade(0, GAP)} ${shade(1, GAP)} ${shade(2, GAP)})`;
         trace(faces[f], around);
@@ -166,20 +221,22 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, field_
 
 // What is to be drawn: modules, and straight stretches of `many` where they are small, that are in the
 // picture; a bit in `hidden` for each face that another one covers.
+/** @param {Pick<Drawn, "modules" | "faces" | "neighbours" | "rods"> & { numbers: Float32Array, colours: Uint8Array, see: See, zoom: number, radius: number, width: number, height: number }} drawn */
 function piecesOf({ modules, faces, neighbours, rods, numbers, colours, see, zoom, radius, width, height }) {
   const core = numbers[7];
   const rod = rods ? numbers[8] : modules; // what is straight looks like one long module
   const all = 2 ** faces.length - 1;
+  /** @type {Piece[]} */
   const found = [];
   const at = [0, 0];
-  const inside = (depth) => {
+  const inside = (/** @type {number} */ depth) => {
     const around = (zoom * radius) / Math.max(NEAREST, depth);
     return depth > -radius && at[0] > -around && at[0] < width + around && at[1] > -around && at[1] < height + around;
   };
-  const seen = (i) => see(numbers[HEAD + 7 * i], numbers[HEAD + 7 * i + 1], numbers[HEAD + 7 * i + 2], at);
+  const seen = (/** @type {number} */ i) => see(numbers[HEAD + 7 * i], numbers[HEAD + 7 * i + 1], numbers[HEAD + 7 * i + 2], at);
   for (let i = 0; i < rod; i++) {
     let hidden = 0;
-    if (i < core) for (let f = 0; f < faces.length; f++) if (neighbours[i * faces.length + f] < core) hidden |= 1 << f;
+    if (neighbours && i < core) for (let f = 0; f < faces.length; f++) if (neighbours[i * faces.length + f] < core) hidden |= 1 << f;
     if (hidden === all) continue;
     const depth = seen(i);
     if (inside(depth)) found.push({ i, many: 1, hidden, far: farOf(numbers, i) });
@@ -198,8 +255,17 @@ function piecesOf({ modules, faces, neighbours, rods, numbers, colours, see, zoo
   return found;
 }
 
+/**
+ * @param {Float32Array} numbers
+ * @param {number} i
+ */
 const farOf = (numbers, i) => Math.hypot(...[0, 1, 2].map((c) => numbers[HEAD + 7 * i + c] - numbers[c]));
 
+/**
+ * @param {Uint8Array} colours
+ * @param {number} i
+ * @param {number} j
+ */
 function alike(colours, i, j) {
   let apart = 0;
   for (let c = 0; c < 3; c++) apart += Math.abs(colours[3 * i + c] - colours[3 * j + c]);
@@ -207,12 +273,20 @@ function alike(colours, i, j) {
 }
 
 // A soft shadow on the ground: footprints drawn small and let to blur as they are enlarged.
+/** @type {OffscreenCanvas | null} */
 let small = null;
+/**
+ * @param {Piece[]} drawn
+ * @param {Float32Array} numbers
+ * @param {See} see
+ * @param {number} width
+ * @param {number} height
+ */
 function shadow(drawn, numbers, see, width, height) {
   const [w, h] = [Math.ceil(width * SHADOW_SCALE), Math.ceil(height * SHADOW_SCALE)];
   small ??= new OffscreenCanvas(w, h);
   if (small.width !== w || small.height !== h) { small.width = w; small.height = h; }
-  const brush = small.getContext("2d", { willReadFrequently: true });
+  const brush = penOf(small, true);
   brush.clearRect(0, 0, w, h);
   brush.fillStyle = "#000";
   const floor = numbers[6];
@@ -237,6 +311,13 @@ function shadow(drawn, numbers, see, width, height) {
 }
 
 // The rotation matrix of a quaternion, row by row.
+/**
+ * @param {number} w
+ * @param {number} x
+ * @param {number} y
+ * @param {number} z
+ * @param {Float64Array} r
+ */
 function turn(w, x, y, z, r) {
   r[0] = 1 - 2 * (y * y + z * z); r[1] = 2 * (x * y - w * z); r[2] = 2 * (x * z + w * y);
   r[3] = 2 * (x * y + w * z); r[4] = 1 - 2 * (x * x + z * z); r[5] = 2 * (y * z - w * x);

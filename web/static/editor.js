@@ -3,20 +3,23 @@ import { UNREACHABLE, askForFold } from "./asking.js";
 import { draw } from "./isometric.js";
 import { LETTERS, letterCells } from "./letters.js";
 import { Painting, SIZE, cellOf, keyOf } from "./painting.js";
-import { element, refusal, whole } from "./words.js";
+import { element, get, refusal, whole } from "./words.js";
 
-const get = (id) => document.getElementById(id);
+/** @type {Record<string, [x: number, y: number]>} */
+const ARROWS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
 const grid = get("grid");
 const painting = new Painting();
 let layer = 0;
+/** @type {boolean | null} */
 let filling = null;
+/** @type {[x: number, y: number]} */
 let focused = [Math.floor(SIZE / 2), Math.floor(SIZE / 2)];
 
-grid.style.setProperty("--size", SIZE);
+grid.style.setProperty("--size", String(SIZE));
 const squares = Array.from({ length: SIZE }, (_, x) => {
   const row = element("div", { role: "row" });
   grid.append(row);
-  return Array.from({ length: SIZE }, (_, y) => {
+  return Array.from({ length: SIZE }, (_none, y) => {
     const square = element("button", { type: "button", role: "gridcell", tabindex: "-1", "data-x": x, "data-y": y });
     row.append(square);
     return square;
@@ -55,13 +58,18 @@ function show() {
   get("preview").disabled = get("fold").disabled = !cells || pieces > 1 || few;
 }
 
-const doubled = () => document.querySelector('[name="exact"]:checked').value === "no";
+const doubled = () => document.querySelector('[name="exact"][value="no"]:checked') !== null;
 
+/** @param {number} to */
 function turn(to) {
   layer = Math.min(SIZE - 1, Math.max(0, to));
   show();
 }
 
+/**
+ * @param {number} x
+ * @param {number} y
+ */
 function focus(x, y) {
   squares[focused[0]][focused[1]].tabIndex = -1;
   focused = [Math.min(SIZE - 1, Math.max(0, x)), Math.min(SIZE - 1, Math.max(0, y))];
@@ -70,6 +78,10 @@ function focus(x, y) {
   return square;
 }
 
+/**
+ * @param {number[]} keys
+ * @param {boolean} filled
+ */
 function stroke(keys, filled) {
   painting.begin();
   for (const key of keys) painting.put(key, filled);
@@ -78,8 +90,9 @@ function stroke(keys, filled) {
 }
 
 // Painting with a pointer: the first cell says whether the stroke fills or empties.
+/** @param {PointerEvent} event */
 function paint(event) {
-  const square = document.elementFromPoint(event.clientX, event.clientY)?.closest?.("[data-x]");
+  const square = /** @type {HTMLElement | null | undefined} */ (document.elementFromPoint(event.clientX, event.clientY)?.closest("[data-x]"));
   if (!square || !grid.contains(square)) return;
   const [x, y] = [Number(square.dataset.x), Number(square.dataset.y)];
   filling ??= !painting.has(x, y, layer);
@@ -94,18 +107,18 @@ grid.addEventListener("pointerdown", (event) => {
   grid.setPointerCapture(event.pointerId);
 });
 grid.addEventListener("pointermove", (event) => { if (filling !== null) paint(event); });
-for (const name of ["pointerup", "pointercancel"]) {
-  grid.addEventListener(name, () => {
-    if (filling === null) return;
-    filling = null;
-    painting.end();
-    squares[focused[0]][focused[1]].focus({ preventScroll: true });
-    show();
-  });
+function lift() {
+  if (filling === null) return;
+  filling = null;
+  painting.end();
+  squares[focused[0]][focused[1]].focus({ preventScroll: true });
+  show();
 }
+grid.addEventListener("pointerup", lift);
+grid.addEventListener("pointercancel", lift);
 
 grid.addEventListener("keydown", (event) => {
-  const by = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] }[event.key];
+  const by = ARROWS[event.key];
   if (by) {
     event.preventDefault();
     focus(focused[0] + by[0], focused[1] + by[1]).focus();
@@ -115,7 +128,7 @@ grid.addEventListener("keydown", (event) => {
   }
 });
 addEventListener("keydown", (event) => {
-  if (event.target.closest?.("input[type=text]")) return;
+  if (event.target instanceof Element && event.target.closest("input[type=text]")) return;
   const command = event.ctrlKey || event.metaKey;
   if (event.key === "PageUp" || event.key === "PageDown") turn(layer + (event.key === "PageUp" ? 1 : -1));
   else if (command && event.key.toLowerCase() === "z") { if (event.shiftKey) painting.redo(); else painting.undo(); show(); }
@@ -155,6 +168,7 @@ function file() {
 }
 
 // `ask` sends the form and says why that could not be, or nothing.
+/** @param {(form: FormData) => Promise<string>} ask */
 async function send(ask) {
   const buttons = [get("preview"), get("fold")];
   for (const button of buttons) button.disabled = true;
@@ -166,6 +180,10 @@ async function send(ask) {
   for (const button of buttons) button.disabled = !refused;
 }
 
+/**
+ * @param {FormData} form
+ * @returns {Promise<string>}
+ */
 async function look(form) {
   try {
     const answer = await fetch("/api/shapes/preview", { method: "POST", body: form });

@@ -2,8 +2,10 @@
 import { Figures } from "./figures.js";
 import { Source } from "./film.js";
 import { view } from "./viewing.js";
+import { get } from "./words.js";
 
-const facts = JSON.parse(document.getElementById("facts").textContent);
+/** @type {Facts} */
+const facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
 view({ over: !facts.running, source: new Source(`/folds/${facts.id}`), figures, load: (frame) => { frame.src = "/embed/view"; } });
 if (!facts.running) figures.begin();

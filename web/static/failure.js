@@ -1,25 +1,29 @@
 // Why a fold is not verified: a card over the view, the modules where it sticks, what was tried.
-import { element } from "./words.js";
+import { element, get } from "./words.js";
 
-const get = (id) => document.getElementById(id);
 const NAMED = 4; // modules that are named one by one
 const PAIR = 2; // modules that the text names
 const narrow = matchMedia("(max-width: 760px)");
 
 export class Failure {
+  /** @param {{ player: import("./player.js").Player, bar: import("./bar.js").Bar, drawer: import("./drawer.js").Drawer }} around */
   constructor({ player, bar, drawer }) {
-    Object.assign(this, { player, drawer, found: null });
+    this.player = player;
+    this.drawer = drawer;
+    /** @type {Failing | null} */
+    this.found = null;
     bar.onStuck = () => this.go();
     get("stuck-go").onclick = () => this.go();
     get("stuck-attempts").onclick = () => {
       drawer.openAt("attempts");
       if (narrow.matches) this.unfold(false);
     };
-    get("stuck-fold").onclick = () => this.unfold(get("stuck-more").hidden);
+    get("stuck-fold").onclick = () => this.unfold(Boolean(get("stuck-more").hidden));
     player.on("begun", () => this.mark());
     this.bar = bar;
   }
 
+  /** @param {Facts} facts */
   facts({ failure, attempts, frames }) {
     this.found = frames ? failure : null;
     get("stuck").hidden = !this.found;
@@ -39,6 +43,7 @@ export class Failure {
     this.mark();
   }
 
+  /** @param {boolean} open */
   unfold(open) {
     if (!open && get("stuck-more").contains(document.activeElement)) get("stuck-fold").focus();
     get("stuck-more").hidden = !open;
@@ -58,6 +63,10 @@ export class Failure {
     if (narrow.matches) this.unfold(false);
   }
 
+  /**
+   * @param {Failing | null} failure
+   * @param {Attempt[]} attempts
+   */
   panel(failure, attempts) {
     const parts = [];
     if (failure) {
@@ -78,6 +87,7 @@ export class Failure {
   }
 }
 
+/** @param {number[]} modules */
 function named(modules) {
   const some = modules.slice(0, NAMED).join(", ");
   return `Modules ${some}${modules.length > NAMED ? ", …" : ""}`;

@@ -22,32 +22,100 @@ const WAIT_S = 1;
 
 // Scenery and reels under an address of this server.
 export class Source {
+  /** @param {string} under */
   constructor(under) { this.under = under; }
 
+  /** @returns {Promise<Scenery | null>} */
   scenery() { return this.get("scenery"); }
 
+  /**
+   * @param {ReelAsked} asked
+   * @returns {Promise<Reel | null>}
+   */
   reel({ from = 0, to = null, stride = 1, wait = 0 } = {}) {
-    const asked = new URLSearchParams({ from, stride, wait });
-    if (to !== null) asked.set("to", to);
+    const asked = new URLSearchParams({ from: String(from), stride: String(stride), wait: String(wait) });
+    if (to !== null) asked.set("to", String(to));
     return this.get(`reel?${asked}`);
   }
 
   // What a browser can take apart, or null while there is nothing.
+  /**
+   * @template {Message<object, object>} Told
+   * @param {string} what
+   * @returns {Promise<Told | null>}
+   */
   async get(what) {
     const answer = await fetch(`${this.under}/${what}`);
     if (answer.status === 204) return null;
     if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
-    return decode(await answer.arrayBuffer());
+    return /** @type {Promise<Told>} */ (/** @type {unknown} */ (decode(await answer.arrayBuffer())));
   }
 }
 
 // A whole film in one reel, which is fetched once.
 export class Recording extends Source {
+  /** @type {Promise<Reel | null> | undefined} */
+  once;
+
   reel() { return this.once ??= this.get("reel"); }
 }
 
+/** @typedef {Whole | Window} Rows */
+/** @typedef {{ count: number, reels: (Rows | null)[], at: Uint32Array }} Chunk where each frame of a stretch is */
+
+// Rows of either kind.
+/**
+ * @typedef {object} Kind
+ * @property {(a: Row, b: Row, share: number) => Row} between
+ * @property {(kinematics: Kinematics, row: Row) => WindowPoses} poses
+ * @property {(row: Row, hinge: number) => number} angle
+ */
+
 export class Film extends Teller {
+  // Null until the film has begun: chain and outline; the others are not there before.
+  /** @type {Chain & Hull} */
+  chain;
+  /** @type {FilmOutline} */
+  outline;
+  /** @type {Scenery} */
+  scenery;
+  /** @type {Kinematics} */
+  kinematics;
+  /** @type {typeof Whole | typeof Window} */
+  kind;
+  /** @type {number} */
+  joints;
+  /** @type {number} */
+  rows;
+  /** @type {Floats} */
+  foldedRad;
+  /** @type {Floats} */
+  foldedPositions;
+  /** @type {Float32Array<ArrayBuffer>} */
+  noErrors;
+  /** @type {number | undefined} */
+  sharedScale;
+  /** @type {string | null} */
+  id;
+  /** @type {number} */
+  total;
+  /** @type {ReelHeader["status"]} */
+  status;
+  /** @type {Map<number, Chunk>} */
+  chunks;
+  /** @type {Set<number>} */
+  loading;
+  /** @type {number} */
+  focus;
+  /** @type {number} */
+  version;
+
+
   // `over` says that nothing more comes: the fold is over, whatever its timeline says.
+  /**
+   * @param {FilmSource} source
+   * @param {{ over?: boolean }} how
+   */
   constructor(source, { over = true } = {}) {
     super();
     this.source = source;
@@ -62,10 +130,10 @@ export class Film extends Teller {
 
   forget() {
     this.id = null;
-    this.chain = null;
+    this.chain = /** @type {never} */ (null);
     this.total = 0;
     this.status = "growing";
-    this.outline = null;
+    this.outline = /** @type {never} */ (null);
     this.chunks = new Map();
     this.loading = new Set();
     this.focus = 0;
@@ -162,13 +230,18 @@ export class Film extends Teller {
     this.load();
   }
 
+  // What rows of this film can do.
+  get how() { return /** @type {Kind} */ (/** @type {unknown} */ (this.kind)); }
+
   // A long film, of which only what is around the playhead is fetched.
   get windowed() { return this.kind === Window; }
 
   // Keeps what a reel brings.
+  /** @param {Reel} reel */
   take(reel) {
     const { header } = reel;
-    const found = new this.kind(reel, this);
+    const found = this.windowed ? new Window(/** @type {Message<ReelHeader, WindowArrays>} */ (reel), this)
+      : new Whole(/** @type {Message<ReelHeader, WholeArrays>} */ (reel), this);
     for (let row = 0, frame = header.start; row < found.rows; row++, frame += header.stride) {
       const chunk = this.chunk(Math.floor(frame / this.rows));
       const k = frame % this.rows;
@@ -185,18 +258,20 @@ export class Film extends Teller {
   }
 
   // Where each frame of a stretch is kept: in a row of a reel.
+  /** @param {number} index */
   chunk(index) {
     let chunk = this.chunks.get(index);
     if (!chunk) {
-      chunk = { count: 0, reels: new Array(this.rows).fill(null), at: new Uint32Array(this.rows) };
+      chunk = { count: 0, reels: Array.from({ length: this.rows }, () => null), at: new Uint32Array(this.rows) };
       this.chunks.set(index, chunk);
     }
     return chunk;
   }
 
+  /** @param {number} index */
   full(index) {
     const chunk = this.chunks.get(index);
-    return Boolean(chunk) && chunk.count >= Math.min(this.rows, this.total - index * this.rows);
+    return chunk !== undefined && chunk.count >= Math.min(this.rows, this.total - index * this.rows);
   }
 
   get complete() { return !this.growing && this.next() === null; }
@@ -211,6 +286,10 @@ export class Film extends Teller {
     return null;
   }
 
+  /**
+   * @param {number} here
+   * @param {number} chunks
+   */
   *near(here, chunks) {
     for (let away = 0; away <= AHEAD; away++) {
       if (here + away < chunks) yield here + away;
@@ -218,6 +297,10 @@ export class Film extends Teller {
     }
   }
 
+  /**
+   * @param {number} here
+   * @param {number} chunks
+   */
   *onward(here, chunks) {
     const most = Math.max(4, Math.floor(MOST_BYTES / (this.rows * (8 * this.joints + 40))));
     for (let away = 0; away < Math.min(chunks, most); away++) yield (here + away) % chunks;
@@ -232,6 +315,10 @@ export class Film extends Teller {
     }
   }
 
+  /**
+   * @param {number} index
+   * @param {string | null} id
+   */
   async fetchChunk(index, id) {
     this.loading.add(index);
     try {
@@ -252,7 +339,7 @@ export class Film extends Teller {
     const most = this.windowed ? MOST_WINDOW_BYTES : MOST_BYTES;
     const here = Math.floor(this.focus / this.rows);
     const chunks = Math.ceil(this.total / this.rows);
-    const away = (index) => (this.windowed ? Math.abs(index - here) : (index - here + chunks) % chunks);
+    const away = (/** @type {number} */ index) => (this.windowed ? Math.abs(index - here) : (index - here + chunks) % chunks);
     while (this.chunks.size > 4 && this.bytes > most) {
       this.chunks.delete([...this.chunks.keys()].reduce((a, b) => (away(a) > away(b) ? a : b)));
     }
@@ -260,12 +347,14 @@ export class Film extends Teller {
 
   // Of the frames that are here.
   get bytes() {
+    /** @type {Set<Rows>} */
     const reels = new Set();
     for (const chunk of this.chunks.values()) for (const reel of chunk.reels) if (reel) reels.add(reel);
     return [...reels].reduce((sum, { bytes }) => sum + bytes, 0);
   }
 
   // The nearest frame that is here.
+  /** @param {number} frame */
   nearest(frame) {
     for (let away = 0; away <= this.last; away++) {
       for (const k of [frame - away, frame + away]) {
@@ -275,14 +364,19 @@ export class Film extends Teller {
     return null;
   }
 
+  /**
+   * @param {number} frame
+   * @returns {Row | null}
+   */
   row(frame) {
     const chunk = this.chunks.get(Math.floor(frame / this.rows));
     const k = frame % this.rows;
-    return chunk?.reels[k]?.row(chunk.at[k]) ?? null;
+    return chunk ? chunk.reels[k]?.row(chunk.at[k]) ?? null : null;
   }
 
   // The moment at a frame, between two when it is not whole; the nearest one that is here until the
   // right one is. Centres in pitches. From now on what is around it is fetched first.
+  /** @param {number} frame */
   snapshot(frame) {
     const before = Math.floor(this.focus / this.rows);
     this.focus = Math.floor(Math.min(Math.max(frame, 0), this.last));
@@ -292,45 +386,54 @@ export class Film extends Teller {
   }
 
   // The same, of what is here.
+  /**
+   * @param {number} frame
+   * @returns {Snapshot | null}
+   */
   peek(frame) {
     const at = Math.min(Math.max(frame, 0), this.last);
-    let low = Math.floor(at);
-    let row = this.row(low);
-    const exact = Boolean(row);
-    if (!exact) {
-      low = this.nearest(low);
-      if (low === null) return null;
-      row = this.row(low);
-    }
+    const there = this.row(Math.floor(at));
+    const exact = there !== null;
+    const low = exact ? Math.floor(at) : this.nearest(Math.floor(at));
+    let row = there ?? (low === null ? null : this.row(low));
+    if (low === null || !row) return null;
     const share = at - low;
     const after = exact && share > 1e-6 ? this.row(low + 1) : null;
     const time = row.time_s + (after ? (after.time_s - row.time_s) * share : 0);
-    if (after) row = this.kind.between(row, after, share);
-    const poses = this.kind.poses(this.kinematics, row);
+    if (after) row = this.how.between(row, after, share);
+    const poses = this.how.poses(this.kinematics, row);
+    const told = row;
     return {
-      frame: at, exact, low, time_s: time, phase: this.outline.names[row.phase],
-      angle: (j) => this.kind.angle(row, j), errors: row.errors, framed: this.framed(poses), ...poses,
+      frame: at, exact, low, time_s: time, phase: this.outline.names[told.phase],
+      angle: (j) => this.how.angle(told, j), errors: told.errors, framed: this.framed(poses), ...poses,
     };
   }
 
   // How many modules, from the first on, a camera should have in view; as web/camera.py tells.
+  /** @param {WindowPoses} poses */
   framed({ rod = Infinity }) { return Math.min(this.chain.modules, rod + 1 + (this.scenery.header.camera?.stretch ?? Infinity)); }
 
   // How fast each hinge turns around a frame, in rad/s; NaN where the frames beside it are not here.
+  /** @param {number} frame */
   speeds(frame) {
     const low = Math.min(Math.max(Math.floor(frame), 0), Math.max(0, this.last - 1));
     const [a, b] = [this.row(low), this.row(low + 1)];
     const found = new Float32Array(this.joints);
     if (!a || !b || a.phase !== b.phase || !(b.time_s > a.time_s)) return found.fill(NaN);
-    const [begin, end] = this.windowed ? [Math.min(a.first, b.first), Math.max(a.last, b.last)] : [0, this.joints];
-    for (let j = begin; j < end; j++) found[j] = (this.kind.angle(b, j) - this.kind.angle(a, j)) / (b.time_s - a.time_s);
+    const [begin, end] = this.windowed ? reach(/** @type {WindowRow} */ (a), /** @type {WindowRow} */ (b)) : [0, this.joints];
+    for (let j = begin; j < end; j++) found[j] = (this.how.angle(b, j) - this.how.angle(a, j)) / (b.time_s - a.time_s);
     return found;
   }
 
   // The largest error of the hinges of the joint that each module carries; NaN where none is recorded.
+  /** @param {Floats} errors */
   moduleErrors(errors) { return this.carried(errors, (a, b) => Math.max(Math.abs(a), Math.abs(b))); }
 
   // A figure of each hinge as one of each module: those of the joint that it carries, put together.
+  /**
+   * @param {Floats} values
+   * @param {(a: number, b: number) => number} together
+   */
   carried(values, together) {
     const { modules, rigid_links: rigid, hinges } = this.chain;
     const joints = Math.max(1, this.joints / hinges);
@@ -345,4 +448,11 @@ export class Film extends Teller {
   }
 }
 
-const pause = (ms) => new Promise((done) => { setTimeout(done, ms); });
+// The hinges that move in one of two windows, or both.
+/**
+ * @param {WindowRow} a
+ * @param {WindowRow} b
+ */
+const reach = (a, b) => [Math.min(a.first, b.first), Math.max(a.last, b.last)];
+
+const pause = (/** @type {number} */ ms) => new Promise((done) => { setTimeout(done, ms); });

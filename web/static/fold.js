@@ -10,8 +10,9 @@ import { Share } from "./share.js";
 import { TakeAway } from "./take_away.js";
 import { toast } from "./toast.js";
 import { view } from "./viewing.js";
+import { get } from "./words.js";
 
-const get = (id) => document.getElementById(id);
+/** @type {Facts} */
 const facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
 const drawer = new Drawer(toast);
@@ -23,6 +24,11 @@ const takeAway = new TakeAway(get("panel-downloads"));
 const failure = new Failure({ player, bar, drawer });
 const companions = new Companions(toast);
 
+/**
+ * @param {string} text
+ * @param {string} more
+ * @param {{ text: string, press: () => void } | null} button
+ */
 function cover(text, more = "", button = null) {
   get("cover-other").hidden = !button;
   get("cover").classList.remove("gone");
@@ -32,24 +38,26 @@ function cover(text, more = "", button = null) {
   if (button) { get("cover-button").textContent = button.text; get("cover-button").onclick = button.press; }
 }
 
-function show(facts) {
-  get("name").textContent = facts.name;
-  get("verdict").textContent = facts.verdict.text;
-  get("verdict").dataset.tone = facts.verdict.tone;
-  drawer.facts(facts);
-  companions.facts(facts);
-  takeAway.facts(facts);
-  share.facts(facts);
-  failure.facts(facts);
-  if (!facts.running) { film.finish(); figures.begin(); }
-  const { again, problem } = facts;
+/** @param {Facts} now */
+function show(now) {
+  get("name").textContent = now.name;
+  get("verdict").textContent = now.verdict.text;
+  get("verdict").dataset.tone = now.verdict.tone;
+  drawer.facts(now);
+  companions.facts(now);
+  takeAway.facts(now);
+  share.facts(now);
+  failure.facts(now);
+  if (!now.running) { film.finish(); figures.begin(); }
+  const { again, problem } = now;
   get("again").hidden = !again;
   if (again) {
-    get("again").firstElementChild.textContent = get("again").title = again.text;
+    const [shown] = get("again").children;
+    shown.textContent = get("again").title = again.text;
     get("again").setAttribute("aria-label", again.text);
     get("again").onclick = () => tryAgain(again);
   }
-  if (problem && !facts.frames && !bar.outline) {
+  if (problem && !now.frames && !bar.outline) {
     cover(problem.heading, problem.text, again && { text: again.text, press: () => tryAgain(again) });
     get("cover-other").hidden = false;
     get("again").hidden = true; // it is on the cover
@@ -57,6 +65,7 @@ function show(facts) {
 }
 
 // The same input once more, in the way that may do better.
+/** @param {Again} again */
 async function tryAgain({ form }) {
   const buttons = [get("again"), get("cover-button")];
   for (const button of buttons) button.disabled = true;

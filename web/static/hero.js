@@ -6,9 +6,14 @@ import { Sketch } from "./sketch.js";
 const SPEED = 1.6;
 
 // Plays the film whose address `hero` names on its canvas.
+/**
+ * @param {HTMLElement} hero
+ * @param {HTMLCanvasElement} canvas
+ * @param {{ calm: boolean }} visitor
+ */
 export function playHero(hero, canvas, { calm }) {
   const sketch = new Sketch(canvas, () => hero.classList.add("moving"));
-  const player = new Player(new Film(new Recording(hero.dataset.film)), {
+  const player = new Player(new Film(new Recording(hero.dataset.film ?? "")), {
     sketch, aspect: () => canvas.clientWidth / Math.max(1, canvas.clientHeight),
   });
   new ResizeObserver(() => player.show(true)).observe(canvas);

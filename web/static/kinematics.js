@@ -2,6 +2,11 @@
 // T[i+1] = T[i] · Trans(anchor) · Rot(axis_1, q_1) … Rot(axis_K, q_K) · turn · Trans(offset).
 
 // c = a · b, quaternions w, x, y, z.
+/**
+ * @param {Quaternion} a
+ * @param {Quaternion} b
+ * @param {Quaternion} c
+ */
 function times(a, b, c) {
   const [w, x, y, z] = a;
   const [p, q, r, s] = b;
@@ -12,7 +17,15 @@ function times(a, b, c) {
   return c;
 }
 
+const vectorOf = (/** @type {Numbers} */ p) => /** @type {Vector} */ ([p[0], p[1], p[2]]);
+const quaternionOf = (/** @type {Numbers} */ q) => /** @type {Quaternion} */ ([q[0], q[1], q[2], q[3]]);
+
 // The vector (x, y, z) turned by the quaternion q.
+/**
+ * @param {Quaternion} q
+ * @param {Vector} vector
+ * @returns {Vector}
+ */
 export function turned(q, [x, y, z]) {
   const [w, a, b, c] = q;
   const u = 2 * (b * z - c * y);
@@ -22,9 +35,19 @@ export function turned(q, [x, y, z]) {
 }
 
 export class Kinematics {
+  /** @type {Poses | undefined} */
+  foldedTable;
+  /** @type {Poses | undefined} */
+  straightTable;
+
   // `chain` as in the scenery's header; `foldedRad` for poses of windows.
+  /**
+   * @param {Chain} chain
+   * @param {Floats | null} foldedRad
+   */
   constructor(chain, foldedRad = null) {
     this.foldedRad = foldedRad;
+    /** @type {Poses & { key: string } | null} */
     this.resting = null;
     this.modules = chain.modules;
     this.root = chain.root;
@@ -37,7 +60,13 @@ export class Kinematics {
   }
 
   // The rotation across the joint of a link; `angle` tells that of a hinge.
+  /**
+   * @param {(hinge: number) => number} angle
+   * @param {number} link
+   * @param {Quaternion} into
+   */
   step(angle, link, into) {
+    /** @type {Quaternion} */
     let q = [1, 0, 0, 0];
     const first = (link - this.rigid) * this.hinges;
     if (first >= 0) {
@@ -52,13 +81,20 @@ export class Kinematics {
   }
 
   // Centres (3n) and orientations (4n) of one configuration.
+  /**
+   * @param {Numbers} angles
+   * @param {Numbers} position
+   * @param {Numbers} wxyz
+   * @returns {Poses}
+   */
   poses(angles, position, wxyz) {
     const found = this.room(Float32Array);
-    const angle = (j) => angles[j];
+    const angle = (/** @type {number} */ j) => angles[j];
     this.ahead(angle, this.root, this.modules, position, wxyz, found);
+    /** @type {Quaternion} */
     const across = [0, 0, 0, 0];
-    let p = Array.from(position);
-    let q = Array.from(wxyz);
+    let p = vectorOf(position);
+    let q = quaternionOf(wxyz);
     for (let i = this.root - 1; i >= 0; i--) {
       const b = turned(q, this.offset);
       const [w, x, y, z] = this.step(angle, i, across);
@@ -74,25 +110,41 @@ export class Kinematics {
   // `angles` of the hinges in between and the pose of module 0. What is folded keeps its shape, and
   // what is straight is a rod: only the window is computed joint by joint. Modules up to `core` are
   // folded, those from `rod` on are the rod.
+  /**
+   * @param {Pick<WindowRow, "first" | "last" | "angles">} row
+   * @param {Numbers} position
+   * @param {Numbers} wxyz
+   */
   windowPoses({ first, last, angles }, position, wxyz) {
-    const { modules: n, foldedRad } = this;
+    const { modules: n } = this;
+    const foldedRad = /** @type {Floats} */ (this.foldedRad);
     const found = this.room(Float32Array);
     const core = Math.min(n, this.rigid + Math.floor(first / this.hinges) + 1);
     const rod = Math.min(n - 1, Math.max(core - 1, this.rigid + Math.ceil(last / this.hinges)));
     const folded = this.rested(position, wxyz);
     found.positions.set(folded.positions.subarray(0, 3 * core));
     found.wxyzs.set(folded.wxyzs.subarray(0, 4 * core));
-    const angle = (j) => (j < first ? foldedRad[j] : j < last ? angles[j - first] : 0);
+    const angle = (/** @type {number} */ j) => (j < first ? foldedRad[j] : j < last ? angles[j - first] : 0);
     const [p, q] = this.ahead(angle, core - 1, rod + 1, ...poseIn(folded, core - 1), found);
     moved(this.straight, rod, n, p, q, found);
     return { ...found, core, rod };
   }
 
   // From the pose of `begin` on to that of `end` - 1, which is told.
+  /**
+   * @param {(hinge: number) => number} angle
+   * @param {number} begin
+   * @param {number} end
+   * @param {Numbers} position
+   * @param {Numbers} wxyz
+   * @param {Poses} found
+   * @returns {[Vector, Quaternion]}
+   */
   ahead(angle, begin, end, position, wxyz, found) {
+    /** @type {Quaternion} */
     const across = [0, 0, 0, 0];
-    const p = Array.from(position);
-    let q = Array.from(wxyz);
+    const p = vectorOf(position);
+    let q = quaternionOf(wxyz);
     put(begin, p, q, found);
     for (let i = begin + 1; i < end; i++) {
       const a = turned(q, this.anchor);
@@ -105,33 +157,57 @@ export class Kinematics {
   }
 
   // The folded chain with its first module there, kept until that moves.
+  /**
+   * @param {Numbers} position
+   * @param {Numbers} wxyz
+   * @returns {Poses}
+   */
   rested(position, wxyz) {
-    const key = [...position, ...wxyz].join();
+    const key = [...Array.from(position), ...Array.from(wxyz)].join();
     if (this.resting?.key !== key) {
-      const length = Math.hypot(...wxyz);
+      const length = Math.hypot(...Array.from(wxyz));
       this.resting = { key, ...this.room(Float64Array) };
-      moved(this.folded, 0, this.modules, position, Array.from(wxyz, (v) => v / length), this.resting);
+      moved(this.folded, 0, this.modules, vectorOf(position), quaternionOf(Array.from(wxyz, (v) => v / length)), this.resting);
     }
     return this.resting;
   }
 
   // The folded and the straight chain from the first module on.
-  get folded() { return (this.foldedTable ??= this.table((j) => this.foldedRad[j])); }
+  get folded() {
+    const foldedRad = /** @type {Floats} */ (this.foldedRad);
+    return (this.foldedTable ??= this.table((j) => foldedRad[j]));
+  }
 
   get straight() { return (this.straightTable ??= this.table(() => 0)); }
 
+  /** @param {(hinge: number) => number} angle */
   table(angle) {
     const found = this.room(Float64Array);
     this.ahead(angle, 0, this.modules, [0, 0, 0], [1, 0, 0, 0], found);
     return found;
   }
 
+  /**
+   * @param {Float32ArrayConstructor | Float64ArrayConstructor} Type
+   * @returns {Poses}
+   */
   room(Type) { return { positions: new Type(3 * this.modules), wxyzs: new Type(4 * this.modules) }; }
 }
 
+/**
+ * @param {Poses} poses
+ * @param {number} i
+ * @returns {[Floats, Floats]}
+ */
 const poseIn = ({ positions, wxyzs }, i) => [positions.subarray(3 * i, 3 * i + 3), wxyzs.subarray(4 * i, 4 * i + 4)];
 
 // Puts one pose in its place, its orientation as a unit quaternion.
+/**
+ * @param {number} i
+ * @param {Vector} p
+ * @param {Quaternion} q
+ * @param {Poses} found
+ */
 function put(i, p, q, { positions, wxyzs }) {
   const l = Math.hypot(q[0], q[1], q[2], q[3]);
   for (let k = 0; k < 3; k++) positions[3 * i + k] = p[k];
@@ -140,8 +216,16 @@ function put(i, p, q, { positions, wxyzs }) {
 
 // Puts the modules from `begin` to `end` - 1 of a chain that keeps the shape of `table`, when the pose
 // of `begin` is p, q.
+/**
+ * @param {Poses} table
+ * @param {number} begin
+ * @param {number} end
+ * @param {Vector} p
+ * @param {Quaternion} q
+ * @param {Poses} found
+ */
 function moved({ positions: from, wxyzs: turns }, begin, end, p, q, { positions, wxyzs }) {
-  const [d, e, f, g] = turns.subarray(4 * begin, 4 * begin + 4);
+  const [d, e, f, g] = quaternionOf(turns.subarray(4 * begin, 4 * begin + 4));
   const [w, x, y, z] = times(q, [d, -e, -f, -g], [0, 0, 0, 0]);
   const r = [
     1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
@@ -164,14 +248,21 @@ function moved({ positions: from, wxyzs: turns }, begin, end, p, q, { positions,
 }
 
 // Which module a ray meets first, or null.
-export function picked(chain, { positions, wxyzs }, origin, direction) {
-  const spans = chain.face_normals.map((normal) => {
-    const heights = chain.vertices.map((v) => v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2]);
-    return [normal, Math.min(...heights), Math.max(...heights)];
+/**
+ * @param {Hull} hull
+ * @param {{ positions: Numbers, wxyzs: Numbers }} poses
+ * @param {Vector} origin
+ * @param {Vector} direction
+ */
+export function picked(hull, { positions, wxyzs }, origin, direction) {
+  const spans = hull.face_normals.map((normal) => {
+    const heights = hull.vertices.map((v) => v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2]);
+    return /** @type {const} */ ([normal, Math.min(...heights), Math.max(...heights)]);
   });
   let best = null;
   let nearest = Infinity;
-  for (let i = 0; i < chain.modules; i++) {
+  for (let i = 0; i < hull.modules; i++) {
+    /** @type {Quaternion} */
     const back = [wxyzs[4 * i], -wxyzs[4 * i + 1], -wxyzs[4 * i + 2], -wxyzs[4 * i + 3]];
     const start = turned(back, [origin[0] - positions[3 * i], origin[1] - positions[3 * i + 1], origin[2] - positions[3 * i + 2]]);
     const way = turned(back, direction);

@@ -2,9 +2,8 @@
 import { UNREACHABLE, askForFold } from "./asking.js";
 import { playHero } from "./hero.js";
 import { changed, follow, refused } from "./paper_settings.js";
-import { refusal } from "./words.js";
+import { get, refusal } from "./words.js";
 
-const get = (id) => document.getElementById(id);
 const drop = get("drop");
 const message = get("drop-message");
 const hero = get("hero");
@@ -13,12 +12,20 @@ const player = playHero(hero, get("sketch"), { calm });
 
 const NO_PATH = new Set(["repeated-cell"]);
 
+/**
+ * @param {string} text
+ * @param {"" | "bad"} tone
+ */
 function say(text, tone = "") {
   message.textContent = text;
   message.dataset.tone = tone;
   if (tone === "bad") message.scrollIntoView({ block: "nearest" }); // the cards are far below it
 }
 
+/**
+ * @param {Form} fields
+ * @param {string} label
+ */
 async function start(fields, label) {
   say(`Sending ${label}…`);
   const resting = player.send({ do: "pause" });
@@ -31,6 +38,10 @@ async function start(fields, label) {
 }
 
 // A path or a chain is folded at once, unless it is knotted; all else is looked at first.
+/**
+ * @param {File} file
+ * @param {boolean} asVoxels
+ */
 async function send(file, asVoxels = false) {
   say(`Reading ${file.name}…`);
   offer(null);
@@ -68,15 +79,20 @@ get("type").onclick = () => {
 get("typed").onclick = sendTyped;
 get("angles").addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); sendTyped(); } });
 
+/** @param {File | null} file */
 function offer(file) {
   const button = get("drop-voxels");
   button.hidden = !file;
-  button.onclick = () => send(file, true);
+  button.onclick = () => { if (file) send(file, true); };
 }
 
 follow(get("preset"));
 drop.addEventListener("submit", (event) => event.preventDefault());
-get("file").addEventListener("change", (event) => { if (event.target.files[0]) send(event.target.files[0]); event.target.value = ""; });
+get("file").addEventListener("change", () => {
+  const [file] = get("file").files ?? [];
+  if (file) send(file);
+  get("file").value = "";
+});
 let depth = 0;
 addEventListener("dragenter", (event) => { event.preventDefault(); depth++; drop.classList.add("over"); });
 addEventListener("dragleave", () => { if (--depth <= 0) { depth = 0; drop.classList.remove("over"); } });
@@ -89,10 +105,10 @@ addEventListener("drop", (event) => {
   if (files.length > 1) say("One file at a time, please.", "bad");
   else if (files[0]) send(files[0]);
 });
-for (const card of document.querySelectorAll("[data-shape]")) {
+for (const card of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-shape]"))) {
   card.onclick = async () => {
     card.setAttribute("aria-busy", "true");
-    await start({ shape: card.dataset.shape }, card.querySelector(".card-title").textContent);
+    await start({ shape: card.dataset.shape ?? "" }, card.querySelector(".card-title")?.textContent ?? "");
     card.removeAttribute("aria-busy");
   };
 }

@@ -1,11 +1,14 @@
 // What the colours tell: a menu, and the scale with its numbers.
 import { COLOURINGS, MEASURED, colouring } from "./colours.js";
-import { element } from "./words.js";
+import { element, get } from "./words.js";
 
-const get = (id) => document.getElementById(id);
 const KEPT = "foldback:colour-by";
 
 export class Legend {
+  /**
+   * @param {import("./player.js").Player} player
+   * @param {import("./figures.js").Figures} figures
+   */
   constructor(player, figures) {
     this.player = player;
     this.figures = figures;
@@ -20,11 +23,13 @@ export class Legend {
     player.on("colouring", () => this.show());
     figures.on("begun", () => {
       for (const option of this.menu.options) option.disabled = false;
-      if (MEASURED.has(recall()) && player.film.chain) this.choose(recall());
+      const kept = recall();
+      if (kept && MEASURED.has(kept) && player.film.chain) this.choose(kept);
     });
     figures.on("loaded", () => { if (player.shown) player.show(true); });
   }
 
+  /** @param {string} key */
   choose(key) {
     try { localStorage.setItem(KEPT, key); } catch { /* not kept, then */ }
     this.player.colourBy(colouring(key, this.player.film, this.figures));
@@ -39,15 +44,20 @@ export class Legend {
 }
 
 // The scale of a colouring, in numbers.
-export function showScale(colouring, film) {
-  const { low, high, ramp, none } = colouring.legend();
+/**
+ * @param {import("./colours.js").Colouring} chosen
+ * @param {import("./film.js").Film} film
+ */
+export function showScale(chosen, film) {
+  const { low, high, ramp, none } = chosen.legend();
   get("legend").hidden = false;
   get("legend").style.setProperty("--unknown", `rgb(${film.scenery.header.colours.unknown.join(" ")})`);
   get("legend-low").textContent = low;
   get("legend-high").textContent = high;
   get("legend-ramp").style.background = ramp;
   get("legend-none").hidden = !none;
-  get("legend-none").lastElementChild.textContent = none ?? "";
+  const meaning = get("legend-none").lastElementChild;
+  if (meaning) meaning.textContent = none;
 }
 
 function recall() {

@@ -1,4 +1,5 @@
 // Letters of 5×5 cells that hang together by faces; one number is a row, its bits the cells.
+/** @type {Record<string, string>} */
 const ROWS = {
   A: "1f 11 1f 11 11", B: "1e 12 1f 11 1f", C: "1f 10 10 10 1f", D: "1e 13 11 13 1e", E: "1f 10 1e 10 1f",
   F: "1f 10 1e 10 10", G: "1f 10 17 11 1f", H: "11 11 1f 11 11", I: "1f 04 04 04 1f", J: "01 01 01 11 1f",
@@ -11,7 +12,11 @@ const ROWS = {
 export const LETTERS = Object.keys(ROWS);
 
 // Cells (row, column) of a letter.
+/**
+ * @param {string} letter
+ * @returns {[row: number, column: number][]}
+ */
 export function letterCells(letter) {
   return ROWS[letter].split(" ").flatMap((row, x) => [0, 1, 2, 3, 4]
-    .filter((y) => parseInt(row, 16) & (16 >> y)).map((y) => [x, y]));
+    .filter((y) => parseInt(row, 16) & (16 >> y)).map((y) => /** @type {[number, number]} */ ([x, y])));
 }

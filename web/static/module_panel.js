@@ -2,22 +2,38 @@
 import { degrees, element } from "./words.js";
 
 // Two figures; what is as good as nothing is 0.
-const plain = (value) => (Math.abs(value) < 1e-6 ? "0" : String(Number(value.toPrecision(2))).replace("-", "−"));
-const pitches = (value) => `${Number(value.toFixed(3))} pitch`.replace("-", "−");
+const plain = (/** @type {number} */ value) => (Math.abs(value) < 1e-6 ? "0" : String(Number(value.toPrecision(2))).replace("-", "−"));
+const pitches = (/** @type {number} */ value) => `${Number(value.toFixed(3))} pitch`.replace("-", "−");
+
+/** @typedef {ModuleTold | { index: null }} Told */
 
 export class ModulePanel {
+  /**
+   * @param {HTMLElement} panel
+   * @param {import("./player.js").Player} player
+   * @param {import("./figures.js").Figures} figures
+   * @param {() => void} opened
+   */
   constructor(panel, player, figures, opened) {
     this.panel = panel;
     this.player = player;
     this.figures = figures;
     this.opened = opened;
+    /** @type {number | null} */
     this.index = null;
-    player.on("module", (module) => this.show(module));
+    /** @type {Snapshot | null} */
+    this.shown = null;
+    /** @type {JointTold[]} */
+    this.joints = [];
+    this.near = element("dd");
+    this.off = element("dd");
+    player.on("module", (/** @type {Told} */ module) => this.show(module));
     figures.on("loaded", () => this.measure());
     figures.on("begun", () => this.measure());
     this.show({ index: null });
   }
 
+  /** @param {Told} module */
   show(module) {
     const before = this.index;
     this.index = module.index;
@@ -30,9 +46,10 @@ export class ModulePanel {
     this.measure();
   }
 
+  /** @param {ModuleTold} module */
   build(module) {
-    const go = (next) => () => this.player.send({ do: "select", module: next });
-    const step = (by, text) => {
+    const go = (/** @type {number | null} */ next) => () => this.player.send({ do: "select", module: next });
+    const step = (/** @type {number} */ by, /** @type {string} */ text) => {
       const next = module.index + by;
       const button = element("button", { class: "button", type: "button", disabled: next < 0 || next >= module.modules }, text);
       button.onclick = go(next);
@@ -40,8 +57,8 @@ export class ModulePanel {
     };
     const clear = element("button", { class: "button quiet", type: "button" }, "Clear");
     clear.onclick = go(null);
-    const column = (of) => element("td", { "data-of": of });
-    const table = (...parts) => element("table", { class: "joints" }, ...parts);
+    const column = (/** @type {string} */ of) => element("td", { "data-of": of });
+    const table = (/** @type {Node[]} */ ...parts) => element("table", { class: "joints" }, ...parts);
     const joint = module.joints.length
       ? element("div", {}, table(
         element("thead", {}, element("tr", {},
@@ -55,6 +72,7 @@ export class ModulePanel {
           element("tr", { "data-motion": name }, element("th", { scope: "row" }, name.split("_").slice(2).join(" ") || name),
             column("speed"), column("torque"))))))
       : element("p", { class: "hint no-joint" }, "This module carries no joint.");
+    /** @type {Record<number, string>} */
     const ends = { 0: " · first", [module.modules - 1]: " · last" };
     this.near = element("dd", { "data-of": "nearest" }, "–");
     this.off = element("dd", { "data-of": "position" }, "–");
@@ -70,6 +88,7 @@ export class ModulePanel {
       element("div", { class: "steppers" }, step(-1, "Previous"), step(1, "Next"), clear));
   }
 
+  /** @param {ModuleTold} module */
   fill(module) {
     this.shown = module.shown;
     const speeds = this.player.film.speeds(module.shown.frame);
@@ -103,6 +122,11 @@ export class ModulePanel {
     this.off.textContent = Number.isFinite(off) ? `${Number(off.toPrecision(2))} pitch` : "–";
   }
 
+  /**
+   * @param {string} row
+   * @param {string} of
+   * @param {string} text
+   */
   put(row, of, text) {
     const cell = this.panel.querySelector(`${row} [data-of="${of}"]`);
     if (cell) cell.textContent = text;

@@ -2,14 +2,29 @@
 export const SIZE = 10;
 const KEPT = "foldback:painting";
 
+/**
+ * @param {number} x
+ * @param {number} y
+ * @param {number} z
+ */
 export const keyOf = (x, y, z) => (z * SIZE + x) * SIZE + y;
+/**
+ * @param {number} key
+ * @returns {Vector}
+ */
 export const cellOf = (key) => [Math.floor(key / SIZE) % SIZE, key % SIZE, Math.floor(key / (SIZE * SIZE))];
+
+/** @typedef {Map<number, boolean>} Stroke whether each cell, by its key, was filled or emptied */
 
 export class Painting {
   constructor() {
+    /** @type {Set<number>} */
     this.cells = new Set();
+    /** @type {Stroke[]} */
     this.done = [];
+    /** @type {Stroke[]} */
     this.undone = [];
+    /** @type {Stroke | null} */
     this.stroke = null;
     try {
       for (const key of JSON.parse(localStorage.getItem(KEPT) ?? "[]")) {
@@ -18,15 +33,24 @@ export class Painting {
     } catch { /* what was kept is no painting */ }
   }
 
+  /**
+   * @param {number} x
+   * @param {number} y
+   * @param {number} z
+   */
   has(x, y, z) { return this.cells.has(keyOf(x, y, z)); }
 
   begin() { this.stroke = new Map(); }
 
   // Fills or empties a cell within a stroke; true when that changed it.
+  /**
+   * @param {number} key
+   * @param {boolean} filled
+   */
   put(key, filled) {
     if (this.cells.has(key) === filled) return false;
     if (filled) this.cells.add(key); else this.cells.delete(key);
-    this.stroke.set(key, filled);
+    this.stroke?.set(key, filled);
     return true;
   }
 
@@ -39,6 +63,11 @@ export class Painting {
 
   redo() { return this.move(this.undone, this.done, (filled) => filled); }
 
+  /**
+   * @param {Stroke[]} from
+   * @param {Stroke[]} to
+   * @param {(filled: boolean) => boolean} turned
+   */
   move(from, to, turned) {
     const stroke = from.pop();
     if (!stroke) return false;
@@ -59,8 +88,8 @@ export class Painting {
       if (!left.delete(start)) continue;
       count++;
       const todo = [start];
-      while (todo.length) {
-        const [x, y, z] = cellOf(todo.pop());
+      for (let next = todo.pop(); next !== undefined; next = todo.pop()) {
+        const [x, y, z] = cellOf(next);
         for (const [i, j, k] of [[x + 1, y, z], [x - 1, y, z], [x, y + 1, z], [x, y - 1, z], [x, y, z + 1], [x, y, z - 1]]) {
           if (Math.min(i, j, k) < 0 || Math.max(i, j, k) >= SIZE) continue;
           const key = keyOf(i, j, k);
@@ -72,6 +101,7 @@ export class Painting {
   }
 
   // The cells of a voxel file; doubled, each becomes 2×2×2.
+  /** @param {boolean} doubled */
   voxels(doubled) {
     const cells = [...this.cells].map(cellOf);
     if (!doubled) return cells;

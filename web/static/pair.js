@@ -3,13 +3,18 @@
 import { Playhead } from "./playhead.js";
 import { Teller } from "./teller.js";
 
+/** @typedef {import("./player.js").Player} Player */
+
 export class Pair extends Teller {
+  /** @param {Player[]} players */
   constructor(players) {
     super();
     this.players = players;
+    /** @type {Phase[]} */
     this.phases = [];
     this.last = 0;
     this.playhead = new Playhead(this);
+    /** @type {number | null} */
     this.clock = null;
     this.due = false;
     this.told = "";
@@ -24,7 +29,7 @@ export class Pair extends Teller {
     if (this.players.some(({ shown, film }) => !shown || !film.outline)) return;
     const first = this.phases.length === 0;
     const { names } = outlines[0];
-    const long = (name) => Math.max(...outlines.map(({ phases }) => phases.filter((p) => p.name === name).reduce((sum, p) => sum + p.to - p.from, 0)));
+    const long = (/** @type {string} */ name) => Math.max(...outlines.map(({ phases }) => phases.filter((p) => p.name === name).reduce((sum, p) => sum + p.to - p.from, 0)));
     const order = names.filter((name) => long(name) > 0).sort((a, b) => this.place(outlines, a) - this.place(outlines, b));
     let from = 0;
     this.phases = order.map((name) => {
@@ -43,11 +48,16 @@ export class Pair extends Teller {
   }
 
   // Where a phase stands in the fold that has it.
+  /**
+   * @param {FilmOutline[]} outlines
+   * @param {string} name
+   */
   place(outlines, name) {
     return Math.min(...outlines.map(({ phases }) => phases.findIndex((p) => p.name === name)).filter((k) => k >= 0));
   }
 
   // The larger error of the two, column by column.
+  /** @param {FilmOutline[]} outlines */
   errors(outlines) {
     return Array.from({ length: 240 }, (_, k) => {
       const frame = (this.last * k) / 240;
@@ -59,8 +69,12 @@ export class Pair extends Teller {
     });
   }
 
+  /**
+   * @param {Player} player
+   * @param {number} frame
+   */
   frameOf({ film }, frame) {
-    const at = this.phases.find(({ to }) => frame < to) ?? this.phases.at(-1);
+    const at = this.phaseAt(frame);
     const { phases } = film.outline;
     const own = phases.find(({ name }) => name === at.name);
     if (own) return own.from + (Math.min(1, (frame - at.from) / Math.max(1, at.to - 1 - at.from))) * (own.to - 1 - own.from);
@@ -68,6 +82,10 @@ export class Pair extends Teller {
     return after ? after.from : film.last;
   }
 
+  /** @param {number} frame */
+  phaseAt(frame) { return this.phases.find(({ to }) => frame < to) ?? this.phases[this.phases.length - 1]; }
+
+  /** @param {Command} message */
   send(message) {
     if (!this.phases.length) return false;
     if (message.do === "select") { for (const player of this.players) player.send(message); return true; }
@@ -77,15 +95,22 @@ export class Pair extends Teller {
     return true;
   }
 
+  // What of a message is about the camera.
+  /**
+   * @param {Command & { do: "set" }} message
+   * @returns {Command}
+   */
   ofCamera(message) {
-    return Object.fromEntries(Object.entries(message).filter(([name]) => ["do", "follow", "turn"].includes(name)));
+    return {
+      do: "set", ...("follow" in message ? { follow: message.follow } : {}), ...("turn" in message ? { turn: message.turn } : {}),
+    };
   }
 
   sync() {
     const frame = this.playhead.shown;
     for (const player of this.players) player.send({ do: "seek", frame: this.frameOf(player, frame) });
-    const at = this.phases.find(({ to }) => frame < to) ?? this.phases.at(-1);
-    const errors = this.players.map(({ shown }) => (shown ? shown.errors.reduce((most, e) => (e > most ? e : most), -1) : -1)).filter((e) => e >= 0);
+    const at = this.phaseAt(frame);
+    const errors = this.players.map(({ shown }) => (shown ? Array.from(shown.errors).reduce((most, e) => (e > most ? e : most), -1) : -1)).filter((e) => e >= 0);
     const state = {
       ...this.playhead.is, frame: this.playhead.frame, frames: this.last + 1, growing: this.growing, phase: at.name,
       time_s: null, error_rad: errors.length ? Math.max(...errors) : null,

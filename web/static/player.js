@@ -19,41 +19,64 @@ const GOAL_SPREAD = 1.8;
 const MOST_GOALS = 4000;
 const ROOM = 1.08; // how much farther than needed the camera stays, so that nothing touches the edge
 const STEEPEST = 1.2;
+const USUAL_ASPECT = 1.6;
 const BESIDE = 0.4; // how blue the neighbours of the selected module are
 const AROUND = 3; // pitches around what is looked at that stay in view
 
 // As planner/modules.py calls a hinge.
+/**
+ * @param {Chain} chain
+ * @param {number} j
+ */
 function nameOf({ rigid_links: rigid, hinge_names: names }, j) {
   const hinge = names[j % names.length];
   return `joint_${rigid + Math.floor(j / names.length)}${hinge && `_${hinge}`}`;
 }
 
+/** @typedef {import("./film.js").Film} Film */
+/** @typedef {import("./stage.js").Stage} Stage */
+/** @typedef {import("./sketch.js").Sketch} Sketch */
+
 export class Player extends Teller {
   // Shows on `stage`, for which `sketch` may stand in; without a stage on the sketch alone.
-  constructor(film, { stage = null, sketch = null, aspect = () => 1.6 }) {
+  /**
+   * @param {Film} film
+   * @param {{ stage?: Stage | null, sketch?: Sketch | null, aspect?: () => number }} shownOn
+   */
+  constructor(film, { stage = null, sketch = null, aspect = () => USUAL_ASPECT }) {
     super();
     this.film = film;
     this.stage = stage;
     this.sketch = sketch;
-    this.standIn = stage ? new StandIn(sketch.canvas, stage, sketch) : null;
+    this.standIn = stage && sketch ? new StandIn(sketch.canvas, stage, sketch) : null;
     if (this.standIn) {
       this.standIn.busy = () => this.busy;
       this.standIn.painted = () => this.tell("painted", this.shown?.frame);
     }
     this.aspectNow = aspect;
+    /** @type {number | undefined} */
+    this.aspect = undefined;
     this.playhead = new Playhead(film);
+    /** @type {import("./colours.js").Colouring | null} */
     this.colouring = null;
+    /** @type {number | null} */
     this.selected = null;
+    /** @type {number[]} */
     this.marked = [];
+    /** @type {number[] | null} */
     this.looked = null;
     this.seeks = false;
+    /** @type {Snapshot | null} */
     this.shown = null;
     this.told = "";
     this.toldAt = 0;
     this.lastPlaying = false;
     this.follower = new Follower();
+    /** @type {[azimuth: number, elevation: number] | null} */
     this.direction = null;
+    /** @type {Map<number, View>} */
     this.goals = new Map();
+    /** @type {number | null} */
     this.clock = null;
     this.due = false;
     this.gliding = false;
@@ -67,6 +90,7 @@ export class Player extends Teller {
 
   // What a message does.
 
+  /** @param {Command} message */
   send(message) {
     if (!this.film.chain || !this.colouring) return false;
     const { follow } = this.is;
@@ -83,6 +107,7 @@ export class Player extends Teller {
 
   get is() { return this.playhead.is; }
 
+  /** @param {number | null} module */
   select(module) {
     if (module !== null && !(module >= 0 && module < this.film.chain.modules)) return;
     this.selected = module;
@@ -91,12 +116,14 @@ export class Player extends Teller {
   }
 
   // Modules that stay highlighted.
+  /** @param {number[]} modules */
   mark(modules) {
     this.marked = modules.filter((module) => module < this.film.chain.modules);
     this.show(true);
   }
 
   // Has the camera follow some modules instead of the whole chain; none for all again.
+  /** @param {number[]} modules */
   lookAt(modules) {
     if (!modules.length && !this.looked) return;
     this.looked = modules.length ? modules : null;
@@ -111,13 +138,18 @@ export class Player extends Teller {
   }
 
   // From where the modules to look at are seen best; once more when their frame is there.
-  seek() {
+  /** @param {Snapshot} shown */
+  seek(shown) {
     const { azimuth_rad: azimuth, elevation_rad: elevation } = this.film.scenery.header.camera;
-    this.direction = clearestSight(this.shown.positions, this.looked, [azimuth, elevation], outward);
-    this.seeks = !this.shown.exact;
+    this.direction = clearestSight(shown.positions, this.looked ?? [], [azimuth, elevation], outward);
+    this.seeks = !shown.exact;
     this.goals.clear();
   }
 
+  /**
+   * @param {Vector} origin
+   * @param {Vector} direction
+   */
   pick(origin, direction) {
     if (!this.shown) return;
     const module = picked(this.film.chain, this.shown, origin, direction);
@@ -126,6 +158,7 @@ export class Player extends Teller {
   }
 
   // Another way to colour the modules; see colours.js.
+  /** @param {import("./colours.js").Colouring} chosen */
   colourBy(chosen) {
     this.colouring = chosen;
     this.tell("colouring", chosen);
@@ -175,6 +208,7 @@ export class Player extends Teller {
     requestAnimationFrame((now) => { this.due = false; this.tick(now / 1000); });
   }
 
+  /** @param {number} now */
   tick(now) {
     const passed = this.clock === null ? 0 : Math.min(Math.max(now - this.clock, 0), LONGEST_TICK_S);
     if (!this.film.chain || !this.shown) { this.clock = null; return; }
@@ -199,18 +233,19 @@ export class Player extends Teller {
       const shown = film.snapshot(frame);
       if (!shown) return;
       this.shown = shown;
-      if (this.seeks) this.seek();
+      if (this.seeks) this.seek(shown);
       this.aim();
       this.changed = true;
       if (this.selected !== null && moved) this.tellModule();
     }
-    this.tellState();
+    if (this.shown) this.tellState(this.shown);
     this.wake();
   }
 
   // While a drawing stands in, as often as one can read: every word has to be put into the picture.
-  tellState() {
-    const { film, is, playhead, shown } = this;
+  /** @param {Snapshot} shown */
+  tellState(shown) {
+    const { film, is, playhead } = this;
     const now = performance.now();
     if (this.standIn?.latest && is.playing && this.lastPlaying && now - this.toldAt < TELL_MS && playhead.frame < film.last) return;
     Object.assign(this, { toldAt: now, lastPlaying: is.playing });
@@ -245,7 +280,8 @@ export class Player extends Teller {
   }
 
   colours() {
-    const colours = this.colouring.of(this.shown, this.film);
+    if (!this.colouring || !this.shown) return new Uint8Array(0);
+    const colours = this.colouring.of(this.shown);
     const { selected } = this;
     const { selected: blue, stuck } = this.film.scenery.header.colours;
     for (const module of this.marked) colours.set(stuck, 3 * module);
@@ -259,11 +295,11 @@ export class Player extends Teller {
   }
 
   draw() {
-    const { shown, is } = this;
-    const { view } = this;
+    const { shown, is, view } = this;
+    if (!shown) return;
     const colours = this.colours();
     if (this.standIn) this.standIn.draw(shown, colours, view, is.follow);
-    else this.sketch?.draw(shown, colours, view, null);
+    else if (view) this.sketch?.draw(shown, colours, view, null);
     this.tell("drawn", shown.frame);
   }
 
@@ -273,21 +309,38 @@ export class Player extends Teller {
 
   get pitch() { return this.film.scenery.header.pitch; }
 
+  // A place in pitches as the scene has it.
+  /**
+   * @param {number} x
+   * @param {number} y
+   * @param {number} z
+   * @returns {Vector}
+   */
+  inUnits(x, y, z) { return [x * this.pitch, y * this.pitch, z * this.pitch]; }
+
   // What the camera looks at of the modules to have in view; looked up once for a snapshot.
+  /**
+   * @param {Snapshot} snapshot
+   * @returns {Vector[]}
+   */
   points(snapshot) {
     if (this.looked) {
-      return this.looked.map((i) => Array.from(snapshot.positions.subarray(3 * i, 3 * i + 3), (v) => v * this.pitch));
+      return this.looked.map((i) => this.inUnits(snapshot.positions[3 * i], snapshot.positions[3 * i + 1], snapshot.positions[3 * i + 2]));
     }
-    snapshot.points ??= fewPoints(snapshot.positions, snapshot.framed).map((p) => p.map((v) => v * this.pitch));
+    snapshot.points ??= fewPoints(snapshot.positions, snapshot.framed).map((p) => this.inUnits(...p));
     return snapshot.points;
   }
 
   get seeing() {
     const { camera, chain } = this.film.scenery.header;
     const radius = this.looked ? AROUND : chain.radius;
-    return { radius: radius * this.pitch, aspect: this.aspect, field: camera.field_of_view_rad, home: camera.azimuth_rad };
+    return { radius: radius * this.pitch, aspect: this.aspect ?? USUAL_ASPECT, field: camera.field_of_view_rad, home: camera.azimuth_rad };
   }
 
+  /**
+   * @param {Snapshot} snapshot
+   * @param {number | null} azimuth
+   */
   frameIt(snapshot, azimuth = null) {
     const [direction, elevation] = this.direction ?? [null, this.film.scenery.header.camera.elevation_rad];
     return framing(this.points(snapshot), { ...this.seeing, azimuth: azimuth ?? direction, elevation });
@@ -296,6 +349,7 @@ export class Player extends Teller {
   get goalEvery() { return Math.max(GOAL_EVERY, Math.round(GOAL_EVERY_S * this.playhead.pace)); }
 
   // Where the camera should be around a frame: looked up once.
+  /** @param {number} index */
   goal(index) {
     let found = this.goals.get(index);
     if (!found) {
@@ -315,9 +369,8 @@ export class Player extends Teller {
     if (!shown || !is.follow) return;
     const aspect = this.aspectNow();
     if (aspect > 0 && aspect !== this.aspect) { this.aspect = aspect; this.goals.clear(); }
-    this.aspect ??= 1.6;
-    const turning = is.turn && this.follower.view;
-    const nearest = this.frameIt(shown, turning ? this.follower.view.azimuth : null);
+    this.aspect ??= USUAL_ASPECT;
+    const nearest = this.frameIt(shown, is.turn && this.follower.view ? this.follower.view.azimuth : null);
     let goal = nearest;
     const here = shown.frame / this.goalEvery;
     const end = film.last / this.goalEvery;
@@ -341,8 +394,13 @@ export class Player extends Teller {
     this.wake();
   }
 
+  /**
+   * @param {Snapshot} snapshot
+   * @param {View} view
+   */
   needed(snapshot, view) { return distanceNeeded(this.points(snapshot), view, this.seeing); }
 
+  /** @param {number} passed */
   glide(passed) {
     const { is, shown, follower } = this;
     if (this.aspectNow() !== this.aspect) { follower.view = null; this.aim(); }
@@ -351,7 +409,7 @@ export class Player extends Teller {
       this.aim();
     }
     const moved = follower.move(passed) || is.turn;
-    if (moved && follower.view) {
+    if (moved && follower.view && shown) {
       const least = this.needed(shown, follower.view);
       if (follower.view.distance < least) follower.view = { ...follower.view, distance: least };
     }

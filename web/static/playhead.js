@@ -4,6 +4,7 @@
 //   step {by}                     whole frames back or forward, and stop
 //   set {speed, loop, reverse, follow, turn, live}   any of them
 const SPEEDS = [0.05, 20];
+const SWITCHES = /** @type {const} */ (["loop", "reverse", "follow", "turn", "live"]);
 const WHOLE_FILM_S = 20;
 const SLOWEST_FPS = 12;
 const FASTEST_FPS = 240; // a long film takes longer, else its modules fly by
@@ -12,15 +13,18 @@ const HOLD_S = 1.2;
 
 export class Playhead {
   // `film` tells its `last` frame and whether it is `growing`.
+  /** @param {{ last: number, growing: boolean }} film */
   constructor(film) {
     this.film = film;
     this.frame = 0;
     this.coarse = false;
     this.hold = 0;
+    /** @type {Switches} */
     this.is = { playing: false, speed: 1, loop: false, reverse: false, follow: true, turn: false, live: false };
   }
 
   // True when the message was understood.
+  /** @param {Command} message */
   do(message) {
     const { is, film } = this;
     switch (message.do) {
@@ -34,19 +38,21 @@ export class Playhead {
         this.go((message.by > 0 ? Math.floor(this.frame + 1e-9) : Math.ceil(this.frame - 1e-9)) + message.by);
         return true;
       case "set":
-        if ("speed" in message) is.speed = Math.min(Math.max(message.speed, SPEEDS[0]), SPEEDS[1]);
+        if (message.speed !== undefined) is.speed = Math.min(Math.max(message.speed, SPEEDS[0]), SPEEDS[1]);
         if (message.live && !is.live) is.playing = false;
-        for (const name of ["loop", "reverse", "follow", "turn", "live"]) if (name in message) is[name] = message[name];
+        for (const name of SWITCHES) is[name] = message[name] ?? is[name];
         return true;
       default: return false;
     }
   }
 
+  /** @param {number} frame */
   go(frame) {
     this.frame = Math.min(Math.max(frame, 0), this.film.last);
     Object.assign(this.is, { playing: false, live: false });
   }
 
+  /** @param {boolean} playing */
   run(playing) {
     const { is, film } = this;
     if (playing && !is.reverse && this.frame >= film.last - 1e-6 && !film.growing) this.frame = 0;
@@ -56,6 +62,10 @@ export class Playhead {
   }
 
   // Lets seconds pass, up to `now`; true when the playhead has moved.
+  /**
+   * @param {number} passed
+   * @param {number} now
+   */
   advance(passed, now) {
     const { is, film } = this;
     if (is.live) {
@@ -72,6 +82,10 @@ export class Playhead {
   // Frames a second.
   get pace() { return Math.min(FASTEST_FPS, Math.max(SLOWEST_FPS, (this.film.last + 1) / WHOLE_FILM_S)); }
 
+  /**
+   * @param {number} by
+   * @param {number} now
+   */
   runOn(by, now) {
     const { is, film } = this;
     const frame = this.frame + (is.reverse ? -by : by);

@@ -4,6 +4,15 @@ import { newtonMetres, radians, whole } from "./words.js";
 const SVG = "http://www.w3.org/2000/svg";
 const COLUMNS = 360;
 const HIGH = 100;
+/**
+ * @typedef {object} Plot
+ * @property {PlotName} name
+ * @property {string} label
+ * @property {(value: number) => string} text
+ * @property {(...values: number[]) => number} worst
+ */
+
+/** @type {Plot[]} */
 const PLOTS = [
   { name: "max_error_rad", label: "Largest joint error", text: radians, worst: Math.max },
   { name: "min_clearance", label: "Least clearance", text: (v) => `${Number(v.toPrecision(2))} pitch`, worst: Math.min },
@@ -12,13 +21,21 @@ const PLOTS = [
 ];
 const SOME_FRAMES = "looked at in some frames, straight lines between them";
 
+/**
+ * @param {string} name
+ * @param {Record<string, string | number>} attributes
+ */
 function svg(name, attributes = {}) {
   const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, String(value));
   return made;
 }
 
 // The worst value in each of a few hundred columns; NaN where there is none.
+/**
+ * @param {Floats} values
+ * @param {Plot["worst"]} worst
+ */
 function columns(values, worst) {
   const count = Math.min(COLUMNS, values.length);
   return Array.from({ length: count }, (_, k) => {
@@ -31,26 +48,37 @@ function columns(values, worst) {
 }
 
 export class Plots {
+  /**
+   * @param {HTMLElement} panel
+   * @param {import("./player.js").Player} player
+   * @param {import("./figures.js").Figures} figures
+   */
   constructor(panel, player, figures) {
     this.panel = panel;
     this.player = player;
     this.figures = figures;
+    /** @type {NonNullable<ReturnType<Plots["plot"]>>[]} */
     this.made = [];
     const hint = document.createElement("p");
     hint.className = "hint";
     hint.textContent = "Plots come with a finished fold.";
     panel.replaceChildren(hint);
     figures.on("begun", () => this.build());
-    player.on("state", (state) => this.show(state));
+    player.on("state", (/** @type {State} */ state) => this.show(state));
   }
 
   build() {
     const { plots } = this.figures;
-    this.made = PLOTS.map((plot) => this.plot(plot, plots[plot.name])).filter(Boolean);
+    if (!plots) return;
+    this.made = PLOTS.map((plot) => this.plot(plot, plots[plot.name])).filter((made) => made !== null);
     this.panel.replaceChildren(...this.made.map(({ box }) => box));
     if (this.player.shown) this.show({ frame: this.player.playhead.frame });
   }
 
+  /**
+   * @param {Plot} plot
+   * @param {Floats} values
+   */
   plot({ name, label, text, worst }, values) {
     const drawn = columns(values, worst);
     const known = drawn.filter(Number.isFinite);
@@ -58,7 +86,7 @@ export class Plots {
     const high = Math.max(...known, 0);
     const low = Math.min(...known, 0);
     const span = high - low || 1;
-    const y = (v) => HIGH - ((v - low) / span) * HIGH;
+    const y = (/** @type {number} */ v) => HIGH - ((v - low) / span) * HIGH;
     let path = "";
     let open = false;
     drawn.forEach((v, k) => {
@@ -79,9 +107,9 @@ export class Plots {
     picture.append(svg("line", { class: "plot-zero", x1: 0, x2: 1000, y1: y(0), y2: y(0) }), svg("path", { class: "plot-line", d: path }), line);
     const scale = document.createElement("small");
     scale.textContent = `${text(low)} to ${text(high)}`;
-    if (name === "peak_torque_nm" && this.figures.plots.torque_at_some_frames) scale.textContent += `, ${SOME_FRAMES}`;
+    if (name === "peak_torque_nm" && this.figures.plots?.torque_at_some_frames) scale.textContent += `, ${SOME_FRAMES}`;
     box.append(caption, picture, scale);
-    const go = (event) => {
+    const go = (/** @type {MouseEvent} */ event) => {
       const { left, width } = picture.getBoundingClientRect();
       const share = Math.min(1, Math.max(0, (event.clientX - left) / width));
       this.player.send({ do: "seek", frame: Math.round(share * (values.length - 1)) });
@@ -91,23 +119,26 @@ export class Plots {
     return { box, values, text, now, line, name };
   }
 
+  /** @param {{ frame: number }} state */
   show({ frame }) {
     const { frames } = this.figures.plots ?? {};
     if (!frames) return;
     const x = (1000 * Math.min(frame, frames - 1)) / Math.max(1, frames - 1);
     for (const { values, text, now, line } of this.made) {
-      line.setAttribute("x1", x);
-      line.setAttribute("x2", x);
+      line.setAttribute("x1", String(x));
+      line.setAttribute("x2", String(x));
       const value = values[Math.min(frames - 1, Math.round(frame))];
       now.textContent = Number.isFinite(value) ? text(value) : "–";
     }
   }
 
   // The frame at which a figure is worst, or null.
+  /** @param {string} name */
   worst(name) {
     const plot = PLOTS.find((p) => p.name === name);
-    const values = this.figures.plots?.[name];
+    const values = plot && this.figures.plots?.[plot.name];
     if (!plot || !values) return null;
+    /** @type {number | null} */
     let at = null;
     values.forEach((v, k) => { if (Number.isFinite(v) && (at === null || plot.worst(values[at], v) !== values[at])) at = k; });
     return at;

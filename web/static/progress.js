@@ -1,6 +1,6 @@
 // A fold while it is computed: stage, share, steps a second, place in the queue.
 import { proof, tokenOf } from "./asking.js";
-import { STAGES, duration, whole } from "./words.js";
+import { STAGES, duration, get, whole } from "./words.js";
 
 const ASK_MS = 1000; // between two questions where no stream tells, at first
 const LONGEST_ASK_MS = 10000;
@@ -11,14 +11,26 @@ const LONG_MS = 4000;
 const READY = "getting ready";
 const SMOOTHING = "smoothing"; // in place of an explosion
 const OVER = ["verified", "failed", "cancelled"];
-const get = (id) => document.getElementById(id);
 
 export class Progress {
+  /**
+   * @param {Facts} facts
+   * @param {{ onDone: (facts: Facts) => void, toast: (text: string) => void }} around
+   */
   constructor(facts, { onDone, toast }) {
     this.facts = facts;
     this.onDone = onDone;
     this.toast = toast;
     this.token = tokenOf(facts.id);
+    this.cancelling = false;
+    /** @type {EventSource | null} */
+    this.events = null;
+    /** @type {ReturnType<typeof setTimeout> | null} */
+    this.asking = null;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.waiting = undefined;
+    /** @type {ProgressTold | null} */
+    this.now = null;
     if (facts.running) this.listen();
     get("cancel").onclick = () => this.cancel();
   }
@@ -26,21 +38,24 @@ export class Progress {
   listen() {
     get("progress").hidden = false;
     get("cancel").hidden = !this.token;
-    this.events = new EventSource(`/api/folds/${this.facts.id}/events`);
-    this.events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
-    this.events.onopen = () => this.askNoMore();
+    const events = new EventSource(`/api/folds/${this.facts.id}/events`);
+    this.events = events;
+    events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
+    events.onopen = () => this.askNoMore();
     // Refused, since many are open, or broken: then it is asked until the end, or until it is back.
-    this.events.onerror = () => { if (!this.asking) this.ask(ASK_MS); };
-    this.events.addEventListener("done", () => this.end());
+    events.onerror = () => { if (!this.asking) this.ask(ASK_MS); };
+    events.addEventListener("done", () => this.end());
   }
 
+  /** @param {number} pause */
   ask(pause) {
     this.asking = setTimeout(async () => {
       let answer = null;
       try { answer = await fetch(`/api/folds/${this.facts.id}`); } catch { /* it does not answer */ }
       if (!this.asking) return; // a stream is there again
+      /** @type {ProgressTold | null} */
       const now = answer?.ok ? (await answer.json()).progress : null;
-      if (answer?.status === LOST || OVER.includes(now?.status)) this.end();
+      if (answer?.status === LOST || (now && OVER.includes(now.status))) this.end();
       else {
         if (now) this.show(now);
         this.ask(Math.min(LONGER * pause, LONGEST_ASK_MS));
@@ -49,20 +64,22 @@ export class Progress {
   }
 
   askNoMore() {
-    clearTimeout(this.asking);
+    clearTimeout(this.asking ?? undefined);
     this.asking = null;
   }
 
+  /** @param {ProgressTold} now */
   show(now) {
     this.now = now;
     if (now.message !== READY) clearTimeout(this.waiting);
     if (OVER.includes(now.status)) return; // the verdict follows
+    const queue = now.queue_position ?? 0;
     let text = now.message === SMOOTHING ? "Smoothing" : STAGES[now.stage] ?? "Waiting";
     if (this.cancelling) text = "Cancelling…";
     else if (now.status === "queued") {
-      text = now.queue_position > 0 ? `In the queue, place ${now.queue_position}` : "In the queue";
+      text = queue > 0 ? `In the queue, place ${queue}` : "In the queue";
       if (now.wait_s != null) text += ` · ${duration(now.wait_s)}`;
-      else if (now.queue_position > 0) text += " · no worker is running just now";
+      else if (queue > 0) text += " · no worker is running just now";
     } else if (now.message === READY) {
       text = "Getting ready";
       this.waiting ??= setTimeout(() => this.say(`${text} · the first fold takes a minute longer`), LONG_MS);
@@ -74,9 +91,11 @@ export class Progress {
       text = parts.join(" · ");
     }
     this.say(text);
-    get("progress").firstElementChild.style.transform = `scaleX(${now.status === "queued" ? 0 : now.fraction ?? 0})`;
+    const bar = /** @type {HTMLElement} */ (get("progress").firstElementChild);
+    bar.style.transform = `scaleX(${now.status === "queued" ? 0 : now.fraction ?? 0})`;
   }
 
+  /** @param {string} text */
   say(text) {
     get("verdict").dataset.tone = "busy";
     get("verdict").textContent = text;
@@ -84,7 +103,7 @@ export class Progress {
   }
 
   async end() {
-    this.events.close();
+    this.events?.close();
     this.askNoMore();
     clearTimeout(this.waiting);
     get("progress").hidden = true;

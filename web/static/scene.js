@@ -8,71 +8,118 @@ export const linear = Uint8Array.from({ length: 256 }, (_, byte) => {
   return Math.round(255 * (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
 });
 
+/**
+ * @param {string} name
+ * @param {Record<string, unknown>} updates
+ * @returns {SceneMessage}
+ */
 export const update = (name, updates) => ({ type: "SceneNodeUpdateMessage", owner: "", name, updates });
+/**
+ * @param {string} name
+ * @param {boolean} visible
+ * @returns {SceneMessage}
+ */
 export const visibility = (name, visible) => ({ type: "SetSceneNodeVisibilityMessage", owner: "", name, visible });
-const removal = (name) => ({ type: "RemoveSceneNodeMessage", owner: "", name });
+const removal = (/** @type {string} */ name) => ({ type: "RemoveSceneNodeMessage", owner: "", name });
 
+/**
+ * @param {Eye} eye
+ * @returns {SceneMessage[]}
+ */
 export const cameraTo = ({ position, target }) => [
   { type: "SetCameraPositionMessage", position, initial: false },
   { type: "SetCameraLookAtMessage", look_at: target, initial: false },
 ];
 
 // The scene's messages with their arrays in place.
+/**
+ * @param {SceneMessage[]} messages
+ * @param {Record<string, Column>} arrays
+ * @returns {SceneMessage[]}
+ */
 function staged(messages, arrays) {
+  /**
+   * @param {unknown} value
+   * @returns {unknown}
+   */
   const filled = (value) => {
     if (Array.isArray(value)) return value.map(filled);
     if (value === null || typeof value !== "object") return value;
-    if ("column" in value) return arrays[value.column].slice();
+    if ("column" in value) return arrays[String(value.column)].slice();
     return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, filled(inner)]));
   };
-  return messages.map(filled);
+  return messages.map((message) => /** @type {SceneMessage} */ (filled(message)));
 }
 
+/**
+ * @param {unknown} value
+ * @returns {value is Vector}
+ */
 const isVector = (value) => Array.isArray(value) && value.length === 3
   && value.every((v) => Number.isFinite(v) && Math.abs(v) < FARTHEST);
 
+/** @template {Staged} [Told=Scenery] */
 export class Scene {
   // Heard are: open(), touch() when the camera was taken hold of. `keys` pressed in the frame count as
   // pressed in the page.
+  /**
+   * @param {HTMLIFrameElement} frame
+   * @param {SceneHeard} heard
+   * @param {string[]} keys
+   */
   constructor(frame, heard, keys = []) {
     this.frame = frame;
     this.heard = heard;
     this.keys = keys;
     this.open = false;
+    /** @type {Told | null} */
     this.scenery = null;
+    /** @type {Set<string | undefined>} */
     this.nodes = new Set();
+    /** @type {Eye | null} */
     this.camera = null;
+    /** @type {MessagePort | null} */
     this.port = null;
     this.asks = 0;
+    /** @type {Map<unknown, { what: "pass" | "paint", then: () => void }>} */
     this.asked = new Map();
     frame.addEventListener("load", () => this.connect());
   }
 
   // Another scenery in place of the one before.
+  /** @param {Told} scenery */
   set(scenery) {
     this.scenery = scenery;
     if (this.open) this.build();
   }
 
   build() {
+    if (!this.scenery) return;
     const messages = staged(this.scenery.header.messages, this.scenery.arrays);
     const nodes = new Set(messages.filter(({ props }) => props).map(({ name }) => name));
     const gone = [...this.nodes].filter((name) => !nodes.has(name));
     this.nodes = nodes;
-    this.apply([...gone.map(removal), ...messages]);
+    this.apply([...gone.map((name) => removal(String(name))), ...messages]);
   }
 
-  apply(messages) { this.port.postMessage({ do: "show", messages }); }
+  /** @param {SceneMessage[]} messages */
+  apply(messages) { this.port?.postMessage({ do: "show", messages }); }
 
   // Calls back after two pictures' time.
+  /** @param {() => void} then */
   passed(then) { this.ask("pass", then); }
 
   // Calls back when what the client was given can be seen.
+  /** @param {() => void} then */
   painted(then) { this.ask("paint", then); }
 
+  /**
+   * @param {"pass" | "paint"} what
+   * @param {() => void} then
+   */
   ask(what, then) {
     this.asked.set(++this.asks, { what, then });
-    this.port.postMessage({ do: what, id: this.asks });
+    this.port?.postMessage({ do: what, id: this.asks });
   }
 
   // Hands the client that the frame has loaded its end of a port. Its origin has no name that it could
@@ -84,10 +131,27 @@ export class Scene {
     const { port1, port2 } = new MessageChannel();
     this.port = port1;
     port1.onmessage = ({ data }) => this.hear(data);
-    this.frame.contentWindow.postMessage({ keys: this.keys }, "*", [port2]);
+    this.frame.contentWindow?.postMessage({ keys: this.keys }, "*", [port2]);
     for (const [id, { what }] of this.asked) port1.postMessage({ do: what, id });
   }
 
+  // The camera was moved; one that looks nowhere is not believed.
+  /**
+   * @param {unknown} position
+   * @param {unknown} target
+   */
+  moved(position, target) {
+    if (isVector(position) && isVector(target) && position.some((v, k) => v !== target[k])) this.camera = { position, target };
+  }
+
+  // A ray in the scene was clicked.
+  /**
+   * @param {Vector} origin
+   * @param {Vector} direction
+   */
+  pick(origin, direction) { this.heard.pick?.(origin, direction); }
+
+  /** @param {ViewTold | null | undefined} told */
   hear(told) {
     switch (told?.is) {
       case "open":
@@ -97,16 +161,14 @@ export class Scene {
         this.heard.open?.();
         return;
       case "camera":
-        if (isVector(told.position) && isVector(told.target) && told.position.some((v, k) => v !== told.target[k])) {
-          this.camera = { position: told.position, target: told.target };
-        }
+        this.moved(told.position, told.target);
         return;
       case "pick":
         if (this.scenery && isVector(told.origin) && isVector(told.direction)) this.pick(told.origin, told.direction);
         return;
       case "touch": this.heard.touch?.(); return;
       case "key":
-        if (!this.keys.includes(told.key)) return;
+        if (typeof told.key !== "string" || !this.keys.includes(told.key)) return;
         this.frame.dispatchEvent(new KeyboardEvent("keydown", { key: told.key, shiftKey: told.shift === true, bubbles: true, cancelable: true }));
         return;
       case "done": {
@@ -129,7 +191,7 @@ export function hasWebGL() {
     const canvas = document.createElement("canvas");
     const context = canvas.getContext("webgl2");
     const told = context?.getExtension("WEBGL_debug_renderer_info");
-    if (told) renderer = String(context.getParameter(told.UNMASKED_RENDERER_WEBGL));
+    if (context && told) renderer = String(context.getParameter(told.UNMASKED_RENDERER_WEBGL));
     context?.getExtension("WEBGL_lose_context")?.loseContext();
     return Boolean(context);
   } catch {

@@ -4,26 +4,42 @@ const RISES = [0.15, 0.5, 0.9, -0.3];
 const MOST = 12; // modules that are looked for
 const WIDE = 0.8; // pitches; who is nearer to the line of sight hides what is behind
 
+/** @param {number[]} modules */
 const spread = (modules) => modules.filter((_, k) => k % Math.ceil(modules.length / MOST) === 0);
 
 // Azimuth and elevation, the nearest to `home` of those that are as good.
+/**
+ * @param {Floats} positions
+ * @param {number[]} modules
+ * @param {[azimuth: number, elevation: number]} home
+ * @param {(azimuth: number, elevation: number) => Vector} outward
+ * @returns {[azimuth: number, elevation: number]}
+ */
 export function clearestSight(positions, modules, [azimuth, elevation], outward) {
   const few = spread(modules);
   const own = new Set(modules);
-  let best = null;
+  /** @type {[azimuth: number, elevation: number]} */
+  let best = [azimuth, elevation];
+  let least = Infinity;
   for (let k = 0; k < TURNS; k++) {
     for (const rise of RISES) {
       const turn = azimuth + (Math.PI * (k % 2 ? -(k + 1) : k)) / TURNS;
       const way = outward(turn, rise);
       const hidden = few.reduce((sum, module) => sum + before(positions, module, way, own), 0);
       const cost = hidden + 0.02 * k + 0.1 * Math.abs(rise - elevation);
-      if (!best || cost < best.cost) best = { cost, sight: [turn, rise] };
+      if (cost < least) { least = cost; best = [turn, rise]; }
     }
   }
-  return best.sight;
+  return best;
 }
 
 // Whether something stands before a module, seen along `way`: 1 or 0.
+/**
+ * @param {Floats} positions
+ * @param {number} module
+ * @param {Vector} way
+ * @param {Set<number>} own
+ */
 function before(positions, module, [x, y, z], own) {
   const [a, b, c] = positions.subarray(3 * module, 3 * module + 3);
   for (let i = 0; i < positions.length / 3; i++) {

@@ -1,10 +1,11 @@
 // A fold drawn by the page itself, in a worker: at once, and without WebGL.
 // The radial gradient that an element has for a ground: its size and place in shares, and its colours;
 // null when it has another.
+/** @param {Element} element */
 function gradientOf(element) {
   const text = getComputedStyle(element).backgroundImage;
-  const place = /^radial-gradient\(([\d.]+)% ([\d.]+)% at ([\d.]+)% ([\d.]+)%/.exec(text)?.slice(1).map((v) => v / 100);
-  const stops = [...text.matchAll(/(rgba?\([^)]*\)) ([\d.]+)%/g)].map(([, colour, at]) => [at / 100, colour]);
+  const place = /^radial-gradient\(([\d.]+)% ([\d.]+)% at ([\d.]+)% ([\d.]+)%/.exec(text)?.slice(1).map((v) => Number(v) / 100);
+  const stops = [...text.matchAll(/(rgba?\([^)]*\)) ([\d.]+)%/g)].map(([, colour, at]) => [Number(at) / 100, colour]);
   return place && stops.length ? { place, stops } : null;
 }
 
@@ -12,25 +13,33 @@ export class Sketch {
   static script = "/static/drawing.js";
 
   // Calls `onFirst` when the first frame has been drawn.
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {() => void} onFirst
+   */
   constructor(canvas, onFirst = () => {}) {
     this.canvas = canvas;
     this.onDrawn = () => {};
+    /** @type {Worker | null} */
     this.worker = null;
     this.waiting = false;
+    /** @type {ArrayBuffer | null} */
     this.next = null;
+    this.pitch = 1;
     if (!canvas.transferControlToOffscreen || !window.Worker) return;
     const paper = canvas.transferControlToOffscreen();
-    this.worker = new Worker(Sketch.script, { type: "module" });
+    const worker = new Worker(Sketch.script, { type: "module" });
+    this.worker = worker;
     let first = true;
-    this.worker.onmessage = () => {
+    worker.onmessage = () => {
       if (first) { first = false; onFirst(); }
       this.onDrawn();
       this.waiting = false;
       if (this.next) { const next = this.next; this.next = null; this.post(next); }
     };
-    this.worker.postMessage({ is: "begin", paper, size: this.size(), ground: this.ground() }, [paper]);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.worker.postMessage({ is: "ground", ground: this.ground() }));
-    new ResizeObserver(() => this.worker.postMessage({ is: "size", size: this.size() })).observe(canvas);
+    worker.postMessage({ is: "begin", paper, size: this.size(), ground: this.ground() }, [paper]);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => worker.postMessage({ is: "ground", ground: this.ground() }));
+    new ResizeObserver(() => worker.postMessage({ is: "size", size: this.size() })).observe(canvas);
   }
 
   // A ground that the drawing has in it covers what is behind, which the browser then need not put
@@ -42,11 +51,18 @@ export class Sketch {
     return found;
   }
 
-  set({ header, neighbours = null }) {
+  /** @param {Scenery} scenery */
+  set({ header, neighbours }) {
     this.pitch = header.pitch;
-    this.worker?.postMessage({ is: "outline", outline: { ...header.sketch, neighbours, rods: header.chain.cells, full: 1 / header.shown_size } });
+    this.worker?.postMessage({ is: "outline", outline: { ...header.sketch, neighbours: neighbours ?? null, rods: header.chain.cells, full: 1 / header.shown_size } });
   }
 
+  /**
+   * @param {Snapshot} shown
+   * @param {Uint8Array} colours
+   * @param {Eye} view
+   * @param {number | null} ground
+   */
   draw(shown, colours, view, ground) {
     if (!this.worker) return;
     const data = this.numbers(shown, colours, view, ground);
@@ -57,6 +73,12 @@ export class Sketch {
   // Little-endian float32: the camera's place, what it looks at and the height of the ground, how many
   // modules are folded and which is the first of the straight ones, then centre and orientation of each
   // module, in pitches; then the colours.
+  /**
+   * @param {Snapshot} shown
+   * @param {Uint8Array} colours
+   * @param {Eye} view
+   * @param {number | null} ground
+   */
   numbers({ positions, wxyzs, framed, core = 0, rod = Infinity }, colours, view, ground) {
     const n = positions.length / 3;
     const data = new ArrayBuffer(4 * (9 + 7 * n) + 3 * n);
@@ -76,6 +98,7 @@ export class Sketch {
     return data;
   }
 
+  /** @param {ArrayBuffer} data */
   post(data) {
     this.waiting = true;
     this.worker?.postMessage({ is: "frame", data }, [data]);

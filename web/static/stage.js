@@ -10,18 +10,30 @@ const NOWHERE = -1e6;
 const KEYS = ["ArrowLeft", "ArrowRight", "Home", "End", " ", "Escape"]; // those of bar.js and drawer.js
 const SEEN = ["/modules", "/ground"]; // what takes long to draw
 
+/** @extends {Scene<Scenery>} */
 export class Stage extends Scene {
   // Heard is one more than by a scene: pick(origin, direction) in pitches.
+  /**
+   * @param {HTMLIFrameElement} frame
+   * @param {SceneHeard} heard
+   */
   constructor(frame, heard) {
     super(frame, heard, KEYS);
+    /** @type {[Snapshot, Uint8Array, Eye | null] | null} */
     this.latest = null;
+    /** @type {number | null} */
     this.ground = null;
+    this.pitch = 1;
+    /** @type {Uint8Array | null} */
+    this.sent = null;
     this.through = false;
+    /** @type {Int32Array | null} */
     this.buried = null;
     this.away = false;
   }
 
   // The scene of another chain.
+  /** @param {Scenery} scenery */
   set(scenery) {
     this.pitch = scenery.header.pitch;
     this.ground = null;
@@ -39,9 +51,18 @@ export class Stage extends Scene {
     if (this.latest) this.draw(...this.latest);
   }
 
-  pick(origin, direction) { this.heard.pick?.(origin.map((v) => v / this.pitch), direction); }
+  /**
+   * @param {Vector} origin
+   * @param {Vector} direction
+   */
+  pick(origin, direction) { this.heard.pick?.([origin[0] / this.pitch, origin[1] / this.pitch, origin[2] / this.pitch], direction); }
 
   // Shows poses in colours (3n sRGB bytes); `view` moves the camera, null leaves it.
+  /**
+   * @param {Snapshot} snapshot
+   * @param {Uint8Array} colours
+   * @param {Eye | null} view
+   */
   draw(snapshot, colours, view) {
     this.latest = [snapshot, colours, view];
     if (!this.open) return;
@@ -66,9 +87,15 @@ export class Stage extends Scene {
   }
 
   // Colours are sent when they are others.
+  /**
+   * @param {Snapshot} snapshot
+   * @param {Uint8Array} colours
+   */
   modules(snapshot, colours) {
+    /** @type {Record<string, Floats | Uint8Array>} */
     const updates = { batched_positions: this.positions(snapshot), batched_wxyzs: snapshot.wxyzs };
-    if (!this.sent || colours.some((byte, k) => byte !== this.sent[k])) {
+    const { sent } = this;
+    if (!sent || colours.some((byte, k) => byte !== sent[k])) {
       updates.batched_colors = colours.map((byte) => linear[byte]);
       this.sent = colours;
     }
@@ -76,7 +103,8 @@ export class Stage extends Scene {
   }
 
   // Modules that others hide are put where no camera looks: viser draws what is in view.
-  positions({ positions, core }) {
+  /** @param {WindowPoses} poses */
+  positions({ positions, core = 0 }) {
     const found = positions.map((v) => v * this.pitch);
     if (!this.buried || this.through) return found;
     for (let i = 0; i < core; i++) if (this.buried[i] <= core) found[3 * i + 2] = NOWHERE;
@@ -84,6 +112,7 @@ export class Stage extends Scene {
   }
 
   // Lets one look through the modules at the way that the chain takes in them.
+  /** @param {boolean} on */
   seeThrough(on) {
     this.through = on;
     if (!this.open || !this.scenery) return;
@@ -94,6 +123,7 @@ export class Stage extends Scene {
     if (this.latest) this.draw(...this.latest);
   }
 
+  /** @param {Poses} poses */
   path({ positions }) {
     const n = positions.length / 3;
     const points = new Float32Array(6 * (n - 1));
@@ -101,6 +131,7 @@ export class Stage extends Scene {
     return points;
   }
 
+  /** @param {Snapshot} snapshot */
   middle({ positions, framed }) {
     const sum = [0, 0];
     for (let i = 0; i < framed; i++) { sum[0] += positions[3 * i]; sum[1] += positions[3 * i + 1]; }
@@ -108,8 +139,9 @@ export class Stage extends Scene {
   }
 
   // Studs on the free faces: behind the first module, before the last one.
+  /** @param {Poses} poses */
   ends({ positions, wxyzs }) {
-    const { shown_size: size, reach } = this.scenery.header;
+    const { shown_size: size, reach } = /** @type {Scenery} */ (this.scenery).header;
     const n = positions.length / 3;
     const at = new Float32Array(6);
     const turn = new Float32Array(8);
@@ -124,6 +156,10 @@ export class Stage extends Scene {
   }
 
   // Lets the ground sink and rise to just below what is in view of the chain; true while it moves.
+  /**
+   * @param {number} seconds
+   * @param {Snapshot} snapshot
+   */
   moveGround(seconds, { positions, framed }) {
     let low = Infinity;
     for (let k = 2; k < 3 * framed; k += 3) low = Math.min(low, positions[k]);

@@ -7,18 +7,31 @@ const MEASURED = 4; // pictures, of which the slowest does not count: it may hav
 const MANY = 300; // modules, which software never shows in time
 const REST_MS = 400;
 
+/** @typedef {[Snapshot, Uint8Array, Eye | null]} Picture */
+
 export class StandIn {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {import("./stage.js").Stage} stage
+   * @param {import("./sketch.js").Sketch} sketch
+   */
   constructor(canvas, stage, sketch) {
-    Object.assign(this, { canvas, stage, sketch });
+    this.canvas = canvas;
+    this.stage = stage;
+    this.sketch = sketch;
     this.opened = false; // the view has taken over
     this.begun = false; // it has been given a picture
+    /** @type {Picture | null} */
     this.given = null; // the latest one before it took over
     this.asked = false; // whether the first picture can be seen
     this.onOpen = () => {};
+    /** @type {number[]} */
     this.times = [];
     this.measuring = false;
+    /** @type {Picture | null} */
     this.latest = null;
-    this.timer = null;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.timer = undefined;
     this.painted = () => {};
     this.busy = () => false; // whether more is to come by itself
     sketch.onDrawn = () => {
@@ -30,7 +43,7 @@ export class StandIn {
   get slow() {
     const { times, stage } = this;
     const sum = times.reduce((a, b) => a + b, 0);
-    if (times.length < MEASURED) return stage.scenery.header.chain.modules >= MANY && isSoftware();
+    if (times.length < MEASURED) return stage.scenery !== null && stage.scenery.header.chain.modules >= MANY && isSoftware();
     return (sum - Math.max(...times)) / (MEASURED - 1) > SLOW_MS;
   }
 
@@ -50,13 +63,19 @@ export class StandIn {
     this.rest();
   }
 
+  /**
+   * @param {Snapshot} shown
+   * @param {Uint8Array} colours
+   * @param {Eye | null} view
+   * @param {boolean} follow
+   */
   draw(shown, colours, view, follow) {
     const { stage, sketch } = this;
     if (!this.opened) {
       this.given = [shown, colours, follow ? view : null];
       // The view needs a picture to begin with; one that takes seconds for it gets no more of them.
       if (!this.slow || !this.begun) { stage.draw(shown, colours, follow ? view : null); this.begun = stage.open; }
-      sketch.draw(shown, colours, view, stage.ground);
+      if (view) sketch.draw(shown, colours, view, stage.ground);
       this.takeOver();
       return;
     }
@@ -78,7 +97,7 @@ export class StandIn {
   // Nothing has moved for a while: the view shows the same.
   rest() {
     if (this.busy()) { this.timer = setTimeout(() => this.rest(), REST_MS); return; }
-    this.stage.draw(...this.latest);
+    if (this.latest) this.stage.draw(...this.latest);
     this.measure();
     this.yield();
   }

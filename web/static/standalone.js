@@ -5,15 +5,34 @@ import { Figures } from "./figures.js";
 import { Sketch } from "./sketch.js";
 import { toast } from "./toast.js";
 import { view } from "./viewing.js";
+import { get } from "./words.js";
 
-const parts = JSON.parse(document.getElementById("parts").textContent);
+/**
+ * What the page holds: texts of messages, and pages and scripts of others.
+ * @typedef {object} Parts
+ * @property {string} scenery
+ * @property {string} reel
+ * @property {string | null} curves
+ * @property {string} worker
+ * @property {string} client
+ * @property {Facts} facts
+ */
 
+/** @type {Parts} */
+const parts = JSON.parse(get("parts").textContent);
+
+/**
+ * @template {Message<object, object>} Told
+ * @param {string} text
+ * @returns {Promise<Told>}
+ */
 function unpacked(text) {
   const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
-  return decode(bytes.buffer);
+  return /** @type {Promise<Told>} */ (/** @type {unknown} */ (decode(bytes.buffer)));
 }
 
 // A film of one reel.
+/** @type {FilmSource} */
 const source = {
   scenery: () => unpacked(parts.scenery),
   reel: () => unpacked(parts.reel),
@@ -21,6 +40,11 @@ const source = {
 
 // Curves only; what is told of single modules would make the file many times as long.
 class Kept extends Figures {
+  /**
+   * @template {Message<object, Record<string, Column>>} [Told=Message<PlotHeader, Record<PlotName, Floats>>]
+   * @param {string} query
+   * @returns {Promise<Told | null>}
+   */
   async get(query) { return parts.curves && !query ? unpacked(parts.curves) : null; }
 
   row() { return null; }

@@ -1,10 +1,11 @@
 // What can be taken away from a fold: files, a movie, and what a robot needs.
 import { proof, tokenOf } from "./asking.js";
-import { element } from "./words.js";
+import { element, wordsOf } from "./words.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const LOOK_MS = 1000;
 
+/** @param {string} name */
 function icon(name) {
   const made = document.createElementNS(SVG, "svg");
   made.setAttribute("class", "icon");
@@ -16,22 +17,45 @@ function icon(name) {
 }
 
 // A line of a list of files.
+/** @param {FileTold} told */
 export const file = ({ label, hint, href }) => element("li", {}, element("a", { href, download: true }, icon("download"), element("span", {}, label, element("small", {}, hint))));
 
+/**
+ * @param {string} label
+ * @param {string} name
+ * @param {[value: string, text: string][]} options
+ */
 function choice(label, name, options) {
   return element("label", {}, label, element("select", { name }, ...options.map(([value, text]) => element("option", { value }, text))));
 }
 
-function number(label, name, value, more = {}) {
-  return element("label", {}, label, element("input", { name, type: "number", value, step: "any", min: "0", required: true, inputmode: "decimal", ...more }));
+/**
+ * @param {string} label
+ * @param {string} name
+ * @param {string} value
+ */
+function number(label, name, value) {
+  return element("label", {}, label, element("input", { name, type: "number", value, step: "any", min: "0", required: true, inputmode: "decimal" }));
 }
 
+// What is filled in, by its name.
+/**
+ * @param {HTMLFormElement} form
+ * @returns {Record<string, string>}
+ */
+const fieldsOf = (form) => Object.fromEntries(Array.from(new FormData(form), ([name, value]) => [name, String(value)]));
+
 export class TakeAway {
+  /** @param {HTMLElement} panel */
   constructor(panel) {
     this.panel = panel;
+    /** @type {string | null} */
     this.shown = null;
+    this.id = "";
+    this.api = "";
   }
 
+  /** @param {Facts} facts */
   facts(facts) {
     const key = JSON.stringify([facts.downloads, facts.id, facts.movies, facts.robot]);
     if (key === this.shown) return;
@@ -59,24 +83,27 @@ export class TakeAway {
       element("div", { class: "wide" }, element("button", { class: "button", type: "submit" }, "Make the movie")));
     const state = element("p", { class: "movie-state", role: "status" });
     const bar = element("progress", { max: "1", value: "0", hidden: true, "aria-label": "Movie" });
-    form.elements.format.onchange = () => {
-      form.elements.size.value = form.elements.format.value === "gif" ? "640x360" : "1280x720";
-      for (const option of form.elements.size.options) option.disabled = form.elements.format.value === "gif" && option.value !== "640x360";
+    const chosen = (/** @type {string} */ name) => /** @type {HTMLSelectElement} */ (form.elements.namedItem(name));
+    chosen("format").onchange = () => {
+      const gif = chosen("format").value === "gif";
+      chosen("size").value = gif ? "640x360" : "1280x720";
+      for (const option of chosen("size").options) option.disabled = gif && option.value !== "640x360";
     };
     form.onsubmit = async (event) => {
       event.preventDefault();
-      const { format, size, seconds, part, turn, theme } = Object.fromEntries(new FormData(form));
+      const { format, size, seconds, part, turn, theme } = fieldsOf(form);
       const [width, height] = size.split("x").map(Number);
-      const button = form.querySelector("button");
+      const button = /** @type {HTMLButtonElement} */ (form.querySelector("button"));
       button.disabled = true;
       state.replaceChildren("Asking…");
       try {
+        /** @type {Movie} */
         const movie = await this.ask(`${this.api}/movies`, {
           format, width, height, seconds: Number(seconds), turn_deg: Number(turn), theme, ...(part === "all" ? { first_frame: 0 } : {}),
         });
         await this.follow(movie, state, bar);
       } catch (error) {
-        state.replaceChildren(error.message);
+        state.replaceChildren(wordsOf(error));
       }
       bar.hidden = true;
       button.disabled = false;
@@ -84,6 +111,12 @@ export class TakeAway {
     return element("div", {}, form, bar, state);
   }
 
+  /**
+   * @template Told
+   * @param {string} address
+   * @param {Record<string, unknown> | null} body
+   * @returns {Promise<Told>}
+   */
   async ask(address, body = null) {
     const headers = { "Content-Type": "application/json", ...proof(tokenOf(this.id)) };
     const answer = await fetch(address, body === null ? {} : { method: "POST", headers, body: JSON.stringify(body) })
@@ -93,6 +126,11 @@ export class TakeAway {
     return told;
   }
 
+  /**
+   * @param {Movie} movie
+   * @param {HTMLElement} state
+   * @param {HTMLProgressElement} bar
+   */
   async follow(movie, state, bar) {
     let now = movie;
     while (now.status === "queued" || now.status === "running") {
@@ -117,7 +155,7 @@ export class TakeAway {
     const links = element("ul", { class: "downloads" });
     const verdict = element("p", { class: "movie-state", role: "status" });
     const fill = () => {
-      const { max_speed: speed, max_acceleration: acceleration } = Object.fromEntries(new FormData(form));
+      const { max_speed: speed, max_acceleration: acceleration } = fieldsOf(form);
       const asked = `max_speed=${encodeURIComponent(speed)}&max_acceleration=${encodeURIComponent(acceleration)}`;
       links.replaceChildren(
         file({ label: "Trajectory, CSV", hint: "Joint angles and speeds with time stamps", href: `${this.api}/trajectory?${asked}&format=csv` }),
@@ -127,10 +165,11 @@ export class TakeAway {
     fill();
     form.onsubmit = async (event) => {
       event.preventDefault();
-      const { held, ...asked } = Object.fromEntries(new FormData(form));
+      const { held, ...asked } = fieldsOf(form);
       if (held === "floating") Object.assign(asked, { floating: "true", gravity: "0" });
       verdict.replaceChildren("Working it out…");
       try {
+        /** @type {{ verdict: string }} */
         const told = await this.ask(`${this.api}/motors?${new URLSearchParams(asked)}`);
         const table = file({ label: "Torque table, CSV", hint: "Peak and RMS torque of each joint", href: `${this.api}/motors?${new URLSearchParams({ ...asked, format: "csv" })}` });
         verdict.replaceChildren(told.verdict);
@@ -138,7 +177,7 @@ export class TakeAway {
         table.dataset.table = "";
         links.append(table);
       } catch (error) {
-        verdict.replaceChildren(error.message);
+        verdict.replaceChildren(wordsOf(error));
       }
     };
     const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${this.api}/play`;

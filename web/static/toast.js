@@ -1,9 +1,13 @@
 // A line that comes and goes.
+import { get } from "./words.js";
+
 const SHOWN_MS = 2600;
+/** @type {ReturnType<typeof setTimeout> | undefined} */
 let timer;
 
+/** @param {string} text */
 export function toast(text) {
-  const line = document.getElementById("toast");
+  const line = get("toast");
   line.textContent = text;
   line.hidden = false;
   clearTimeout(timer);

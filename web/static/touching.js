@@ -6,6 +6,10 @@ const WIDE = 2 ** 17;
 
 // For each module, face by face of `sketch`, the module that it touches there; `modules` where none.
 // `sketch` and `shown_size` as in the scenery's header, poses of the folded chain.
+/**
+ * @param {Pick<SceneryHeader, "sketch" | "shown_size">} header
+ * @param {Poses} folded
+ */
 export function touching({ sketch, shown_size: size }, { positions, wxyzs }) {
   const { modules: n, corners, faces } = sketch;
   const middles = faces.map((face) => [0, 1, 2].map((c) => face.reduce((sum, v) => sum + corners[v][c], 0) / face.length / size));
@@ -30,6 +34,10 @@ export function touching({ sketch, shown_size: size }, { positions, wxyzs }) {
 }
 
 // For each module how many must be folded, from the first on, until all of its faces are hidden.
+/**
+ * @param {Int32Array} neighbours
+ * @param {number} modules
+ */
 export function buriedBy(neighbours, modules) {
   const faces = neighbours.length / modules;
   return Int32Array.from({ length: modules }, (_, i) => {

@@ -10,18 +10,29 @@ import { Plots } from "./plots.js";
 import { hasWebGL } from "./scene.js";
 import { Sketch } from "./sketch.js";
 import { Stage } from "./stage.js";
+import { get } from "./words.js";
 
-const get = (id) => document.getElementById(id);
 const DRAW_MS = 250;
 const PATIENCE_MS = 1500;
 export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
+/**
+ * @typedef {object} Viewed
+ * @property {FilmSource} source
+ * @property {import("./figures.js").Figures} figures
+ * @property {(frame: HTMLIFrameElement) => void} load
+ * @property {boolean} [over]
+ * @property {import("./drawer.js").Drawer | null} [drawer]
+ * @property {boolean} [play]
+ */
+
 // `load` begins to load viser's client into the frame; `drawer` is shown when a module is selected.
+/** @param {Viewed} viewed */
 export function view({ source, figures, load, over = true, drawer = null, play = !calm }) {
   const film = new Film(source, { over });
   const frame = get("view");
   const stage = new Stage(frame, {
-    open: () => player.standIn.takeOver(),
+    open: () => player.standIn?.takeOver(),
     pick: (origin, direction) => player.pick(origin, direction),
     touch: () => { if (player.is.follow) player.send({ do: "set", follow: false }); },
   });
@@ -31,12 +42,12 @@ export function view({ source, figures, load, over = true, drawer = null, play =
     setTimeout(start3d, DRAW_MS);
   });
   const player = new Player(film, { stage, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight) });
-  player.standIn.onOpen = () => get("cover").classList.add("gone");
+  if (player.standIn) player.standIn.onOpen = () => get("cover").classList.add("gone");
   const plots = get("panel-plots") ? new Plots(get("panel-plots"), player, figures) : null;
   const bar = new Bar(player, (name) => plots?.worst(name) ?? null);
   const place = new Place(player);
   new Legend(player, figures);
-  if (get("panel-module")) new ModulePanel(get("panel-module"), player, figures, () => drawer.openAt("module"));
+  if (get("panel-module")) new ModulePanel(get("panel-module"), player, figures, () => drawer?.openAt("module"));
   get("through").onclick = () => {
     const on = get("through").getAttribute("aria-pressed") !== "true";
     get("through").setAttribute("aria-pressed", String(on));

@@ -1,6 +1,8 @@
 // Numbers and stages in words.
+/** @type {Record<string, string>} */
 export const PHASES = { explosion: "Explosion", unfolding: "Unfolding", playback: "Playback" };
 
+/** @type {Record<string, string>} */
 export const STAGES = {
   read: "Reading the input",
   explode: "Exploding",
@@ -9,30 +11,46 @@ export const STAGES = {
   export: "Writing the plan",
 };
 
+/** @param {number} number */
 export function whole(number) {
   return Math.round(number).toLocaleString("en").replaceAll(",", "\u2009");
 }
 
+/** @param {number | null | undefined} value */
 export function radians(value) {
   if (value === null || value === undefined) return "not recorded";
   if (value < 1e-6) return value > 0 ? "< 0.000001 rad" : "0 rad";
   return `${Number(value.toPrecision(2))} rad`;
 }
 
+/** @param {number} value */
 export function newtonMetres(value) {
   return `${Number(value.toPrecision(2))} N·m`;
 }
 
+/**
+ * @param {number} value
+ * @param {number} digits
+ */
 export function degrees(value, digits = 1) {
   const shown = ((value * 180) / Math.PI).toFixed(digits);
   return `${Number(shown) === 0 ? (0).toFixed(digits) : shown}°`.replace("-", "−");
 }
 
+/** @param {string} text */
 export function sentence(text) {
   return text.charAt(0).toUpperCase() + text.slice(1);
 }
 
+// What an error that was thrown says.
+/** @param {unknown} error */
+export const wordsOf = (error) => (error instanceof Error ? error.message : String(error));
+
 // What the server said, as a sentence that also says where.
+/**
+ * @param {Refused} told
+ * @param {number} status
+ */
 export function refusal(told, status) {
   const text = told.detail ?? `The server answered ${status}.`;
   const where = told.where ?? "";
@@ -40,25 +58,45 @@ export function refusal(told, status) {
   return sentence(said ? text : `${where}: ${text}`);
 }
 
-export function duration(seconds) {
-  if (seconds < 90) return `about ${Math.max(1, Math.round(seconds))} s`;
-  if (seconds < 5400) return `about ${Math.round(seconds / 60)} min`;
-  return `about ${Math.round(seconds / 3600)} h`;
+/** @param {number} value in seconds */
+export function duration(value) {
+  if (value < 90) return `about ${Math.max(1, Math.round(value))} s`;
+  if (value < 5400) return `about ${Math.round(value / 60)} min`;
+  return `about ${Math.round(value / 3600)} h`;
 }
 
+/** @param {number} value */
 export function seconds(value) {
   return `${value.toFixed(2)} s`;
 }
 
+// The element of the page with an id; types.d.ts lists those that are more than an element.
+/**
+ * @template {string} Id
+ * @param {Id} id
+ */
+export const get = (id) => /** @type {ElementOf<Id>} */ (/** @type {unknown} */ (document.getElementById(id)));
+
+/**
+ * @template {keyof HTMLElementTagNameMap} Name
+ * @param {Name} name
+ * @param {Record<string, string | number | boolean | null | undefined>} attributes
+ * @param {(Node | string | null)[]} children
+ */
 export function element(name, attributes = {}, ...children) {
   const made = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
-    if (value !== null && value !== undefined && value !== false) made.setAttribute(key, value === true ? "" : value);
+    if (value !== null && value !== undefined && value !== false) made.setAttribute(key, value === true ? "" : String(value));
   }
   made.append(...children.filter((child) => child !== null));
   return made;
 }
 
+/**
+ * @param {string} text
+ * @param {() => void} done
+ * @param {() => void} refused
+ */
 export async function copyText(text, done, refused) {
   try {
     await navigator.clipboard.writeText(text);

@@ -1,0 +1,29 @@
+// What is not defined is found by types (jsconfig.json), for the pages' scripts.
+import js from "@eslint/js";
+
+export default [
+  { files: ["web/static/*.js", "tests/web/js/*.js"], ...js.configs.recommended },
+  {
+    rules: {
+      "no-undef": "off",
+      "no-empty": ["error", { allowEmptyCatch: true }],
+      "no-shadow": "error",
+      "no-var": "error",
+      "prefer-const": "error",
+      "object-shorthand": "error",
+      "prefer-template": "error",
+      "no-throw-literal": "error",
+      "no-unused-expressions": "error",
+      "no-implicit-coercion": "error",
+      "no-else-return": "error",
+      "no-useless-return": "error",
+      "no-loop-func": "error",
+      "no-eval": "error",
+      "no-implied-eval": "error",
+      "no-new-func": "error",
+      "no-script-url": "error",
+      eqeqeq: ["error", "always", { null: "ignore" }],
+    },
+    linterOptions: { reportUnusedDisableDirectives: "error" },
+  },
+];

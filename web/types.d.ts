@@ -1,0 +1,386 @@
+// What the pages' scripts hand to one another and get from the service; `tsc` checks them (jsconfig.json).
+// Nothing of it is served. Lengths are in pitches and angles in radians unless a name says otherwise.
+
+type Numbers = ArrayLike<number>;
+type Vector = [x: number, y: number, z: number];
+type Quaternion = [w: number, x: number, y: number, z: number];
+type Floats = Float32Array<ArrayBuffer> | Float64Array<ArrayBuffer>;
+type Column = Floats | Uint8Array<ArrayBuffer> | Uint16Array<ArrayBuffer> | Uint32Array<ArrayBuffer> | Int32Array<ArrayBuffer>;
+
+// Messages of web/columns.py.
+
+interface ColumnTold {
+  name: string;
+  dtype: "<f8" | "<f4" | "|u1" | "<u2" | "<u4" | "<i4";
+  shape: number[];
+  at: number;
+  size?: number;
+  step?: number;
+  short?: boolean;
+}
+interface Message<Header, Arrays> { header: Header; arrays: Arrays }
+
+// Scenery: web/scenery.py.
+
+interface Chain {
+  name: string;
+  module: string;
+  modules: number;
+  root: number;
+  rigid_links: number;
+  hinges: number;
+  anchor: Vector;
+  axes: Vector[];
+  turn: Quaternion;
+  offset: Vector;
+  radius: number;
+  hinge_names: string[];
+  cells: boolean;
+  pitch_m: number;
+}
+// A convex module, and how many of it there are.
+interface Hull { modules: number; face_normals: Vector[]; vertices: Vector[] }
+interface Outline {
+  modules: number;
+  corners: Vector[];
+  faces: number[][];
+  normals: Vector[];
+  field_of_view_rad: number;
+}
+interface SceneMessage {
+  type: string;
+  name?: string;
+  props?: Record<string, unknown>;
+  [key: string]: unknown;
+}
+interface CameraConstants {
+  field_of_view_rad: number;
+  azimuth_rad: number;
+  elevation_rad: number;
+  turn_rad_s: number;
+  stretch: number | null;
+}
+type Colour = [red: number, green: number, blue: number];
+interface SceneryHeader {
+  chain: Chain & Hull;
+  messages: SceneMessage[];
+  sketch: Outline;
+  camera: CameraConstants;
+  pitch: number;
+  shown_size: number;
+  reach: number;
+  colours: Record<"neutral" | "unknown" | "error" | "selected" | "stuck" | "first" | "last", Colour>;
+}
+interface SceneryArrays extends Record<string, Column> {
+  folded_rad: Floats;
+  folded_positions: Float32Array<ArrayBuffer>;
+  ramp_error: Uint8Array<ArrayBuffer>;
+  ramp_even: Uint8Array<ArrayBuffer>;
+}
+interface Scenery extends Message<SceneryHeader, SceneryArrays> {
+  neighbours?: Int32Array; // of a long fold: see touching.js
+}
+// What a scene is built of, whatever else is told with it.
+interface Staged extends Message<{ messages: SceneMessage[] }, Record<string, Column>> {}
+// web/preview_scene.py.
+interface PreviewScenery extends Message<{
+  messages: SceneMessage[];
+  hull: Hull;
+  corners: Vector[];
+  radius: number;
+  camera: Omit<CameraConstants, "stretch" | "turn_rad_s"> & { margin: [number, number] };
+  colours: { selected: Colour; ghost: Colour; ghost_opacity: number };
+}, Record<string, Column> & { cells: Int32Array<ArrayBuffer>; colours: Uint8Array<ArrayBuffer> }> {}
+
+// Frames: web/reel.py, web/window_columns.py and frames.js.
+
+interface Phase { name: string; from: number; to: number }
+interface FilmOutline {
+  frames: number;
+  growing: boolean;
+  names: string[];
+  phases: Phase[];
+  errors: (number | null)[];
+  error_scale_rad: number;
+  end_s?: number;
+}
+interface ReelHeader {
+  id: string;
+  status: "growing" | "complete" | "failed";
+  total: number;
+  start: number;
+  stop: number;
+  stride: number;
+  outline: FilmOutline;
+}
+interface WholeArrays {
+  time_s: Floats;
+  phase: Numbers;
+  root_position: Floats;
+  root_wxyz: Floats;
+  joint_angles_rad: Floats;
+  joint_error_rad: Floats;
+}
+interface WindowArrays {
+  time_s: Floats;
+  phase: Numbers;
+  base_position: Floats;
+  base_wxyz: Floats;
+  first: Numbers;
+  counts: Numbers;
+  steps: Int32Array;
+}
+type Reel = Message<ReelHeader, WholeArrays | WindowArrays>;
+interface ReelAsked { from?: number; to?: number | null; stride?: number; wait?: number }
+interface FilmSource {
+  scenery(): Promise<Scenery | null>;
+  reel(asked?: ReelAsked): Promise<Reel | null>;
+}
+interface Row {
+  time_s: number;
+  phase: number;
+  position: Floats;
+  wxyz: Floats;
+  angles: Floats;
+  errors: Floats;
+}
+interface WindowRow extends Row { first: number; last: number; foldedRad: Floats }
+interface Poses { positions: Floats; wxyzs: Floats }
+// Modules up to `core` are folded, those from `rod` on are straight.
+interface WindowPoses extends Poses { core?: number; rod?: number }
+// The moment at a frame.
+interface Snapshot extends WindowPoses {
+  frame: number;
+  exact: boolean; // false for the nearest frame that is here in place of this one
+  low: number;
+  time_s: number;
+  phase: string;
+  angle: (hinge: number) => number;
+  errors: Floats;
+  framed: number; // modules, from the first on, that a camera should have in view
+  points?: Vector[];
+}
+
+// The camera.
+
+interface View { target: Vector; azimuth: number; elevation: number; distance: number }
+interface Eye { position: Vector; target: Vector }
+interface Seeing { radius: number; aspect: number; field: number; home?: number }
+
+// What is told and asked on a page.
+
+interface Switches {
+  playing: boolean;
+  speed: number;
+  loop: boolean;
+  reverse: boolean;
+  follow: boolean;
+  turn: boolean;
+  live: boolean;
+}
+type Command =
+  | { do: "play" | "pause" | "toggle" }
+  | { do: "seek"; frame: number }
+  | { do: "seek"; percent: number }
+  | { do: "step"; by: number }
+  | ({ do: "set" } & Partial<Omit<Switches, "playing">>)
+  | { do: "select"; module: number | null };
+interface State extends Switches {
+  frame: number;
+  frames: number;
+  growing: boolean;
+  time_s: number | null;
+  phase: string;
+  error_rad: number | null;
+}
+interface JointTold {
+  name: string;
+  column: number;
+  angle_rad: number;
+  target_rad: number;
+  error_rad: number | null;
+}
+interface ModuleTold {
+  index: number;
+  modules: number;
+  cell: number[] | null;
+  joints: JointTold[];
+  shown: Snapshot;
+}
+interface BarOutline { frames: number; phases: Phase[]; errors: (number | null)[]; error_scale_rad: number; growing: boolean }
+// Who plays: a player, or two on one playhead.
+interface Playing {
+  send(message: Command): boolean;
+  on(name: "waiting" | "begun", heard: () => void): void;
+  on(name: "outline", heard: (outline: BarOutline) => void): void;
+  on(name: "state", heard: (state: State) => void): void;
+}
+interface SceneHeard {
+  open?: () => void;
+  touch?: () => void;
+  pick?: (origin: Vector, direction: Vector) => void;
+}
+// What the frame of a 3D view says, or says nonsense instead: see bridge.js.
+interface ViewTold {
+  is?: unknown;
+  position?: unknown;
+  target?: unknown;
+  origin?: unknown;
+  direction?: unknown;
+  key?: unknown;
+  shift?: unknown;
+  id?: unknown;
+}
+
+// Figures: web/measured.py.
+
+interface PlotHeader { frames: number; rows: number; torque_at_some_frames: boolean; largest: Record<string, number> }
+type PlotName = "max_error_rad" | "min_clearance" | "hinges_moving" | "peak_torque_nm";
+type Curves = PlotHeader & Record<PlotName, Floats>;
+type FigureName = "clearance" | "nearest" | "torque" | "position_error";
+interface FigurePart extends Message<{ widths: Record<FigureName, number> }, Record<FigureName, Floats>> {}
+type FigureRow = Record<FigureName, Floats>;
+
+// Facts: server/routes/facts.py.
+
+type Form = Record<string, string | number | boolean | Blob | null>;
+interface FileTold { label: string; hint: string; href: string }
+interface Failing { kind: string; heading: string; text: string; frame: number | null; modules: number[] }
+interface Attempt { strategy: string; how: string; end: string; tone: string }
+interface Again { text: string; form: Form }
+interface Smoothing { rows: { label: string; before: string; after: string; ratio: string }[]; note: string; compare: string | null }
+interface Way { text: string; hint: string; form: Form; id?: string; settable?: string }
+interface Facts {
+  id: string;
+  name: string;
+  status: string;
+  running: boolean;
+  preset: string;
+  verdict: { tone: string; text: string };
+  problem: { heading: string; text: string } | null;
+  failure: Failing | null;
+  attempts: Attempt[];
+  again: Again | null;
+  frames: number;
+  refoldable: boolean;
+  refold: Form;
+  smoothable: boolean;
+  smoothing: Smoothing | null;
+  compare: Way[];
+  embed: string | null;
+  movies: boolean;
+  robot: boolean;
+  files: FileTold[];
+  properties: { heading: string; rows: { label: string; value: string }[] }[];
+  downloads: FileTold[];
+  downloads_hint: string;
+}
+
+// Answers of the API.
+
+interface Refused { code?: string; detail?: string; where?: string }
+interface ProgressTold {
+  status: string;
+  stage: string;
+  message?: string;
+  fraction?: number;
+  steps?: number;
+  steps_per_second?: number;
+  simulated_s?: number;
+  queue_position?: number;
+  wait_s?: number | null;
+}
+interface Movie {
+  status: "queued" | "running" | "done" | "failed";
+  format: string;
+  frames_done: number;
+  frames_total: number;
+  problem?: { detail: string } | null;
+  links: { self: string; file: string };
+}
+interface Repair { add: number[][]; drop: number[][]; detail: string; doubled: boolean; modules: number }
+interface Report {
+  id: string;
+  kind: "mesh" | "voxels" | "path" | "chain";
+  key: string;
+  name: string;
+  module: string;
+  modules: number;
+  asked: number | null;
+  below: number | null;
+  above: number | null;
+  iou: number | null;
+  has_path: boolean;
+  as_voxels: boolean;
+  not_started: string;
+  candidates: number;
+  expected_s: number;
+  expected_as_published_s: number;
+  knot: { verdict: "unknot" | "knotted" | "undecided"; determinant: number | null } | null;
+  feasibility: { feasible: boolean; problems: { code: string; detail: string }[]; repairs: Repair[] } | null;
+  notes: string[];
+  links: { page: string };
+}
+
+// Elements of the pages that are more than an element, by their id.
+interface Elements {
+  again: HTMLButtonElement;
+  all: HTMLAnchorElement;
+  angles: HTMLInputElement;
+  back: HTMLButtonElement;
+  cancel: HTMLButtonElement;
+  clear: HTMLButtonElement;
+  "colour-by": HTMLSelectElement;
+  compare: HTMLButtonElement;
+  "compare-dialog": HTMLDialogElement;
+  "compare-form": HTMLFormElement;
+  "compare-link": HTMLInputElement;
+  "cover-button": HTMLButtonElement;
+  down: HTMLButtonElement;
+  drawing: HTMLImageElement;
+  drop: HTMLFormElement;
+  file: HTMLInputElement;
+  fold: HTMLButtonElement;
+  folded: HTMLInputElement;
+  follow: HTMLButtonElement;
+  forward: HTMLButtonElement;
+  jump: HTMLSelectElement;
+  live: HTMLButtonElement;
+  loop: HTMLButtonElement;
+  model: SVGSVGElement;
+  modules: HTMLInputElement;
+  "modules-number": HTMLInputElement;
+  name: HTMLInputElement;
+  "paper-settings": HTMLDetailsElement;
+  play: HTMLButtonElement;
+  "play-icon": SVGUseElement;
+  plot: SVGSVGElement;
+  preset: HTMLSelectElement;
+  preview: HTMLButtonElement;
+  redo: HTMLButtonElement;
+  refold: HTMLButtonElement;
+  "refold-dialog": HTMLDialogElement;
+  "refold-file": HTMLInputElement;
+  repeat: HTMLButtonElement;
+  reverse: HTMLButtonElement;
+  scrub: HTMLInputElement;
+  seed: HTMLInputElement;
+  "share-embed": HTMLTextAreaElement;
+  "share-here": HTMLInputElement;
+  "share-link": HTMLInputElement;
+  sharing: HTMLDialogElement;
+  sieve: HTMLFormElement;
+  sketch: HTMLCanvasElement;
+  smooth: HTMLButtonElement;
+  speed: HTMLSelectElement;
+  undo: HTMLButtonElement;
+  up: HTMLButtonElement;
+  view: HTMLIFrameElement;
+  wishes: HTMLFormElement;
+}
+type ElementOf<Id extends string> = Id extends keyof Elements ? Elements[Id] : HTMLElement;
+
+interface Window {
+  foldback: { film: import("./static/film.js").Film; player: import("./static/player.js").Player; showing?: unknown };
+  SwaggerUIBundle(options: Record<string, unknown>): void;
+}
