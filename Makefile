@@ -7,6 +7,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 PARALLEL := -n logical --maxprocesses 4 --dist worksteal
+NODE_MODULES := node_modules/.installed
 
 # The first interpreter that starts and is new enough; 3.11 to 3.13 are tried ones.
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python python3.14; do \
@@ -41,10 +42,17 @@ test: $(STAMP) tools ## All that guards a commit, a real browser too: some 6 min
 test-fast: $(STAMP) ## What needs no other program, within a minute
 	@$(BIN)/python -m pytest -q $(PARALLEL) -m "not processes and not slow and not browser and not long and not benchmark" $(ARGS)
 
-lint: $(STAMP) ## Style and types
+$(NODE_MODULES): $(STAMP) package.json package-lock.json .npmrc
+	@echo "Installing what checks the pages' scripts into node_modules, once …"
+	@$(BIN)/npm ci --silent --ignore-scripts
+	@touch $@
+
+lint: $(STAMP) $(NODE_MODULES) ## Style and types
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
+	@$(BIN)/node node_modules/typescript/bin/tsc --project jsconfig.json
+	@$(BIN)/node node_modules/eslint/bin/eslint.js web/static tests/web/js
 
 format: $(STAMP) ## Let ruff put the code in order
 	@$(BIN)/ruff check --fix --quiet .
@@ -87,4 +95,4 @@ constraints: $(STAMP) ## Write constraints.txt from what is installed
 	@touch $(STAMP)
 
 clean: ## Remove what was made; folds in data/ stay
-	rm -rf $(VENV) build dist out .pytest_cache .ruff_cache
+	rm -rf $(VENV) node_modules build dist out .pytest_cache .ruff_cache

@@ -2,6 +2,7 @@
 import js from "@eslint/js";
 
 export default [
+  { ignores: [".venv/", "data/", "out/"] },
   { files: ["web/static/*.js", "tests/web/js/*.js"], ...js.configs.recommended },
   {
     rules: {

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+TYPES = ".d.ts"
+"""Types of the pages' scripts, which only their checker reads."""
 FORBIDDEN = {"planner": {"web", "server"}, "web": {"server"}, "server": {"tests", "examples"}}
 
 
@@ -57,12 +59,13 @@ def test_the_wheel_carries_everything_that_is_not_code(tmp_path: Path) -> None:
         str(path.relative_to(ROOT))
         for package in ("planner", "web", "server")
         for path in (ROOT / package).rglob("*")
-        if path.is_file() and "__pycache__" not in path.parts
+        if path.is_file() and "__pycache__" not in path.parts and not path.name.endswith(TYPES)
     }
     shapes = {f"server/shapes/{p.name}" for p in (ROOT / "examples" / "shapes").glob("*.json")}
     assert len(shapes) >= 7
     assert (wanted | shapes) <= carried, sorted((wanted | shapes) - carried)
     assert not [name for name in carried if name.startswith(("tests", "examples"))]
+    assert not [name for name in carried if name.endswith((TYPES, "package.json"))]
 
 
 def test_the_installed_gallery_is_that_of_the_checkout(tmp_path: Path) -> None:

@@ -337,3 +337,10 @@ def test_no_script_is_left_unused() -> None:
         if path.suffix in {".js", ".html", ".py"}
     )
     assert [path.name for path in STATIC.glob("*.js") if path.name not in named] == []
+
+
+def test_tools_are_pinned_and_come_from_no_named_place() -> None:
+    named = json.loads((ROOT / "package.json").read_text(encoding="utf-8"))["devDependencies"]
+    locked = json.loads((ROOT / "package-lock.json").read_text(encoding="utf-8"))["packages"]
+    assert {name: locked[f"node_modules/{name}"]["version"] for name in named} == named
+    assert [name for name, told in locked.items() if "resolved" in told] == []

@@ -165,6 +165,18 @@ test("steps are whole frames, and stay in the film", () => {
   assert.equal(playhead.do({ do: "nothing" }), false);
 });
 
+test("frames that pass too fast to be seen are shown whole", () => {
+  const { playhead } = head();
+  playhead.do({ do: "play" });
+  playhead.advance(0.05, 1);
+  close([playhead.shown], [0.6]);
+  playhead.do({ do: "set", speed: 5 });
+  playhead.advance(0.05, 2);
+  close([playhead.frame, playhead.shown], [3.6, 4]);
+  playhead.do({ do: "pause" });
+  close([playhead.shown], [3.6]);
+});
+
 test("a live playhead stays at the end of what grows", () => {
   const { film, playhead } = head(10, true);
   playhead.do({ do: "set", live: true });
