@@ -70,13 +70,14 @@ class Child:
     ) -> None:
         self._limits = limits
         self._events: queue.Queue[bytes | None] = queue.Queue(MOST_EVENTS)
-        # Threads of linear algebra cost memory and bring nothing at these sizes.
-        threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        # Threads of linear algebra cost memory and bring nothing at these sizes. Only movies are
+        # drawn; to others MuJoCo need not bring what opens windows.
+        usual = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MUJOCO_GL": "off"}
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "server.child", kind, json.dumps(asdict(limits))],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env={**environment_of_child(os.environ), **threads, **(environment or {})},
+            env={**environment_of_child(os.environ), **usual, **(environment or {})},
             start_new_session=True,
         )
         self._ready = False

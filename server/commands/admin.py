@@ -26,7 +26,11 @@ COLUMNS: Final = ("id", "status", "stage", "modules", "age", "bytes", "visitor",
 VISITOR: Final = 8
 """Letters that are shown of who asked: enough to tell visitors apart."""
 
-admin = typer.Typer(no_args_is_help=True, help="See, forget, repeat and keep folds of a service.")
+admin = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    help="See, forget, repeat and keep folds of a service.",
+)
 
 
 @contextmanager

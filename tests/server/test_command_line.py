@@ -39,6 +39,7 @@ def test_every_command_explains_itself(command: str) -> None:
     answer = foldback(command, "--help")
     assert answer.returncode == 0, answer.stderr
     assert f"foldback {command}" in answer.stdout
+    assert COMMANDS[command].rstrip(".") in " ".join(answer.stdout.split())
 
 
 def test_cells_in_no_order_are_told_and_read_as_voxels_when_asked(tmp_path: Path) -> None:
@@ -84,18 +85,41 @@ def test_an_unknown_command_is_an_error() -> None:
     assert "unfold" in answer.stderr
 
 
+def imported(*arguments: str) -> set[str]:
+    """The packages that a whole run of ``foldback`` imports; it must end with 0."""
+    answer = subprocess.run(
+        [sys.executable, "-P", "-X", "importtime", "-m", "server.command_line", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert answer.returncode == 0, answer.stderr[-2000:]
+    lines = [line for line in answer.stderr.splitlines() if line.startswith("import time:")]
+    return {line.rpartition("|")[2].strip().partition(".")[0] for line in lines}
+
+
+WEB = {"dbos", "fastapi", "sqlalchemy", "uvicorn", "viser"}
+PHYSICS = {"mujoco", "numba", "numpy", "scipy", "zarr"}
+
+
+@pytest.mark.parametrize("asked", [["--help"], ["--version"]])
+def test_what_all_commands_are_for_is_told_without_importing_any(asked: list[str]) -> None:
+    assert not imported(*asked) & {*WEB, *PHYSICS, "planner", "pydantic"}
+
+
 @pytest.mark.parametrize("command", ["serve", "worker"])
 def test_heavy_packages_are_not_imported_before_they_are_needed(command: str) -> None:
     """The supervisor starts its workers before the web process imports viser and the like."""
-    code = (
-        "import sys; from server.command_line import application; "
-        f"application([{command!r}]); "
-        "sys.exit(' '.join({'viser', 'mujoco', 'numba', 'fastapi', 'dbos'} & set(sys.modules)))"
-    )
-    answer = subprocess.run(
-        [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=False
-    )
-    assert not answer.stderr.strip()
+    assert not imported(command, "--help") & {*WEB, *PHYSICS}
+
+
+def test_a_path_is_folded_without_what_other_inputs_need(tmp_path: Path) -> None:
+    path = tmp_path / "path.json"
+    path.write_text(json.dumps([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]))
+    found = imported("fold", str(path), "--out", str(tmp_path / "fold"))
+    assert found >= PHYSICS
+    # Web servers, what searches for paths, what opens windows.
+    assert not found & {*WEB, "web", "ortools", "trimesh", "glfw", "PIL", "mcap"}
 
 
 def test_the_web_process_leaves_the_physics_to_others() -> None:

@@ -204,7 +204,7 @@ def test_the_picture_of_a_fold(service: Service, finished: dict[str, Any]) -> No
 
 def film(directory: Path, out: Path, *words: str, **environment: str) -> Any:
     arguments = ["movie", str(directory), "--out", str(out), *words]
-    return CliRunner().invoke(application(["movie"]), arguments, env=environment)
+    return CliRunner().invoke(application(), arguments, env=environment)
 
 
 def test_the_command_films_a_directory(

@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from server.command_line import application
+from server.command_line import COMMANDS
 from server.commands.admin import admin
 from server.metrics import Metrics
 from server.settings import Settings
@@ -53,7 +53,7 @@ def test_the_commands_are_there(page: str) -> None:
     offered = {command.name or command.callback.__name__ for command in admin.registered_commands}
     told = set(re.findall(r"^foldback admin (\w+)", page, re.MULTILINE))
     assert offered - {"unpin"} == told
-    assert {group.name for group in application(["admin"]).registered_groups} == {"admin"}
+    assert "admin" in COMMANDS
 
 
 def test_a_backup_of_a_running_database_is_whole(tmp_path: Path) -> None:

@@ -133,5 +133,5 @@ def test_both_pages_offer_every_preset(desk: Service) -> None:
 def test_the_version_is_told() -> None:
     from importlib.metadata import version
 
-    told = CliRunner().invoke(application(["serve"]), ["--version"])
+    told = CliRunner().invoke(application(), ["--version"])
     assert (told.exit_code, told.output.strip()) == (0, f"foldback {version('foldback')}")
