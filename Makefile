@@ -5,6 +5,7 @@ MAKEFLAGS += --no-builtin-rules
 
 VENV := .venv
 BIN := $(VENV)/bin
+RUNS := $(VENV)/.runs
 STAMP := $(VENV)/.installed
 PARALLEL := -n logical --maxprocesses 4 --dist worksteal
 NODE_MODULES := node_modules/.installed
@@ -19,18 +20,28 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 help: ## What there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
 
-$(STAMP): pyproject.toml constraints.txt
-	@if [ -z "$(PYTHON)" ]; then \
-		echo "foldback needs Python 3.11 or newer with its venv module, and found none." >&2; \
-		echo "Install it (Debian: apt install python3 python3-venv) or name it: make run PYTHON=/path/to/python3" >&2; \
-		exit 1; fi
-	@test -x $(BIN)/python || { echo "Making $(VENV) with $(PYTHON) …"; "$(PYTHON)" -m venv $(VENV); }
-	@echo "Installing foldback and its dependencies into $(VENV), once …"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		--constraint constraints.txt --editable '.[dev]'
+# What to install: `.`, or `.[dev]` with what tests and tools need besides. Python compiles what it
+# imports: all that is there would take as long as the rest of the installation.
+define install
+@if [ -z "$(PYTHON)" ]; then \
+	echo "foldback needs Python 3.11 or newer with its venv module, and found none." >&2; \
+	echo "Install it (Debian: apt install python3 python3-venv) or name it: make run PYTHON=/path/to/python3" >&2; \
+	exit 1; fi
+@test -x $(BIN)/python || { echo "Making $(VENV) with $(PYTHON) …"; "$(PYTHON)" -m venv $(VENV); }
+@echo "Installing foldback and $(2) into $(VENV), once …"
+@$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check \
+	--constraint constraints.txt --editable '$(1)'
+endef
+
+$(RUNS): pyproject.toml constraints.txt
+	$(call install,.,its dependencies)
 	@touch $@
 
-run: $(STAMP) ## Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR)
+$(STAMP): pyproject.toml constraints.txt
+	$(call install,.[dev],what its tests need)
+	@touch $(RUNS) $@
+
+run: $(RUNS) ## Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR)
 	@exec $(BIN)/foldback serve --first-shape wrench-160
 
 tools: $(STAMP)
@@ -92,7 +103,7 @@ constraints: $(STAMP) ## Write constraints.txt from what is installed
 	@{ echo "# Versions that are tested together; \`make constraints\` writes this file."; \
 	   $(BIN)/python -m pip freeze --disable-pip-version-check --exclude-editable \
 	   | grep -v -e ' @ ' -e '^-' ; } > constraints.txt.new && mv constraints.txt.new constraints.txt
-	@touch $(STAMP)
+	@touch $(RUNS) $(STAMP)
 
 clean: ## Remove what was made; folds in data/ stay
 	rm -rf $(VENV) node_modules build dist out .pytest_cache .ruff_cache
