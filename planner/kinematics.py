@@ -56,6 +56,7 @@ def forward_kinematics(
     hinges = angles_rad.shape[-1]
     n = hinges // module.hinges_per_joint + 1 + module.rigid_links
     angles = np.ascontiguousarray(angles_rad, dtype=np.float64).reshape(-1, hinges)
+    angles.setflags(write=False)
     frames = len(angles)
     roots = np.zeros((frames, 3))
     turns = np.broadcast_to(np.eye(3), (frames, 3, 3)).copy()

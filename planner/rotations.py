@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 def matrix_from_wxyz(wxyz: Array) -> Array:
     """(..., 4) quaternions, of any length but 0, to (..., 3, 3) matrices."""
     rows = np.ascontiguousarray(wxyz, dtype=np.float64).reshape(-1, 4)
+    rows.setflags(write=False)
     out = np.empty((len(rows), 3, 3))
     matrices(rows, out)
     return out.reshape(*np.shape(wxyz)[:-1], 3, 3)
@@ -21,6 +22,7 @@ def matrix_from_wxyz(wxyz: Array) -> Array:
 def wxyz_from_matrix(matrix: Array) -> Array:
     """(..., 3, 3) rotation matrices to (..., 4) unit quaternions with w ≥ 0."""
     rows = np.ascontiguousarray(matrix, dtype=np.float64).reshape(-1, 3, 3)
+    rows.setflags(write=False)
     out = np.empty((len(rows), 4))
     quaternions(rows, out)
     return out.reshape(*np.shape(matrix)[:-2], 4)

@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import ZERO
+
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
@@ -70,7 +72,7 @@ def grow(near: Ints, ends: Flags, start: int, moves: int, seed: int) -> tuple[in
         if length == n and ends[path[0]] and ends[path[n - 1]]:
             return n, path
         if start < 0 and np.random.random() < 0.1:
-            _turn(path, place, 0, length - 1)
+            _turn(path, place, ZERO, length - 1)
         tail = path[length - 1]
         # Go on to the neighbour that has fewest ways on itself.
         fewest = 7
@@ -109,7 +111,7 @@ def grow(near: Ints, ends: Flags, start: int, moves: int, seed: int) -> tuple[in
         if found > 0 and (good == 1 or start >= 0 or np.random.random() < 0.9):
             _turn(path, place, place[choice[np.random.randint(found)]] + 1, length - 1)
         elif start < 0:
-            _turn(path, place, 0, length - 1)
+            _turn(path, place, ZERO, length - 1)
             if found == 0 and _stuck(path, length, near, place):
                 return best, path
         else:
@@ -166,7 +168,7 @@ def ease(path: Ints, near: Ints, ends: Flags, start: int, moves: int, seed: int)
     for move in range(moves):
         heat = hot * (1e-4 ** (move / moves))
         if start < 0 and np.random.random() < 0.5:
-            _turn(path, place, 0, n - 1)
+            _turn(path, place, ZERO, n - 1)
         tail = path[n - 1]
         other = near[tail, np.random.randint(6)]
         if other < 0 or place[other] >= n - 2:

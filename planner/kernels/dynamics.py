@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import ZERO
 from planner.kernels.kinematics import axis_rotation, chain_poses, multiply
 from planner.kernels.velocities import chain_velocities, cross
 
@@ -194,7 +195,17 @@ def many_floating_torques(
     pivot = np.empty(3)
     for f in range(frames):
         chain_poses(
-            angles[f], rigid_links, anchor, axes, turn, offset, 0, origin, eye, positions, rotations
+            angles[f],
+            rigid_links,
+            anchor,
+            axes,
+            turn,
+            offset,
+            ZERO,
+            origin,
+            eye,
+            positions,
+            rotations,
         )
         chain_velocities(
             angles[f],
@@ -202,7 +213,7 @@ def many_floating_torques(
             rigid_links,
             anchor,
             axes,
-            0,
+            ZERO,
             origin,
             origin,
             positions,

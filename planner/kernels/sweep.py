@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels import ZERO
 from planner.kernels.approach import approach, loss_along
 from planner.kernels.bodies import (
     DRIFT,
@@ -203,7 +204,7 @@ def _near(
 
     Wild: something moves so far that there would be too many; then not all pairs are there.
     """
-    count = 0
+    count = ZERO
     m = bodies.shape[0]
     drift = 0.0
     for k in range(m):
@@ -437,7 +438,7 @@ def _between(
     bound = cap
     unbounded = -1.0
     moments = 0
-    held = 0
+    held = ZERO
     whiles[0, 0], whiles[0, 1] = 0.5, 0.5
     ranges[0, 0], ranges[0, 1], ranges[0, 2] = -1, 0, 0
     depth = 1
@@ -567,7 +568,20 @@ def sweep_frames(
                     shape, bodies, points, 0.0, low, high, reach + cap, work[1], turned, pairs
                 )
                 value, i, j, _, _, _ = _look(
-                    shape, bodies, 0.0, low, high, pairs, 0, many, cap, 0.0, work, turned, none, 0
+                    shape,
+                    bodies,
+                    0.0,
+                    low,
+                    high,
+                    pairs,
+                    ZERO,
+                    many,
+                    cap,
+                    0.0,
+                    work,
+                    turned,
+                    none,
+                    ZERO,
                 )
                 per_frame[k] = value
                 at = float(k)
