@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain import Chain
-from planner.decimation import decimated
 from planner.errors import InputError
 from planner.expected import expected_seconds
-from planner.feasibility import Feasibility
-from planner.filling import FILLINGS, Filled
-from planner.filling.cubes import modules_after
-from planner.kept import kept
 from planner.knots import Knot, knot_of
 from planner.modules import CUBE
 from planner.paths import Path
 from planner.readers import read
 from planner.shapes import Shape
-from planner.solids import Solid
 from planner.starts import started
-from planner.voxeliser import Voxels, voxelise
 from planner.wishes import Wishes
+
+# What reads meshes and fills cells is imported for those: a path or a chain needs none of it.
+if TYPE_CHECKING:
+    from planner.feasibility import Feasibility
+    from planner.filling import Filled
+    from planner.solids import Solid
+    from planner.voxeliser import Voxels
 
 Array = NDArray[np.float64]
 LARGEST_MESH: Final = 20_000
@@ -156,6 +156,8 @@ class Preparation:
         solid, voxels = self.solid, self.voxels
         if solid is None or voxels is None or self.filled is None:
             return None
+        from planner.decimation import decimated
+
         vertices, faces = decimated(solid.vertices, solid.faces, most=LARGEST_MESH)
         placed = vertices @ voxels.rotation.T / voxels.pitch + voxels.offset
         return {
@@ -245,6 +247,8 @@ def _prepared_chain(chain: Chain, wishes: Wishes, kind: str) -> Preparation:
 def _from_shape(
     kind: str, shape: Shape, wishes: Wishes, seed: int, time_limit_s: float
 ) -> Preparation:
+    from planner.filling import FILLINGS
+
     filled = FILLINGS[wishes.module].fill(
         shape, wishes, of_solid=False, seed=seed, time_limit_s=time_limit_s
     )
@@ -252,6 +256,10 @@ def _from_shape(
 
 
 def _from_solid(solid: Solid, wishes: Wishes, seed: int, time_limit_s: float) -> Preparation:
+    from planner.filling import FILLINGS
+    from planner.kept import kept
+    from planner.voxeliser import voxelise
+
     filling = FILLINGS[wishes.module]
     voxels = voxelise(solid, cells=filling.cells_for(wishes), seed=seed)
     filled = filling.fill(voxels.shape, wishes, of_solid=True, seed=seed, time_limit_s=time_limit_s)
@@ -280,6 +288,8 @@ def _made(
 
 
 def _feasibility(state: Feasibility, shape: Shape) -> dict[str, Any]:
+    from planner.filling.cubes import modules_after
+
     return {
         "feasible": state.feasible,
         "problems": [

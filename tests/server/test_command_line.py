@@ -86,7 +86,7 @@ def test_an_unknown_command_is_an_error() -> None:
 
 
 def imported(*arguments: str) -> set[str]:
-    """The packages that a whole run of ``foldback`` imports; it must end with 0."""
+    """The packages and modules that a run of ``foldback`` imports; it must end with 0."""
     answer = subprocess.run(
         [sys.executable, "-P", "-X", "importtime", "-m", "server.command_line", *arguments],
         capture_output=True,
@@ -95,7 +95,8 @@ def imported(*arguments: str) -> set[str]:
     )
     assert answer.returncode == 0, answer.stderr[-2000:]
     lines = [line for line in answer.stderr.splitlines() if line.startswith("import time:")]
-    return {line.rpartition("|")[2].strip().partition(".")[0] for line in lines}
+    names = {line.rpartition("|")[2].strip() for line in lines}
+    return names | {name.partition(".")[0] for name in names}
 
 
 WEB = {"dbos", "fastapi", "sqlalchemy", "uvicorn", "viser"}
@@ -118,8 +119,11 @@ def test_a_path_is_folded_without_what_other_inputs_need(tmp_path: Path) -> None
     path.write_text(json.dumps([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]))
     found = imported("fold", str(path), "--out", str(tmp_path / "fold"))
     assert found >= PHYSICS
-    # Web servers, what searches for paths, what opens windows.
+    # Web servers, what searches for paths, what opens windows, what reads meshes and fills cells.
     assert not found & {*WEB, "web", "ortools", "trimesh", "glfw", "PIL", "mcap"}
+    assert not found & {
+        f"planner.{name}" for name in ("voxeliser", "filling", "kept", "decimation")
+    }
 
 
 def test_the_web_process_leaves_the_physics_to_others() -> None:
