@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
+
+COMPILING: Final = "compiling"
+"""The message while kernels are compiled, which happens once on a machine."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

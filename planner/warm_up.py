@@ -2,41 +2,91 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from contextlib import nullcontext
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 from typing import Final
 
 import numpy as np
+from numba.core.event import Event, Listener, install_listener
 
+from planner.cores import cores
 from planner.dynamics import floating_torques
 from planner.fold_files import write_request
 from planner.folding import fold
 from planner.formats import write_path
+from planner.linked import exempt_pairs
 from planner.measuring import clearances_of
 from planner.modules import CUBE
 from planner.pathfinding.assembly import layered_snake
 from planner.paths import Path
+from planner.progress import COMPILING, Progress, Report, silent
 from planner.request import Request
 from planner.retiming import retime
 from planner.smooth_plan import smooth_plan
 from planner.stages import run_stages
 from planner.warm_up_paths import SMALL_SHAPE, warm_up_chains, warm_up_paths
 
+COMPILE: Final = "numba:compile"
+"""What the compiler calls what it tells its listeners."""
 SMALL_BOX: Final = (2, 4, 5)
 """More than one unit, so that some are let go and others are the last."""
 
 
-def warm_up() -> None:
-    """Finds a path, folds, retimes, smooths, peels tiny shapes: a moment once compiled."""
-    warm_up_paths()
-    plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
-    retime(plan, 1.0, 1.0)
-    smooth_plan(plan)
+def warm_up(progress: Report = silent) -> None:
+    """Folds, retimes, smooths, peels tiny shapes, finds a path: a moment once compiled.
+
+    Where nothing is compiled yet another process compiles a part of it at the same time. What finds
+    paths comes last: the service's process for previews has compiled it by then.
+
+    Args:
+        progress: Told ``COMPILING`` as soon as something has to be compiled.
+    """
+    compiling = _Compiling(progress)
+    with install_listener(COMPILE, compiling):
+        warm_up_chains()
+        with _motions_beside() if compiling.told and cores() > 1 else nullcontext():
+            plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
+        retime(plan, 1.0, 1.0)
+        smooth_plan(plan)
+        warm_up_motions()
+        _peel()
+        warm_up_paths()
+
+
+def warm_up_motions() -> None:
+    """Looks at a motion as the playback and the certificate do; not at its clearance in between."""
     chain = warm_up_chains()
     still = np.tile(chain.folded_rad, (2, 1))
-    clearances_of(chain, still, size=0.95)
     floating_torques(CUBE, still, 0.0 * still, 0.0 * still)
-    _peel()
+    exempt_pairs(chain, (still,), size=0.95)
+    clearances_of(chain, still, size=0.95)
+
+
+def _motions_beside() -> subprocess.Popen[bytes]:
+    """Compiles what looks at motions in another process, which is waited for at the end."""
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", "planner.warm_up"],
+        stdin=subprocess.DEVNULL,  # ours is for requests
+    )
+
+
+class _Compiling(Listener):
+    """Tells once that something is compiled, when it begins."""
+
+    def __init__(self, progress: Report) -> None:
+        self._progress = progress
+        self.told = False
+
+    def on_start(self, event: Event) -> None:
+        if not self.told:
+            self.told = True
+            self._progress(Progress(stage="read", fraction=0.0, message=COMPILING))
+
+    def on_end(self, event: Event) -> None:
+        pass
 
 
 def _peel() -> None:
@@ -45,3 +95,7 @@ def _peel() -> None:
     with TemporaryDirectory(prefix="foldback-") as place:
         write_request(FilePath(place), Request(strategy="peel"), write_path(path))
         run_stages(FilePath(place))
+
+
+if __name__ == "__main__":
+    warm_up_motions()

@@ -15,13 +15,14 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from fcntl import LOCK_EX, flock
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 from planner.errors import InputError
 from planner.files import settle
-from planner.progress import Progress
+from planner.progress import Progress, Report
 from server.confinement.confined import confine, confine_thread
 from server.confinement.landlock import Allowed, no_new_rights
 from server.limits import memory_words
@@ -125,12 +126,12 @@ def _step_back(niceness: int) -> None:
         Path("/proc/self/autogroup").write_text(str(niceness))
 
 
-def _stages(*, warm: bool) -> Task:
+def _stages(progress: Report, *, warm: bool) -> Task:
     from planner.stages import run_stage
     from planner.warm_up import warm_up
 
     if warm:
-        warm_up()
+        warm_up(progress)
 
     def run(
         stage: str,
@@ -174,7 +175,9 @@ def _reader(*, warm: bool) -> Task:
 def _preparer(*, warm: bool) -> Task:
     from planner.warm_up_paths import warm_up_paths
 
-    import_module("planner.preparation")  # so that the first preview need not wait for it
+    # So that the first preview need not wait for it.
+    for name in ("preparation", "decimation", "filling", "kept"):
+        import_module(f"planner.{name}")
     if warm:
         warm_up_paths()
     return _reader(warm=warm)
@@ -256,7 +259,7 @@ def main() -> None:
     _offer()
     try:
         kinds = {
-            "stages": _stages,
+            "stages": partial(_stages, parent.progress),
             "reader": _reader,
             "preparer": _preparer,
             "movies": _movies,

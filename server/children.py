@@ -118,7 +118,7 @@ class Child:
             InputError: When the input is at fault.
             ChildError: When the child crashed, or went beyond a limit.
         """
-        if not self._wait_ready(cancelled):
+        if not self._wait_ready(on_progress, cancelled):
             return {"status": "cancelled", "reason": "cancelled"}
         self.calls += 1
         self._send({"task": task, "directory": str(directory)})
@@ -173,13 +173,20 @@ class Child:
                 with contextlib.suppress(BrokenPipeError):
                     pipe.close()
 
-    def _wait_ready(self, cancelled: Callable[[], bool] | None) -> bool:
+    def _wait_ready(
+        self,
+        on_progress: Callable[[dict[str, Any]], None] | None,
+        cancelled: Callable[[], bool] | None,
+    ) -> bool:
         """Waits for imports and compiled kernels; False when cancelled meanwhile."""
         deadline = time.monotonic() + START_S
         while not self._ready:
             event = self._next(2 * POLL_S)
             if event is not None and event["event"] == "ready":
                 self._ready = True
+            elif event is not None and event["event"] == "progress":
+                if on_progress is not None:
+                    on_progress(event)
             elif event is not None or time.monotonic() > deadline or self._cpu_s() > START_CPU_S:
                 detail = "took too long" if event is None else str(event["detail"])
                 self.kill()

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, Route, expect
 
+from planner.progress import COMPILING
 from planner.timeline import Timeline
 from tests.browser.conftest import keep, picture
 from tests.server.service import Service
@@ -78,21 +79,28 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
 
     def answer(route: Route) -> None:
         asked.append(route.request.url)
-        if len(asked) > 1:
+        if len(asked) > 2:
             route.continue_()
             return
         told = {"status": "running", "stage": "explode", "fraction": 0.4, "steps": 1200}
-        route.fulfill(json={"progress": told | {"steps_per_second": 100, "simulated_s": 12.2}})
+        told |= {"steps_per_second": 100, "simulated_s": 12.2}
+        if len(asked) == 1:
+            told |= {"stage": "read", "fraction": 0.0, "message": COMPILING}
+        route.fulfill(json={"progress": told})
 
     page.route("**/api/folds/*/events", lambda route: route.fulfill(status=429))
     page.route(re.compile(r"/api/folds/[a-z0-9]+$"), answer)
     dropped(page, json.dumps(json.loads(SHAPE.read_text()) | {"name": "asked for"}))
     expect(page.locator("#verdict")).to_have_text(
+        "Compiling the solvers, once: takes up to a minute"
+    )
+    keep(page, "fold-compiling")
+    expect(page.locator("#verdict")).to_have_text(
         re.compile(r" 40 % · 1.?200 steps · 12 s simulated$")
     )
     expect(page.locator("#verdict")).to_have_text(re.compile("^verified"))
     expect(page.locator("#progress")).to_be_hidden()
-    assert len(asked) > 1
+    assert len(asked) > 2
 
 
 def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -> None:

@@ -1,9 +1,15 @@
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path as FilePath
+
 import pytest
 
 from planner.folding import fold
 from planner.paths import Path
+from planner.progress import COMPILING
 from planner.warm_up import SMALL_SHAPE, warm_up
 from tests.compiled_later import compiled_later
 
@@ -38,6 +44,29 @@ for solid, module in ((box, "tetrahedron"), (turned, "cube")):
         write_request(FilePath(place), request, solid.export(file_type="off").encode())
         assert run_stages(FilePath(place))["status"] == "verified", module
 """
+
+
+FIRST_WORD = """
+import os
+from planner.warm_up import warm_up
+
+def end(progress):
+    print(progress.message, flush=True)
+    os._exit(0)
+
+warm_up(end)
+"""
+
+
+def test_that_it_compiles_is_told_when_it_begins(tmp_path: FilePath) -> None:
+    answer = subprocess.run(
+        [sys.executable, "-c", FIRST_WORD],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (answer.stdout.strip(), answer.stderr) == (COMPILING, "")
 
 
 def test_warming_up_takes_the_whole_way() -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from planner.errors import InputError
+from planner.progress import COMPILING
 from server import children
 from server.children import EVENTS, Child, ChildError, Pool, Reader
 from server.gates import Gate
@@ -92,6 +93,22 @@ def test_a_start_is_limited(
     monkeypatch.setattr(children, limit, value)
     with pytest.raises(ChildError, match="did not start: took too long"):
         child.call("check", directory, wall_s=60)
+
+
+def test_what_a_child_says_while_it_starts_is_told(directory: Path, tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(
+        "import sys, types\n"
+        "from planner.progress import COMPILING, Progress\n"
+        "it = sys.modules['planner.warm_up'] = types.ModuleType('planner.warm_up')\n"
+        "it.warm_up = lambda tell: tell(Progress(stage='read', fraction=0.0, message=COMPILING))\n"
+    )
+    child = Child("stages", LIMITS, environment={"PYTHONPATH": str(tmp_path)})
+    told: list[object] = []
+    try:
+        child.call("read", directory, wall_s=60, on_progress=lambda e: told.append(e["message"]))
+    finally:
+        child.close()
+    assert told[:1] == [COMPILING]
 
 
 def test_who_does_not_heed_a_cancel_is_ended(child: Child, directory: Path) -> None:

@@ -7,8 +7,8 @@ const LONGEST_ASK_MS = 10000;
 const LONGER = 1.5;
 const LOST = 404;
 const CANCEL_MS = 10000;
-const LONG_MS = 4000;
 const READY = "getting ready";
+const COMPILING = "compiling"; // as planner/progress.py says
 const SMOOTHING = "smoothing"; // in place of an explosion
 const OVER = ["verified", "failed", "cancelled"];
 
@@ -71,7 +71,6 @@ export class Progress {
   /** @param {ProgressTold} now */
   show(now) {
     this.now = now;
-    if (now.message !== READY) clearTimeout(this.waiting);
     if (OVER.includes(now.status)) return; // the verdict follows
     const queue = now.queue_position ?? 0;
     let text = now.message === SMOOTHING ? "Smoothing" : STAGES[now.stage] ?? "Waiting";
@@ -80,10 +79,9 @@ export class Progress {
       text = queue > 0 ? `In the queue, place ${queue}` : "In the queue";
       if (now.wait_s != null) text += ` · ${duration(now.wait_s)}`;
       else if (queue > 0) text += " · no worker is running just now";
-    } else if (now.message === READY) {
-      text = "Getting ready";
-      this.waiting ??= setTimeout(() => this.say(`${text} · the first fold takes a minute longer`), LONG_MS);
-    } else {
+    } else if (now.message === READY) text = "Getting ready";
+    else if (now.message === COMPILING) text = "Compiling the solvers, once: takes up to a minute";
+    else {
       const parts = [`${text} ${Math.floor(100 * (now.fraction ?? 0))} %`];
       if (now.steps) parts.push(`${whole(now.steps)} steps`);
       if (now.simulated_s) parts.push(`${whole(now.simulated_s)} s simulated`);
@@ -105,7 +103,6 @@ export class Progress {
   async end() {
     this.events?.close();
     this.askNoMore();
-    clearTimeout(this.waiting);
     get("progress").hidden = true;
     get("cancel").hidden = true;
     const answer = await fetch(`/folds/${this.facts.id}/facts`);
@@ -115,7 +112,6 @@ export class Progress {
   async cancel() {
     get("cancel").disabled = true;
     this.cancelling = true;
-    clearTimeout(this.waiting);
     this.say("Cancelling…");
     const answer = await fetch(`/api/folds/${this.facts.id}/cancel`, {
       method: "POST",
