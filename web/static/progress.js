@@ -27,8 +27,6 @@ export class Progress {
     this.events = null;
     /** @type {ReturnType<typeof setTimeout> | null} */
     this.asking = null;
-    /** @type {ReturnType<typeof setTimeout> | undefined} */
-    this.waiting = undefined;
     /** @type {ProgressTold | null} */
     this.now = null;
     if (facts.running) this.listen();
