@@ -22,7 +22,9 @@ class Progress:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_report_teststatus(self, report: pytest.TestReport) -> tuple[str, str, str] | None:
-        """Nothing is written for a test that passed."""
+        """No letter is written for a test; it is counted as ever."""
+        if report.failed:
+            return "failed" if report.when == "call" else "error", "", ""
         return ("passed", "", "") if report.passed and report.when == "call" else None
 
     @pytest.hookimpl(trylast=True)

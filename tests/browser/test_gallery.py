@@ -59,7 +59,7 @@ def test_a_card_folds_its_shape_and_then_shows_the_fold(visit: Visit, service: S
     assert page.evaluate(f"localStorage.getItem('foldback:owner:{fold}')")
     service.wait_over(fold)
     page.goto("/gallery?status=verified")
-    assert shown(page) == ["Ring of twelve"]
+    assert "Ring of twelve" in shown(page)
     page.get_by_role("link", name=re.compile("Ring of twelve.*Verified")).tap()
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
     assert page.url.endswith(fold)

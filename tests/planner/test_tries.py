@@ -276,7 +276,8 @@ def test_a_fold_that_is_cancelled_leaves_no_process(tmp_path: FilePath) -> None:
 
 
 SCRIPT = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background
 from pathlib import Path
 from planner.portfolio import Choice, Try
 from planner.tries import Tries

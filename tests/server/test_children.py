@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -102,7 +102,8 @@ def test_what_a_child_says_while_it_starts_is_told(directory: Path, tmp_path: Pa
         "it = sys.modules['planner.warm_up'] = types.ModuleType('planner.warm_up')\n"
         "it.warm_up = lambda tell: tell(Progress(stage='read', fraction=0.0, message=COMPILING))\n"
     )
-    child = Child("stages", LIMITS, environment={"PYTHONPATH": str(tmp_path)})
+    limits = replace(LIMITS, warm=True)
+    child = Child("stages", limits, environment={"PYTHONPATH": str(tmp_path)})
     told: list[object] = []
     try:
         child.call("read", directory, wall_s=60, on_progress=lambda e: told.append(e["message"]))
