@@ -176,7 +176,7 @@ def test_a_computing_process_has_limits_and_no_secrets(
     monkeypatch.setenv("FOLDBACK_DATABASE_URL", "postgresql://us:a-secret@db/folds")
     child = Child("reader", ChildLimits(memory_bytes=2**30, cpu_s=60.0))
     try:
-        assert child._wait_ready(None)
+        assert child._wait_ready(None, None)
         limits = {
             name: resource.prlimit(child.pid, getattr(resource, f"RLIMIT_{name}"))
             for name in ("CPU", "CORE", "DATA", "FSIZE", "NOFILE")
