@@ -1,0 +1,1 @@
+"""Seeded faults: mistakes made on purpose, which the suite must find."""

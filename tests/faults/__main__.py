@@ -1,0 +1,168 @@
+"""``python -m tests.faults [NAME …] [--all]``: which test finds which fault; JSON in out/.
+
+Each fault is made in a copy of the checkout, and tests are run there until one fails: first those
+that should find it, then, with ``--all``, the whole suite. The test that failed is run again
+without the fault: it must pass.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import queue
+import subprocess
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+from rich.console import Console
+from rich.table import Table
+
+from tests.faults.fault import Fault, all_faults
+from tests.faults.scratch import GREEN, RED, Scratch
+
+CHECKOUT: Final = Path(__file__).parents[2]
+LIKELY_S: Final = 900.0
+ALL_S: Final = 2 * 3600.0
+REST: Final = ("--ignore=tests/faults",)
+"""The whole suite, but for the test that the faults are not made already."""
+Outcome = Literal["found", "not found", "no end", "unsound"]
+MET: Final = ("found", "no end")
+MOST_TOLD: Final = 4000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What became of one fault.
+
+    Attributes:
+        fault: Its name.
+        breaks: What is wrong with it.
+        outcome: ``found``, ``not found``, ``no end`` when tests did not end, which is a failure as
+            well, or ``unsound`` when they fail without the fault too or could not be run.
+        found_by: The test that failed.
+        part: ``likely`` or ``all``: what that test was run among.
+        seconds: How long it took.
+        output: The end of what pytest printed, where it was unsound.
+    """
+
+    fault: str
+    breaks: str
+    outcome: Outcome
+    found_by: str | None
+    part: str | None
+    seconds: float
+    output: str = ""
+
+
+def main() -> int:
+    """Tries the asked-for faults; 1 unless each is found."""
+    faults = {fault.name: fault for fault in all_faults()}
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="of faults; all when none is told")
+    parser.add_argument("--all", action="store_true", help="run all tests when likely ones pass")
+    parser.add_argument("--at-once", type=int, default=1, help="faults that are tried at once")
+    parser.add_argument("--out", type=Path, default=Path("out/faults.json"))
+    arguments = parser.parse_args()
+    if unknown := set(arguments.names) - faults.keys():
+        parser.error(f"got {', '.join(sorted(unknown))}, expected some of {', '.join(faults)}")
+    chosen = [faults[name] for name in arguments.names or faults]
+    console = Console(width=max(140, Console().width))
+    answers: list[Answer] = []
+    with tempfile.TemporaryDirectory(prefix="faults-") as place:
+        free: queue.Queue[Scratch] = queue.Queue()
+        for k in range(min(arguments.at_once, len(chosen))):
+            free.put(Scratch(CHECKOUT, _folder(Path(place) / str(k))))
+
+        def answered(fault: Fault) -> Answer:
+            scratch = free.get()
+            try:
+                return _answer(scratch, fault, whole=arguments.all)
+            finally:
+                free.put(scratch)
+
+        with ThreadPoolExecutor(free.qsize()) as pool:
+            for answer in pool.map(answered, chosen):
+                answers.append(answer)
+                console.print(f"{answer.fault}: {_words(answer)} ({answer.seconds:.0f} s)")
+                if answer.output:
+                    console.print(answer.output, markup=False, highlight=False)
+    _show(console, answers)
+    _write(arguments.out, answers)
+    return 0 if all(answer.outcome in MET for answer in answers) else 1
+
+
+def _answer(scratch: Scratch, fault: Fault, *, whole: bool) -> Answer:
+    begun = time.perf_counter()
+    outcome, found_by, part, output = _tried(scratch, fault, whole=whole)
+    return Answer(
+        fault=fault.name,
+        breaks=fault.breaks,
+        outcome=outcome,
+        found_by=found_by,
+        part=part,
+        seconds=round(time.perf_counter() - begun, 1),
+        output=output[-MOST_TOLD:],
+    )
+
+
+def _tried(
+    scratch: Scratch, fault: Fault, *, whole: bool
+) -> tuple[Outcome, str | None, str | None, str]:
+    parts = [("likely", fault.likely, LIKELY_S), ("all", REST, ALL_S)]
+    for part, tests, seconds in parts if whole else parts[:1]:
+        with scratch.with_fault(fault):
+            run = scratch.tested(tests, seconds=seconds)
+        if run.code is None:
+            return "no end", None, part, ""
+        if run.code == RED and run.failed:
+            again = scratch.tested(run.failed[:1], seconds=seconds)
+            if again.code != GREEN:
+                return "unsound", run.failed[0], part, again.output
+            return "found", run.failed[0], part, ""
+        if run.code != GREEN:
+            return "unsound", None, part, run.output
+    return "not found", None, None, ""
+
+
+def _folder(path: Path) -> Path:
+    path.mkdir()
+    return path
+
+
+def _words(answer: Answer) -> str:
+    among = f" ({answer.part})" if answer.part == "all" else ""
+    return f"{answer.outcome} {answer.found_by or ''}{among}".strip()
+
+
+def _show(console: Console, answers: list[Answer]) -> None:
+    table = Table()
+    for title in ("fault", "what it breaks", "found by"):
+        table.add_column(title, overflow="fold")
+    table.add_column("s", justify="right")
+    for answer in answers:
+        found = _words(answer).removeprefix("found ")
+        table.add_row(answer.fault, answer.breaks, found, f"{answer.seconds:.0f}")
+    console.print(table)
+    met = sum(answer.outcome in MET for answer in answers)
+    console.print(f"{met} of {len(answers)} faults are found.")
+
+
+def _write(path: Path, answers: list[Answer]) -> None:
+    commit = subprocess.run(
+        ["git", "rev-parse", "HEAD"], cwd=CHECKOUT, capture_output=True, text=True, check=True
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    found = {
+        "date": time.strftime("%Y-%m-%d"),
+        "commit": commit.stdout.strip(),
+        "faults": [asdict(answer) for answer in answers],
+    }
+    path.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

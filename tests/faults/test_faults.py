@@ -1,0 +1,39 @@
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from tests.faults.fault import Fault, StaleFaultError, all_faults
+
+ROOT = Path(__file__).parents[2]
+FAULTS = all_faults()
+each_fault = pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
+
+
+@each_fault
+def test_a_fault_can_still_be_made(fault: Fault) -> None:
+    before = (ROOT / fault.file).read_text(encoding="utf-8")
+    after = fault.applied(before)
+    assert after != before
+    if fault.file.endswith(".py"):
+        compile(after, fault.file, "exec")
+
+
+@each_fault
+def test_the_tests_that_should_find_it_are_there(fault: Fault) -> None:
+    files = [Path(word.partition("::")[0]) for word in fault.likely if word.startswith("tests/")]
+    assert files
+    assert all((ROOT / file).is_file() for file in files)
+
+
+def test_faults_have_names_of_their_own() -> None:
+    assert not [name for name, count in Counter(f.name for f in FAULTS).items() if count > 1]
+
+
+@pytest.mark.parametrize("text", ["a = 2", "a = 1; b = 1"])
+def test_a_fault_whose_code_has_changed_is_told(text: str) -> None:
+    fault = Fault(name="one", breaks="all", file="a.py", old="= 1", new="= 0", likely=("tests/a",))
+    with pytest.raises(StaleFaultError, match=r"one: got its old text \d times in a.py"):
+        fault.applied(text)
