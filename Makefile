@@ -15,7 +15,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test test-fast test-long coverage load audit deploy-check lint format bench success-map reproduction constraints clean tools
+.PHONY: help run test test-fast test-long faults coverage load audit deploy-check lint format bench success-map reproduction constraints clean tools
 
 help: ## What there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -79,6 +79,9 @@ coverage: $(STAMP) tools ## Lines and branches that `make test` runs, for each p
 	@for package in planner web server foldback_client; do \
 		printf '%-16s ' $$package; \
 		$(BIN)/python -m coverage report --include="$$package/*" | tail -n 1; done
+
+faults: $(STAMP) tools ## Make mistakes on purpose: which test finds which (ARGS="--all NAME …")
+	@$(BIN)/python -m tests.faults $(ARGS)
 
 load: $(STAMP) tools ## Crowds, attacks and faults: a table, and JSON in out/
 	@$(BIN)/python -m tests.load

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import queue
+import signal
 import subprocess
+import sys
 import tempfile
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final, Literal
@@ -64,7 +64,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="of faults; all when none is told")
     parser.add_argument("--all", action="store_true", help="run all tests when likely ones pass")
-    parser.add_argument("--at-once", type=int, default=1, help="faults that are tried at once")
     parser.add_argument("--out", type=Path, default=Path("out/faults.json"))
     arguments = parser.parse_args()
     if unknown := set(arguments.names) - faults.keys():
@@ -72,24 +71,15 @@ def main() -> int:
     chosen = [faults[name] for name in arguments.names or faults]
     console = Console(width=max(140, Console().width))
     answers: list[Answer] = []
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     with tempfile.TemporaryDirectory(prefix="faults-") as place:
-        free: queue.Queue[Scratch] = queue.Queue()
-        for k in range(min(arguments.at_once, len(chosen))):
-            free.put(Scratch(CHECKOUT, _folder(Path(place) / str(k))))
-
-        def answered(fault: Fault) -> Answer:
-            scratch = free.get()
-            try:
-                return _answer(scratch, fault, whole=arguments.all)
-            finally:
-                free.put(scratch)
-
-        with ThreadPoolExecutor(free.qsize()) as pool:
-            for answer in pool.map(answered, chosen):
-                answers.append(answer)
-                console.print(f"{answer.fault}: {_words(answer)} ({answer.seconds:.0f} s)")
-                if answer.output:
-                    console.print(answer.output, markup=False, highlight=False)
+        scratch = Scratch(CHECKOUT, Path(place))
+        for fault in chosen:
+            answer = _answer(scratch, fault, whole=arguments.all)
+            answers.append(answer)
+            print(f"{answer.fault}: {_words(answer)} ({answer.seconds:.0f} s)", flush=True)
+            if answer.output:
+                print(answer.output, flush=True)
     _show(console, answers)
     _write(arguments.out, answers)
     return 0 if all(answer.outcome in MET for answer in answers) else 1
@@ -126,11 +116,6 @@ def _tried(
         if run.code != GREEN:
             return "unsound", None, part, run.output
     return "not found", None, None, ""
-
-
-def _folder(path: Path) -> Path:
-    path.mkdir()
-    return path
 
 
 def _words(answer: Answer) -> str:

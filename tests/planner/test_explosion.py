@@ -111,6 +111,20 @@ def test_momentum_is_not_made_from_nothing() -> None:
     assert np.median(seen) < 0.02
 
 
+def test_linked_modules_are_pulled_apart_by_the_tension_alone() -> None:
+    seen: list[Array] = []
+
+    def watched(self: Segments, state: State, forces: Array) -> Acceleration:
+        del self, state
+        seen.append(forces.copy())
+        raise SimulationError("seen")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Segments, "accelerations", watched)
+        explode(line(3), replace(DEFAULT, repulsion_cutoff=1.5))
+    assert np.linalg.norm(seen[0][0]) == pytest.approx(DEFAULT.tension * DEFAULT.spring)
+
+
 def test_the_same_seed_gives_the_same_record_bit_for_bit() -> None:
     chain = coil(16)
     first, again, other = (explode(chain, DEFAULT, seed=seed) for seed in (3, 3, 4))

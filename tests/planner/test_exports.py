@@ -216,6 +216,19 @@ def test_mujoco_moves_the_urdf_as_the_plan(plan: Plan) -> None:
             np.testing.assert_allclose(centre[:3], wanted, atol=1e-6 * chain.pitch_m)
 
 
+def test_links_of_the_urdf_turn_as_heavily_as_solid_modules(plan: Plan) -> None:
+    chain = plan.chain
+    hull = trimesh.convex.convex_hull(chain.module.vertices * chain.pitch_m)
+    hull.density = plan.parameters["density_kg_m3"]
+    solid = np.diag(hull.moment_inertia) / hull.mass
+    for link in ElementTree.fromstring(written("urdf", plan)).iter("inertial"):
+        told = link.find("inertia")
+        assert told is not None
+        moments = [float(told.attrib[name]) for name in ("ixx", "iyy", "izz")]
+        mass = float(link.find("mass").attrib["value"])  # type: ignore[union-attr]
+        np.testing.assert_allclose(moments, mass * solid)
+
+
 def decoded(data: bytes) -> list[tuple[Any, Any, Any]]:
     """Channel, record and decoded message of everything in a log."""
     reader = make_reader(io.BytesIO(data), decoder_factories=[DecoderFactory()])

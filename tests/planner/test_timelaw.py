@@ -34,22 +34,27 @@ def bounded(folded: Callable[..., Any]) -> tuple[Reference, Tree, TimeLaw]:
     return reference, tree, law
 
 
+def belongs_together(law: TimeLaw) -> None:
+    """Whether rates and accelerations are those of the places."""
+    by_difference = np.gradient(law.u, law.step_s)[1:-1]
+    assert np.abs(by_difference - law.rate[1:-1]).max() < 0.02 * np.abs(law.rate).max()
+    by_difference = np.gradient(law.rate, law.step_s)[2:-2]
+    assert (
+        np.abs(by_difference - law.acceleration[2:-2]).max() < 0.05 * np.abs(law.acceleration).max()
+    )
+
+
 def check(law: TimeLaw, steps: int, step_s: float) -> None:
     total = steps * step_s
     assert len(law) == steps
     assert len(law.u) == len(law.rate) == len(law.acceleration) == steps + 1
     assert law.u[0] == pytest.approx(0.0, abs=1e-9)
     assert law.u[-1] == pytest.approx(1.0, abs=1e-9)
-    # At rest at both ends, never backwards, and the arrays belong together.
+    # At rest at both ends, and never backwards.
     assert abs(law.rate[0]) < 1e-6 / step_s
     assert abs(law.rate[-1]) < 1e-6 / step_s
     assert np.diff(law.u).min() > -1e-9
-    by_difference = np.gradient(law.u, step_s)[1:-1]
-    assert np.abs(by_difference - law.rate[1:-1]).max() < 0.02 * law.rate.max()
-    by_difference = np.gradient(law.rate, step_s)[2:-2]
-    assert (
-        np.abs(by_difference - law.acceleration[2:-2]).max() < 0.05 * np.abs(law.acceleration).max()
-    )
+    belongs_together(law)
     assert law.rate.max() < 3.0 / total
 
 
@@ -59,6 +64,13 @@ def test_the_smooth_law(steps: int, step_s: float) -> None:
     check(law, steps, step_s)
     np.testing.assert_allclose(law.u + law.u[::-1], 1.0, atol=1e-12)
     assert law.acceleration[0] == law.acceleration[-1] == 0.0
+
+
+def test_a_law_backwards_leads_back() -> None:
+    law = smooth_law(steps=400, step_s=0.02)
+    back = law.backwards()
+    np.testing.assert_array_equal(back.u, law.u[::-1])
+    belongs_together(back)
 
 
 def test_the_bounded_law(bounded: tuple[Reference, Tree, TimeLaw]) -> None:

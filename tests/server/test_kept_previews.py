@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from io import BytesIO
 from pathlib import Path
 
 import pytest
 
 from server.kept_previews import UPLOAD, HeldPreview, KeptPreviews, superfluous, visitor_noted
-from server.previews import NoSuchPreviewError, Previews
+from server.previews import NoSuchPreviewError, Previews, ShapeWishes
 from server.settings import Settings
 from server.storage import open_storage
 from server.uploads import Uploads
@@ -39,6 +40,16 @@ def test_who_holds_most_loses_his_own_first(tmp_path: Path) -> None:
     assert gone(2, "b") == ["b0", "old"]  # above what one visitor may hold
     assert gone(4, "d") == ["b0", "old"]  # above what all may, where one holds most
     assert gone(6, "b") == ["b0", "b1", "b2", "old"]
+
+
+def test_other_wishes_have_a_report_of_their_own() -> None:
+    others = [
+        *(ShapeWishes(module="tetrahedron"), ShapeWishes(modules=64), ShapeWishes(method="exact")),
+        *(ShapeWishes(repair=True), ShapeWishes(ends="surface"), ShapeWishes(as_voxels=True)),
+        *(ShapeWishes(start=(0, 0, 0)), ShapeWishes(seed=1)),
+    ]
+    assert len(others) == len(fields(ShapeWishes))
+    assert len({wishes.key for wishes in (ShapeWishes(), *others)}) == len(others) + 1
 
 
 @pytest.mark.parametrize("about", [b"[]", b"7", b"\xff", b"[" * 100_000])

@@ -9,6 +9,7 @@ import viser
 from viser import _messages as messages
 
 from planner.chain import Chain
+from planner.rotations import matrix_from_wxyz
 from web.camera import framing
 from web.colours import UNKNOWN, instance_colours
 from web.film import Film
@@ -60,6 +61,8 @@ def test_the_ends_are_marked_outside_the_chain(
     way = shown.positions[1] - shown.positions[0]
     assert (ends[0] - shown.positions[0]) @ way == pytest.approx(-0.465, abs=1e-3)
     assert (ends[1] - shown.positions[-1]) @ way == pytest.approx(0.465, abs=1e-3)
+    out = matrix_from_wxyz(np.asarray(scene._ends.batched_wxyzs, np.float64))[:, :, 0] @ way
+    assert out == pytest.approx([-1.0, 1.0], abs=1e-3)
 
 
 def test_the_ground_lies_below_the_chain(
