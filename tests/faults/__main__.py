@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from tests.faults.fault import Fault, all_faults
@@ -80,8 +81,8 @@ def main() -> int:
             print(f"{answer.fault}: {_words(answer)} ({answer.seconds:.0f} s)", flush=True)
             if answer.output:
                 print(answer.output, flush=True)
-    _show(console, answers)
     _write(arguments.out, answers)
+    _show(console, answers)
     return 0 if all(answer.outcome in MET for answer in answers) else 1
 
 
@@ -129,7 +130,7 @@ def _show(console: Console, answers: list[Answer]) -> None:
         table.add_column(title, overflow="fold")
     table.add_column("s", justify="right")
     for answer in answers:
-        found = _words(answer).removeprefix("found ")
+        found = escape(_words(answer).removeprefix("found "))
         table.add_row(answer.fault, answer.breaks, found, f"{answer.seconds:.0f}")
     console.print(table)
     met = sum(answer.outcome in MET for answer in answers)

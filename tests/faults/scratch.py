@@ -8,6 +8,8 @@ import shutil
 import signal
 import subprocess
 import sys
+import sysconfig
+import venv
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -71,6 +73,7 @@ class Scratch:
                 copy = place / path.relative_to(checkout)
                 copy.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(path, copy)
+        self._python = _interpreter(place)
 
     @contextmanager
     def with_fault(self, fault: Fault) -> Iterator[None]:
@@ -108,10 +111,10 @@ class Scratch:
         """
         (self._root / FAILED).unlink(missing_ok=True)
         process = subprocess.Popen(
-            [sys.executable, "-m", "pytest", "-q", "-x", "--tb=short", *arguments],
+            [self._python, "-m", "pytest", "-q", "-x", "--tb=short", *arguments],
             cwd=self._root,
-            # Before the checkout, which is installed; processes that tests start get it too.
-            env={**os.environ, "PYTHONPATH": str(self._root)},
+            # Programs that are installed beside this Python are found by their names.
+            env={**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -157,3 +160,16 @@ class Scratch:
             for kind in KERNEL_CACHES
             for cache in (file.parent / "__pycache__").glob(f"{file.stem}.{kind}")
         ]
+
+
+def _interpreter(root: Path) -> Path:
+    """A Python that imports from the copy, and all else from where this one does.
+
+    Processes that tests start are of the same Python, whatever variables they are given.
+    """
+    home = root / ".venv"
+    venv.create(home)
+    own = sysconfig.get_path("purelib", "venv", vars={"base": str(home)})
+    installed = sysconfig.get_path("purelib")
+    (Path(own) / "copy.pth").write_text(f"{root}\nimport site; site.addsitedir({installed!r})\n")
+    return home / "bin" / "python"
