@@ -5,7 +5,7 @@ import { close, closeTurns, recorded, turnOfEvents, unpack, vectors } from "./ve
 
 const TOTAL = 400;
 
-// A source of `TOTAL` frames; after so many requests each it is another timeline.
+// A source of `TOTAL` frames, one a second; after so many requests each it is another timeline.
 function begunAnew(swaps, status) {
   const chain = { modules: 2, root: 0, rigid_links: 0, hinges: 1, axes: [[0, 0, 1]], anchor: [0.5, 0, 0], offset: [0.5, 0, 0], turn: [1, 0, 0, 0] };
   const arrays = { folded_rad: new Float32Array(1), folded_positions: new Float32Array(6) };
@@ -21,7 +21,8 @@ function begunAnew(swaps, status) {
       return {
         header: { id, status, total: TOTAL, start: from, stop, stride, outline: {} },
         arrays: {
-          time_s: column(1), phase: column(1), root_position: column(3), root_wxyz: column(4), joint_angles_rad: column(1), joint_error_rad: column(1),
+          time_s: column(1).map((_, k) => from + k * stride),
+          phase: column(1), root_position: column(3), root_wxyz: column(4), joint_angles_rad: column(1), joint_error_rad: column(1),
         },
       };
     },
@@ -59,6 +60,17 @@ test("a fold that ended in the middle is over", async () => {
   assert.ok(source.asked < 20, `${source.asked} requests`);
 });
 
+test("every frame is kept in its place, those first that are spread over the film", async () => {
+  const film = new Film(begunAnew([], "complete"));
+  const times = () => Array.from({ length: TOTAL }, (_, k) => film.row(k)?.time_s ?? null);
+  let spread = null;
+  film.on("begun", () => { spread = times(); });
+  while (!film.total || !film.complete) await turnOfEvents();
+  const frames = Array.from({ length: TOTAL }, (_, k) => k);
+  assert.deepEqual(spread, frames.map((k) => (k % 7 ? null : k)));
+  assert.deepEqual(times(), frames);
+});
+
 test("frames are as they were recorded, and between two in between", async () => {
   const { film } = await recorded();
   assert.equal(film.last, vectors.film.frames.at(-1).frame);
@@ -85,9 +97,12 @@ test("hinges turn as fast as their angles change", async () => {
   const [one, two] = [film.snapshot(120), film.snapshot(121)];
   const expected = Array.from({ length: film.joints }, (_, j) => (two.angle(j) - one.angle(j)) / (two.time_s - one.time_s));
   assert.ok(Math.max(...expected.map(Math.abs)) > 0.1);
-  close(film.speeds(120), expected, { atol: 1e-5 });
+  for (const frame of [120, 120.5]) close(film.speeds(frame), expected, { atol: 1e-5 });
   const seam = film.outline.phases[1].from - 1; // an explosion's last frame and a playback's first
   assert.ok(film.speeds(seam).every(Number.isNaN));
+  const row = film.row(120);
+  film.row = () => row; // no time passes
+  assert.ok(film.speeds(120).every(Number.isNaN));
 });
 
 test("what has been fetched is scrubbed without a word to the server", async () => {

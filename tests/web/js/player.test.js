@@ -82,6 +82,18 @@ test("a selected module tells its cell and its joint", async () => {
   assert.equal(heard.module.index, null);
 });
 
+test("each module but the first and the last tells the hinges of the joint that it carries", () => {
+  const chain = { modules: 5, rigid_links: 1, hinges: 2, hinge_names: ["z", "y"] };
+  const film = { chain, joints: 6, foldedPositions: new Float32Array(15), foldedRad: [10, 11, 12, 13, 14, 15] };
+  const snapshot = { angle: (j) => j, errors: new Float32Array(6) };
+  const told = [0, 1, 3, 4].map((selected) => {
+    let found = null;
+    Player.prototype.tellModule.call({ film, shown: snapshot, selected, tell: (_, { joints }) => { found = joints; } });
+    return found.map(({ name, angle_rad: angle, target_rad: target }) => [name, angle, target]);
+  });
+  assert.deepEqual(told, [[], [["joint_1_z", 0, 10], ["joint_1_y", 1, 11]], [["joint_3_z", 4, 14], ["joint_3_y", 5, 15]], []]);
+});
+
 test("a click on a module selects it, and lets go of it", async () => {
   const { player, heard } = await shown();
   const at = Array.from(player.shown.positions.subarray(9, 12));
@@ -155,13 +167,13 @@ test("steps are whole frames, and stay in the film", () => {
   const { playhead } = head();
   playhead.do({ do: "seek", percent: 50 });
   assert.equal(playhead.frame, 119.5);
-  playhead.do({ do: "step", by: 1 });
-  assert.equal(playhead.frame, 120);
-  playhead.do({ do: "seek", frame: 3.5 });
-  playhead.do({ do: "step", by: -1 });
-  assert.equal(playhead.frame, 3);
-  playhead.do({ do: "step", by: -10 });
-  assert.equal(playhead.frame, 0);
+  const stepped = (frame, by) => {
+    playhead.do({ do: "seek", frame });
+    playhead.do({ do: "step", by });
+    return playhead.frame;
+  };
+  assert.deepEqual([3.5, 3, 0, 239].map((frame) => [stepped(frame, 1), stepped(frame, -1)]), [[4, 3], [4, 2], [1, 0], [239, 238]]);
+  assert.equal(stepped(3, -10), 0);
   assert.equal(playhead.do({ do: "nothing" }), false);
 });
 
