@@ -114,6 +114,9 @@ def test_a_quarter_turn_overlaps_by_what_everybody_can_work_out() -> None:
     assert found.worst_overlap_bound == pytest.approx(found.worst_overlap, abs=1e-3)
     assert found.worst_overlap_at is not None
     assert found.worst_overlap_at.frame == pytest.approx(45.0, abs=1.0)
+    # Between two frames it is deeper than at both, and within the bound all the same.
+    coarse = exempt_pairs(chain, [np.deg2rad([[5.0, 0.0], [85.0, 0.0]])], size=0.95)
+    assert found.worst_overlap <= coarse.worst_overlap_bound + 1e-9
 
 
 def test_where_nothing_was_looked_at_no_overlap_is_told() -> None:
