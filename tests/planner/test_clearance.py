@@ -54,11 +54,15 @@ def test_corner_to_face(distance: float) -> None:
 
 
 @pytest.mark.parametrize("distance", [2.0, 1.5, 1.4])
-def test_crossed_edges(distance: float) -> None:
-    # One shows an edge along z, the other one along y: only a product of edges parts them.
-    other = turned(np.array([0.0, np.pi / 4, 0.0]))
+@pytest.mark.parametrize("first", range(3))
+@pytest.mark.parametrize("second", range(3))
+def test_crossed_edges(distance: float, first: int, second: int) -> None:
+    # One shows an edge along z, the other one along y: only a product of edges parts them. Which
+    # of their own axes these edges lie along makes no difference.
+    one = ON_EDGE @ np.roll(UPRIGHT, first, axis=0)
+    other = turned(np.array([0.0, np.pi / 4, 0.0])) @ np.roll(UPRIGHT, second, axis=0)
     wanted = distance - 2.0 * np.sqrt(0.5)
-    assert separation([distance, 0.0, 0.0], ON_EDGE, other) == pytest.approx(wanted)
+    assert separation([distance, 0.0, 0.0], one, other) == pytest.approx(wanted)
 
 
 def test_depth_of_one_in_the_other() -> None:
