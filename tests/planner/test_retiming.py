@@ -103,6 +103,12 @@ def test_a_single_joint_takes_the_time_that_it_must(
     check_bounds(trajectory, 5001)
 
 
+def test_a_slow_joint_turns_no_faster_than_it_may() -> None:
+    trajectory = along(ramp(1.5, 20), 0.5, 2.0)
+    assert trajectory.duration_s == pytest.approx(1.5 / 0.5 + 0.5 / 2.0, rel=0.01)
+    check_bounds(trajectory, 5001)
+
+
 def test_uneven_frames_make_no_difference_on_a_straight_way() -> None:
     uneven = 1.5 * np.sort(np.random.default_rng(0).uniform(size=60))[:, None]
     uneven[0], uneven[-1] = 0.0, 1.5
