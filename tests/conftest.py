@@ -24,6 +24,13 @@ PROCESSES = {"service", "desk", "service_with", "postgres", "bucket", "browser",
 """Fixtures that start programs."""
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """For runs in which kernels are wrong on purpose."""
+    parser.addoption(
+        "--no-compile", action="store_true", help="compile no kernel before a test needs it"
+    )
+
+
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Marks what starts programs: ``make test-fast`` leaves it out."""
@@ -34,7 +41,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Compiles what is not compiled yet; runs on several processes tell how far they are."""
-    if not hasattr(config, "workerinput"):
+    if not (hasattr(config, "workerinput") or config.getoption("--no-compile")):
         _compile(config)
     progress.add_to(config)
 
@@ -46,12 +53,13 @@ def _compile(config: pytest.Config) -> None:
         for path in sorted(KERNELS.glob("*.py"))
     }
     compiled = [sys.prefix, version("numba"), stamps]
-    if config.cache is None or config.cache.get("foldback/compiled", None) == compiled:
+    cache: pytest.Cache | None = getattr(config, "cache", None)  # none with -p no:cacheprovider
+    if cache is None or cache.get("foldback/compiled", None) == compiled:
         return
     print("Compiling the kernels, once: about a minute …", flush=True)
     warm_up = "from planner.warm_up import warm_up; warm_up()"
     subprocess.run([sys.executable, "-c", warm_up], cwd=KERNELS.parents[1], check=True)
-    config.cache.set("foldback/compiled", compiled)
+    cache.set("foldback/compiled", compiled)
 
 
 @pytest.fixture(scope="session")

@@ -19,6 +19,7 @@ from typing import Final
 from tests.faults.fault import Fault
 
 KERNEL_CACHES: Final = ("*.nbi", "*.nbc")
+WARM_UP: Final = "from planner.warm_up import warm_up; warm_up()"
 FAILED: Final = Path(".pytest_cache/v/cache/lastfailed")
 GREEN: Final = 0
 RED: Final = 1
@@ -43,8 +44,9 @@ class Scratch:
     """Files of a checkout, as they are now, in a folder of their own.
 
     Files keep their times, so that kernels which numba has compiled in the checkout need not be
-    compiled again. It does not know which kernels call which: those that call a changed one, in
-    other files too, are compiled anew.
+    compiled again; what is not compiled yet is compiled once, before the first fault. It does not
+    know which kernels call which: those that call a changed one, in other files too, are compiled
+    anew when a test needs them.
 
     Args:
         checkout: The root of a git checkout.
@@ -74,6 +76,7 @@ class Scratch:
                 copy.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(path, copy)
         self._python = _interpreter(place)
+        subprocess.run([self._python, "-c", WARM_UP], cwd=place, check=True)
 
     @contextmanager
     def with_fault(self, fault: Fault) -> Iterator[None]:
@@ -111,7 +114,8 @@ class Scratch:
         """
         (self._root / FAILED).unlink(missing_ok=True)
         process = subprocess.Popen(
-            [self._python, "-m", "pytest", "-q", "-x", "--tb=short", *arguments],
+            # All kernels that call a changed one take a minute; a test needs few of them.
+            [self._python, "-m", "pytest", "-q", "-x", "--tb=short", "--no-compile", *arguments],
             cwd=self._root,
             # Programs that are installed beside this Python are found by their names.
             env={**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},
