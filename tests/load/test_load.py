@@ -16,7 +16,7 @@ from tests.load.uploads import uploads
 from tests.load.viewers import viewers
 from tests.load.workers import workers
 
-pytestmark = pytest.mark.slow
+LONG = pytest.mark.long
 
 
 @pytest.mark.parametrize("address", ["http://192.0.2.1", "http://[2001:db8::1]:80", "http://", ""])
@@ -26,16 +26,10 @@ def test_load_goes_to_this_machine_alone(address: str) -> None:
     assert checked("http://127.0.0.1:8000") == "http://127.0.0.1:8000"
 
 
+@LONG
 @pytest.mark.parametrize(
     "section",
-    [
-        scrubbing,
-        uploads,
-        pytest.param(mutated_uploads, marks=pytest.mark.long),
-        pytest.param(strangers, marks=pytest.mark.long),
-        pytest.param(viewers, marks=pytest.mark.long),
-        pytest.param(workers, marks=pytest.mark.long),
-    ],
+    [scrubbing, uploads, mutated_uploads, strangers, viewers, workers],
     ids=lambda s: s.__name__,
 )
 def test_in_short(section) -> None:
@@ -45,6 +39,7 @@ def test_in_short(section) -> None:
     assert any(figure.met for figure in found.figures) or found.rows
 
 
+@LONG
 def test_faults_in_short(tmp_path: Path) -> None:
     done = subprocess.run(
         [

@@ -304,7 +304,7 @@ MESHES: dict[str, Callable[[], Mesh]] = {
 
 
 @given(st.sampled_from(sorted(MESHES)), st.integers(1, 400), st.integers(0, 3), st.booleans())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_a_count_that_is_offered_is_what_asking_for_it_gives(
     name: str, cells: int, seed: int, upright: bool
 ) -> None:

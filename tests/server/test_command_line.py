@@ -8,8 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
-from server.command_line import COMMANDS
+from server.command_line import COMMANDS, application
 from server.gallery import Gallery
 
 COMMANDS_DIR = Path(__file__).parents[2] / "server" / "commands"
@@ -36,8 +37,8 @@ def test_every_command_is_offered() -> None:
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_explains_itself(command: str) -> None:
-    answer = foldback(command, "--help")
-    assert answer.returncode == 0, answer.stderr
+    answer = CliRunner().invoke(application(), [command, "--help"], prog_name="foldback")
+    assert answer.exit_code == 0, answer.output
     assert f"foldback {command}" in answer.stdout
     assert COMMANDS[command].rstrip(".") in " ".join(answer.stdout.split())
 

@@ -39,7 +39,7 @@ def test_a_worker_killed_in_mid_explosion(service_with) -> None:
 
 def test_a_server_killed_in_mid_explosion(service_with) -> None:
     service = service_with().start()
-    fold_id = service.fold(shape="wrench-160")["id"]
+    fold_id = service.fold(shape="wrench-80")["id"]
     waiting = service.fold(SNAKE)["id"]
     assert service.wait_exploding(fold_id)["status"] == "running"
     read = service.directory(fold_id) / "candidates.json"
@@ -84,7 +84,7 @@ def test_a_living_worker_takes_over_from_one_that_stays_dead(service_with) -> No
 
 def test_a_child_killed_fails_its_fold_alone_with_a_clear_word(service_with) -> None:
     service = service_with().start()
-    accepted = service.fold(shape="wrench-160")
+    accepted = service.fold(shape="wrench-80")
     waiting = service.fold(SNAKE)["id"]
     service.wait_exploding(accepted["id"])
     for child in service.processes("server.child"):

@@ -42,6 +42,7 @@ def check_whole(service: Service, fold_id: str) -> dict[str, Any]:
     return state
 
 
+@pytest.mark.long
 def test_what_one_takes_in_another_computes_and_a_third_shows(hosts_with: Any) -> None:
     hosts = hosts_with()
     first, second = hosts.web(), hosts.web()

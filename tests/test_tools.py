@@ -1,0 +1,39 @@
+"""What somebody without Chromium or PostgreSQL is told before the first test."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from tests import tools
+from tests.tools import MissingToolError, Tool
+
+
+@pytest.fixture
+def nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not root, so that no package can be installed."""
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+
+
+@pytest.mark.usefixtures("nobody")
+def test_all_that_is_missing_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    missing = [Tool(name, (name.lower(),), lambda: None) for name in ("Chromium", "PostgreSQL")]
+    monkeypatch.setattr(tools, "TOOLS", (*missing, Tool("sh", ("dash",), lambda: "/bin/sh")))
+    with pytest.raises(SystemExit) as told:
+        tools.main()
+    assert told.value.code == (
+        "Missing for the tests: Chromium, PostgreSQL. Run `sudo apt-get install chromium "
+        "postgresql`; all that needs none of them is run by `make test-fast`."
+    )
+    with pytest.raises(MissingToolError, match="apt-get install chromium`"):
+        missing[0].get()
+
+
+@pytest.mark.usefixtures("nobody")
+def test_what_can_be_downloaded_is_got_once(capsys: pytest.CaptureFixture[str]) -> None:
+    got: list[str] = []
+    tool = Tool("Chromium", (), lambda: got[0] if got else None, lambda: got.append("/got"))
+    assert tool.get() == tool.get() == "/got"
+    assert got == ["/got"]
+    assert capsys.readouterr().err == "Downloading Chromium, once …\n"
