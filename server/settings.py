@@ -116,7 +116,8 @@ class Settings(BaseSettings):
         default=True,
         description="Whether computing processes start and run their compiled loops once, and the "
         "first page is made, before anybody asks. Without it an idle service takes some 700 MB "
-        "less, who comes first waits some seconds more, and the loops must have been compiled.",
+        "less and who comes first waits some seconds more. Start a new version once with it: that "
+        "compiles the loops.",
     )
     lease_s: float = Field(
         default=15.0, gt=0, description="A worker silent for so long is dead; others take over."
