@@ -35,6 +35,7 @@ class Progress:
             self._failed += 1
             terminal.ensure_newline()
             terminal.write_line(f"  failed: {report.nodeid}", red=True)
+            terminal.flush()
         if report.when != "teardown":
             return
         self._over += 1
@@ -49,6 +50,7 @@ class Progress:
                 f"  {share:3d} %  {self._over} of {every} tests{failed}, "
                 f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
             )
+            terminal.flush()  # also where a log is written
 
 
 def add_to(config: pytest.Config) -> None:
