@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Final
@@ -32,7 +33,7 @@ COMMANDS: Final = {
 }
 """What each command is for, as its own help begins: told of all without importing any."""
 
-DRAWING: Final = ("serve", "worker", "movie", "doctor")
+DRAWING: Final = frozenset(("serve", "worker", "movie", "doctor"))
 """Commands that need OpenGL; to the others MuJoCo need not bring what opens windows."""
 
 
@@ -71,8 +72,6 @@ def _not_imported() -> None:
 
 def _imported(name: str) -> Command:
     """The command of this name, from the module of this name."""
-    if name not in DRAWING:
-        os.environ.setdefault("MUJOCO_GL", "off")
     found: typer.Typer | Callable[..., None] = getattr(
         import_module(f"server.commands.{name}"), name
     )
@@ -96,6 +95,8 @@ def main() -> None:
     # Read when NumPy is imported. Threads of linear algebra bring nothing at these sizes.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    if not set(sys.argv[1:2]) & DRAWING:
+        os.environ.setdefault("MUJOCO_GL", "off")
     application()(prog_name="foldback")
 
 

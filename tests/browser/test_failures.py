@@ -68,7 +68,7 @@ def looked_at(page: Page, name: str) -> list[int]:
 
 
 def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
-    fold = service.fold(shape="wrench-24", module_size=1.0)["id"]
+    fold = service.fold(shape="wrench-80", module_size=1.0)["id"]
     state = service.wait_over(fold)
     assert state["status"] == "failed"
     place = state["summary"]["certificate"]["min_clearance_at"]
