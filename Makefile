@@ -70,7 +70,8 @@ format: $(STAMP) ## Let ruff put the code in order
 	@$(BIN)/ruff format .
 
 test-long: $(STAMP) tools ## What takes long by nature: faults, replays of all shapes; an hour and more
-	@$(BIN)/python -m pytest -q -m long -o timeout=0 --durations=20 $(ARGS)
+	@$(BIN)/python -m pytest -q -m "long or hypothesis" --hypothesis-profile=thorough -o timeout=0 \
+		--durations=20 $(ARGS)
 
 coverage: $(STAMP) tools ## Lines and branches that `make test` runs, for each package
 	@rm -rf out/coverage && mkdir -p out/coverage

@@ -15,8 +15,17 @@ from tests import progress
 from tests.server.service import Service
 
 # No test asserts wall-clock time, so hypothesis must not either.
-settings.register_profile("foldback", deadline=None, derandomize=True, print_blob=True)
-settings.load_profile("foldback")
+settings.register_profile(
+    "commit", max_examples=30, deadline=None, derandomize=True, print_blob=True
+)
+settings.register_profile("thorough", max_examples=300, deadline=None, print_blob=True)
+if settings.get_current_profile_name() != "thorough":  # as --hypothesis-profile may have said
+    settings.load_profile("commit")
+
+
+def examples(*, one_of: int) -> settings:
+    """Settings of a property whose examples take long: so much fewer than the profile says."""
+    return settings(max_examples=max(1, settings.default.max_examples // one_of))
 
 
 KERNELS = Path(__file__).parents[1] / "planner" / "kernels"

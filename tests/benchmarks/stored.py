@@ -11,12 +11,12 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from dataclasses import fields
 from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from planner.fold_files import write_request
 from planner.progress import Cancelled, never
-from planner.request import Request
-from planner.stages import STAGES, next_stage, run_stage
+
+if TYPE_CHECKING:
+    from planner.request import Request
 
 Case = TypeVar("Case")
 Row = dict[str, Any]
@@ -92,6 +92,10 @@ def judge(
     Raises:
         InputError: When the input cannot be used.
     """
+    # Loaded late: each process that runs cases of another kind would load all of the planner.
+    from planner.fold_files import write_request
+    from planner.stages import STAGES, next_stage, run_stage
+
     write_request(directory, request, data)
     stage: str | None = STAGES[0]
     result: dict[str, Any] = {}

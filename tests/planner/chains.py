@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +30,11 @@ def coil(modules: int) -> Chain:
 
 COIL = Path.from_cells(np.round(coil(12).folded_poses.positions).astype(int), name="coil")
 """A path that folds in a moment."""
+SQUARE: Final = Path.from_cells(
+    [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1, 0), (0, 1, 0), (0, 2, 0), (1, 2, 0)],
+    name="square",
+)
+"""The same, of eight cells in a plane."""
 
 
 def random_angles(chain: Chain, rng: np.random.Generator, most: float = 1.5) -> Array:

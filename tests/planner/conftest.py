@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+import os
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
+from fcntl import LOCK_EX, flock
 from functools import cache
 from pathlib import Path as FilePath
 
 import pytest
-from hypothesis import settings
 
 from planner.chain import Chain
 from planner.fold_files import write_request
@@ -18,11 +20,9 @@ from planner.record import Record
 from planner.request import Request
 from planner.stages import run_stages
 
-# A busy machine, or kernels that compile first, must not fail a property.
-settings.register_profile("patient", deadline=None)
-settings.load_profile("patient")
-
 SHAPES = FilePath(__file__).parents[2] / "examples" / "shapes"
+REAL = ("wrench-24", "mallet-24", "mallet-64", pytest.param("wrench-94", marks=pytest.mark.long))
+"""Example shapes that are folded for tests of all that a fold is made of."""
 
 
 @pytest.fixture
@@ -61,14 +61,27 @@ Fold = Callable[..., Folded]
 
 @pytest.fixture(scope="session")
 def folded(tmp_path_factory: pytest.TempPathFactory) -> Fold:
-    """Folds an example shape once for all tests that want it: ``folded("wrench-24")``."""
+    """Folds an example shape once for all tests that want it: ``folded("wrench-24")``.
+
+    Tests that run on several processes share them, too.
+    """
+    shared = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared = shared.parent
 
     @cache
     def made(shape: str, preset: str = "default", seed: int = 0) -> Folded:
-        directory = tmp_path_factory.mktemp(f"{shape}-{preset}-{seed}")
+        directory = shared / f"folded-{shape}-{preset}-{seed}"
         request = Request(preset=preset, seed=seed)
-        write_request(directory, request, (SHAPES / f"{shape}.json").read_bytes())
-        run_stages(directory)
+        with open(directory.with_suffix(".lock"), "w") as lock:
+            flock(lock, LOCK_EX)
+            if not directory.exists():
+                making = directory.with_suffix(".making")
+                shutil.rmtree(making, ignore_errors=True)
+                making.mkdir()
+                write_request(making, request, (SHAPES / f"{shape}.json").read_bytes())
+                run_stages(making)
+                making.rename(directory)
         record, playback = directory / "record.npz", directory / "playback.npz"
         plan = Plan.load(directory / "plan.npz")
         return Folded(

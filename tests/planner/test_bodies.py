@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -76,7 +76,6 @@ def test_derivatives_are_differences(module: Module, count: int, seed: int, at: 
 
 
 @pytest.mark.slow
-@settings(max_examples=150)
 @given(
     MODULES,
     st.integers(3, 14),

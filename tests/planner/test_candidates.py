@@ -89,7 +89,7 @@ def test_the_candidate_whose_neighbours_are_closest_comes_first(method: str) -> 
 def test_a_knotted_candidate_comes_last() -> None:
     overhand = walk(OVERHAND)
     assert knot_of(overhand).verdict == "knotted"
-    winding = snake_path((6, 6, 6))
+    winding = snake_path((5, 5, 4))
     assert spread(overhand) < spread(winding)
     assert ranked([overhand, winding])[0] is winding
 

@@ -22,6 +22,7 @@ from planner.playback import Playback
 from planner.record import Record
 from planner.sweep import sweep
 from tests.planner.chains import coil, line
+from tests.planner.conftest import REAL
 
 Array = NDArray[np.float64]
 PARAMETERS = Parameters()
@@ -95,7 +96,7 @@ def test_a_sound_plan_is_verified() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", ["wrench-24", "mallet-24", "mallet-64", "wrench-94"])
+@pytest.mark.parametrize("shape", REAL)
 def test_real_plans_are_verified(shape: str, folded: Callable[..., Any]) -> None:
     certificate = folded(shape).plan.certificate
     assert certificate.verdict == "verified (simulated)"

@@ -7,7 +7,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -21,6 +21,7 @@ from planner.shapes import Shape
 from tests.benchmarks.feasible_sets import FeasibleSet, feasible_sets
 from tests.benchmarks.hard_sets import hard_sets
 from tests.benchmarks.paths import HARD_RESULTS, RESULTS, check_stored
+from tests.conftest import examples
 from tests.planner.lattice import walks
 
 Ints = NDArray[np.int64]
@@ -55,7 +56,6 @@ small_sets = st.sets(
 
 @pytest.mark.slow
 @given(cells=small_sets)
-@settings(max_examples=150)
 def test_the_search_agrees_with_trying_everything(cells: set[tuple[int, int, int]]) -> None:
     shape = Shape.from_cells(sorted(cells))
     search = exact_path(shape)
@@ -67,7 +67,6 @@ def test_the_search_agrees_with_trying_everything(cells: set[tuple[int, int, int
 
 
 @given(walk=walks(most=120), seed=st.integers(0, 99))
-@settings(max_examples=40)
 def test_cells_of_a_walk_have_a_path_and_it_is_found(walk: Ints, seed: int) -> None:
     shape = Shape.from_cells(walk)
     if len(shape) >= 3:
@@ -75,7 +74,7 @@ def test_cells_of_a_walk_have_a_path_and_it_is_found(walk: Ints, seed: int) -> N
 
 
 @given(walk=walks(most=60))
-@settings(max_examples=20)
+@examples(one_of=3)
 def test_a_path_that_begins_where_a_walk_does_is_found(walk: Ints) -> None:
     start = (int(walk[0, 0]), int(walk[0, 1]), int(walk[0, 2]))
     shape = Shape.from_cells(walk)

@@ -18,11 +18,10 @@ from planner.readers import read
 from planner.segments import Acceleration, Segments, State
 from planner.sweep import sweep
 from tests.planner.chains import coil, knotted, line, overlapping
-from tests.planner.conftest import SHAPES
+from tests.planner.conftest import REAL, SHAPES
 
 Array = NDArray[np.float64]
 DEFAULT = ExplosionParameters()
-REAL = ("wrench-24", "mallet-24", "mallet-64", "wrench-94")
 
 
 @pytest.mark.parametrize("shape", REAL)

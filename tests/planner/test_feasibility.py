@@ -4,12 +4,13 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.feasibility import Repair, apply_repair, feasibility
 from planner.pathfinding import exact_path, find_paths
 from planner.shapes import Shape
+from tests.conftest import examples
 from tests.planner.lattice import NEIGHBOURS
 
 Cell = tuple[int, int, int]
@@ -115,7 +116,7 @@ def test_a_subtle_one_is_proved_by_the_solver() -> None:
         max_size=30,
     )
 )
-@settings(max_examples=12, deadline=None)
+@examples(one_of=6)
 def test_every_repair_that_is_offered_works(cells: set[Cell]) -> None:
     shape = Shape.from_cells(sorted(cells))
     found = feasibility(shape, time_limit_s=0.2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -127,7 +127,6 @@ def test_a_figure_eight_has_determinant_five() -> None:
     assert knot_of(cut).determinant == 5
 
 
-@settings(max_examples=30, deadline=None)
 @given(
     axes=st.permutations([0, 1, 2]),
     signs=st.tuples(*[st.sampled_from([1, -1])] * 3),
@@ -149,7 +148,6 @@ def test_turning_mirroring_shifting_and_reversing_keep_the_answer(
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), sticks=st.integers(6, 60))
 def test_making_a_random_polygon_smaller_keeps_its_determinant(seed: int, sticks: int) -> None:
     rng = np.random.default_rng(seed)

@@ -15,6 +15,7 @@ from planner.windows import Windows
 from tests.planner.chains import coil, line
 
 Array = NDArray[np.float64]
+LONG_SIZES = [pytest.param(size, marks=pytest.mark.long) for size in (0.95, 0.99)]
 
 
 def turned(z: Array, y: Array) -> Array:
@@ -41,7 +42,7 @@ def relieved(size: float, count: int) -> Array:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [0.9, 0.95, 0.99])
+@pytest.mark.parametrize("size", [0.9, *LONG_SIZES])
 def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range(size: float) -> None:
     points = relieved(size, 25)
     half = 0.5 * size
@@ -51,7 +52,7 @@ def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range(size: float) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [0.9, 0.95, 0.99])
+@pytest.mark.parametrize("size", [0.9, *LONG_SIZES])
 def test_the_relief_takes_hardly_more_than_it_must(size: float) -> None:
     side = (np.arange(24) + 0.5) / 24.0 - 0.5
     points = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3) * size

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -10,6 +10,7 @@ from planner.kernels import pairs as module
 from planner.kernels.pairs import largest_approach_speed, near_pairs, repulsion
 from planner.model import Material
 from planner.segments import Segments
+from tests.conftest import examples
 from tests.planner.chains import line, random_state
 
 Array = NDArray[np.float64]
@@ -50,7 +51,7 @@ def test_walking_finds_all_pairs(
 
 
 @pytest.mark.slow
-@settings(max_examples=15)
+@examples(one_of=2)
 @given(st.integers(1000, 1300), st.integers(0, 2**32 - 1), st.floats(0.0, 3.0), st.floats(0.8, 4.0))
 def test_the_grid_finds_all_pairs(count: int, seed: int, stiffness: float, cutoff: float) -> None:
     assert count >= module.SKIP_BELOW

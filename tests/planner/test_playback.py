@@ -22,8 +22,10 @@ from planner.playback import Playback, play_back
 from planner.progress import Progress
 from planner.record import Record
 from planner.tree import Tree
+from tests.planner.conftest import REAL
 
 Array = NDArray[np.float64]
+
 DEFAULT = PlaybackParameters()
 
 
@@ -33,7 +35,7 @@ def small(folded: Callable[..., Any]) -> tuple[Chain, Record]:
     return fold.chain, fold.record
 
 
-@pytest.mark.parametrize("shape", ["wrench-24", "mallet-24", "mallet-64", "wrench-94"])
+@pytest.mark.parametrize("shape", REAL)
 def test_the_default_controller_folds_real_shapes(shape: str, folded: Callable[..., Any]) -> None:
     fold = folded(shape)
     playback = fold.playback
@@ -158,7 +160,7 @@ def test_a_cancelled_playback_keeps_its_frames(small: tuple[Chain, Record]) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", ["mallet-64", "wrench-80"])
+@pytest.mark.parametrize("shape", ["mallet-64", pytest.param("wrench-80", marks=pytest.mark.long)])
 def test_direct_servoing_of_a_real_shape_fails(shape: str, folded: Callable[..., Any]) -> None:
     # All hinges at once lead the chain through itself.
     certificate = folded(shape, "direct").plan.certificate

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,13 +20,24 @@ from planner.timelaw import duration, torque_bounded_profile
 from tests.planner.chains import coil, line, random_angles
 
 Array = NDArray[np.float64]
-REAL = ("wrench-24", "mallet-64", "wrench-94")
+REAL = ("wrench-24", "mallet-64", pytest.param("wrench-94", marks=pytest.mark.long))
 
 
 def recorded(folded: Callable[..., Any], shape: str) -> tuple[Chain, Array]:
     """A chain and its record from straight to folded."""
     fold = folded(shape)
     return fold.chain, np.ascontiguousarray(fold.record.frames.joint_angles_rad[::-1])
+
+
+@pytest.fixture(scope="module")
+def smoothed(folded: Callable[..., Any]) -> Callable[[str], Array]:
+    """The smoothed record of a shape, made once."""
+
+    @cache
+    def made(shape: str) -> Array:
+        return smooth(*recorded(folded, shape), size=0.95).angles
+
+    return made
 
 
 def length(chain: Chain, angles: Array) -> float:
@@ -38,28 +50,28 @@ def travel(angles: Array) -> float:
 
 
 @pytest.mark.parametrize("shape", REAL)
-def test_what_is_smoothed_is_shorter_and_as_clear(shape: str, folded: Callable[..., Any]) -> None:
-    chain, angles = recorded(folded, shape)
-    found = smooth(chain, angles, size=0.95)
-    np.testing.assert_array_equal(found.angles[[0, -1]], angles[[0, -1]])
+def test_what_is_smoothed_is_shorter_and_as_clear(
+    shape: str, folded: Callable[..., Any], smoothed: Callable[[str], Array]
+) -> None:
+    chain, before = recorded(folded, shape)
+    after = smoothed(shape)
+    np.testing.assert_array_equal(after[[0, -1]], before[[0, -1]])
     for size in (0.95, 0.98):
-        before, after = (sweep(chain, motion, size=size) for motion in (angles, found.angles))
+        was, now = (sweep(chain, motion, size=size) for motion in (before, after))
         # At 0.98 it is as clear as before wherever smoothing has looked; between those places,
         # where this sweep looks too, it may come some 5e-5 closer. Every gap is at least as much
         # wider at 0.95.
-        assert after.clearance >= before.clearance - (0.003 if size < 0.98 else 2e-4)
-        assert after.bound > 0.0
-    before, after = angles, found.angles
+        assert now.clearance >= was.clearance - (0.003 if size < 0.98 else 2e-4)
+        assert now.bound > 0.0
     assert length(chain, after) < 0.85 * length(chain, before)
     assert travel(after) < 0.9 * travel(before)
     assert len(after) < len(before)
-    assert np.abs(found.angles).max() <= max(np.abs(angles).max(), chain.module.angle_limit_rad)
+    assert np.abs(after).max() <= max(np.abs(before).max(), chain.module.angle_limit_rad)
 
 
-def test_steps_are_even(folded: Callable[..., Any]) -> None:
-    chain, angles = recorded(folded, "mallet-64")
-    found = smooth(chain, angles, size=0.95)
-    steps = np.diff(record_lengths(chain, found.angles, DISTANCE_WEIGHT))
+def test_steps_are_even(folded: Callable[..., Any], smoothed: Callable[[str], Array]) -> None:
+    chain = folded("mallet-64").chain
+    steps = np.diff(record_lengths(chain, smoothed("mallet-64"), DISTANCE_WEIGHT))
     assert steps.max() <= 1.2 * SPACING_RAD[1]
 
 
@@ -123,7 +135,9 @@ def test_other_shapes_are_refused() -> None:
 
 
 def test_torque_is_part_of_what_a_motion_costs(
-    folded: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+    folded: Callable[..., Any],
+    smoothed: Callable[[str], Array],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     chain, angles = recorded(folded, "mallet-64")
 
@@ -136,7 +150,7 @@ def test_torque_is_part_of_what_a_motion_costs(
         b = floating_torques(chain.module, where, first, second)
         return duration(u, torque_bounded_profile(u, a, b))
 
-    found = smooth(chain, angles, size=0.95).angles
+    found = smoothed("mallet-64")
     monkeypatch.setattr("planner.smoothing.TORQUE_WEIGHTS", ((1.0, 0.0),))
     careless = smooth(chain, angles, size=0.95).angles
     assert effort(found) < 1.02 * effort(angles)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -61,7 +61,6 @@ def crossing() -> tuple[Chain, Array]:
             return chain, frames
 
 
-@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.integers(4, 12), st.sampled_from([0.05, 0.2, 0.6, 1.5, 3.0]))
 def test_nothing_is_closer_than_the_bound(seed: int, modules: int, step: float) -> None:
     chain = line(modules)

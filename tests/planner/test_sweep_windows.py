@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -61,7 +61,6 @@ def test_a_peel_is_swept_as_its_frames_are(size: float) -> None:
     assert found.modules is not None
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.05, 0.3, 1.5]), st.sampled_from([True, False]))
 def test_wild_windows_are_swept_as_their_frames_are(seed: int, step: float, tetra: bool) -> None:
     chain = snail() if tetra else coil(16)

@@ -103,7 +103,7 @@ def test_a_reader_beside_a_busy_writer_sees_only_whole_frames(
     writer = TimelineWriter.create(place, hook_chain)
 
     def write() -> None:
-        for start in range(0, 200, 4):
+        for start in range(0, 80, 4):
             writer.append(some_frames(4, start=start))
             writer.flush()
         writer.close()
@@ -116,7 +116,7 @@ def test_a_reader_beside_a_busy_writer_sees_only_whole_frames(
         assert len(timeline) % 4 == 0
         assert_same(timeline.frames(), some_frames(len(timeline)))
     thread.join()
-    assert len(timeline) == 200
+    assert len(timeline) == 80
 
 
 def test_frames_that_wait_are_counted_by_the_writer_and_not_seen_by_readers(

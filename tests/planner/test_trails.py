@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -31,7 +31,6 @@ def polycubes(draw: st.DrawFn) -> Ints:
 
 
 @given(cells=polycubes())
-@settings(deadline=None, max_examples=60)
 def test_any_joined_cells_have_a_circuit(cells: Ints) -> None:
     pairs = ring_pairs(cells)
     nodes = circuit(pairs)
@@ -42,7 +41,6 @@ def test_any_joined_cells_have_a_circuit(cells: Ints) -> None:
 
 
 @given(cells=polycubes())
-@settings(deadline=None, max_examples=30)
 def test_where_four_meet_it_never_goes_straight_through(cells: Ints) -> None:
     nodes = circuit(ring_pairs(cells))
     ring = nodes[:-1]

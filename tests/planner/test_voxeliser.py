@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -17,6 +18,7 @@ from planner.pathfinding.layers import has_whole_layers
 from planner.sampling import sample
 from planner.solids import Solid
 from planner.voxeliser import Voxels, voxelise
+from tests.conftest import examples
 from tests.planner.solids_made import Mesh, box, solid_of, torus
 
 TURNS = trimesh.transformations
@@ -74,7 +76,7 @@ def test_a_box_offers_the_counts_that_it_can_have() -> None:
     st.floats(0.1, 100),
     st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-50, 50)),
 )
-@settings(max_examples=12, deadline=None)
+@examples(one_of=7)
 def test_size_and_place_change_nothing(scale: float, shift: tuple[float, ...]) -> None:
     mesh = torus()
     plain = voxelise(solid_of(mesh), cells=120)
@@ -184,7 +186,7 @@ def test_a_thin_bar_is_kept_and_said() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(5, 400))
-@settings(max_examples=15, deadline=None)
+@examples(one_of=5)
 def test_what_comes_out_is_in_one_piece(seed: int, cells: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(8, 3)) * rng.uniform(0.05, 1, 3)
@@ -239,7 +241,7 @@ def test_counts_out_of_range_are_refused(cells: int) -> None:
 def test_a_long_thin_diagonal_is_refused_or_made_within_memory() -> None:
     mesh = box(1000, 0.5, 0.5)
     mesh.apply_transform(TURNS.rotation_matrix(0.7, [0, 1, 1]))
-    voxels = voxelise(solid_of(mesh), cells=2000)
+    voxels = voxelise(solid_of(mesh), cells=400)
     assert pieces(voxels.shape.cells) == 1
 
 
@@ -304,7 +306,7 @@ MESHES: dict[str, Callable[[], Mesh]] = {
 
 
 @given(st.sampled_from(sorted(MESHES)), st.integers(1, 400), st.integers(0, 3), st.booleans())
-@settings(max_examples=20, deadline=None)
+@examples(one_of=6)
 def test_a_count_that_is_offered_is_what_asking_for_it_gives(
     name: str, cells: int, seed: int, upright: bool
 ) -> None:
@@ -321,10 +323,16 @@ def test_a_count_that_is_offered_is_what_asking_for_it_gives(
     assert voxels.above is None or voxels.above > got
 
 
+@cache
+def voxels_of(name: str, cells: int) -> Voxels:
+    """A mesh by its name, for all tests that look at it."""
+    return voxelise(solid_of(MESHES[name]()), cells=cells)
+
+
 @pytest.mark.parametrize("name", sorted(MESHES))
 @pytest.mark.parametrize("cells", [20, 60, 160])
 def test_counts_come_within_a_tenth_and_others_are_offered(name: str, cells: int) -> None:
-    voxels = voxelise(solid_of(MESHES[name]()), cells=cells)
+    voxels = voxels_of(name, cells)
     assert abs(len(voxels.shape) - cells) <= 0.1 * cells
     assert voxels.below is not None
     assert voxels.above is not None
@@ -346,7 +354,7 @@ def brute_iou(mesh_boxes: list[tuple[tuple[float, ...], tuple[float, ...]]], v: 
 
 @pytest.mark.parametrize("cells", [20, 160, 480])
 def test_what_is_kept_of_a_thin_solid_is_true_and_what_is_lost_is_said(cells: int) -> None:
-    voxels = voxelise(solid_of(table()), cells=cells)
+    voxels = voxels_of("table", cells)
     assert voxels.iou == pytest.approx(brute_iou(TABLE, voxels), abs=0.03)
     assert voxels.iou > {20: 0.2, 160: 0.42, 480: 0.7}[cells]
     legs_kept = np.ptp(voxels.shape.cells, axis=0).min() * voxels.pitch > 4

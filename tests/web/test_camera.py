@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from web.camera import FIELD_OF_VIEW_RAD, View, distance_needed, framing
@@ -30,7 +30,6 @@ points = st.lists(
 ).map(lambda rows: np.array(rows, dtype=float))
 
 
-@settings(deadline=None)
 @given(points, st.sampled_from([0.46, 1.0, 1.6, 2.2]))
 def test_framing_shows_every_module(cells: np.ndarray, aspect: float) -> None:
     view = framing(cells, radius=RADIUS, aspect=aspect)
