@@ -19,6 +19,7 @@ from server.census import Census
 from server.children import Pool, Reader
 from server.context import Context
 from server.exports import Exports
+from server.fork_server import ForkServer
 from server.gallery import Gallery
 from server.gates import Gate
 from server.jobs import Jobs
@@ -108,6 +109,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             context.reader.close()
             context.preparer.close()
             context.trajectories.close()
+            if context.fork_server is not None:
+                context.fork_server.close()
             context.workshop.close()
             context.preview_scenes.close()
             context.jobs.close()
@@ -177,8 +180,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 async def _warm_up(context: Context) -> None:
     """Starts and loads what the first visitors would wait for."""
     # In a thread: starting a process takes a moment that the first answer need not wait for.
-    await asyncio.to_thread(context.reader.start)
-    await asyncio.to_thread(context.preparer.start)
+    if context.fork_server is not None:
+        await asyncio.to_thread(context.fork_server.start)
     await asyncio.sleep(WARM_AFTER_S)  # the service has come to rest
     await asyncio.to_thread(pages.warm_up, context.gallery)
 
@@ -198,6 +201,9 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         most_of_visitor=settings.files_waiting_of_visitor,
     )
     awaited = ChildLimits.of(settings, awaited=True)
+    fork_server = ForkServer.where_possible(
+        ["reader", "preparer", "retimer"], warm=settings.prewarm
+    )
     motions = Scratch(settings.motions_dir)
     motions.sweep()
     return Context(
@@ -212,6 +218,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
                 "retimer",
                 replace(awaited, folders=(str(settings.motions_dir),)),
                 wall_s=settings.retime_seconds,
+                fork_server=fork_server,
             ),
             motions,
             Scratch(settings.scratch_dir),
@@ -225,14 +232,15 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
             most_of_visitor=settings.answers_waiting_of_visitor,
         ),
         uploads=Uploads(settings),
+        fork_server=fork_server,
         reader=_reader(
-            Pool("reader", awaited, wall_s=settings.read_seconds),
+            Pool("reader", awaited, wall_s=settings.read_seconds, fork_server=fork_server),
             "uploads",
             most=settings.max_uploads,
             most_of_visitor=settings.max_uploads_of_visitor,
         ),
         preparer=_reader(
-            Pool("preparer", awaited, wall_s=settings.preview_seconds),
+            Pool("preparer", awaited, wall_s=settings.preview_seconds, fork_server=fork_server),
             "previews",
             most=settings.previews_waiting,
             most_of_visitor=settings.previews_waiting_of_visitor,

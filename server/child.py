@@ -11,7 +11,7 @@ import resource
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from fcntl import LOCK_EX, flock
@@ -19,6 +19,8 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO, Final
+
+from setproctitle import setproctitle
 
 from planner.errors import InputError
 from planner.files import settle
@@ -248,9 +250,27 @@ def _work(kind: str, directory: Path, folders: Sequence[str]) -> Allowed:
     return Allowed(writable=tuple(map(Path, folders)) or (directory,))
 
 
-def main() -> None:
-    """Serves requests until the parent is gone."""
-    kind, limits = sys.argv[1], json.loads(sys.argv[2])
+def task_of(kind: str, *, warm: bool, progress: Report) -> Task:
+    """What a kind of child does; loads all that it needs for it."""
+    kinds = {
+        "stages": partial(_stages, progress),
+        "reader": _reader,
+        "preparer": _preparer,
+        "movies": _movies,
+        "retimer": _retimer,
+    }
+    return kinds[kind](warm=warm)
+
+
+def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) -> None:
+    """Serves requests until the parent is gone.
+
+    Args:
+        kind: Of this child.
+        limits: Those of ``ChildLimits``.
+        load: What it does, by whom its progress is told to.
+    """
+    setproctitle(f"foldback {kind}")
     if kind in PATIENT:
         _step_back(int(limits["niceness"]))
     events = os.fdopen(os.dup(1), "wb")
@@ -258,14 +278,7 @@ def main() -> None:
     parent = _Parent(events)
     _offer()
     try:
-        kinds = {
-            "stages": partial(_stages, parent.progress),
-            "reader": _reader,
-            "preparer": _preparer,
-            "movies": _movies,
-            "retimer": _retimer,
-        }
-        task = kinds[kind](warm=limits["warm"])
+        task = load(parent.progress)
         _limit(limits["memory_bytes"], limits["cpu_s"])
     except Exception as error:
         traceback.print_exc()
@@ -314,6 +327,12 @@ def main() -> None:
         else:
             parent.tell("done", result=result)
         request = parent.request()
+
+
+def main() -> None:
+    """Loads, and serves requests until the parent is gone."""
+    kind, limits = sys.argv[1], json.loads(sys.argv[2])
+    serve(kind, limits, lambda progress: task_of(kind, warm=limits["warm"], progress=progress))
 
 
 if __name__ == "__main__":

@@ -18,15 +18,15 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import psutil
 
 from planner.errors import InputError
+from server.fork_server import USUAL, Forked, ForkServer, Kind
 from server.gates import Gate
 from server.limits import ChildLimits, environment_of_child, memory_words
 
-Kind = Literal["stages", "reader", "preparer", "movies", "retimer"]
 POLL_S: Final = 0.05
 CANCEL_GRACE_S: Final = 0.7
 START_CPU_S: Final = 240.0
@@ -62,23 +62,51 @@ class ChildError(Exception):
         self.detail = detail
 
 
-class Child:
-    """One child process, from its start to its end."""
+class _Spawned(subprocess.Popen[bytes]):
+    """A child that was started by itself; as ``Forked`` otherwise."""
 
-    def __init__(
-        self, kind: Kind, limits: ChildLimits, *, environment: Mapping[str, str] | None = None
-    ) -> None:
-        self._limits = limits
-        self._events: queue.Queue[bytes | None] = queue.Queue(MOST_EVENTS)
-        # Threads of linear algebra cost memory and bring nothing at these sizes. Only movies are
-        # drawn; to others MuJoCo need not bring what opens windows.
-        usual = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MUJOCO_GL": "off"}
-        self._process = subprocess.Popen(
+    told: Final = None
+    begun: Final = True
+
+    def __init__(self, kind: Kind, limits: ChildLimits, environment: Mapping[str, str]) -> None:
+        super().__init__(
             [sys.executable, "-P", "-m", "server.child", kind, json.dumps(asdict(limits))],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env={**environment_of_child(os.environ), **usual, **(environment or {})},
+            env={**environment_of_child(os.environ), **USUAL, **environment},
             start_new_session=True,
+        )
+
+    def kill_group(self) -> None:
+        """Ends it and what it has started."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, signal.SIGKILL)
+
+
+class Child:
+    """One child process, from its start to its end.
+
+    Args:
+        kind: What it does.
+        limits: What it may use.
+        fork_server: What forks it; without one it is started by itself, which takes seconds.
+        environment: Of one that is started by itself, besides that of every child.
+    """
+
+    def __init__(
+        self,
+        kind: Kind,
+        limits: ChildLimits,
+        *,
+        fork_server: ForkServer | None = None,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        self._limits = limits
+        self._events: queue.Queue[bytes | None] = queue.Queue(MOST_EVENTS)
+        self._process: Forked | _Spawned = (
+            _Spawned(kind, limits, environment or {})
+            if fork_server is None
+            else fork_server.fork(kind, limits)
         )
         self._ready = False
         self.calls = 0
@@ -156,22 +184,21 @@ class Child:
 
     def kill(self) -> None:
         """Ends it at once."""
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.kill_group()
         self._process.wait()
 
     def close(self) -> None:
         """Ends it and lets go of its pipes."""
         self.kill()
-        while self._reading.is_alive():  # it may wait for room
+        # Who reads may wait for room; or, where nothing is forked yet, until that is done with.
+        while self._reading.is_alive() and self._process.begun:
             with contextlib.suppress(queue.Empty):
                 self._events.get(timeout=POLL_S)
         with contextlib.suppress(queue.Full):  # whoever still waits learns of its end
             self._events.put_nowait(None)
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                with contextlib.suppress(BrokenPipeError):
-                    pipe.close()
+        if self._process.stdin is not None:
+            with contextlib.suppress(BrokenPipeError):
+                self._process.stdin.close()
 
     def _wait_ready(
         self,
@@ -180,8 +207,11 @@ class Child:
     ) -> bool:
         """Waits for imports and compiled kernels; False when cancelled meanwhile."""
         deadline = time.monotonic() + START_S
+        told = None
         while not self._ready:
             event = self._next(2 * POLL_S)
+            if told is None and (told := self._process.told) and on_progress is not None:
+                on_progress(told)
             if event is not None and event["event"] == "ready":
                 self._ready = True
             elif event is not None and event["event"] == "progress":
@@ -225,9 +255,8 @@ class Child:
 
     def _read(self) -> None:
         assert self._process.stdout is not None
-        read = self._process.stdout.readline
-        with contextlib.suppress(ValueError):  # it was closed
-            while line := read(LARGEST_EVENT_BYTES):
+        with self._process.stdout as output:
+            while line := output.readline(LARGEST_EVENT_BYTES):
                 self._events.put(line)
                 if not line.endswith(b"\n"):  # it is too long, or the end
                     break
@@ -274,28 +303,33 @@ def _event(line: bytes) -> dict[str, Any] | None:
 
 
 class Children:
-    """Keeps one child ready, so that a fold need not wait for imports and compiled kernels."""
+    """Children of one kind, forked by one server where there is any, and ended together.
 
-    def __init__(self, kind: Kind, limits: ChildLimits) -> None:
+    Args:
+        kind: What they do.
+        limits: What each may use.
+        fork_server: What forks them.
+    """
+
+    def __init__(self, kind: Kind, limits: ChildLimits, fork_server: ForkServer | None) -> None:
         self._kind: Kind = kind
         self._limits = limits
+        self._fork_server = fork_server
         self._lock = threading.Lock()
-        self._spare: Child | None = None
         self._all: set[Child] = set()
         self._closed = False
 
-    def prewarm(self) -> None:
-        """Starts a spare child unless there is one."""
-        with self._lock:
-            if not self._closed and (self._spare is None or not self._spare.alive):
-                self._spare = self._start()
-
     def take(self) -> Child:
-        """A child of one's own; give it back with ``release``."""
+        """A child of one's own; give it back with ``release``.
+
+        Raises:
+            ChildError: When all were ended.
+        """
         with self._lock:
-            child, self._spare = self._spare, None
-            if child is None or not child.alive:
-                child = self._start()
+            if self._closed:
+                raise ChildError("no-start", "the service ends.")
+            child = Child(self._kind, self._limits, fork_server=self._fork_server)
+            self._all.add(child)
             return child
 
     def release(self, child: Child) -> None:
@@ -312,11 +346,6 @@ class Children:
         for child in children:
             child.close()
 
-    def _start(self) -> Child:
-        child = Child(self._kind, self._limits)
-        self._all.add(child)
-        return child
-
 
 class Pool:
     """Children that do one task after the other, each replaced when a task was too much for it.
@@ -324,15 +353,18 @@ class Pool:
     There are as many as there are calls at once. Safe to use from many threads.
     """
 
-    def __init__(self, kind: Kind, limits: ChildLimits, *, wall_s: float) -> None:
-        self._children = Children(kind, limits)
+    def __init__(
+        self,
+        kind: Kind,
+        limits: ChildLimits,
+        *,
+        wall_s: float,
+        fork_server: ForkServer | None = None,
+    ) -> None:
+        self._children = Children(kind, limits, fork_server)
         self._wall_s = wall_s
         self._lock = threading.Lock()
         self._idle: list[Child] = []
-
-    def start(self) -> None:
-        """Starts a child ahead of the first call."""
-        self._children.prewarm()
 
     def call(
         self, task: str, directory: Path, *, cancelled: Callable[[], bool] | None = None
@@ -358,7 +390,7 @@ class Pool:
             self._keep(child)
             raise
         except BaseException:
-            self._replace(child)
+            self._children.release(child)
             raise
         self._keep(child)
         return result
@@ -380,14 +412,10 @@ class Pool:
         # Its limit of processor time is for all that it ever does; and it may have been ended,
         # since nobody wanted what it did.
         if child.calls >= CALLS_A_CHILD or not child.alive:
-            self._replace(child)
+            self._children.release(child)
             return
         with self._lock:
             self._idle.append(child)
-
-    def _replace(self, child: Child) -> None:
-        self._children.release(child)
-        self._children.prewarm()
 
 
 class Reader:
@@ -401,10 +429,6 @@ class Reader:
     def __init__(self, pool: Pool, gate: Gate) -> None:
         self._pool = pool
         self._gate = gate
-
-    def start(self) -> None:
-        """Starts a child ahead of the first upload."""
-        self._pool.start()
 
     def check(self, directory: Path, *, visitor: str) -> dict[str, Any]:
         """What the input in a directory is: ``name``, ``module``, ``modules``.

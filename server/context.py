@@ -12,6 +12,7 @@ from fastapi import Request
 from server.addresses import address_of
 from server.children import Reader
 from server.exports import Exports
+from server.fork_server import ForkServer
 from server.gallery import Gallery
 from server.gates import Gate
 from server.jobs import Jobs
@@ -40,6 +41,7 @@ class Context:
     store: Store
     jobs: Jobs
     films: Films
+    fork_server: ForkServer | None
     reader: Reader
     preparer: Reader
     previews: Previews

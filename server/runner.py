@@ -18,6 +18,7 @@ from planner.timeline import Timeline, TimelineWriter
 from planner.unfolding import START_CHAIN
 from server.cancelled import sweep_cancelled
 from server.children import Child, ChildError, Children
+from server.fork_server import ForkServer
 from server.gallery import Gallery
 from server.limits import ChildLimits
 from server.news import News
@@ -90,19 +91,22 @@ class Runner:
     def __init__(self, settings: Settings, store: Store) -> None:
         self._settings = settings
         self._store = store
-        self._children = Children("stages", ChildLimits.of(settings))
+        self._fork_server = ForkServer.where_possible(["stages"], warm=settings.prewarm)
+        self._children = Children("stages", ChildLimits.of(settings), self._fork_server)
         self._taken: dict[str, Child] = {}
         self._stopping = threading.Event()
 
     def prewarm(self) -> None:
-        """Has a child ready for the next fold, unless the settings keep it from that."""
-        if self._settings.prewarm:
-            self._children.prewarm()
+        """Loads what the first fold would wait for, unless the settings keep it from that."""
+        if self._settings.prewarm and self._fork_server is not None:
+            self._fork_server.start()
 
     def stop(self) -> None:
         """Ends all children; their folds go on elsewhere, or with the next start."""
         self._stopping.set()
         self._children.close()
+        if self._fork_server is not None:
+            self._fork_server.close()
 
     def run(self, fold_id: str, stage: str, worker: str, known: int) -> Outcome:
         """Computes one stage of a fold. Whatever goes wrong with it is an outcome.
@@ -195,7 +199,6 @@ class Runner:
                 self._store.folders.leave(fold_id, outcome["epoch"])
                 visitor = self._store.fold(fold_id).visitor
                 sweep_cancelled(self._store, time.time(), visitor=visitor)
-        self.prewarm()
 
     def patiently(self, do: Callable[[], Answer]) -> Answer:
         """What it returns, once what it needs answers; never returns once the worker ends."""
@@ -246,8 +249,6 @@ class Runner:
         child = self._taken.get(worker)
         if child is None:
             child = self._taken[worker] = self._children.take()
-        if stage == "certify":
-            self.prewarm()  # by the time this fold is over, the next one's child is ready
         directory = self._patiently_for(
             fold_id, epoch, lambda: self._store.folders.bring(fold_id, known, epoch)
         )

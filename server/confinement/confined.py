@@ -66,8 +66,8 @@ def confine(work: Allowed, *, drawing: bool = False) -> Held:
         drawing: Whether it draws.
     """
     _keep_temporary_files(work.writable[0])
-    _load_kernels()
-    _end_threads()
+    _keep_no_kernels()
+    end_threads()
     files, sockets = landlock.version() > 0, False
     if files:
         landlock.restrict(_with_programs(work, drawing=drawing))
@@ -90,7 +90,7 @@ def _keep_temporary_files(place: Path) -> None:
     tempfile.tempdir = os.environ["TMPDIR"] = str(place)
 
 
-def _end_threads() -> None:
+def end_threads() -> None:
     """Ends the threads of libraries, which would not be confined; they begin new ones.
 
     Raises:
@@ -141,18 +141,23 @@ def _programs(work: Allowed) -> list[Path]:
     return [*ours, *python, kernels, *added]
 
 
-def _load_kernels() -> None:
-    """Loads all kernels, and keeps none that is compiled from here on.
+def load_kernels() -> None:
+    """Loads all kernels."""
+    from planner import kernels
+
+    for module in pkgutil.iter_modules(kernels.__path__):
+        importlib.import_module(f"{kernels.__name__}.{module.name}")
+
+
+def _keep_no_kernels() -> None:
+    """Keeps no kernel that is compiled from here on, and loads all.
 
     Kept ones are programs that other processes run. numba asks whether it could keep them as they
     are loaded, so that this comes first.
     """
     from numba.core import caching
 
-    from planner import kernels
-
-    for module in pkgutil.iter_modules(kernels.__path__):
-        importlib.import_module(f"{kernels.__name__}.{module.name}")
+    load_kernels()
 
     def keep(self: caching.Cache, sig: Any, data: Any) -> None:
         del self, sig, data

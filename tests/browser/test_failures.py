@@ -151,7 +151,7 @@ def exploding_bytes(service: Service, cells: object) -> tuple[int, int]:
     seen: list[int] = []
     while not over(state := service.state(fold)):
         if state["stage"] == "explode":
-            seen.append(max(p.memory_info().rss for p in service.processes("server.child")))
+            seen.append(max(p.memory_info().rss for p in service.children()))
         time.sleep(0.05)
     return seen[0], seen[-1]
 

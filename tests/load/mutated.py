@@ -143,7 +143,7 @@ def _resident_mb(service: Service) -> dict[str, float]:
     assert service.process is not None
     found = {"web": psutil.Process(service.process.pid).memory_info().rss / 1e6}
     for kind in ("reader", "preparer"):
-        for child in service.processes("server.child"):
+        for child in service.children():
             if kind in child.cmdline():
                 found[kind] = child.memory_info().rss / 1e6
     return found

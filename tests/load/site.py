@@ -205,6 +205,6 @@ class Site:
 def _kind(command: list[str]) -> str:
     if "server.worker" in command or command[-1:] == ["worker"]:
         return "worker"
-    if "server.child" in command:
-        return command[command.index("server.child") + 1]
+    if command and command[0].startswith("foldback "):
+        return command[0].removeprefix("foldback ")
     return "web" if "serve" in command else ""

@@ -20,6 +20,8 @@ import httpx
 import psutil
 
 PATIENCE_S = 120.0
+KINDS = ("stages", "reader", "preparer", "movies", "retimer")
+"""Of processes that compute."""
 STAIRS = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0], [3, 2, 0], [3, 3, 0], [4, 3, 0]]
 """Eight modules, which explode in no time."""
 SNAKE = [[x if y % 2 == 0 else 3 - x, y, 0] for y in range(4) for x in range(4)]
@@ -117,6 +119,10 @@ class Service:
         while self.http.get("/ready").json()["workers"] != count:
             assert time.monotonic() < deadline, self.log.read_text()
             time.sleep(0.05)
+
+    def children(self, *kinds: str) -> list[psutil.Process]:
+        """Its processes that compute; they call themselves by their kinds."""
+        return [child for kind in kinds or KINDS for child in self.processes(f"foldback {kind}")]
 
     def processes(self, module: str) -> list[psutil.Process]:
         """The processes of a module that this service has started."""

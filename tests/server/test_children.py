@@ -19,6 +19,7 @@ from planner.errors import InputError
 from planner.progress import COMPILING
 from server import children
 from server.children import EVENTS, Child, ChildError, Pool, Reader
+from server.fork_server import ForkServer
 from server.gates import Gate
 from server.limits import ChildLimits
 from server.runner import STAGES
@@ -35,9 +36,16 @@ def directory(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.fixture
-def child() -> Iterator[Child]:
-    child = Child("reader", LIMITS)
+@pytest.fixture(scope="module")
+def fork_server() -> Iterator[ForkServer]:
+    server = ForkServer(["reader", "stages"], warm=False)
+    yield server
+    server.close()
+
+
+@pytest.fixture(params=["forked", "spawned"])
+def child(request: pytest.FixtureRequest, fork_server: ForkServer) -> Iterator[Child]:
+    child = Child("reader", LIMITS, fork_server=fork_server if request.param == "forked" else None)
     yield child
     child.close()
 
@@ -88,11 +96,13 @@ def test_time_is_limited(child: Child, directory: Path) -> None:
 
 @pytest.mark.parametrize(("limit", "value"), [("START_S", 0.0), ("START_CPU_S", 0.1)])
 def test_a_start_is_limited(
-    child: Child, directory: Path, monkeypatch: pytest.MonkeyPatch, limit: str, value: float
+    directory: Path, monkeypatch: pytest.MonkeyPatch, limit: str, value: float
 ) -> None:
     monkeypatch.setattr(children, limit, value)
+    child = Child("reader", LIMITS)
     with pytest.raises(ChildError, match="did not start: took too long"):
         child.call("check", directory, wall_s=60)
+    child.close()
 
 
 def test_what_a_child_says_while_it_starts_is_told(directory: Path, tmp_path: Path) -> None:
@@ -120,8 +130,9 @@ def test_who_does_not_heed_a_cancel_is_ended(child: Child, directory: Path) -> N
     assert not child.alive
 
 
-def test_memory_is_limited(directory: Path) -> None:
-    child = Child("reader", ChildLimits(memory_bytes=2**24, cpu_s=60.0))
+def test_memory_is_limited(directory: Path, fork_server: ForkServer) -> None:
+    limits = ChildLimits(memory_bytes=2**24, cpu_s=60.0)
+    child = Child("reader", limits, fork_server=fork_server)
     with pytest.raises(ChildError) as greedy:
         child.call("check", directory, wall_s=60)
     child.close()
@@ -129,8 +140,10 @@ def test_memory_is_limited(directory: Path) -> None:
     assert "16 MiB" in greedy.value.detail
 
 
-def test_the_reader_is_replaced_when_an_upload_was_too_much(directory: Path) -> None:
-    pool, gate = Pool("reader", LIMITS, wall_s=60), Gate("uploads", **ONE)
+def test_the_reader_is_replaced_when_an_upload_was_too_much(
+    directory: Path, fork_server: ForkServer
+) -> None:
+    pool, gate = Pool("reader", LIMITS, wall_s=60, fork_server=fork_server), Gate("uploads", **ONE)
     reader = Reader(pool, gate)
     try:
         assert reader.check(directory, visitor="a")["modules"] == 16
@@ -207,24 +220,29 @@ def test_a_child_that_tells_without_end_has_to_wait(
     assert not child.alive
 
 
-def test_whatever_goes_wrong_no_child_is_left_over(directory: Path) -> None:
-    pool = Pool("reader", LIMITS, wall_s=60)
+def test_whatever_goes_wrong_no_child_is_left_over(
+    directory: Path, fork_server: ForkServer
+) -> None:
+    pool = Pool("reader", LIMITS, wall_s=60, fork_server=fork_server)
 
     def fails() -> bool:
         raise RuntimeError("the gate is gone")
 
     try:
-        pool.start()
+        pool.call("check", directory)
         (child,) = pool._children._all
+        os.kill(child.pid, signal.SIGSTOP)
         with pytest.raises(RuntimeError, match="gate"):
             pool.call("check", directory, cancelled=fails)
-        assert not child.alive
+        assert not child.alive and not pool._children._all
     finally:
         pool.close()
 
 
-def test_a_slow_upload_of_one_visitor_does_not_hold_up_another(directory: Path) -> None:
-    pool = Pool("reader", LIMITS, wall_s=60)
+def test_a_slow_upload_of_one_visitor_does_not_hold_up_another(
+    directory: Path, fork_server: ForkServer
+) -> None:
+    pool = Pool("reader", LIMITS, wall_s=60, fork_server=fork_server)
     reader = Reader(pool, Gate("uploads", **{**ONE, "at_once": 2}))
     try:
         reader.check(directory, visitor="a")

@@ -87,9 +87,8 @@ def test_a_child_killed_fails_its_fold_alone_with_a_clear_word(service_with) -> 
     accepted = service.fold(shape="wrench-80")
     waiting = service.fold(SNAKE)["id"]
     service.wait_exploding(accepted["id"])
-    for child in service.processes("server.child"):
-        if "stages" in child.cmdline():
-            child.send_signal(signal.SIGKILL)
+    for child in service.children("stages"):
+        child.send_signal(signal.SIGKILL)
     state = service.wait_over(accepted["id"])
     assert state["status"] == "failed"
     assert state["error"]["code"] == "crashed"

@@ -208,7 +208,7 @@ def test_cancelling_frees_the_core(hosts_with: Any) -> None:
         computing = [
             child
             for child in psutil.Process(worker.pid).children(recursive=True)
-            if "stages" in child.cmdline() and child.cpu_times().user > 0.5
+            if "foldback stages" in child.cmdline() and child.cpu_times().user > 0.5
         ]
         answer = second.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
         assert answer.status_code == 202

@@ -405,7 +405,7 @@ def test_the_page_of_a_fold_of_a_mesh_waits_for_its_cells(desk: Service) -> None
 def test_a_preview_that_nobody_waits_for_is_given_up(service_with) -> None:
     service = service_with(workers=0, preview_seconds=300.0).start()
     report(service, voxels(box(2, 2, 2)))
-    (busy,) = (c for c in service.processes("server.child") if "preparer" in c.cmdline())
+    (busy,) = service.children("preparer")
     busy.suspend()  # as one that would go on for ever
     with pytest.raises(httpx.ReadTimeout):
         service.http.post(

@@ -19,9 +19,10 @@ from typing import Any
 
 import pytest
 
-from server.children import Child, Kind
+from server.children import Child
 from server.confinement import confined, landlock, seccomp
 from server.confinement.landlock import Allowed
+from server.fork_server import ForkServer, Kind
 from server.limits import ChildLimits
 from server.settings import Settings
 from web.movie import Movie
@@ -166,7 +167,7 @@ def attacked(kind: Kind, tmp_path: Path, aim: dict[str, Any]) -> dict[str, Any]:
     )
     # Libraries start Python, too: those are left alone.
     (code / "sitecustomize.py").write_text(
-        "import sys\nif 'server.child' in sys.orig_argv:\n    import attack\n"
+        "import sys\nif {'server.child', 'server.forking'} & {*sys.orig_argv}:\n    import attack\n"
     )
     settings = Settings(data_dir=tmp_path / "data")
     place = {
@@ -186,11 +187,15 @@ def attacked(kind: Kind, tmp_path: Path, aim: dict[str, Any]) -> dict[str, Any]:
     limits = replace(ChildLimits.of(settings, awaited=kind in AWAITED), niceness=0)
     if kind == "retimer":
         limits = replace(limits, folders=(str(settings.motions_dir),))
-    child = Child(kind, limits, environment={"PYTHONPATH": str(code)})
+    environment = {"PYTHONPATH": str(code)}
+    forks = None if kind == "movies" else ForkServer([kind], warm=False, environment=environment)
+    child = Child(kind, limits, fork_server=forks, environment=environment)
     try:
         found = child.call("retime" if kind == "retimer" else "check", place, wall_s=120)
     finally:
         child.close()
+        if forks is not None:
+            forks.close()
     return json.loads(found["reason"]) if kind == "movies" else found
 
 

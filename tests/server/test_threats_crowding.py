@@ -27,7 +27,7 @@ def test_robots_whose_motions_are_not_worked_out_yet_hold_nobody_up(
     play = f"ws://{service.http.base_url.netloc.decode()}/api/folds/{fold}/play"
     with connect(f"{play}?max_speed=0.5") as robot:
         robot.recv(timeout=60)  # the child that works them out is there
-    (retimer,) = service.processes("retimer")
+    (retimer,) = service.children("retimer")
     retimer.send_signal(signal.SIGSTOP)
     service.http.timeout = 20.0
     with ExitStack() as stack:
