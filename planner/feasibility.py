@@ -11,10 +11,11 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.pathfinding import Cell
 from planner.pathfinding.blocks import halved
 from planner.pathfinding.exact import exact_path
 from planner.pathfinding.lattice import STEPS, colours, neighbours, parts
-from planner.pathfinding.obstacles import Cell, Problem, obstacles
+from planner.pathfinding.obstacles import Problem, obstacles
 from planner.pathfinding.snake import is_box
 from planner.paths import FEWEST_CELLS
 from planner.shapes import Shape

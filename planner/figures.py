@@ -10,14 +10,15 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
 from shutil import rmtree
-from typing import Any, Final, Self, cast
+from typing import TYPE_CHECKING, Any, Final, Self, cast
 
 import numpy as np
-import zarr
 from numpy.typing import NDArray
-from zarr.codecs import BloscCodec
 
 from planner.errors import TimelineError
+
+if TYPE_CHECKING:
+    import zarr
 
 Floats = NDArray[np.float32]
 Integers = NDArray[np.int32]
@@ -57,6 +58,8 @@ class Curves:
         Raises:
             TimelineError: When there are no figures, they are damaged, or the range is not in them.
         """
+        import zarr  # late: who tells of a fold need not read its figures
+
         try:
             group = zarr.open_group(str(path), mode="r")
             attributes = group.attrs.asdict()
@@ -114,6 +117,8 @@ def write_curves(curves: Curves, path: str) -> None:
 
 def write(parts: Iterable[Curves], frames: int, path: str) -> None:
     """Writes figures, or curves, in parts, ``frames`` frames in all, as ``Figures.save`` does."""
+    import zarr  # as above
+
     whole = FilePath(path)
     aside = whole.with_name(f".{whole.name}.{os.getpid()}")
     rmtree(aside, ignore_errors=True)
@@ -143,6 +148,8 @@ def write(parts: Iterable[Curves], frames: int, path: str) -> None:
 def _array(
     group: zarr.Group, name: str, frames: int, values: NDArray[Any], chunk: int
 ) -> zarr.Array[Any]:
+    from zarr.codecs import BloscCodec  # as above
+
     tail = values.shape[1:]
     return group.create_array(
         name,

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.kernels.kinematics import many_chain_poses
 from planner.modules import Module
 from planner.rotations import matrix_from_wxyz, wxyz_from_matrix
 
@@ -52,6 +51,8 @@ def forward_kinematics(
     Returns:
         Poses with the leading axes of ``angles_rad``.
     """
+    from planner.kernels.kinematics import many_chain_poses  # a compiler: only for who computes
+
     lead = angles_rad.shape[:-1]
     hinges = angles_rad.shape[-1]
     n = hinges // module.hinges_per_joint + 1 + module.rigid_links

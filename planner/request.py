@@ -18,7 +18,7 @@ from planner.parameters import (
     preset,
     unknown_strategy,
 )
-from planner.pathfinding.obstacles import Cell
+from planner.pathfinding import Cell
 from planner.starts import cell_of
 from planner.wishes import MODULE_COUNTS, Wishes
 

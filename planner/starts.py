@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.errors import InputError
-from planner.pathfinding.exact import index_of
-from planner.pathfinding.obstacles import Cell
+from planner.pathfinding import Cell
+from planner.pathfinding.lattice import index_of
 from planner.paths import Path
 
 TEXT: Final = r"\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*"

@@ -13,12 +13,10 @@ from __future__ import annotations
 import secrets
 import time
 from pathlib import Path as FilePath
-from typing import Any, Final, Literal, cast
+from typing import TYPE_CHECKING, Any, Final, Literal, cast
 
 import numpy as np
-import zarr
 from numpy.typing import NDArray
-from zarr.codecs import BloscCodec
 
 from planner.chain import Chain
 from planner.errors import UNREADABLE, InputError, TimelineError
@@ -26,6 +24,9 @@ from planner.frames import Frames
 from planner.modules import module_named
 from planner.motion import Motion, joined
 from planner.windows import Windows
+
+if TYPE_CHECKING:
+    import zarr
 
 Array = NDArray[np.float64]
 FORMAT: Final = "foldback-timeline/1"
@@ -116,7 +117,9 @@ class TimelineWriter:
             chain: Whose frames it holds.
             windowed: Whether it takes ``Windows``; else it takes ``Frames``.
         """
-        group = zarr.open_group(str(path), mode="w", zarr_format=3)
+        from zarr.codecs import BloscCodec  # late, as in ``_opened``
+
+        group = _opened(str(path), "w")
         codec = BloscCodec(cname="zstd", clevel=3, shuffle="shuffle")
         columns = _window_columns() if windowed else _frame_columns(len(chain.folded_rad))
         for name, (tail, dtype, rows) in columns.items():
@@ -149,7 +152,7 @@ class TimelineWriter:
             raise TimelineError(
                 f"got {kept} frames to keep, expected 0 to {len(timeline)}, which {path} holds."
             )
-        group = zarr.open_group(str(path), mode="r+")
+        group = _opened(str(path), "r+")
         if kept < len(timeline):
             # Who has read what is dropped has to begin anew.
             group.attrs.update({"id": secrets.token_hex(8)})
@@ -257,7 +260,7 @@ class Timeline:
         told = attributes["chain"]
         if self.windowed:
             try:
-                folded = cast("zarr.Array[Any]", zarr.open_group(path, mode="r")["folded_rad"])
+                folded = cast("zarr.Array[Any]", _opened(path)["folded_rad"])
             except KeyError as error:
                 raise TimelineError(f"{path} is damaged: it lacks {error}.") from error
             told = {**told, "folded_rad": np.asarray(folded[:]).tolist()}
@@ -355,7 +358,7 @@ class Timeline:
     def _take(self, attributes: dict[str, Any]) -> None:
         frames = int(attributes["frames"])
         if frames != self._frames or not self._arrays:
-            group = zarr.open_group(self.path, mode="r")
+            group = _opened(self.path)
             columns = _window_columns() if self.windowed else _frame_columns(0)
             try:
                 self._arrays = {n: cast("zarr.Array[Any]", group[n]) for n in columns}
@@ -384,9 +387,16 @@ def _strided(array: zarr.Array[Any], start: int, end: int, stride: int) -> NDArr
     return np.concatenate(parts) if parts else cast("NDArray[Any]", array[start:start])
 
 
+def _opened(path: str, mode: Literal["r", "r+", "w"] = "r") -> zarr.Group:
+    """The group at ``path``; zarr is loaded with the first one that somebody opens."""
+    import zarr
+
+    return zarr.open_group(path, mode=mode, zarr_format=3 if mode == "w" else None)
+
+
 def _attributes(path: str) -> dict[str, Any]:
     try:
-        attributes = zarr.open_group(path, mode="r").attrs.asdict()
+        attributes = _opened(path).attrs.asdict()
     except (OSError, ValueError, KeyError) as error:
         raise TimelineError(f"no timeline at {path}: {error}") from error
     if attributes.get("format") not in (FORMAT, WINDOWS_FORMAT):

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.frames import Frames
-from planner.kernels.windows import window_steps
 from planner.kinematics import forward_kinematics
 from planner.rotations import wxyz_from_matrix
 
@@ -134,6 +133,8 @@ class Windows:
         Returns:
             (F − 1,) the largest step in radians and (F − 1,) how many hinges move.
         """
+        from planner.kernels.windows import window_steps  # a compiler: only for who computes
+
         count = max(0, len(self) - 1)
         largest, moving = np.zeros(count), np.zeros(count, dtype=np.int64)
         window_steps(

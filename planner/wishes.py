@@ -7,12 +7,10 @@ from typing import Final
 
 from planner.errors import InputError
 from planner.modules import CUBE, MODULES
-from planner.pathfinding.candidates import METHODS
-from planner.pathfinding.obstacles import Cell
+from planner.pathfinding import ENDS, METHODS, Cell
 
 DEFAULT_MODULES: Final = 160
 MODULE_COUNTS: Final = (8, 20_000)
-ENDS: Final = ("any", "surface")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,14 +18,16 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import psutil
 
 from planner.errors import InputError
 from server.fork_server import USUAL, Forked, ForkServer, Kind
-from server.gates import Gate
 from server.limits import ChildLimits, environment_of_child, memory_words
+
+if TYPE_CHECKING:
+    from server.gates import Gate
 
 POLL_S: Final = 0.05
 CANCEL_GRACE_S: Final = 0.7

@@ -12,7 +12,6 @@ from typing import Any, Final, TypedDict
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from planner.ended import look_back
 from planner.errors import InputError, TimelineError
 from planner.timeline import Timeline, TimelineWriter
 from planner.unfolding import START_CHAIN
@@ -315,6 +314,8 @@ class Runner:
     def _looked_back(self, fold_id: str) -> dict[str, Any]:
         """What is known of a fold that did not come to its end: where it was, what was tried."""
         try:
+            from planner.ended import look_back  # the physics: only when a fold's end was missed
+
             return look_back(self._store.folders.place(fold_id))
         except Exception:
             log.exception("fold %s cannot be looked at", fold_id, extra={"fold": fold_id})

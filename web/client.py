@@ -5,10 +5,9 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
-
-import viser
 
 # The page unpacks its own program into an inline script, and asks nobody for anything.
 ALLOWED: Final = "; ".join(
@@ -63,7 +62,10 @@ def client() -> Client:
     See ``static/bridge.js``; read once.
     """
     bridge = (Path(__file__).parent / "static" / "bridge.js").read_text(encoding="utf-8")
-    source = Path(viser.__file__).parent / "client" / "build" / "index.html"
+    # Found without importing it: the page alone needs none of its server.
+    installed = find_spec("viser")
+    assert installed is not None and installed.origin is not None
+    source = Path(installed.origin).parent / "client" / "build" / "index.html"
     html = source.read_text(encoding="utf-8")
     start = html.index("<head>") + len("<head>")
     head = html.rindex("</head>")

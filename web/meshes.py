@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from planner.modules import Module
 
@@ -33,6 +32,8 @@ def module_mesh(module: Module, *, size: float = SHOWN_SIZE, bevel: float = BEVE
         size: Share of the full size that is drawn.
         bevel: How far, in pitches, each face is drawn in from its edges.
     """
+    from scipy.spatial import ConvexHull  # late: a service starts before anybody looks
+
     corners = module.vertices * size
     hull = ConvexHull(corners)
     planes = np.unique(np.round(hull.equations, 9), axis=0)
@@ -70,6 +71,8 @@ def _inset(corners: Array, bevel: float) -> Array:
 
 
 def _outward(points: Array) -> Mesh:
+    from scipy.spatial import ConvexHull  # as above
+
     hull = ConvexHull(points)
     used = np.unique(hull.simplices)
     index = np.full(len(points), -1)

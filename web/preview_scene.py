@@ -7,10 +7,9 @@ client by the page, which shows and hides its layers: ``/solid``, ``/cells`` and
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import viser
 from numpy.typing import NDArray
 
 from planner.modules import CUBE, Module, module_named
@@ -19,6 +18,9 @@ from web.colours import ERROR, NEUTRAL, SELECTED, Rgb, instance_colours, ramp_co
 from web.columns import encode
 from web.meshes import SHOWN_SIZE, module_mesh
 from web.scenery import taken_down, viser_server
+
+if TYPE_CHECKING:
+    import viser
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]

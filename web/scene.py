@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import viser
 from numpy.typing import NDArray
-from viser._messages import Message, SetCameraLookAtMessage, SetCameraPositionMessage
 
 from planner.chain import Chain
 from web.camera import FIELD_OF_VIEW_RAD, View
 from web.colours import FIRST, LAST, error_colours, instance_colours, ramp_colours
 from web.film import Snapshot
 from web.meshes import SHOWN_SIZE, module_mesh, stud_mesh
+
+if TYPE_CHECKING:
+    import viser
+    from viser._messages import Message
 
 Array = NDArray[np.float64]
 
@@ -142,6 +144,8 @@ class Scene:
         It goes with the poses, through the messages to all clients: those to one client are sent
         apart, and chain and camera would not move together.
         """
+        from viser._messages import SetCameraLookAtMessage, SetCameraPositionMessage
+
         with self._server.atomic():
             x, y, z = (float(v) for v in view.position)
             broadcast(self._server, SetCameraPositionMessage((x, y, z)))

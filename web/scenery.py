@@ -11,12 +11,11 @@ import contextlib
 import threading
 from collections.abc import Generator
 from functools import lru_cache
-from typing import Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 import msgspec
 import numpy as np
 import rich
-import viser
 import zstandard
 from numpy.typing import NDArray
 
@@ -39,6 +38,9 @@ from web.columns import encode
 from web.meshes import SHOWN_SIZE
 from web.scene import Scene
 from web.sketch import sketch_outline
+
+if TYPE_CHECKING:
+    import viser
 
 RAMP_STEPS: Final = 256
 _BINARY: Final = "__binary_index"
@@ -151,6 +153,8 @@ def quiet() -> Generator[None]:
 @contextlib.contextmanager
 def viser_server() -> Generator[viser.ViserServer]:
     """A viser server that nobody can connect to but from this machine, for a moment."""
+    import viser  # late: a service starts before anybody looks
+
     with _OPENING, quiet():
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:

@@ -1,20 +1,16 @@
-"""Paths through shapes: an order in which a chain can visit every cell once."""
+"""Paths through shapes: an order in which a chain can visit every cell once.
+
+What may be asked for stands here, and nothing that looks for a path: who checks a request, as pages
+do, needs no compiler.
+"""
 
 from __future__ import annotations
 
-from planner.pathfinding.blocks import block_path, halved
-from planner.pathfinding.candidates import METHODS, PathSearch, find_paths
-from planner.pathfinding.exact import ExactSearch, exact_path
-from planner.pathfinding.snake import is_box, snake_path
+from typing import Final, TypeAlias
 
-__all__ = [
-    "METHODS",
-    "ExactSearch",
-    "PathSearch",
-    "block_path",
-    "exact_path",
-    "find_paths",
-    "halved",
-    "is_box",
-    "snake_path",
-]
+Cell: TypeAlias = tuple[int, int, int]
+
+METHODS: Final = ("auto", "blocks", "exact", "snake")
+"""What may be wished for."""
+ENDS: Final = ("any", "surface")
+"""Where a path may end: anywhere, or in cells with a free face."""

@@ -13,27 +13,22 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.knots import knot_of
+from planner.pathfinding import ENDS, METHODS, Cell
 from planner.pathfinding.assembly import layered_snake, peelable, solid_paths
-from planner.pathfinding.blocks import aligned_blocks, block_cycle, cut, cut_costs, halved
-from planner.pathfinding.exact import exact_path, index_of
-from planner.pathfinding.lattice import parts, spread, spreads_of_cuts, surface
+from planner.pathfinding.blocks import aligned_blocks, block_cycle, cut, cut_costs
+from planner.pathfinding.exact import exact_path
+from planner.pathfinding.lattice import index_of, parts, spread, spreads_of_cuts, surface
 from planner.pathfinding.loose_blocks import loose_block_cycle
-from planner.pathfinding.obstacles import Cell
 from planner.pathfinding.snake import is_box, snake_path
 from planner.paths import Path
 from planner.shapes import Shape
 
-__all__ = ["METHODS", "PathSearch", "find_paths", "halved"]
-
 Ints = NDArray[np.int64]
 Ends: TypeAlias = Literal["any", "surface"]
 
-METHODS: Final = ("auto", "blocks", "exact", "snake")
-"""What may be wished for."""
 ASSEMBLY: Final = "assembly"
 ASSEMBLY_FROM: Final = 600
 """Cells from which on paths that can be peeled are looked for first."""
-ENDS: Final = ("any", "surface")
 TRIES: Final = 4
 """Paths that are made for each one that is kept."""
 LARGEST_KNOT: Final = 10_000

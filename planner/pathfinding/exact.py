@@ -10,11 +10,11 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import InputError
 from planner.kernels.backbite import ease, grow
+from planner.pathfinding import Cell
 from planner.pathfinding.circuits import circuit
-from planner.pathfinding.lattice import colours, neighbours, surface
-from planner.pathfinding.obstacles import Cell, obstacles
+from planner.pathfinding.lattice import colours, index_of, neighbours, surface
+from planner.pathfinding.obstacles import obstacles
 from planner.shapes import Shape
 
 Ints = NDArray[np.int64]
@@ -95,20 +95,6 @@ _REASONS: Final[dict[str, Callable[[float], str]]] = {
         "give it more time, repair the shape or double it."
     ),
 }
-
-
-def index_of(cells: Ints, start: Cell | None) -> int | None:
-    """Index of a cell.
-
-    Raises:
-        InputError: ``not-a-cell`` when it is not among them.
-    """
-    if start is None:
-        return None
-    found = np.flatnonzero((cells == np.array(start)).all(axis=1))
-    if not len(found):
-        raise InputError("not-a-cell", f"got {start} to start with, expected a cell of the shape.")
-    return int(found[0])
 
 
 def _sentence(text: str) -> str:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
+
+from planner.errors import InputError
+from planner.pathfinding import Cell
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 Ints = NDArray[np.int64]
 
@@ -36,6 +40,20 @@ def neighbours(cells: Ints) -> Ints:
     return found
 
 
+def index_of(cells: Ints, start: Cell | None) -> int | None:
+    """Index of a cell.
+
+    Raises:
+        InputError: ``not-a-cell`` when it is not among them.
+    """
+    if start is None:
+        return None
+    found = np.flatnonzero((cells == np.array(start)).all(axis=1))
+    if not len(found):
+        raise InputError("not-a-cell", f"got {start} to start with, expected a cell of the shape.")
+    return int(found[0])
+
+
 def contacts(cells: Ints) -> Ints:
     """(m, 2) pairs of cells that share a face, each pair once."""
     near = neighbours(cells)[:, ::2]
@@ -55,6 +73,8 @@ def colours(cells: Ints) -> Ints:
 
 def graph(cells: Ints) -> csr_array:
     """(n, n) adjacency of the cells."""
+    from scipy.sparse import csr_array  # late: who only reads a wish for a cell does without
+
     pairs = contacts(cells)
     both = np.concatenate([pairs, pairs[:, ::-1]])
     ones = np.ones(len(both), dtype=np.int8)
@@ -63,6 +83,8 @@ def graph(cells: Ints) -> csr_array:
 
 def parts(cells: Ints) -> tuple[int, Ints]:
     """How many connected parts there are, and (n,) the part of each cell."""
+    from scipy.sparse.csgraph import connected_components  # as above
+
     count, labels = connected_components(graph(cells), directed=False)
     return int(count), np.asarray(labels, dtype=np.int64)
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.pathfinding import Cell
 from planner.pathfinding.lattice import colours, neighbours, parts
 from planner.paths import FEWEST_CELLS
 
 Ints = NDArray[np.int64]
-Cell: TypeAlias = tuple[int, int, int]
 
 MOST_SHOWN: Final = 200
 """Cells that a problem names at most."""

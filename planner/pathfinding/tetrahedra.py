@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.honeycomb import RING, ring_pairs
 from planner.knots import knot_of
+from planner.pathfinding import Cell
 from planner.pathfinding.lattice import parts
-from planner.pathfinding.obstacles import Cell
 from planner.pathfinding.trails import circuit, free_cuts, opened
 from planner.shapes import Shape
 from planner.trails import Trail

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from planner.pathfinding import block_path, exact_path
+from planner.pathfinding.blocks import block_path
+from planner.pathfinding.exact import exact_path
 from planner.paths import Path as ChainPath
 from planner.shapes import Shape
 from tests.benchmarks.feasible_sets import FeasibleSet, feasible_sets

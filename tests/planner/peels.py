@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from planner.chain import Chain
 from planner.frames import PHASES
-from planner.pathfinding import snake_path
+from planner.pathfinding.snake import snake_path
 from planner.paths import Path
 from planner.windows import Windows
 

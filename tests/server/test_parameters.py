@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 from planner.paper_settings import LONGEST, SETTINGS
 from planner.parameters import PRESETS, STRATEGY_WISHES
-from planner.pathfinding.candidates import METHODS
+from planner.pathfinding import ENDS, METHODS
 from planner.request import LARGEST_SEED, MODULE_SIZES
-from planner.wishes import ENDS, MODULE_COUNTS
+from planner.wishes import MODULE_COUNTS
 from server.command_line import application
 from tests.server.service import Service
 
