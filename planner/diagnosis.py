@@ -11,8 +11,6 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from planner.chain import Chain
 from planner.frames import PHASES, Frames
@@ -160,6 +158,9 @@ def _found(kind: Kind, modules: Ints) -> Diagnosis:
 
 def _largest_cluster(positions: NDArray[np.float64], apart: int) -> Ints:
     """The most modules that touch each other, directly or not, links of the chain apart."""
+    from scipy.sparse import coo_array  # late: most folds come to their end
+    from scipy.sparse.csgraph import connected_components
+
     count = len(positions)
     pairs = near_pairs(positions, TOUCHING, apart)
     if not len(pairs):

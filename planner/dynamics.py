@@ -7,7 +7,6 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from planner.cores import cores
 from planner.kernels.dynamics import many_floating_torques
@@ -81,6 +80,8 @@ def motion_of(
     if later.sum() < FEWEST:
         nothing = np.full((len(at), angles_rad.shape[1]), np.nan)
         return nothing, nothing
+    from scipy.interpolate import CubicSpline  # late: who reads a plan asks for no accelerations
+
     start = (1, np.zeros(angles_rad.shape[1])) if from_rest else "not-a-knot"
     ends: Any = (start, "not-a-knot")
     curve = CubicSpline(time_s[later], angles_rad[later], bc_type=ends)

@@ -14,7 +14,6 @@ from pathlib import Path as FilePath
 from typing import Any, Final, cast
 
 import numpy as np
-import zarr
 
 from planner.candidates import FILE as CANDIDATES
 from planner.errors import UNREADABLE
@@ -112,6 +111,8 @@ def _fields(path: FilePath) -> Iterator[tuple[str, str]]:
                 else:
                     yield name, _of_array(array)
     elif path.suffix == ".zarr":
+        import zarr  # late: it takes a while, and many plans are told without their timeline
+
         group = zarr.open_group(str(path), mode="r")
         for key, digest in _of_values(group.attrs.asdict()):
             yield f"attributes.{key}", digest

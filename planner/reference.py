@@ -8,7 +8,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
 
 from planner.chain import Chain
 from planner.sweep import sweep
@@ -64,6 +63,8 @@ class Reference:
         # The stops of a simulated joint give a little. A B-spline stays within its control points.
         limit = chain.module.angle_limit_rad
         np.clip(controls, -limit, limit, out=controls)
+        from scipy.interpolate import BSpline  # late: who reads a plan draws no curve
+
         spline = BSpline(knots, controls, DEGREE)
         first = spline.derivative()
         return cls(spline=spline, first=first, second=first.derivative(), length_rad=total)

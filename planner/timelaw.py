@@ -7,8 +7,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from planner.dynamics import floating_torques
 from planner.modules import Module
@@ -112,6 +110,8 @@ def _passes(u: Array, a: Array, b: Array, ceiling: Array) -> Array:
 
 def _smoothed(z: Array) -> Array:
     """A smooth profile that stays in the valleys of z and keeps its linear rise at both ends."""
+    from scipy.ndimage import gaussian_filter1d, minimum_filter1d  # late: not for who reads a plan
+
     width = int(2 * SMOOTHING) + 1
     low = minimum_filter1d(z, width, mode="nearest")
     rise = np.arange(len(z)) < width
@@ -129,6 +129,8 @@ def duration(u: Array, z: Array) -> float:
 
 
 def _law_from_profile(u: Array, z: Array, steps: int, step_s: float) -> TimeLaw:
+    from scipy.interpolate import CubicSpline  # as above
+
     root = np.sqrt(z)
     times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(u) / (root[1:] + root[:-1]))])
     total = steps * step_s

@@ -33,6 +33,8 @@ PATIENT: Final = ("stages", "movies", "retimer")
 """Kinds of children that nobody waits for at every moment: pages go first."""
 FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 FAILED: Final = (errno.EROFS, errno.EIO)
+COMPUTING: Final = ("mujoco", "scipy.interpolate", "scipy.ndimage", "scipy.sparse.csgraph")
+"""Libraries that the planner loads when it first computes with them."""
 Task = Callable[[str, Path, Callable[[Progress], None], Callable[[], bool]], dict[str, Any]]
 
 
@@ -132,6 +134,7 @@ def _stages(progress: Report, *, warm: bool) -> Task:
     from planner.stages import run_stage
     from planner.warm_up import warm_up
 
+    _load(*COMPUTING, "zarr.codecs")
     if warm:
         warm_up(progress)
 
@@ -151,6 +154,12 @@ def _stages(progress: Report, *, warm: bool) -> Task:
             return result
 
     return run
+
+
+def _load(*names: str) -> None:
+    """Loads libraries that the planner loads late; a confined process shall load no more."""
+    for name in names:
+        import_module(name)
 
 
 def _reader(*, warm: bool) -> Task:
@@ -193,6 +202,8 @@ def _movies(*, warm: bool) -> Task:
     from web.movie import Movie
     from web.stage import NoGLError
 
+    _load("mujoco", "zarr.codecs")
+
     def film(
         task: str,
         directory: Path,
@@ -226,6 +237,7 @@ def _movies(*, warm: bool) -> Task:
 def _retimer(*, warm: bool) -> Task:
     from server.retiming import motors, retime, warm_up
 
+    _load(*COMPUTING)
     if warm:
         warm_up()
 

@@ -13,12 +13,13 @@ from planner.plan import Plan
 from planner.retiming import retime as retime_plan
 from planner.retiming import retimed
 from planner.trajectory import Trajectory
-from planner.warm_up_paths import warm_up_chains
-from server.trajectories import MOTORS, PLAN
+from server.scratch import MOTORS, PLAN
 
 
 def warm_up() -> None:
     """Retimes a tiny chain and works out its torques, so that all that takes is compiled."""
+    from planner.warm_up_paths import warm_up_chains  # what finds paths; nothing else here needs it
+
     chain = warm_up_chains()
     frames = np.linspace(0.0, 1.0, 3)[:, None] * chain.folded_rad
     trajectory = retimed(frames, chain.joint_names, 1.0, 1.0)

@@ -9,6 +9,12 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from fcntl import LOCK_EX, LOCK_NB, flock
 from pathlib import Path
+from typing import Final
+
+PLAN: Final = "plan.npz"
+"""File of the plan that is retimed in such a directory."""
+MOTORS: Final = "motors"
+"""File of its table of motors."""
 
 
 class Scratch:

@@ -19,7 +19,7 @@ from zipfile import BadZipFile, ZipFile
 from planner.readers.limits import megabytes
 from server.children import ChildError, Pool
 from server.problems import Problem
-from server.scratch import Scratch
+from server.scratch import MOTORS, PLAN, Scratch
 from server.single_flight import SingleFlight
 from server.streams import Streams
 from web.kept import Kept
@@ -31,10 +31,6 @@ KEPT_BYTES: Final = 128 * 2**20
 """Of trajectories that nobody may be using."""
 USED_BYTES: Final = 2**30
 """Of all trajectories: those of robots that are being driven count too."""
-PLAN: Final = "plan.npz"
-"""File of the plan that is retimed."""
-MOTORS: Final = "motors"
-"""File of a table of motors."""
 STREAMS, STREAMS_OF_ADDRESS = 8, 2
 """Trajectories that are being sent, which may take those who take them a while; in all and to one
 address."""

@@ -12,7 +12,8 @@ from planner.errors import InputError
 from planner.feasibility import Feasibility, Repair, apply_repair, feasibility
 from planner.filling.filled import Filled
 from planner.knots import knot_of
-from planner.pathfinding.candidates import ASSEMBLY_FROM, PathSearch, find_paths, halved
+from planner.pathfinding.blocks import halved
+from planner.pathfinding.candidates import ASSEMBLY_FROM, PathSearch, find_paths
 from planner.pathfinding.lattice import parts
 from planner.shapes import Shape
 from planner.wishes import DEFAULT_MODULES, Wishes

@@ -127,15 +127,33 @@ def test_a_path_is_folded_without_what_other_inputs_need(tmp_path: Path) -> None
     }
 
 
-def test_the_web_process_leaves_the_physics_to_others() -> None:
-    code = (
-        "import sys; import server.app; "
-        "sys.exit(' '.join({'mujoco', 'ortools', 'planner.stages'} & set(sys.modules)))"
-    )
+COMPUTING = {"llvmlite", "mujoco", "numba", "ortools", "scipy", "zarr", "planner.stages"}
+SHOWING = {"PIL", "trimesh", "viser"}
+
+
+@pytest.mark.parametrize(
+    ("process", "without"),
+    [
+        ("server.app", {*COMPUTING, *SHOWING}),
+        ("server.worker", {*COMPUTING, *SHOWING, "fastapi"}),
+        ("server.reading", {*COMPUTING, *WEB, *SHOWING}),
+        ("server.retiming", {"mujoco", "scipy.interpolate", "zarr", *WEB, *SHOWING}),
+        ("planner.stages", {"mujoco", "scipy.interpolate", "scipy.sparse", "zarr", *WEB, *SHOWING}),
+        ("web.filming", {"mujoco", "zarr", *WEB, *SHOWING}),
+    ],
+)
+def test_each_process_starts_without_what_others_compute_with(
+    process: str, without: set[str]
+) -> None:
+    """A service starts several, and users wait for it: see docs/decisions/0021-compiling.md."""
+    code = f"import sys, {process}; print(*sys.modules)"
     answer = subprocess.run(
         [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=False
     )
-    assert not answer.stderr.strip()
+    assert answer.returncode == 0, answer.stderr[-2000:]
+    found = set(answer.stdout.split())
+    assert process in found
+    assert not found & without
 
 
 def test_a_port_that_is_taken_is_a_clear_failure(tmp_path: Path) -> None:
