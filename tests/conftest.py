@@ -29,7 +29,7 @@ def examples(*, one_of: int) -> settings:
 
 
 KERNELS = Path(__file__).parents[1] / "planner" / "kernels"
-PROCESSES = {"service", "desk", "service_with", "postgres", "bucket", "browser", "backend"}
+PROCESSES = {"service", "desk", "service_with", "here_with", "postgres", "bucket", "browser", "backend"}
 """Fixtures that start programs."""
 
 

@@ -20,6 +20,8 @@ LARGEST_HEAD_BYTES: Final = 32 * 1024
 log = logging.getLogger("foldback.serve")
 
 if TYPE_CHECKING:
+    import uvicorn
+
     from server.context import Context
     from server.settings import Settings
 
@@ -56,6 +58,24 @@ def serve(
 
 
 def _run(settings: Settings, first_shape: str | None) -> None:
+    server = server_of(settings, first_shape)
+    _allow_files(2 * settings.max_connections)
+    # Threads that compute an answer let the event loop go on after this long, instead of 5 ms each:
+    # beside a hundred visitors it halves what all others wait.
+    sys.setswitchinterval(0.0005)
+    try:
+        server.run()
+    except SystemExit:  # the port is taken, or the application did not start; it has said so
+        raise typer.Exit(1) from None
+
+
+def server_of(settings: Settings, first_shape: str | None = None) -> uvicorn.Server:
+    """What listens and answers, over a database of the newest schema; it has yet to be run.
+
+    Args:
+        settings: The settings.
+        first_shape: A shape of the gallery to fold if it has not been yet.
+    """
     import asyncio
 
     import uvicorn
@@ -73,7 +93,6 @@ def _run(settings: Settings, first_shape: str | None) -> None:
         finally:
             engine.dispose()
     app = create_app(settings)
-    _allow_files(2 * settings.max_connections)
 
     class Server(uvicorn.Server):
         """Says where it is once it listens, and lets its followers go before it ends."""
@@ -99,10 +118,7 @@ def _run(settings: Settings, first_shape: str | None) -> None:
             context.watch.end()
             await super().shutdown(sockets)
 
-    # Threads that compute an answer let the event loop go on after this long, instead of 5 ms each:
-    # beside a hundred visitors it halves what all others wait.
-    sys.setswitchinterval(0.0005)
-    server = Server(
+    return Server(
         uvicorn.Config(
             app,
             host=settings.host,
@@ -124,10 +140,6 @@ def _run(settings: Settings, first_shape: str | None) -> None:
             server_header=False,
         )
     )
-    try:
-        server.run()
-    except SystemExit:  # the port is taken, or the application did not start; it has said so
-        raise typer.Exit(1) from None
 
 
 def _allow_files(count: int) -> None:

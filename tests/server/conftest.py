@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from tests.server.bucket import Bucket
+from tests.server.here import ServiceHere
 from tests.server.postgres import Postgres
 from tests.server.service import SNAKE, Service
 
@@ -25,6 +26,21 @@ def service_with(tmp_path: Path) -> Iterator[Callable[..., Service]]:
     for service in made:
         if service.process is not None and service.process.poll() is None:
             service.stop()
+
+
+@pytest.fixture
+def here_with(tmp_path: Path) -> Iterator[Callable[..., ServiceHere]]:
+    """Makes services of one's own in this process, with settings; they are stopped at the end."""
+    made: list[ServiceHere] = []
+
+    def make(**settings: object) -> ServiceHere:
+        made.append(ServiceHere(tmp_path / f"here-{len(made)}", **settings))
+        return made[-1]
+
+    yield make
+    for service in made:
+        if service.running:
+            assert service.stop() == 0
 
 
 @pytest.fixture(scope="session")

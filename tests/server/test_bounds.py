@@ -27,9 +27,9 @@ def from_address(address: str) -> dict[str, str]:
     ],
 )
 def test_event_streams_are_bounded(
-    service_with: ServiceWith, settings: dict[str, int], second: str, whose: str
+    here_with: ServiceWith, settings: dict[str, int], second: str, whose: str
 ) -> None:
-    service = service_with(workers=0, **settings).start()
+    service = here_with(**settings).start()
     address = f"/api/folds/{service.fold(SNAKE)['id']}/events"
 
     def follow(visitor: str) -> contextlib.AbstractContextManager[httpx.Response]:

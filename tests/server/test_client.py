@@ -15,6 +15,7 @@ import pytest
 
 from foldback_client import Client, Problem, Progress, Retries
 from foldback_client.upload import FoldWishes, MovieWishes, Wishes
+from tests.server.here import ServiceHere
 from tests.server.relay import relayed
 from tests.server.service import PATIENCE_S, SNAKE, Service
 
@@ -57,7 +58,7 @@ def test_a_fold_is_asked_for_followed_and_taken_away(service: Service, tmp_path:
 
 def test_frames_come_page_by_page(service: Service, finished: Any) -> None:
     # A second web process on the same folds, which gives few frames at once.
-    sparing = Service(service.data_dir, workers=0, frames_per_answer=20).start()
+    sparing = ServiceHere(service.data_dir, frames_per_answer=20).start()
     with client_of(sparing) as client:
         pages = list(client.get(finished["id"]).frames(start=3))
     assert sparing.stop() == 0

@@ -330,8 +330,8 @@ def test_unknown_previews_are_told_so(desk: Service, preview: str) -> None:
     assert answer.status_code in (404, 422)
 
 
-def test_a_preview_beyond_its_time_is_told_so(service_with) -> None:
-    service = service_with(workers=0, preview_seconds=0.02).start()
+def test_a_preview_beyond_its_time_is_told_so(here_with) -> None:
+    service = here_with(preview_seconds=0.02).start()
     answer = ask(service, stl(), modules="2000")
     assert answer.status_code == 504
     assert answer.json()["code"] == "preview-too-slow"
@@ -340,8 +340,8 @@ def test_a_preview_beyond_its_time_is_told_so(service_with) -> None:
     assert service.fold(SNAKE)["id"]
 
 
-def test_old_previews_make_room_for_new_ones(service_with) -> None:
-    service = service_with(workers=0, previews_bytes=2**20).start()
+def test_old_previews_make_room_for_new_ones(here_with) -> None:
+    service = here_with(previews_bytes=2**20).start()
     cells = voxels(box(2, 2, 2), padding="x" * 700_000)
     padded = cells + b" " * 1_100_000
     ids = [report(service, padded, full="false")["id"] for _ in range(3)]
@@ -402,8 +402,8 @@ def test_the_page_of_a_fold_of_a_mesh_waits_for_its_cells(desk: Service) -> None
         assert desk.http.get(accepted["links"]["page"]).status_code == 200
 
 
-def test_a_preview_that_nobody_waits_for_is_given_up(service_with) -> None:
-    service = service_with(workers=0, preview_seconds=300.0).start()
+def test_a_preview_that_nobody_waits_for_is_given_up(here_with) -> None:
+    service = here_with(preview_seconds=300.0).start()
     report(service, voxels(box(2, 2, 2)))
     (busy,) = service.children("preparer")
     busy.suspend()  # as one that would go on for ever

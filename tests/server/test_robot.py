@@ -260,9 +260,9 @@ def test_messages_are_bounded(service: Service, finished: Finished) -> None:
 
 
 def test_one_visitor_cannot_drive_all_robots(
-    service: Service, finished: Finished, service_with: Callable[..., Service]
+    service: Service, finished: Finished, here_with: Callable[..., Service]
 ) -> None:
-    other = service_with(workers=0, max_robots_of_visitor=1)
+    other = here_with(max_robots_of_visitor=1)
     shutil.copytree(service.data_dir, other.data_dir)
     other.start()
     with played(other, finished) as first:

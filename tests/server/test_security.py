@@ -93,8 +93,8 @@ def test_websockets_under_other_names_are_refused(desk: Service) -> None:
     assert asyncio.run(opens("localhost"))
 
 
-def test_an_operator_says_what_names_there_are(service_with) -> None:
-    service = service_with(workers=0, allowed_hosts="fold.example, *.school.example").start()
+def test_an_operator_says_what_names_there_are(here_with) -> None:
+    service = here_with(allowed_hosts="fold.example, *.school.example").start()
 
     def status(host: str) -> int:
         return service.http.get("/health", headers={"Host": host}).status_code

@@ -45,9 +45,9 @@ def test_robots_whose_motions_are_not_worked_out_yet_hold_nobody_up(
             assert '"begin"' in str(robot.recv(timeout=60))
 
 
-def test_requests_have_a_rate(service_with: ServiceWith) -> None:
-    service = service_with(
-        workers=0, requests_per_second_of_visitor=0.01, requests_at_once_of_visitor=3
+def test_requests_have_a_rate(here_with: ServiceWith) -> None:
+    service = here_with(
+        requests_per_second_of_visitor=0.01, requests_at_once_of_visitor=3
     ).start()
     own = from_address("2001:db8:1:2::1")
     answers = [service.http.get("/api/shapes", headers=own) for _ in range(4)]

@@ -11,15 +11,16 @@ from typing import Any
 import pytest
 
 from server.store import new_token
+from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, Service, bearer, owner
 
 
 @pytest.fixture(scope="module")
 def counter(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """A service without a worker whose gallery nobody else has asked for anything."""
-    service = Service(tmp_path_factory.mktemp("counter") / "data", workers=0).start()
+    service = ServiceHere(tmp_path_factory.mktemp("counter") / "data").start()
     yield service
-    service.stop()
+    assert service.stop() == 0
 
 
 def path_file(name: str, at: int) -> bytes:

@@ -267,9 +267,9 @@ def test_other_methods_do_nothing(desk: Service) -> None:
 
 @pytest.mark.parametrize(("proxies", "same"), [("192.0.2.0/24", True), ("127.0.0.0/8,::1", False)])
 def test_only_proxies_say_where_somebody_comes_from(
-    service_with: ServiceWith, proxies: str, same: bool
+    here_with: ServiceWith, proxies: str, same: bool
 ) -> None:
-    service = service_with(workers=0, trusted_proxies=proxies, largest_queue_of_visitor=1).start()
+    service = here_with(trusted_proxies=proxies, largest_queue_of_visitor=1).start()
     service.fold(shape="mallet-64")
     forged = {"X-Forwarded-For": "198.51.100.7"}
     answer = service.http.post("/api/folds", data={"shape": "wrench-160"}, headers=forged)
@@ -287,8 +287,8 @@ def test_trusted_proxies_are_networks() -> None:
             Settings(trusted_proxies=wrong)  # type: ignore[arg-type]
 
 
-def test_a_forged_host_is_text(service_with: ServiceWith) -> None:
-    service = service_with(workers=0, allowed_hosts="*").start()
+def test_a_forged_host_is_text(here_with: ServiceWith) -> None:
+    service = here_with(allowed_hosts="*").start()
     answer = service.http.get("/", headers={"Host": 'evil"><script>alert(1)</script>'})
     assert "<script>alert" not in answer.text
     assert answer.headers["cache-control"] == "no-store"

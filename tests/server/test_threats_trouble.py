@@ -14,6 +14,7 @@ from sqlalchemy import exc
 from server.children import Child
 from server.limits import ChildLimits, environment_of_child
 from server.problems import of_trouble
+from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, Service
 
 ServiceWith = Callable[..., Service]
@@ -23,7 +24,7 @@ PAGE = {"Accept": "text/html,application/xhtml+xml"}
 @pytest.fixture(scope="module")
 def broken(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, str]]:
     """A service whose database has lost its tables, and the id of a fold that it had."""
-    service = Service(tmp_path_factory.mktemp("broken") / "data", workers=0).start()
+    service = ServiceHere(tmp_path_factory.mktemp("broken") / "data").start()
     fold_id = service.fold(SNAKE)["id"]
     with sqlite3.connect(service.data_dir / "foldback.db", timeout=60) as database:
         for table in ("folds", "movies"):

@@ -24,6 +24,7 @@ from server.database import FoldRow
 from server.settings import Settings
 from server.store import Store
 from server.uploads import Uploads
+from tests.server.here import ServiceHere
 from tests.server.service import PATIENCE_S, SNAKE, Service, owner
 
 ServiceWith = Callable[..., Service]
@@ -106,9 +107,9 @@ def test_twenty_large_uploads_at_once_fit_into_little_memory(service_with: Servi
 
 
 def test_a_visitor_has_few_uploads_at_once_and_all_have_not_many(
-    service_with: ServiceWith,
+    here_with: ServiceWith,
 ) -> None:
-    service = service_with(workers=0, max_uploads=2, max_uploads_of_visitor=1).start()
+    service = here_with(max_uploads=2, max_uploads_of_visitor=1).start()
 
     def refused(visitor: str, whose: str) -> None:
         answer = service.http.post(
@@ -164,9 +165,8 @@ def _until(what: Callable[[], bool]) -> None:
 @pytest.fixture(scope="module")
 def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """A service that waits for nobody."""
-    service = Service(
+    service = ServiceHere(
         tmp_path_factory.mktemp("hasty") / "data",
-        workers=0,
         upload_idle_s=0.5,
         header_seconds=0.5,
         unread_seconds=0.5,
@@ -184,8 +184,8 @@ def test_an_upload_of_which_nothing_comes_is_over(hasty: Service) -> None:
     assert (status, json.loads(body)["code"]) == (408, "too-slow")
 
 
-def test_an_upload_that_trickles_is_over_at_last(service_with: ServiceWith) -> None:
-    service = service_with(workers=0, upload_seconds=1.0).start()
+def test_an_upload_that_trickles_is_over_at_last(here_with: ServiceWith) -> None:
+    service = here_with(upload_seconds=1.0).start()
     with connected(service) as client:
         client.sendall(head("x", b"Content-Length: 100000") + PART)
         client.settimeout(0.1)
@@ -486,8 +486,8 @@ def test_an_upload_that_breaks_off_leaves_nothing(hasty: Service) -> None:
     _until(lambda: [p.name for p in hasty.data_dir.glob("uploads/*/*")] == ["lock"])
 
 
-def test_uploads_that_are_cancelled_at_once_fill_no_disk(service_with: ServiceWith) -> None:
-    service = service_with(workers=0).start()
+def test_uploads_that_are_cancelled_at_once_fill_no_disk(here_with: ServiceWith) -> None:
+    service = here_with().start()
     size = 8 * 2**20
     for number in range(8):
         data = json.dumps(SNAKE).encode() + size * b" "

@@ -189,8 +189,8 @@ def test_names_of_files_are_harmless(desk: Service) -> None:
     assert "<script>" not in desk.http.get(f"/folds/{fold_id}").text
 
 
-def test_a_full_queue_says_when_to_try_again(service_with) -> None:
-    service = service_with(workers=0, largest_queue_of_visitor=2).start()
+def test_a_full_queue_says_when_to_try_again(here_with) -> None:
+    service = here_with(largest_queue_of_visitor=2).start()
     service.fold(SNAKE, seed="0")
     service.fold(SNAKE, seed="1", token=TOKEN)
     answer = service.http.post("/api/folds", data={"shape": "mallet-64"})
@@ -201,8 +201,8 @@ def test_a_full_queue_says_when_to_try_again(service_with) -> None:
     assert service.fold(SNAKE, seed="1", token=TOKEN)["existing"]
 
 
-def test_no_upload_is_taken_when_the_disk_is_nearly_full(service_with) -> None:
-    service = service_with(workers=0, min_free_disk_bytes=2**60).start()
+def test_no_upload_is_taken_when_the_disk_is_nearly_full(here_with) -> None:
+    service = here_with(min_free_disk_bytes=2**60).start()
     answer = service.http.post("/api/folds", data={"shape": "mallet-64"})
     assert answer.status_code == 507
     assert answer.json()["code"] == "no-room"
@@ -210,8 +210,8 @@ def test_no_upload_is_taken_when_the_disk_is_nearly_full(service_with) -> None:
     assert service.http.get("/health").status_code == 200
 
 
-def test_a_waiting_fold_knows_its_place_and_its_chain(service_with) -> None:
-    service = service_with(workers=0).start()
+def test_a_waiting_fold_knows_its_place_and_its_chain(here_with) -> None:
+    service = here_with().start()
     first, second = service.fold(SNAKE, seed="0"), service.fold(SNAKE, seed="1")
     states = [service.state(fold["id"]) for fold in (first, second)]
     assert [state["progress"]["queue_position"] for state in states] == [1, 2]

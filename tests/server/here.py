@@ -1,0 +1,65 @@
+"""A real service in a thread of the tests' own process, for what no process of its own proves."""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+
+import httpx
+import psutil
+import uvicorn
+
+from server.commands.serve import server_of
+from server.settings import PREFIX, Settings
+from tests.server.service import PATIENCE_S, Service
+
+NOWHERE = "NO_TEST_SETS_THIS_"
+"""Names of settings in the environment begin so for it: those of the machine count for nothing."""
+
+
+class ServiceHere(Service):
+    """What ``foldback serve --workers 0`` runs, on a port of its own: it starts in no time.
+
+    It has neither a process that could be killed nor a log, and starts no worker.
+    """
+
+    def start(self, *arguments: str) -> ServiceHere:
+        assert not arguments, "arguments are for a process: take a Service"
+        given = {
+            name.removeprefix(PREFIX).lower(): value
+            for name, value in self.environment.items()
+            if name.startswith(PREFIX)
+        }
+        settings = Settings(_env_prefix=NOWHERE, **{**given, "workers": 0})  # type: ignore[arg-type]
+        settings.make_directories()
+        self._server = server_of(settings)
+        # Who connects before it takes connections waits for that.
+        self._socket = socket.create_server((settings.host, 0))
+        self._thread = threading.Thread(target=self._serve, args=(self._server, self._socket))
+        self._thread.start()
+        address = f"http://{settings.host}:{self._socket.getsockname()[1]}"
+        self.http.close()
+        self.http = httpx.Client(base_url=address, timeout=60.0)
+        return self
+
+    @staticmethod
+    def _serve(server: uvicorn.Server, listening: socket.socket) -> None:
+        with listening:
+            server.run(sockets=[listening])
+
+    @property
+    def running(self) -> bool:
+        """Whether it has been started and not been stopped."""
+        thread: threading.Thread | None = getattr(self, "_thread", None)
+        return thread is not None and thread.is_alive()
+
+    def stop(self) -> int:
+        self._server.should_exit = True
+        self.http.close()
+        self._thread.join(PATIENCE_S)
+        return int(self._thread.is_alive())
+
+    def processes(self, module: str) -> list[psutil.Process]:
+        """The processes of a module that this process has started, not one of its others."""
+        return [c for c in psutil.Process(os.getpid()).children() if module in c.cmdline()]
