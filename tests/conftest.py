@@ -29,7 +29,10 @@ def examples(*, one_of: int) -> settings:
 
 
 KERNELS = Path(__file__).parents[1] / "planner" / "kernels"
-PROCESSES = {"service", "desk", "service_with", "here_with", "postgres", "bucket", "browser", "backend"}
+PROCESSES = {
+    *("service", "desk", "service_with", "here_with"),
+    *("postgres", "bucket", "browser", "backend"),
+}
 """Fixtures that start programs."""
 
 
@@ -73,7 +76,11 @@ def _compile(config: pytest.Config) -> None:
 
 @pytest.fixture(scope="session")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """A service with a worker, for all tests of this process: they meet each other's folds."""
-    service = Service(tmp_path_factory.mktemp("service") / "data").start()
+    """A service with a worker, for all tests of this process: they meet each other's folds.
+
+    Its log is JSON and its figures all may read; the ``desk`` has both as usual.
+    """
+    directory = tmp_path_factory.mktemp("service") / "data"
+    service = Service(directory, log_format="json", metrics_public=True).start()
     yield service
     assert service.stop() == 0

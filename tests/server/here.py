@@ -25,22 +25,23 @@ class ServiceHere(Service):
     """
 
     def start(self, *arguments: str) -> ServiceHere:
-        assert not arguments, "arguments are for a process: take a Service"
+        assert arguments[:1] in ((), ("--first-shape",)), "others are for a process: take a Service"
         given = {
             name.removeprefix(PREFIX).lower(): value
             for name, value in self.environment.items()
             if name.startswith(PREFIX)
         }
-        settings = Settings(_env_prefix=NOWHERE, **{**given, "workers": 0})  # type: ignore[arg-type]
-        settings.make_directories()
-        self._server = server_of(settings)
-        # Who connects before it takes connections waits for that.
-        self._socket = socket.create_server((settings.host, 0))
+        self.settings = Settings(_env_prefix=NOWHERE, **{**given, "workers": 0})  # type: ignore[arg-type]
+        self.settings.make_directories()
+        self._server = server_of(self.settings, *arguments[1:])
+        # Whoever connects before it answers waits until it does.
+        self._socket = socket.create_server((self.settings.host, 0))
         self._thread = threading.Thread(target=self._serve, args=(self._server, self._socket))
         self._thread.start()
-        address = f"http://{settings.host}:{self._socket.getsockname()[1]}"
+        address = f"http://{self.settings.host}:{self._socket.getsockname()[1]}"
         self.http.close()
         self.http = httpx.Client(base_url=address, timeout=60.0)
+        assert httpx.get(f"{address}/health", timeout=PATIENCE_S).status_code == 200
         return self
 
     @staticmethod
@@ -54,8 +55,12 @@ class ServiceHere(Service):
         thread: threading.Thread | None = getattr(self, "_thread", None)
         return thread is not None and thread.is_alive()
 
-    def stop(self) -> int:
+    def tell_to_end(self) -> None:
+        """As SIGTERM does."""
         self._server.should_exit = True
+
+    def stop(self) -> int:
+        self.tell_to_end()
         self.http.close()
         self._thread.join(PATIENCE_S)
         return int(self._thread.is_alive())

@@ -33,9 +33,9 @@ class Hosts:
             **settings,
         }
 
-    def web(self) -> Service:
+    def web(self, kind: type[Service] = Service) -> Service:
         """A started service on a host of its own."""
-        service = self._host()
+        service = self._host(kind)
         self._services.append(service)
         return service.start()
 
@@ -66,8 +66,8 @@ class Hosts:
         """What all hosts had to say."""
         return "\n".join(log.read_text() for log in sorted(self._place.glob("host-*.log")))
 
-    def _host(self) -> Service:
+    def _host(self, kind: type[Service] = Service) -> Service:
         self._count += 1
-        return Service(
+        return kind(
             self._place / f"host-{self._count}", environment=self._environment, **self._settings
         )

@@ -24,6 +24,11 @@ KINDS = ("stages", "reader", "preparer", "movies", "retimer")
 """Of processes that compute."""
 STAIRS = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0], [3, 2, 0], [3, 3, 0], [4, 3, 0]]
 """Eight modules, which explode in no time."""
+SPIRAL = [
+    *([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [-1, 1, 0], [-1, 0, 0], [-1, -1, 0], [0, -1, 0]),
+    *([1, -1, 0], [2, -1, 0], [2, 0, 0], [2, 1, 0], [2, 2, 0], [1, 2, 0], [0, 2, 0], [-1, 2, 0]),
+]
+"""What moves straight into it crosses itself."""
 SNAKE = [[x if y % 2 == 0 else 3 - x, y, 0] for y in range(4) for x in range(4)]
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 
+from server.commands.serve import server_of
 from server.database import STATUSES, Base, engine_for, migrate
 from server.schema import NewerSchemaError, Schema, config
 from server.settings import Settings
@@ -254,20 +253,16 @@ def test_a_newer_database_is_refused_and_left_as_it_is(engine: sa.Engine) -> Non
         assert Schema.of(connection).newer
 
 
-def test_the_service_says_so_and_does_not_start(tmp_path: Path) -> None:
+def test_the_service_says_so_and_does_not_start(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     engine = engine_for(f"sqlite:///{tmp_path / 'foldback.db'}")
     migrate(engine)
     with engine.begin() as connection:
         connection.execute(sa.text("UPDATE alembic_version SET version_num = '0099'"))
     engine.dispose()
-    code = ["-P", "-m", "server.command_line", "serve", "--port", "0", "--workers", "0"]
-    answer = subprocess.run(
-        [sys.executable, *code, "--data-dir", str(tmp_path)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert answer.returncode == 1
-    assert "The service does not start: got a database with tables of version 0099" in answer.stderr
-    assert "Traceback" not in answer.stderr
+    with pytest.raises(SystemExit) as ended:
+        server_of(Settings(data_dir=tmp_path))
+    assert ended.value.code == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("The service does not start: got a database with tables of version 0099")

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import signal
 import sqlite3
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
 from planner.timeline import Timeline
-from server.store import new_token
-from tests.server.service import SNAKE, Service
+from server.runner import STAGES, Runner
+from server.store import Store, new_token
+from tests.server.here import ServiceHere
+from tests.server.service import SNAKE, STAIRS, Service, owner
 
 pytestmark = pytest.mark.slow
+HereWith = Callable[..., ServiceHere]
 
 
 def check_finished(service: Service, fold_id: str) -> None:
@@ -82,10 +87,10 @@ def test_a_living_worker_takes_over_from_one_that_stays_dead(service_with) -> No
             assert service.http.get("/ready").json()["workers"] == 1
 
 
-def test_a_child_killed_fails_its_fold_alone_with_a_clear_word(service_with) -> None:
-    service = service_with().start()
-    accepted = service.fold(shape="wrench-80")
-    waiting = service.fold(SNAKE)["id"]
+def test_a_child_killed_fails_its_fold_alone_with_a_clear_word(service: Service) -> None:
+    wishes = {"shape": "wrench-80", "seed": "91"}
+    accepted = service.fold(**wishes)
+    waiting = service.fold(STAIRS)["id"]
     service.wait_exploding(accepted["id"])
     for child in service.children("stages"):
         child.send_signal(signal.SIGKILL)
@@ -100,25 +105,45 @@ def test_a_child_killed_fails_its_fold_alone_with_a_clear_word(service_with) -> 
     assert timeline.status == "failed" and len(timeline) > 2
     check_finished(service, waiting)
     # It was the machine's fault, not the shape's: asked for again it is computed again.
-    again = service.fold(shape="wrench-160")
-    assert again["id"] != accepted["id"]
-    check_finished(service, again["id"])
+    again = service.fold(**wishes, token=accepted["owner_token"])
+    assert not again["existing"] and again["id"] != accepted["id"]
+    service.http.post(f"/api/folds/{again['id']}/cancel", headers=owner(again))
+    assert service.wait_over(again["id"])["status"] == "cancelled"
 
 
-def test_a_fold_that_takes_too_long_is_ended_with_a_clear_word(service_with) -> None:
-    service = service_with(stage_seconds=0.5).start()
-    fold_id = service.fold(shape="wrench-160", preset="paper")["id"]
-    state = service.wait_over(fold_id)
+def compute(service: ServiceHere, fold_id: str) -> dict[str, Any]:
+    """Does what a worker does with a fold, and tells how it stands then.
+
+    Its stages are computed in a child, as everywhere.
+    """
+    store = Store(service.settings)
+    runner = Runner(service.settings, store)
+    try:
+        outcome = runner.run(fold_id, STAGES[0], "tests", 0)
+        while not outcome["ended"] and outcome["following"] is not None:
+            outcome = runner.run(fold_id, outcome["following"], "tests", outcome["epoch"])
+        runner.finish(fold_id, outcome, "tests")
+    finally:
+        runner.stop()
+        store.close()
+    return service.state(fold_id)
+
+
+def test_a_fold_that_takes_too_long_is_ended_with_a_clear_word(here_with: HereWith) -> None:
+    service = here_with(stage_seconds=0.5).start()
+    state = compute(service, service.fold(shape="wrench-160", preset="paper")["id"])
     assert (state["status"], state["error"]["code"]) == ("failed", "time-limit")
     assert "0.5 s" in state["error"]["detail"]
 
 
-def test_a_fold_that_needs_too_much_memory_is_ended_with_a_clear_word(service_with) -> None:
-    service = service_with(child_memory_bytes=128 * 2**20).start()
+def test_a_fold_that_needs_too_much_memory_is_ended_with_a_clear_word(
+    here_with: HereWith,
+) -> None:
+    service = here_with(child_memory_bytes=128 * 2**20).start()
     cells = [[x, 0, 0] for x in range(3000)]
     answer = service.http.post("/api/folds", files={"file": ("long.json", str(cells))})
     if answer.status_code == 202:
-        state = service.wait_over(answer.json()["id"])
+        state = compute(service, answer.json()["id"])
         assert (state["status"], state["error"]["code"]) == ("failed", "memory-limit")
         assert "128 MiB" in state["error"]["detail"]
     else:
@@ -144,8 +169,8 @@ def test_a_fold_with_a_row_and_no_job_is_found_at_the_next_start(service_with) -
     "status",
     ["ERROR", pytest.param("MAX_RECOVERY_ATTEMPTS_EXCEEDED", marks=pytest.mark.long)],
 )
-def test_a_job_that_failed_without_a_word_ends_its_fold(service_with, status: str) -> None:
-    service = service_with(workers=0).start()
+def test_a_job_that_failed_without_a_word_ends_its_fold(here_with: HereWith, status: str) -> None:
+    service = here_with().start()
     fold_id = service.fold(SNAKE)["id"]
     with sqlite3.connect(service.data_dir / "jobs.db") as jobs:
         jobs.execute("UPDATE workflow_status SET status = ?", (status,))
@@ -155,11 +180,10 @@ def test_a_job_that_failed_without_a_word_ends_its_fold(service_with, status: st
     assert (state["status"], state["error"]["code"]) == ("failed", "internal")
 
 
-def test_what_was_being_uploaded_at_the_end_leaves_nothing(service_with) -> None:
-    service = service_with(workers=0).start()
-    service.kill()
+def test_what_was_being_uploaded_at_the_end_leaves_nothing(here_with: HereWith) -> None:
+    service = here_with()
     left = service.data_dir / "uploads" / "halfway"
-    left.mkdir()
+    left.mkdir(parents=True)
     (left / "input").write_bytes(b"[[0,0,0],")
     service.start()
     assert not left.exists()

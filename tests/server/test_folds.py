@@ -158,27 +158,24 @@ def test_only_the_plain_fold_of_a_gallery_shape_is_public(desk: Service) -> None
     assert odd[0]["id"] in {f["id"] for f in mine}
 
 
-def test_only_a_public_fold_is_shown_in_the_gallery(service: Service) -> None:
-    odd = service.fold(shape="wrench-24", seed="5")
-    assert service.wait_over(odd["id"])["status"] == "verified"
-    assert odd["id"] not in service.http.get("/gallery").text
+def test_only_a_public_fold_is_shown_in_the_gallery(service: Service, wrench: str) -> None:
+    assert wrench not in service.http.get("/gallery").text
     plain = service.fold(shape="wrench-24")
     assert service.wait_over(plain["id"])["status"] == "verified"
     assert f"/folds/{plain['id']}" in service.http.get("/gallery").text
 
 
-def test_a_gallery_shape_keeps_its_title(service: Service) -> None:
+def test_a_gallery_shape_keeps_its_title(service: Service, desk: Service, wrench: str) -> None:
     titles = {s["name"]: s["title"] for s in service.http.get("/api/shapes").json()["shapes"]}
-    assert titles["hammer"] == "Claw hammer"
-    data = service.http.get("/api/shapes/hammer.json").content
+    assert titles["wrench-24"] == "Small wrench"
+    data = service.http.get("/api/shapes/wrench-24.json").content
     answer = service.http.post("/api/folds", files={"file": ("mine.json", data)})
-    assert service.wait_over(answer.json()["id"])["name"] == "hammer"  # as the file says
-    fold = service.fold(shape="hammer")
-    assert service.state(fold["id"])["name"] == "Claw hammer"
-    other = service.fold(shape="hammer", seed="5")
-    assert service.state(other["id"])["name"] == "Claw hammer"
-    assert service.wait_over(other["id"])["name"] == "Claw hammer"
-    assert '<h1 id="name">Claw hammer</h1>' in service.http.get(f"/folds/{other['id']}").text
+    assert service.wait_over(answer.json()["id"])["name"] == "wrench-24"  # as the file says
+    for seed in ("0", "5"):
+        waiting = desk.fold(shape="wrench-24", seed=seed)
+        assert desk.state(waiting["id"])["name"] == "Small wrench"
+    assert service.state(wrench)["name"] == "Small wrench"
+    assert '<h1 id="name">Small wrench</h1>' in service.http.get(f"/folds/{wrench}").text
 
 
 def test_only_owners_cancel_and_delete(desk: Service) -> None:
@@ -240,8 +237,9 @@ def test_the_first_shape_is_folded_once(service_with) -> None:
     ids = _gallery_folds(service)
     assert len(ids) == 1
     assert service.stop() == 0
-    service.start("--first-shape", "mallet-64")
-    assert _gallery_folds(service) == ids
+    again = ServiceHere(service.data_dir).start("--first-shape", "mallet-64")
+    assert _gallery_folds(again) == ids
+    assert again.stop() == 0
 
 
 def _gallery_folds(service: Service) -> list[str]:

@@ -18,39 +18,49 @@ from urllib.parse import urlsplit
 import pytest
 
 from server.logs import JsonLines, TextLines, about, escaped
-from tests.server.service import PATIENCE_S, SNAKE, Service
+from tests.server.service import PATIENCE_S, STAIRS, Service
 
 FORGED = 'x\n{"level": "error", "message": "forged"}\r\x1b[2K\u2028\x85'
 
 
-@pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """A service with a worker, whose log is JSON and whose figures all may read."""
-    directory = tmp_path_factory.mktemp("told") / "data"
-    service = Service(directory, log_format="json", metrics_public=True).start()
-    yield service
-    assert service.stop() == 0
+class Told:
+    """A service whose log is JSON, and where its log was when this began."""
+
+    def __init__(self, service: Service) -> None:
+        self.service = service
+        self.http = service.http
+        self.begun = service.log.stat().st_size
+
+    @property
+    def text(self) -> str:
+        """What it has told since; whole lines only."""
+        return self.service.log.read_bytes()[self.begun :].rpartition(b"\n")[0].decode()
 
 
-def lines(service: Service) -> list[dict[str, Any]]:
-    whole = service.log.read_bytes().rpartition(b"\n")[0]
-    return [json.loads(line) for line in whole.decode().split("\n") if line]
+@pytest.fixture
+def told(service: Service) -> Told:
+    """What the service with a worker tells from here on."""
+    return Told(service)
 
 
-def access(service: Service, request_id: str) -> dict[str, Any]:
+def lines(told: Told) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in told.text.split("\n") if line]
+
+
+def access(told: Told, request_id: str) -> dict[str, Any]:
     """The line of a request; it is written after the answer has gone out."""
     deadline = time.monotonic() + PATIENCE_S
     while True:
-        found = [line for line in accesses(service) if line["request"] == request_id]
+        found = [line for line in accesses(told) if line["request"] == request_id]
         if found:
             assert len(found) == 1
             return found[0]
-        assert time.monotonic() < deadline, service.log.read_text()
+        assert time.monotonic() < deadline, told.text
         time.sleep(0.02)
 
 
-def accesses(service: Service) -> list[dict[str, Any]]:
-    return [line for line in lines(service) if line["logger"] == "foldback.access"]
+def accesses(told: Told) -> list[dict[str, Any]]:
+    return [line for line in lines(told) if line["logger"] == "foldback.access"]
 
 
 @pytest.fixture
@@ -129,7 +139,7 @@ def test_escaping_leaves_what_prints() -> None:
     assert escaped("a\nb\x00\u202ec") == "a\\nb\\x00\\u202ec"
 
 
-def test_a_request_leaves_one_line_with_its_route(told: Service) -> None:
+def test_a_request_leaves_one_line_with_its_route(told: Told) -> None:
     answer = told.http.get("/api/folds/abc123", headers={"X-Request-ID": "proxy-7.a"})
     assert answer.headers["x-request-id"] == "proxy-7.a"
     line = access(told, "proxy-7.a")
@@ -144,14 +154,14 @@ def test_a_request_leaves_one_line_with_its_route(told: Service) -> None:
 
 
 @pytest.mark.parametrize("came", ["", "a b", "x" * 65, "<script>", "a;b", "a\tb"])
-def test_an_odd_request_id_is_replaced(told: Service, came: str) -> None:
+def test_an_odd_request_id_is_replaced(told: Told, came: str) -> None:
     answer = told.http.get("/health", headers={"X-Request-ID": came})
     given = answer.headers["x-request-id"]
     assert given != came and given.isalnum() and len(given) == 32
     assert access(told, given)["route"] == "/health"
 
 
-def test_secrets_are_not_logged(told: Service) -> None:
+def test_secrets_are_not_logged(told: Told) -> None:
     headers = {
         "Authorization": "Bearer very-secret-token-of-somebody",
         "X-Request-ID": "secrets",
@@ -160,10 +170,10 @@ def test_secrets_are_not_logged(told: Service) -> None:
     told.http.get("/api/folds?token=very-secret-query", headers=headers)
     told.http.get("/nowhere?token=very-secret-query", headers=headers | {"X-Request-ID": "no"})
     assert access(told, "no")["path"] == "/nowhere"
-    assert "secret-" not in told.log.read_text()
+    assert "secret-" not in told.text
 
 
-def test_no_line_can_be_forged_from_outside(told: Service) -> None:
+def test_no_line_can_be_forged_from_outside(told: Told) -> None:
     ids = []
     for path in (
         "/nowhere%0a%7b%22level%22:%22error%22%7d%0d%1b%5b2K",
@@ -178,7 +188,7 @@ def test_no_line_can_be_forged_from_outside(told: Service) -> None:
     assert {line["level"] for line in lines(told)} == {"info"}
 
 
-def test_a_raw_request_cannot_forge_either(told: Service) -> None:
+def test_a_raw_request_cannot_forge_either(told: Told) -> None:
     address = urlsplit(str(told.http.base_url))
     for request in (
         b"G\x0bT / HTTP/1.1\r\nHost: localhost\r\n\r\n",
@@ -193,9 +203,9 @@ def test_a_raw_request_cannot_forge_either(told: Service) -> None:
     assert all("level" in line for line in lines(told))
 
 
-def test_a_worker_says_which_fold(told: Service) -> None:
-    accepted = told.fold(SNAKE)
-    assert told.wait_over(accepted["id"])["status"] == "verified"
+def test_a_worker_says_which_fold(told: Told) -> None:
+    accepted = told.service.fold(STAIRS)
+    assert told.service.wait_over(accepted["id"])["status"] == "verified"
     (end,) = [
         line
         for line in lines(told)
@@ -203,10 +213,10 @@ def test_a_worker_says_which_fold(told: Service) -> None:
     ]
     assert end["fold"] == accepted["id"]
     assert end["worker"].endswith("/0")
-    assert accepted["owner_token"] not in told.log.read_text()
+    assert accepted["owner_token"] not in told.text
 
 
-def test_the_figures_are_open_when_an_operator_opens_them(told: Service) -> None:
+def test_the_figures_are_open_when_an_operator_opens_them(told: Told) -> None:
     answer = told.http.get("/metrics", headers={"X-Forwarded-For": "203.0.113.9"})
     assert answer.status_code == 200
 

@@ -13,6 +13,7 @@ import pytest
 
 from server.store import new_token
 from tests.server.bucket import Bucket
+from tests.server.here import ServiceHere
 from tests.server.hosts import Hosts
 from tests.server.postgres import Postgres
 from tests.server.service import PATIENCE_S, SNAKE, Service, over, owner
@@ -218,9 +219,13 @@ def test_cancelling_frees_the_core(hosts_with: Any) -> None:
         check_whole(first, second.fold(SNAKE)["id"])
 
 
-def test_two_that_ask_for_the_same_get_the_same(hosts_with: Any) -> None:
+def test_two_that_ask_for_the_same_get_the_same(
+    hosts_with: Any, bucket: Bucket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in bucket.environment.items():
+        monkeypatch.setenv(name, value)
     hosts = hosts_with()
-    webs = [hosts.web(), hosts.web()]
+    webs = [hosts.web(), hosts.web(ServiceHere)]  # a process each
     token = new_token()
     got: list[str] = []
 

@@ -15,7 +15,7 @@ from planner.pathfinding import ENDS, METHODS
 from planner.request import LARGEST_SEED, MODULE_SIZES
 from planner.wishes import MODULE_COUNTS
 from server.command_line import application
-from tests.server.service import Service
+from tests.server.service import SPIRAL, Service
 
 BAD = [
     ("preset", "hasty", "unknown-preset"),
@@ -113,7 +113,7 @@ def test_the_api_says_what_the_planner_takes(desk: Service) -> None:
 
 
 def test_direct_servoing_can_be_asked_for_and_is_judged(service: Service) -> None:
-    fold_id = service.fold(shape="wrench-80", preset="direct")["id"]
+    fold_id = service.fold(SPIRAL, preset="direct")["id"]
     state = service.wait_over(fold_id)
     assert state["preset"] == "direct"
     assert state["status"] == "failed"  # it is the baseline

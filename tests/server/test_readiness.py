@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +13,7 @@ from server.leases import Leases
 from server.readiness import Readiness
 from server.settings import Settings
 from server.store import Store
+from tests.server.here import ServiceHere
 from tests.server.postgres import Postgres
 from tests.server.service import Service
 
@@ -76,15 +76,14 @@ def test_a_database_that_is_gone_is_a_reason(tmp_path: Path) -> None:
         postgres.remove()
 
 
-def test_it_says_so_while_it_ends(service_with: Callable[..., Service]) -> None:
-    service = service_with(workers=0, leave_s=3).start()
-    assert service.process is not None
+def test_it_says_so_while_it_ends(here_with: Callable[..., ServiceHere]) -> None:
+    service = here_with(leave_s=3).start()
     with httpx.Client(base_url=service.http.base_url) as other:
         assert other.get("/ready").status_code == 200
-        service.process.send_signal(signal.SIGTERM)
+        service.tell_to_end()
         while (answer := other.get("/ready")).status_code == 200:
             time.sleep(0.02)
         assert answer.status_code == 503
         assert answer.json()["reasons"] == ["the service is ending"]
         assert other.get("/health").status_code == 200
-    assert service.process.wait(60) == 0
+    assert service.stop() == 0

@@ -17,15 +17,7 @@ from planner.verification import verify
 from server.command_line import application
 from server.gallery import Gallery
 from tests.planner.plans import changed
-from tests.server.service import SNAKE, Service, owner
-
-
-@pytest.fixture(scope="module")
-def wrench(service: Service) -> str:
-    """The id of a finished fold of a gallery shape."""
-    fold_id = service.fold(shape="wrench-24", seed="21")["id"]
-    assert service.wait_over(fold_id)["status"] == "verified"
-    return fold_id
+from tests.server.service import SNAKE, SPIRAL, Service, bearer, owner
 
 
 @pytest.fixture(scope="module")
@@ -80,9 +72,10 @@ def test_it_is_a_fold_of_its_own_that_is_not_listed(
     assert again["id"] == mallet["accepted"]["id"]
     listed = service.http.get("/api/folds").json()["folds"]
     assert again["id"] not in {f["id"] for f in listed}
-    plain = service.fold(shape="mallet-24")
+    plain = service.fold(shape="mallet-24", token=token)
     assert plain["id"] != again["id"]
     assert service.state(plain["id"])["refold"] is None
+    service.http.post(f"/api/folds/{plain['id']}/cancel", headers=bearer(token))
 
 
 def test_a_refold_keeps_its_beginning_and_is_repeated_as_one(
@@ -196,6 +189,10 @@ def test_the_command_line_refuses_what_differs_and_what_is_no_plan(tmp_path: Pat
 
 
 def test_a_plan_that_is_not_verified_exits_with_3(tmp_path: Path) -> None:
-    code, told = cli("wrench-80", "mallet-80", "--out", tmp_path, "--preset", "direct", "--json")
+    files = []
+    for name, cells in (("spiral", SPIRAL), ("snake", SNAKE)):
+        files.append(tmp_path / f"{name}.json")
+        files[-1].write_text(json.dumps(cells))
+    code, told = cli(*files, "--out", tmp_path / "out", "--preset", "direct", "--json")
     assert code == 3
     assert json.loads(told.splitlines()[-1])["status"] == "failed"

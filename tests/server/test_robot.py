@@ -24,6 +24,7 @@ from planner.plan import Plan
 from server.command_line import application
 from server.trajectories import STREAMS_OF_ADDRESS
 from tests.server.service import PATIENCE_S, SNAKE, Service
+from tests.server.test_command_line import foldback
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "06_drive_a_robot.py"
 Finished = dict[str, Any]
@@ -339,11 +340,8 @@ def test_the_command_line_does_the_same(
     out, table = tmp_path / "robot.json", tmp_path / "motors.csv"
 
     def retime(*more: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-P", "-m", "server.command_line", "retime", str(directory)]
         limits = ["--max-speed", "0.5", "--max-acceleration", "1", "--json"]
-        return subprocess.run(
-            [*command, *limits, *more], capture_output=True, text=True, timeout=120, check=False
-        )
+        return foldback("retime", str(directory), *limits, *more)
 
     torques = ["--module-mass", "0.1", "--pitch", "0.05", "--table", str(table)]
     done = retime("--out", str(out), *torques, "--motor-torque", "0.01")

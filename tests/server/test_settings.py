@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import logging
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from server.checks import machine
+from server.command_line import application
 from server.doctor import examined
 from server.settings import Settings, unknown_names
 from server.starting import settings_of, warn_of_unknown_names
@@ -97,21 +97,18 @@ def test_a_value_that_cannot_be_is_told_in_a_line(
 @pytest.mark.parametrize(
     "command", [["serve"], ["worker"], ["doctor"], ["admin", "list"], ["serve", "--port", "70000"]]
 )
-def test_every_command_says_so(command: list[str], tmp_path: Path) -> None:
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("FOLDBACK_")}
-    environment |= {"FOLDBACK_DATA_DIR": str(tmp_path), "FOLDBACK_TRUSTED_PROXIES": "proxy"}
-    done = subprocess.run(
-        [sys.executable, "-P", "-m", "server.command_line", *command],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-    )
-    assert done.returncode == 1
+def test_every_command_says_so(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ("serve", "worker"):  # this process keeps none
+        monkeypatch.setattr(f"server.commands.{module}.keep_secrets", lambda: None)
+    monkeypatch.setenv("FOLDBACK_DATA_DIR", str(tmp_path))
+    monkeypatch.setenv("FOLDBACK_TRUSTED_PROXIES", "proxy")
+    done = CliRunner().invoke(application(), command)
+    assert done.exit_code == 1 and isinstance(done.exception, SystemExit)
     said = done.stdout + done.stderr
     assert "got 'proxy', expected an address or a network" in said
-    assert "Traceback" not in said and len(said.splitlines()) == 1
+    assert len(said.splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
 

@@ -18,9 +18,8 @@ from planner.verification import verify
 from server.command_line import application
 from server.settings import Settings
 from server.upkeep import Upkeep
+from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, Service, owner
-
-ServiceWith = Callable[..., Service]
 
 
 @pytest.fixture(scope="module")
@@ -115,10 +114,12 @@ def test_it_is_asked_for_once_and_repeated_as_one(
     service.http.post(f"/api/folds/{other['id']}/cancel", headers=owner(other))
 
 
-def test_it_is_computed_again_from_what_it_was_made_of(service: Service, wrench: str) -> None:
-    fold_id = service.fold(smooth=wrench, seed="2")["id"]
+def test_it_is_computed_again_from_what_it_was_made_of(
+    service: Service, smoothed: dict[str, Any]
+) -> None:
+    fold_id = smoothed["accepted"]["id"]
     recorded = service.directory(fold_id) / "recorded.npz"
-    before = service.wait_over(fold_id), recorded.read_bytes()
+    before = service.state(fold_id), recorded.read_bytes()
     upkeep = Upkeep(Settings(data_dir=service.data_dir))
     try:
         upkeep.requeue(fold_id, force=True)
@@ -129,14 +130,13 @@ def test_it_is_computed_again_from_what_it_was_made_of(service: Service, wrench:
     assert after[1] == before[1]
 
 
-@pytest.mark.slow
 def test_one_that_was_cancelled_before_it_began_is_folded_again(
-    service_with: ServiceWith,
+    service: Service, finished: dict[str, Any], here_with: Callable[..., ServiceHere]
 ) -> None:
-    idle = service_with(workers=0).start()
-    with idle.worker():
-        recorded = idle.fold(shape="wrench-24")["id"]
-        assert idle.wait_over(recorded)["status"] == "verified"
+    idle = here_with()
+    shutil.copytree(service.data_dir, idle.data_dir)
+    idle.start()
+    recorded = finished["id"]
     accepted = idle.fold(smooth=recorded)
     idle.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
     assert idle.wait_over(accepted["id"])["status"] == "cancelled"

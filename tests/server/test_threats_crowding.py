@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable
 from contextlib import ExitStack
+from typing import Any
 
 import pytest
 from websockets.exceptions import InvalidStatus
@@ -12,24 +13,21 @@ from websockets.sync.client import connect
 
 from server.rates import Buckets
 from server.settings import Settings
-from tests.server.service import SNAKE, Service
+from tests.server.service import Service
 from tests.server.test_bounds import from_address
 
 ServiceWith = Callable[..., Service]
 
 
 def test_robots_whose_motions_are_not_worked_out_yet_hold_nobody_up(
-    service_with: ServiceWith,
+    service: Service, finished: dict[str, Any]
 ) -> None:
-    service = service_with().start()
-    fold = service.fold(SNAKE)["id"]
-    assert service.wait_over(fold)["status"] == "verified"
+    fold = finished["id"]
     play = f"ws://{service.http.base_url.netloc.decode()}/api/folds/{fold}/play"
     with connect(f"{play}?max_speed=0.5") as robot:
         robot.recv(timeout=60)  # the child that works them out is there
     (retimer,) = service.children("retimer")
     retimer.send_signal(signal.SIGSTOP)
-    service.http.timeout = 20.0
     with ExitStack() as stack:
         robots = [
             stack.enter_context(
@@ -39,16 +37,14 @@ def test_robots_whose_motions_are_not_worked_out_yet_hold_nobody_up(
         ]
         stack.callback(retimer.send_signal, signal.SIGCONT)
         for path in ("/health", f"/folds/{fold}", f"/folds/{fold}/scenery", f"/api/folds/{fold}"):
-            assert service.http.get(path).status_code == 200
+            assert service.http.get(path, timeout=20.0).status_code == 200
         retimer.send_signal(signal.SIGCONT)
         for robot in robots:
             assert '"begin"' in str(robot.recv(timeout=60))
 
 
 def test_requests_have_a_rate(here_with: ServiceWith) -> None:
-    service = here_with(
-        requests_per_second_of_visitor=0.01, requests_at_once_of_visitor=3
-    ).start()
+    service = here_with(requests_per_second_of_visitor=0.01, requests_at_once_of_visitor=3).start()
     own = from_address("2001:db8:1:2::1")
     answers = [service.http.get("/api/shapes", headers=own) for _ in range(4)]
     assert [answer.status_code for answer in answers] == [200, 200, 200, 429]
