@@ -30,7 +30,7 @@ def examples(*, one_of: int) -> settings:
 
 KERNELS = Path(__file__).parents[1] / "planner" / "kernels"
 PROCESSES = {
-    *("service", "desk", "service_with", "here_with"),
+    *("service", "desk", "service_with", "here_with", "hasty", "counter", "broken"),
     *("postgres", "bucket", "browser", "backend"),
 }
 """Fixtures that start programs."""

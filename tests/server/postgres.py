@@ -15,11 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import psycopg
+import pytest
 
 from tests.tools import POSTGRES
 
 PATIENCE_S = 60.0
 USER = "foldback"
+DATABASES = ["sqlite", pytest.param("postgresql", marks=pytest.mark.processes)]
+"""Kinds of databases, for tests that hold for each."""
 
 
 class Postgres:

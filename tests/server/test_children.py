@@ -26,6 +26,7 @@ from server.runner import STAGES
 from tests.server.service import SNAKE
 
 LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
+pytestmark = pytest.mark.processes
 ONE = {"at_once": 1, "at_once_of_visitor": 1, "most": 9, "most_of_visitor": 6}
 
 

@@ -102,17 +102,20 @@ WEB = {"dbos", "fastapi", "sqlalchemy", "uvicorn", "viser"}
 PHYSICS = {"mujoco", "numba", "numpy", "scipy", "zarr"}
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("asked", [["--help"], ["--version"]])
 def test_what_all_commands_are_for_is_told_without_importing_any(asked: list[str]) -> None:
     assert not imported(*asked) & {*WEB, *PHYSICS, "planner", "pydantic"}
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("command", ["serve", "worker"])
 def test_heavy_packages_are_not_imported_before_they_are_needed(command: str) -> None:
     """The supervisor starts its workers before the web process imports viser and the like."""
     assert not imported(command, "--help") & {*WEB, *PHYSICS}
 
 
+@pytest.mark.processes
 def test_a_path_is_folded_without_what_other_inputs_need(tmp_path: Path) -> None:
     path = tmp_path / "path.json"
     path.write_text(json.dumps([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]))
@@ -129,6 +132,7 @@ COMPUTING = {"llvmlite", "mujoco", "numba", "ortools", "scipy", "zarr", "planner
 SHOWING = {"PIL", "trimesh", "viser"}
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(
     ("process", "without"),
     [
@@ -154,6 +158,7 @@ def test_each_process_starts_without_what_others_compute_with(
     assert not found & without
 
 
+@pytest.mark.processes
 def test_a_port_that_is_taken_is_a_clear_failure(tmp_path: Path) -> None:
     import socket
 

@@ -18,12 +18,13 @@ from server.database import STATUSES, Base, engine_for, migrate
 from server.schema import NewerSchemaError, Schema, config
 from server.settings import Settings
 from server.store import Store, hash_of
+from tests.server.postgres import DATABASES
 from tests.server.rows import a_fold
 
 TOKEN = "a-token-that-somebody-got-long-ago"
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture(params=DATABASES)
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """An empty database."""
     if request.param == "sqlite":

@@ -28,7 +28,7 @@ from server.doctor import CHECKS
 from server.filming import GL_SETTING
 from server.schema import config
 from server.settings import Settings
-from tests.server.postgres import Postgres
+from tests.server.postgres import DATABASES, Postgres
 from tests.server.rows import a_fold
 from tests.server.service import Service
 
@@ -61,6 +61,7 @@ def alone(check: str, *prefix: str, **values: Any) -> Finding:
     return Finding(**json.loads(done.stdout))
 
 
+@pytest.mark.processes
 def test_all_is_well_and_nothing_is_made(tmp_path: Path) -> None:
     answer = subprocess.run(
         [
@@ -123,6 +124,7 @@ def test_a_package_that_is_too_old(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert "numpy is 0.1, expected" in found.found
 
 
+@pytest.mark.processes
 def test_a_directory_that_cannot_be_written(tmp_path: Path) -> None:
     closed = tmp_path / "closed"
     closed.mkdir(mode=0o500)
@@ -155,7 +157,7 @@ def test_a_database_file_that_is_garbage(tmp_path: Path, check: Any, file: str) 
     assert (tmp_path / file).read_bytes() == b"garbage\n" * 1000
 
 
-@pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
+@pytest.mark.parametrize("kind", DATABASES)
 def test_a_schema_that_is_behind_or_ahead(
     kind: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
@@ -297,6 +299,7 @@ def test_a_clock_that_went_back(tmp_path: Path) -> None:
     assert found.verdict == "warning" and "2.0 hours" in found.found
 
 
+@pytest.mark.processes
 def test_no_opengl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(GL_SETTING, "egl")
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_DIRS", str(tmp_path))  # there is no driver
@@ -308,6 +311,7 @@ def test_no_opengl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "switched off" in drawing.gl(settings(tmp_path)).found
 
 
+@pytest.mark.processes
 def test_an_opengl_that_crashes_does_not_take_the_doctor_along(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -332,6 +336,7 @@ def test_no_encoder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.verdict == "warning" and "lacks x264" in found.found
 
 
+@pytest.mark.processes
 def test_kernels_that_cannot_be_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert str(tmp_path) in drawing.kernels(settings(tmp_path)).found

@@ -230,6 +230,7 @@ def test_text_lines_show_the_fold(desk: Service) -> None:
     assert "[fold=abc request=text]: GET /api/folds/{fold_id} 404" in found
 
 
+@pytest.mark.processes
 def test_what_is_below_the_level_is_not_told() -> None:
     code = (
         "import logging; from server.logs import set_up_logs; "
@@ -242,6 +243,7 @@ def test_what_is_below_the_level_is_not_told() -> None:
     assert len(run(code, FOLDBACK_LOG_LEVEL="info").stderr.splitlines()) == 3
 
 
+@pytest.mark.processes
 def test_a_format_that_is_none_is_refused() -> None:
     answer = run("from server.settings import Settings; Settings()", FOLDBACK_LOG_FORMAT="xml")
     assert answer.returncode != 0

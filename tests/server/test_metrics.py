@@ -17,6 +17,7 @@ from server.database import WorkerRow, engine_for
 from server.leases import Leases
 from server.settings import Settings
 from server.store import Store
+from tests.server.postgres import DATABASES
 from tests.server.rows import a_fold
 from tests.server.service import SNAKE, Service
 
@@ -122,7 +123,7 @@ def test_reading_them_often_asks_the_database_seldom(tmp_path: Path) -> None:
         store.close()
 
 
-@pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
+@pytest.mark.parametrize("kind", DATABASES)
 def test_the_census_counts_rows(kind: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     url = None if kind == "sqlite" else request.getfixturevalue("postgres").database()
     settings = Settings(data_dir=tmp_path, database_url=url)

@@ -28,6 +28,7 @@ def get(path: str, **headers: str) -> httpx.Response:
     return asyncio.run(ask())
 
 
+@pytest.mark.slow
 def test_every_statement_is_told_and_every_address_in_it_answers() -> None:
     page = get("/paper")
     assert page.status_code == 200

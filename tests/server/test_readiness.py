@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import httpx
+import pytest
 
 from server.census import Census
 from server.leases import Leases
@@ -56,6 +57,7 @@ def test_without_a_worker_it_is_not_ready(tmp_path: Path) -> None:
     store.close()
 
 
+@pytest.mark.processes
 def test_a_database_that_is_gone_is_a_reason(tmp_path: Path) -> None:
     postgres = Postgres()
     try:

@@ -155,6 +155,7 @@ def cli(*arguments: object) -> tuple[int, str]:
     return told.exit_code, told.output
 
 
+@pytest.mark.slow
 def test_two_examples_are_refolded_on_the_command_line(tmp_path: Path) -> None:
     code, told = cli("wrench-24", "mallet-24", "--out", tmp_path, "--json")
     assert code == 0, told
@@ -188,6 +189,7 @@ def test_the_command_line_refuses_what_differs_and_what_is_no_plan(tmp_path: Pat
     assert "plan.npz" in told
 
 
+@pytest.mark.slow
 def test_a_plan_that_is_not_verified_exits_with_3(tmp_path: Path) -> None:
     files = []
     for name, cells in (("spiral", SPIRAL), ("snake", SNAKE)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 from typer.testing import CliRunner
 
 from planner.paper_settings import SETTINGS
@@ -45,6 +46,7 @@ def test_the_command_line_lists_them() -> None:
     assert rows["threshold"]["unit"] == "rad²"
 
 
+@pytest.mark.slow
 def test_the_command_line_folds_and_refolds_with_them(tmp_path: Path) -> None:
     files = []
     for name, cells in (("a", STAIRS), ("b", [[y, x, z] for x, y, z in STAIRS])):

@@ -39,6 +39,7 @@ def test_what_is_missing_and_what_to_do(
     assert words in said and "foldback doctor" in said
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("command", ["serve", "worker"])
 def test_one_line_and_what_to_do(command: str) -> None:
     environment = {k: v for k, v in os.environ.items() if not k.startswith("FOLDBACK_")}

@@ -16,6 +16,7 @@ from server.database import FoldRow
 from server.settings import Settings
 from server.store import NoSuchFoldError, Store, new_id, new_token
 from server.turns import wait_s
+from tests.server.postgres import DATABASES
 
 TOKEN = new_token()
 
@@ -131,7 +132,7 @@ def test_a_fold_of_the_gallery_is_nobody_s_once_two_have_asked_for_it(store: Sto
     assert store.fold(fold.id).status == "queued"
 
 
-@pytest.mark.parametrize("database", ["sqlite", "postgresql"])
+@pytest.mark.parametrize("database", DATABASES)
 def test_what_somebody_asks_for_is_never_what_another_has_just_cancelled(
     database: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:

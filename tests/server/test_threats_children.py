@@ -199,6 +199,7 @@ def attacked(kind: Kind, tmp_path: Path, aim: dict[str, Any]) -> dict[str, Any]:
     return json.loads(found["reason"]) if kind == "movies" else found
 
 
+@pytest.mark.processes
 @needs_landlock
 @pytest.mark.parametrize("kind", ["reader", "preparer", "retimer", "stages", "movies"])
 def test_a_process_that_was_taken_over_reaches_nothing(
@@ -227,6 +228,7 @@ def test_packages_are_read_wherever_they_are_installed(
         assert (place in confined._programs(inside)) == (name == "site-packages")
 
 
+@pytest.mark.processes
 @needs_landlock
 def test_who_has_threads_left_is_not_confined(tmp_path: Path) -> None:
     done = subprocess.run(

@@ -170,6 +170,7 @@ def test_who_reads_strangers_files_knows_no_secrets() -> None:
     assert environment_of_child({**ours, **secrets}) == ours
 
 
+@pytest.mark.processes
 def test_a_computing_process_has_limits_and_no_secrets(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -198,6 +199,7 @@ def test_a_computing_process_has_limits_and_no_secrets(
     assert b"PATH=" in environment
 
 
+@pytest.mark.processes
 def test_nobody_looks_into_the_service() -> None:
     """A process that a parser has taken over finds no keys in its parent's environment."""
     words = (

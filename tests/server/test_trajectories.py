@@ -208,6 +208,7 @@ def test_one_address_cannot_have_all_that_are_sent(make: Make) -> None:
     trajectories.stream("a")()
 
 
+@pytest.mark.processes
 def test_nothing_is_compiled_after_the_start(plan: Path) -> None:
     assert compiled_later(IMPORTS, WORK, str(plan)) == []
 
