@@ -88,7 +88,7 @@ def test_a_living_worker_takes_over_from_one_that_stays_dead(service_with) -> No
 
 
 def test_a_child_killed_fails_its_fold_alone_with_a_clear_word(service: Service) -> None:
-    wishes = {"shape": "wrench-80", "seed": "91"}
+    wishes = {"shape": "wrench-80", "preset": "paper"}  # it explodes slowly
     accepted = service.fold(**wishes)
     waiting = service.fold(STAIRS)["id"]
     service.wait_exploding(accepted["id"])

@@ -23,6 +23,7 @@ from websockets.sync.client import ClientConnection, connect
 from planner.plan import Plan
 from server.command_line import application
 from server.trajectories import STREAMS_OF_ADDRESS
+from tests.server.here import ServiceHere
 from tests.server.service import PATIENCE_S, SNAKE, Service
 from tests.server.test_command_line import foldback
 
@@ -227,19 +228,21 @@ def test_a_wrong_question_is_refused(
         assert refusal(socket) == ("bad-request", 1008)
 
 
-def test_only_finished_and_verified_folds_are_played(service: Service, desk: Service) -> None:
+def test_only_finished_and_verified_folds_are_played(
+    service: Service, desk: Service, finished: Finished, here_with: Callable[..., Service]
+) -> None:
     with connect(address(desk, "no-such-fold")) as socket:
         assert refusal(socket) == ("no-such-fold", 1008)
     with connect(address(desk, desk.fold(SNAKE)["id"])) as socket:
         assert refusal(socket) == ("not-ready", 1008)
-    doubtful = service.fold(SNAKE, seed="4")["id"]
-    assert service.wait_over(doubtful)["status"] == "verified"
-    path = service.directory(doubtful) / "plan.npz"
+    doubtful = here_with()
+    shutil.copytree(service.data_dir, doubtful.data_dir)
+    path = doubtful.directory(finished["id"]) / "plan.npz"
     plan = Plan.load(path)
     replace(plan, certificate=replace(plan.certificate, verdict="failed: so it says")).save_npz(
         path
     )
-    with connect(address(service, doubtful)) as socket:
+    with played(doubtful.start(), finished) as socket:
         assert refusal(socket) == ("not-verified", 1008)
 
 
@@ -260,16 +263,14 @@ def test_messages_are_bounded(service: Service, finished: Finished) -> None:
         assert said["code"] == "too-fast"
 
 
-def test_one_visitor_cannot_drive_all_robots(
-    service: Service, finished: Finished, here_with: Callable[..., Service]
-) -> None:
-    other = here_with(max_robots_of_visitor=1)
-    shutil.copytree(service.data_dir, other.data_dir)
-    other.start()
+def test_one_visitor_cannot_drive_all_robots(service: Service, finished: Finished) -> None:
+    # A second one on the same folds, which lets a visitor drive one robot.
+    other = ServiceHere(service.data_dir, max_robots_of_visitor=1).start()
     with played(other, finished) as first:
         assert Robot(first).hear()["is"] == "begin"
         with played(other, finished) as second:
             assert refusal(second) == ("too-many-robots", 1013)
+    assert other.stop() == 0
 
 
 def test_the_messages_are_described(service: Service, finished: Finished) -> None:
