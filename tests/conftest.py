@@ -12,7 +12,7 @@ import pytest
 from hypothesis import settings
 
 from tests import progress
-from tests.server.service import Service
+from tests.server.service import BLOG, Service
 
 # No test asserts wall-clock time, so hypothesis must not either.
 settings.register_profile(
@@ -78,9 +78,15 @@ def _compile(config: pytest.Config) -> None:
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """A service with a worker, for all tests of this process: they meet each other's folds.
 
-    Its log is JSON and its figures all may read; the ``desk`` has both as usual.
+    Its log is JSON, its figures all may read, and a blog may embed it; the ``desk`` has all three
+    as usual.
     """
-    directory = tmp_path_factory.mktemp("service") / "data"
-    service = Service(directory, log_format="json", metrics_public=True).start()
+    service = Service(
+        tmp_path_factory.mktemp("service") / "data",
+        prewarm=True,
+        log_format="json",
+        metrics_public=True,
+        embed_origins=BLOG,
+    ).start()
     yield service
     assert service.stop() == 0

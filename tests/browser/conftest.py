@@ -3,6 +3,7 @@ from __future__ import annotations
 import io
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +32,50 @@ FLAGS = (
 )
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    path = CHROMIUM.get()
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
-        yield browser
-        browser.close()
+class Chromium:
+    """One browser for tests that follow each other; what visitors keep is in their contexts.
+
+    While it is open nothing else in this process can use asyncio, as tests elsewhere do.
+    """
+
+    def __init__(self) -> None:
+        self._opened = ExitStack()
+        self._browser: Browser | None = None
+
+    def browser(self) -> Browser:
+        if self._browser is None:
+            path = CHROMIUM.get()
+            chromium = self._opened.enter_context(sync_playwright()).chromium
+            self._browser = chromium.launch(executable_path=path, args=FLAGS)
+            self._opened.callback(self._browser.close)
+        return self._browser
+
+    def close(self) -> None:
+        self._browser = None
+        self._opened.close()
+
+
+HERE = Path(__file__).parent
+OPEN = Chromium()
+
+
+@pytest.hookimpl(trylast=True)  # after fixtures have closed what they opened in it
+def pytest_runtest_teardown(nextitem: pytest.Item | None) -> None:
+    if nextitem is None or HERE not in nextitem.path.parents:
+        OPEN.close()
+
+
+@pytest.fixture
+def browser() -> Browser:
+    return OPEN.browser()
+
+
+@pytest.fixture(scope="session")
+def wrench(service: Service) -> str:
+    """A verified fold of 24 modules, for all who only look at it."""
+    fold = service.fold(shape="wrench-24")
+    assert service.wait_over(fold["id"])["status"] == "verified"
+    return fold["id"]
 
 
 @pytest.fixture

@@ -193,10 +193,8 @@ def test_a_knot(visit: Visit, service: Service) -> None:
     keep(page, "failure-knot-attempts")
 
 
-def test_a_verified_fold_has_no_such_card(visit: Visit, service: Service) -> None:
-    fold = service.fold(shape="wrench-24")["id"]
-    service.wait_over(fold)
-    page = opened(visit(f"/folds/{fold}"))
+def test_a_verified_fold_has_no_such_card(visit: Visit, wrench: str) -> None:
+    page = opened(visit(f"/folds/{wrench}"))
     expect(page.locator("#stuck")).to_be_hidden()
     expect(page.locator("#jump option[value=stuck]")).to_have_attribute("hidden", "")
     assert page.evaluate(ORANGE) == []

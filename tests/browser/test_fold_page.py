@@ -60,6 +60,11 @@ def redness(image: np.ndarray) -> float:
     return float(np.clip(red - 4.0, 0.0, None).sum())
 
 
+def area(image: np.ndarray) -> float:
+    """Pixels that show modules."""
+    return float((image.mean(axis=-1) > 70).sum())
+
+
 def solid_spot(image: np.ndarray) -> tuple[int, int]:
     """A place (x, y) well inside a module, near the middle of the chain."""
     bright = image.mean(axis=-1) > 70
@@ -138,7 +143,8 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
     measured: dict[int, float] = {}
     for frame in (explosion, low, middle, high):
         seek(page, frame)
-        measured[frame] = redness(picture(page)) / _area(page)
+        seen = picture(page)
+        measured[frame] = redness(seen) / area(seen)
         keep(page, f"fold-frame-{frame}")
     assert measured[explosion] == 0.0
     assert measured[low] < measured[middle] < measured[high]
@@ -175,7 +181,8 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
             now = rows.nth(k).locator("[data-of=now]").inner_text()
             angle = np.rad2deg(frames.joint_angles_rad[explosion, first + k])
             assert float(now.rstrip("°").replace("−", "-")) == pytest.approx(angle, abs=0.051)
-    assert (picture(page)[..., 2] - picture(page)[..., 0]).max() > 60  # it is blue
+    seen = picture(page)
+    assert (seen[..., 2] - seen[..., 0]).max() > 60  # it is blue
     page.keyboard.press("ArrowRight")  # the focus is in the view now
     assert shown_frame(page) >= explosion
     expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {explosion + 2} of"))
@@ -191,15 +198,8 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
     assert len(film) == len(frames)
 
 
-def _area(page: Page) -> float:
-    """Pixels that show modules."""
-    return float((picture(page).mean(axis=-1) > 70).sum())
-
-
-def test_it_plays_by_itself_and_follows(visit: Visit, service: Service) -> None:
-    fold = service.fold(shape="wrench-24")
-    service.wait_over(fold["id"])
-    page = visit(f"/folds/{fold['id']}", reduced_motion="no-preference")
+def test_it_plays_by_itself_and_follows(visit: Visit, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}", reduced_motion="no-preference")
     expect(page.locator("#play")).to_have_attribute("aria-label", "Pause")
     first = shown_frame(page)
     expect(page.locator("#r-frame")).not_to_have_text(re.compile(f"Frame {first + 1} of"))
@@ -216,10 +216,8 @@ def test_it_plays_by_itself_and_follows(visit: Visit, service: Service) -> None:
     expect(page.locator("#follow")).to_have_attribute("aria-pressed", "false")
 
 
-def test_two_visitors_don_t_share_a_playhead(visit: Visit, service: Service) -> None:
-    fold = service.fold(shape="wrench-24")
-    service.wait_over(fold["id"])
-    one, two = (visit(f"/folds/{fold['id']}", width=500, height=400) for _ in range(2))
+def test_two_visitors_don_t_share_a_playhead(visit: Visit, wrench: str) -> None:
+    one, two = (visit(f"/folds/{wrench}", width=500, height=400) for _ in range(2))
     for page in (one, two):
         expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 1 of"))
     seek(one, 20)
@@ -227,15 +225,13 @@ def test_two_visitors_don_t_share_a_playhead(visit: Visit, service: Service) -> 
     expect(one.locator("#r-frame")).to_have_text(re.compile("Frame 21 of"))
 
 
-def test_a_reload_and_a_link_show_what_was_seen(visit: Visit, service: Service) -> None:
-    fold = service.fold(shape="wrench-24")
-    service.wait_over(fold["id"])
-    page = visit("/folds/" + fold["id"])
+def test_a_reload_and_a_link_show_what_was_seen(visit: Visit, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}")
     seek(page, 30)
     page.wait_for_url("**/folds/*#frame=31")
     page.reload()
     expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 31 of"))
-    other = visit(f"/folds/{fold['id']}#frame=12&module=3", reduced_motion="no-preference")
+    other = visit(f"/folds/{wrench}#frame=12&module=3", reduced_motion="no-preference")
     expect(other.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
     expect(other.locator("#panel-module h2")).to_contain_text("Module 3")
 
@@ -246,10 +242,8 @@ WHOLE = """text => text.scrollWidth <= text.clientWidth && text.scrollHeight <= 
 
 
 @pytest.mark.parametrize("scheme", [pytest.param("light", marks=pytest.mark.long), "dark"])
-def test_on_a_phone(visit: Visit, service: Service, scheme: str) -> None:
-    fold = service.fold(shape="wrench-24")
-    service.wait_over(fold["id"])
-    for path, name in (("/", "landing"), (f"/folds/{fold['id']}", "fold")):
+def test_on_a_phone(visit: Visit, wrench: str, scheme: str) -> None:
+    for path, name in (("/", "landing"), (f"/folds/{wrench}", "fold")):
         page = visit(path, width=390, height=844, color_scheme=scheme, has_touch=True)
         if name == "fold":
             page.locator("#sketch.gone").wait_for(state="attached")
@@ -285,11 +279,10 @@ PASSED = """async () => {
 }"""
 
 
-def test_the_drawing_stays_until_the_view_shows_something(visit: Visit, service: Service) -> None:
-    fold = service.fold(shape="wrench-24")
+def test_the_drawing_stays_until_the_view_shows_something(visit: Visit, wrench: str) -> None:
     page = visit("/shapes/new", width=390, height=844, has_touch=True)
     page.add_init_script(HELD)
-    page.goto(f"/folds/{fold['id']}")  # which may be computed still
+    page.goto(f"/folds/{wrench}")
     page.wait_for_function("() => window.foldback.player.stage.open")
     page.keyboard.press("End")
     page.evaluate(PASSED)
@@ -297,7 +290,6 @@ def test_the_drawing_stays_until_the_view_shows_something(visit: Visit, service:
     page.frames[1].evaluate("() => release()")
     page.locator("#sketch.gone").wait_for(state="attached")
     assert (picture(page).mean(axis=-1) > 90).sum() > 500
-    service.wait_over(fold["id"])
 
 
 def test_a_bad_file_is_answered_on_the_spot(visit: Visit) -> None:
@@ -314,13 +306,13 @@ def test_unknown_folds_are_told_in_words(visit: Visit) -> None:
     keep(page, "not-found")
 
 
-def test_without_webgl_the_page_draws_the_fold_itself(visit: Visit, service: Service) -> None:
-    fold = service.fold(shape="wrench-24")
-    service.wait_over(fold["id"])
-    page = visit("/folds/" + fold["id"])
+def test_without_webgl_the_page_draws_the_fold_itself(
+    visit: Visit, service: Service, wrench: str
+) -> None:
+    page = visit(f"/folds/{wrench}")
     page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
     page.goto("about:blank")
-    page.goto(str(service.http.base_url) + f"/folds/{fold['id']}")
+    page.goto(str(service.http.base_url) + f"/folds/{wrench}")
     expect(page.locator("#flat")).to_contain_text("WebGL is missing")
     page.locator("#cover.gone").wait_for(state="attached")
     assert page.locator("#view").get_attribute("src") is None

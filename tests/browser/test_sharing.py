@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import functools
-import http.server
 import re
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -16,72 +14,23 @@ from playwright.sync_api import Browser, Page, expect
 from planner.plan import Plan
 from tests.browser.conftest import PATIENCE_MS, keep, picture
 from tests.browser.test_fold_page import seek
-from tests.server.service import Service
+from tests.server.service import BLOG, Service
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
 
 
-class Site(http.server.ThreadingHTTPServer):
-    """Somebody else's site: one page, whatever is in ``html``."""
-
-    def __init__(self) -> None:
-        self.html = ""
-        super().__init__(("127.0.0.1", 0), functools.partial(_Answer, self))
-        self.origin = f"http://127.0.0.1:{self.server_port}"
-        threading.Thread(target=self.serve_forever, daemon=True).start()
-
-
-class _Answer(http.server.BaseHTTPRequestHandler):
-    def __init__(self, site: Site, *given: object) -> None:
-        self.site = site
-        super().__init__(*given)  # type: ignore[arg-type]
-
-    def do_GET(self) -> None:
-        body = self.site.html.encode()
-        self.send_response(200)
-        self.send_header("Content-Type", "text/html")
-        self.end_headers()
-        self.wfile.write(body)
-
-    def log_message(self, *given: object) -> None:
-        del given
-
-
-@pytest.fixture(scope="module")
-def site() -> Iterator[Site]:
-    site = Site()
-    yield site
-    site.shutdown()
-    site.server_close()
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory, site: Site) -> Iterator[Service]:
-    data = tmp_path_factory.mktemp("service") / "data"
-    service = Service(data, embed_origins=site.origin).start()
-    yield service
-    assert service.stop() == 0
-
-
-@pytest.fixture(scope="module")
-def fold(service: Service) -> str:
-    found = service.fold(shape="wrench-24")
-    service.wait_over(found["id"])
-    return found["id"]
-
-
-def test_a_link_shows_somebody_else_the_same(visit: Visit, fold: str) -> None:
-    page = visit(f"/folds/{fold}")
+def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}")
     expect(page.locator("#scrub")).to_be_enabled()
     seek(page, 30)
     page.evaluate("() => window.foldback.player.send({ do: 'select', module: 7 })")
     page.locator("#share").click()
     link = page.locator("#share-link").input_value()
     keep(page, "share")
-    assert link.endswith(f"/folds/{fold}#frame=31&module=7")
+    assert link.endswith(f"/folds/{wrench}#frame=31&module=7")
     page.locator("#share-here").uncheck()
-    assert page.locator("#share-link").input_value().endswith(f"/folds/{fold}")
+    assert page.locator("#share-link").input_value().endswith(f"/folds/{wrench}")
 
     other = visit(link)
     expect(other.locator("#r-frame")).to_have_text(re.compile("Frame 31 of"))
@@ -89,29 +38,37 @@ def test_a_link_shows_somebody_else_the_same(visit: Visit, fold: str) -> None:
     expect(other.locator("#cancel")).to_be_hidden()
 
 
-def test_a_fold_in_somebody_else_s_page(visit: Visit, site: Site, fold: str) -> None:
-    page = visit(f"/folds/{fold}#frame=12")
+def test_a_fold_in_somebody_else_s_page(visit: Visit, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}#frame=12")
     page.locator("#share").click()
-    site.html = f"<!doctype html><title>A blog</title>{page.locator('#share-embed').input_value()}"
-    blog = visit(site.origin)
+    embedded = page.locator("#share-embed").input_value()
+    html = {"/": embedded, "/whole": embedded.replace("/embed/", "/folds/")}
+    blog = visit("about:blank")
+    blog.route(
+        f"{BLOG}/**",
+        lambda route: route.fulfill(
+            content_type="text/html",
+            body=f"<!doctype html><title>A blog</title>{html[urlsplit(route.request.url).path]}",
+        ),
+    )
+    blog.goto(BLOG)
     inside = blog.frame_locator("iframe")
     expect(inside.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
     inside.locator("#sketch.gone").wait_for(state="attached")
     inside.locator("#forward").click()
     expect(inside.locator("#r-frame")).to_have_text(re.compile("Frame 13 of"))
     keep(blog, "embedded")
-    expect(inside.locator("a.whole")).to_have_attribute("href", f"/folds/{fold}")
+    expect(inside.locator("a.whole")).to_have_attribute("href", f"/folds/{wrench}")
     # The page of the fold itself stays out of other sites.
-    site.html = site.html.replace("/embed/", "/folds/")
     with blog.expect_console_message(lambda said: "frame-ancestors" in said.text):
-        blog.reload()
+        blog.goto(f"{BLOG}/whole")
     expect(blog.frame_locator("iframe").locator("#bar")).to_have_count(0)
 
 
 def test_one_file_plays_without_a_server(
-    visit: Visit, browser: Browser, fold: str, tmp_path: Path
+    visit: Visit, browser: Browser, wrench: str, tmp_path: Path
 ) -> None:
-    page = visit(f"/folds/{fold}")
+    page = visit(f"/folds/{wrench}")
     page.locator("#share").click()
     with page.expect_download() as download:
         page.get_by_role("link", name="One page in one file").click()
@@ -143,8 +100,8 @@ def test_one_file_plays_without_a_server(
     context.close()
 
 
-def test_two_folds_on_one_playhead(visit: Visit, service: Service, fold: str) -> None:
-    page = visit(f"/folds/{fold}", width=1280)
+def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}", width=1280)
     page.locator("#compare").click()
     page.get_by_role("button", name="Direct servoing").click()
     page.wait_for_url("**/compare?a=*&b=*")
@@ -168,17 +125,17 @@ def test_two_folds_on_one_playhead(visit: Visit, service: Service, fold: str) ->
     assert page.evaluate(frames) != before
 
 
-def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, fold: str) -> None:
-    page = visit(f"/folds/{fold}")
+def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}")
     page.locator("#refold").click()
     page.locator("#refold-shapes").get_by_role("button", name="Mallet").click()
-    page.wait_for_url(lambda url: "/folds/" in url and fold not in url)
+    page.wait_for_url(lambda url: "/folds/" in url and wrench not in url)
     expect(page.locator("#verdict")).to_have_text(re.compile("^verified"))
     names = page.locator("#phases span")
     expect(names).to_have_text(["Unfolding", "Playback"])
     refold = page.url.rsplit("/", 1)[1].partition("#")[0]
     plan = Plan.load(service.directory(refold) / "plan.npz")
-    first = Plan.load(service.directory(fold) / "plan.npz")
+    first = Plan.load(service.directory(wrench) / "plan.npz")
     assert np.allclose(plan.joint_angles_rad[0], first.chain.folded_rad, atol=1e-9)
     assert np.allclose(plan.joint_angles_rad[-1], plan.chain.folded_rad, atol=1e-9)
     page.locator("#sketch.gone").wait_for(state="attached")
@@ -189,11 +146,11 @@ def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, fold:
 
 
 def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
-    visit: Visit, service: Service, fold: str
+    visit: Visit, service: Service, wrench: str
 ) -> None:
-    page = visit(f"/folds/{fold}")
+    page = visit(f"/folds/{wrench}")
     page.locator("#smooth").click()
-    page.wait_for_url(lambda url: "/folds/" in url and fold not in url)
+    page.wait_for_url(lambda url: "/folds/" in url and wrench not in url)
     expect(page.locator("#verdict")).to_have_text(re.compile("^verified"))
     expect(page.locator("#name")).to_have_text(re.compile(", smoothed$"))
     expect(page.locator("#smooth")).to_be_hidden()
@@ -212,14 +169,14 @@ def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
     assert len(told) == len(plan.smoothing["after"])
     keep(page, "smoothed")
     page.get_by_role("link", name="Compare on one playhead").click()
-    page.wait_for_url(f"**/compare?a={fold}&b={smoothed}")
+    page.wait_for_url(f"**/compare?a={wrench}&b={smoothed}")
     for k in range(2):
         page.locator(f"#side-{k} .sketch.gone").wait_for(state="attached")
     expect(page.locator("#side-1")).to_contain_text("smoothed")
 
 
-def test_everything_on_offer_can_be_taken_away(visit: Visit, service: Service, fold: str) -> None:
-    page = visit(f"/folds/{fold}")
+def test_everything_on_offer_can_be_taken_away(visit: Visit, service: Service, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}")
     page.locator("#details").click()
     page.locator("#tab-downloads").click()
     links = page.locator("#panel-downloads .downloads a")
@@ -233,8 +190,8 @@ def test_everything_on_offer_can_be_taken_away(visit: Visit, service: Service, f
         assert len(answer.content) > 60, name
 
 
-def test_motors_are_judged_and_a_movie_is_made(visit: Visit, fold: str, tmp_path: Path) -> None:
-    page = visit(f"/folds/{fold}")
+def test_motors_are_judged_and_a_movie_is_made(visit: Visit, wrench: str, tmp_path: Path) -> None:
+    page = visit(f"/folds/{wrench}")
     page.locator("#details").click()
     page.locator("#tab-downloads").click()
     robot = page.locator("form.wishes").nth(1)
@@ -256,8 +213,8 @@ def test_motors_are_judged_and_a_movie_is_made(visit: Visit, fold: str, tmp_path
     assert path.read_bytes()[:4] == b"GIF8"
 
 
-def test_networks_are_shown_a_picture(visit: Visit, service: Service, fold: str) -> None:
-    for path in (f"/folds/{fold}", "/"):
+def test_networks_are_shown_a_picture(visit: Visit, service: Service, wrench: str) -> None:
+    for path in (f"/folds/{wrench}", "/"):
         page = visit(path)
         address = page.locator("meta[property='og:image']").get_attribute("content")
         assert address

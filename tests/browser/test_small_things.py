@@ -15,10 +15,8 @@ pytestmark = [pytest.mark.browser, pytest.mark.long]
 Visit = Callable[..., Page]
 
 
-def test_escape_closes_the_details_and_leads_back(visit: Visit, service: Service) -> None:
-    fold = service.fold(shape="wrench-24")
-    service.wait_over(fold["id"])
-    page = visit(f"/folds/{fold['id']}")
+def test_escape_closes_the_details_and_leads_back(visit: Visit, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}")
     page.locator("#details").click()
     page.locator("#tab-properties").click()
     expect(page.locator("#drawer")).to_be_visible()

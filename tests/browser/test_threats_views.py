@@ -109,13 +109,6 @@ def recording() -> str:
 HOSTILE = f"playbackPath={quote(recording())}"
 
 
-@pytest.fixture(scope="module")
-def fold(service: Service) -> str:
-    found = service.fold(shape="wrench-24")
-    service.wait_over(found["id"])
-    return found["id"]
-
-
 def hostile(page: Page, address: str) -> list[str]:
     """Opens an address with a hostile query and fragment; what its console says from then on.
 
@@ -173,10 +166,10 @@ def test_the_client_by_itself(visit: Visit, address: str) -> None:
 
 
 @pytest.mark.parametrize("address", ["/folds/{0}", "/embed/{0}", "/compare?a={0}&b={0}"])
-def test_pages_of_folds(visit: Visit, fold: str, address: str) -> None:
+def test_pages_of_folds(visit: Visit, wrench: str, address: str) -> None:
     page = visit("/shapes/new")
     page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
-    said = hostile(page, address.format(fold))
+    said = hostile(page, address.format(wrench))
     frames = framed(page)
     assert len(frames) == (2 if "compare" in address else 1)
     harmless(frames, said)
@@ -200,8 +193,8 @@ def test_pages_without_the_client(visit: Visit, address: str) -> None:
     harmless([], said)
 
 
-def test_a_directory_that_is_played(visit: Visit, service: Service, fold: str) -> None:
-    with playing(service.directory(fold)) as address:
+def test_a_directory_that_is_played(visit: Visit, service: Service, wrench: str) -> None:
+    with playing(service.directory(wrench)) as address:
         page = visit(address)
         page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
         said = hostile(page, address)
@@ -209,10 +202,10 @@ def test_a_directory_that_is_played(visit: Visit, service: Service, fold: str) -
 
 
 def test_a_page_that_was_taken_away(
-    visit: Visit, service: Service, fold: str, tmp_path: Path
+    visit: Visit, service: Service, wrench: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "fold.html"
-    path.write_bytes(service.http.get(f"/folds/{fold}/standalone.html").content)
+    path.write_bytes(service.http.get(f"/folds/{wrench}/standalone.html").content)
     page = visit("about:blank")
     said = hostile(page, path.as_uri())
     page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -20,15 +20,8 @@ Visit = Callable[..., Page]
 
 
 @pytest.fixture(scope="module")
-def fold(service: Service) -> Iterator[str]:
-    found = service.fold(shape="wrench-24")
-    service.wait_over(found["id"])
-    yield found["id"]
-
-
-@pytest.fixture(scope="module")
-def figures(service: Service, fold: str) -> Figures:
-    return Figures.load(service.directory(fold) / "figures.zarr")
+def figures(service: Service, wrench: str) -> Figures:
+    return Figures.load(service.directory(wrench) / "figures.zarr")
 
 
 COUNT_PICTURES = """() => {
@@ -54,8 +47,8 @@ def opened(visit: Visit, fold: str, **options: object) -> Page:
     return page
 
 
-def test_colours_tell_any_figure(visit: Visit, fold: str, figures: Figures) -> None:
-    page = opened(visit, fold)
+def test_colours_tell_any_figure(visit: Visit, wrench: str, figures: Figures) -> None:
+    page = opened(visit, wrench)
     seek(page, int(np.nanargmax(figures.peak_torque_nm)))
     menu = page.locator("#colour-by")
     expect(menu.locator("option[disabled]")).to_have_count(0)
@@ -73,9 +66,9 @@ def test_colours_tell_any_figure(visit: Visit, fold: str, figures: Figures) -> N
 
 
 def test_plots_show_the_figures_and_lead_into_the_fold(
-    visit: Visit, fold: str, figures: Figures
+    visit: Visit, wrench: str, figures: Figures
 ) -> None:
-    page = opened(visit, fold)
+    page = opened(visit, wrench)
     page.locator("#details").click()
     page.locator("#tab-plots").click()
     plots = page.locator(".plot")
@@ -90,8 +83,8 @@ def test_plots_show_the_figures_and_lead_into_the_fold(
     keep(page, "plots")
 
 
-def test_a_view_at_rest_costs_no_battery_and_wakes(visit: Visit, fold: str) -> None:
-    page = opened(visit, fold)
+def test_a_view_at_rest_costs_no_battery_and_wakes(visit: Visit, wrench: str) -> None:
+    page = opened(visit, wrench)
     (view,) = (frame for frame in page.frames if "view" in frame.url)
     view.evaluate(COUNT_PICTURES)
     view.wait_for_function(AT_REST)
@@ -101,8 +94,8 @@ def test_a_view_at_rest_costs_no_battery_and_wakes(visit: Visit, fold: str) -> N
     view.wait_for_function("(before) => pictures > before + 3", arg=before)
 
 
-def test_jumps_lead_to_the_worst_moments(visit: Visit, fold: str, figures: Figures) -> None:
-    page = opened(visit, fold)
+def test_jumps_lead_to_the_worst_moments(visit: Visit, wrench: str, figures: Figures) -> None:
+    page = opened(visit, wrench)
     page.locator("#jump option[value=straight]").wait_for(state="attached")
     page.wait_for_function("() => !document.querySelector('#colour-by option[disabled]')")
     for where, worst in (
@@ -114,9 +107,9 @@ def test_jumps_lead_to_the_worst_moments(visit: Visit, fold: str, figures: Figur
         expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {worst + 1} of"))
 
 
-def test_from_straight_to_folded(visit: Visit, service: Service, fold: str) -> None:
-    page = opened(visit, fold, width=1440)
-    frames = Timeline.open(service.directory(fold) / "timeline.zarr").frames()
+def test_from_straight_to_folded(visit: Visit, service: Service, wrench: str) -> None:
+    page = opened(visit, wrench, width=1440)
+    frames = Timeline.open(service.directory(wrench) / "timeline.zarr").frames()
     first = int(np.flatnonzero(frames.phase == 1)[0])
     page.locator("#jump").select_option("straight")
     expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {first + 1} of"))
@@ -128,8 +121,8 @@ def test_from_straight_to_folded(visit: Visit, service: Service, fold: str) -> N
     expect(page.locator("#r-folded")).to_have_text("50 %")
 
 
-def test_a_module_tells_what_is_near_it(visit: Visit, fold: str, figures: Figures) -> None:
-    page = opened(visit, fold)
+def test_a_module_tells_what_is_near_it(visit: Visit, wrench: str, figures: Figures) -> None:
+    page = opened(visit, wrench)
     frame = len(figures) - 1
     seek(page, frame)
     page.evaluate("() => window.foldback.player.send({ do: 'select', module: 5 })")
@@ -141,8 +134,8 @@ def test_a_module_tells_what_is_near_it(visit: Visit, fold: str, figures: Figure
 
 
 @pytest.mark.long
-def test_the_path_can_be_seen_through_the_modules(visit: Visit, fold: str) -> None:
-    page = opened(visit, fold)
+def test_the_path_can_be_seen_through_the_modules(visit: Visit, wrench: str) -> None:
+    page = opened(visit, wrench)
     seek(page, 0)
     before = picture(page)
     page.locator("#through").click()

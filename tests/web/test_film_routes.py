@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
@@ -14,18 +13,9 @@ import numpy as np
 import pytest
 
 from planner.timeline import Timeline
-from tests.server.service import SNAKE, Service
+from tests.server.service import BLOG, SNAKE, Service
 from web.columns import decode
 from web.scenery import opened_scene
-
-SITE = "https://blog.example"
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    service = Service(tmp_path_factory.mktemp("service") / "data", embed_origins=SITE).start()
-    yield service
-    assert service.stop() == 0
 
 
 @pytest.fixture(scope="module")
@@ -137,10 +127,10 @@ def test_a_recording_is_viser_s_own(service: Service, fold: str) -> None:
 def test_only_named_sites_may_frame_a_fold(service: Service, fold: str) -> None:
     for path in (f"/embed/{fold}", "/embed/view"):
         policy = service.http.get(path).headers["Content-Security-Policy"]
-        assert f"frame-ancestors 'self' {SITE}" in policy
+        assert f"frame-ancestors 'self' {BLOG}" in policy
     for path in (f"/folds/{fold}", "/", "/view"):
         policy = service.http.get(path).headers["Content-Security-Policy"]
-        assert SITE not in policy
+        assert BLOG not in policy
         assert "frame-ancestors 'self'" in policy
 
 
