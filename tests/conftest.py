@@ -12,7 +12,8 @@ import pytest
 from hypothesis import settings
 
 from tests import progress
-from tests.server.service import BLOG, Service
+from tests.server.service import Service
+from tests.web.blog import Blog
 
 # No test asserts wall-clock time, so hypothesis must not either.
 settings.register_profile(
@@ -75,7 +76,15 @@ def _compile(config: pytest.Config) -> None:
 
 
 @pytest.fixture(scope="session")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+def blog() -> Iterator[Blog]:
+    """A site that may show folds of the service."""
+    blog = Blog()
+    yield blog
+    blog.stop()
+
+
+@pytest.fixture(scope="session")
+def service(tmp_path_factory: pytest.TempPathFactory, blog: Blog) -> Iterator[Service]:
     """A service with a worker, for all tests of this process: they meet each other's folds.
 
     Its log is JSON, its figures all may read, and a blog may embed it; the ``desk`` has all three
@@ -86,7 +95,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
         prewarm=True,
         log_format="json",
         metrics_public=True,
-        embed_origins=BLOG,
+        embed_origins=blog.origin,
     ).start()
     yield service
     assert service.stop() == 0

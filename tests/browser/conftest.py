@@ -29,6 +29,8 @@ FLAGS = (
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
+    # What is software anyway puts pages together at half the cost of software that plays a card.
+    "--disable-gpu-compositing",
 )
 
 
@@ -80,11 +82,17 @@ def wrench(service: Service) -> str:
 
 @pytest.fixture
 def visit(browser: Browser, service: Service) -> Iterator[Callable[..., Page]]:
-    """Opens a page in a fresh profile; at the end none of our scripts may have thrown."""
+    """Opens a page in a fresh profile; at the end none of our scripts may have thrown.
+
+    Who does not look at the 3D view opens it with ``view=False``: the client, which is loaded and
+    paints for seconds, never comes, and the page's own drawing stays.
+    """
     contexts: list[BrowserContext] = []
     thrown: list[str] = []
 
-    def open_page(path: str, *, width: int = 960, height: int = 640, **options: Any) -> Page:
+    def open_page(
+        path: str, *, width: int = 800, height: int = 560, view: bool = True, **options: Any
+    ) -> Page:
         context = browser.new_context(
             base_url=str(service.http.base_url),
             viewport={"width": width, "height": height},
@@ -92,6 +100,8 @@ def visit(browser: Browser, service: Service) -> Iterator[Callable[..., Page]]:
         )
         contexts.append(context)
         context.set_default_timeout(PATIENCE_MS)
+        if not view:
+            context.route("**/view", lambda route: route.fulfill(body="", content_type="text/html"))
         page = context.new_page()
         page.on("pageerror", lambda error: thrown.append(f"{error}\n{error.stack}"))
         page.goto(path)

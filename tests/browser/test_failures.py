@@ -19,7 +19,7 @@ from tests.server.service import Service, over, owner
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
 TAIL = 20
-LAPTOP = {"width": 1280, "height": 800, "color_scheme": "light"}
+LAPTOP = {"width": 1280, "height": 560, "color_scheme": "light"}
 PHONE = {"width": 390, "height": 844, "has_touch": True}
 ORANGE = """() => {
   const { player } = window.foldback;
@@ -194,7 +194,8 @@ def test_a_knot(visit: Visit, service: Service) -> None:
 
 
 def test_a_verified_fold_has_no_such_card(visit: Visit, wrench: str) -> None:
-    page = opened(visit(f"/folds/{wrench}"))
+    page = visit(f"/folds/{wrench}", view=False)
+    page.wait_for_function("() => window.foldback.film.complete")
     expect(page.locator("#stuck")).to_be_hidden()
     expect(page.locator("#jump option[value=stuck]")).to_have_attribute("hidden", "")
     assert page.evaluate(ORANGE) == []

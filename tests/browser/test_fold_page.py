@@ -79,7 +79,7 @@ def solid_spot(image: np.ndarray) -> tuple[int, int]:
 
 
 def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
-    page = visit("/")
+    page = visit("/", view=False)
     exploding = {"status": "running", "stage": "explode", "fraction": 0.4, "steps": 1200}
     exploding |= {"steps_per_second": 100, "simulated_s": 12.2}
     told = [{"status": "running", "stage": "read", "message": COMPILING}, exploding]
@@ -108,7 +108,7 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
 
 def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -> None:
     page = visit("/")
-    keep(page, "landing-dark-960x640")
+    keep(page, "landing-dark")
     path = json.loads(SHAPE.read_text()) | {"name": "dropped wrench"}
     dropped(page, json.dumps(path))
 
@@ -209,15 +209,15 @@ def test_it_plays_by_itself_and_follows(visit: Visit, wrench: str) -> None:
     page.locator("#sketch.gone").wait_for(state="attached")
     box = page.locator("main.stage").bounding_box()
     assert box
-    page.mouse.move(box["x"] + 300, box["y"] + 300)
+    page.mouse.move(box["x"] + 300, box["y"] + box["height"] / 2)
     page.mouse.down()
-    page.mouse.move(box["x"] + 380, box["y"] + 320, steps=4)
+    page.mouse.move(box["x"] + 380, box["y"] + box["height"] / 2 + 20, steps=4)
     page.mouse.up()
     expect(page.locator("#follow")).to_have_attribute("aria-pressed", "false")
 
 
 def test_two_visitors_don_t_share_a_playhead(visit: Visit, wrench: str) -> None:
-    one, two = (visit(f"/folds/{wrench}", width=500, height=400) for _ in range(2))
+    one, two = (visit(f"/folds/{wrench}", width=500, height=400, view=False) for _ in range(2))
     for page in (one, two):
         expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 1 of"))
     seek(one, 20)
@@ -226,12 +226,12 @@ def test_two_visitors_don_t_share_a_playhead(visit: Visit, wrench: str) -> None:
 
 
 def test_a_reload_and_a_link_show_what_was_seen(visit: Visit, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}")
+    page = visit(f"/folds/{wrench}", view=False)
     seek(page, 30)
     page.wait_for_url("**/folds/*#frame=31")
     page.reload()
     expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 31 of"))
-    other = visit(f"/folds/{wrench}#frame=12&module=3", reduced_motion="no-preference")
+    other = visit(f"/folds/{wrench}#frame=12&module=3", view=False, reduced_motion="no-preference")
     expect(other.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
     expect(other.locator("#panel-module h2")).to_contain_text("Module 3")
 

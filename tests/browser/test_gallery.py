@@ -49,7 +49,9 @@ def test_it_is_sifted_and_the_address_says_how(visit: Visit) -> None:
 
 
 def test_a_card_folds_its_shape_and_then_shows_the_fold(visit: Visit, service: Service) -> None:
-    page = visit("/gallery?type=tetrahedron&modules=-12", width=390, height=844, has_touch=True)
+    page = visit(
+        "/gallery?type=tetrahedron&modules=-12", width=390, height=844, view=False, has_touch=True
+    )
     assert shown(page) == ["Ring of twelve"]
     card = page.get_by_role("button", name=re.compile("Ring of twelve.*Not folded yet"))
     card.focus()

@@ -23,7 +23,7 @@ def test_settings_are_offered_refused_at_their_field_and_shown(
     found = service.http.post(
         "/api/shapes/preview", files={"file": ("stairs.json", json.dumps(STAIRS))}
     ).json()
-    page = visit(found["links"]["page"], width=390, height=844)
+    page = visit(found["links"]["page"], width=390, height=844, view=False)
     settings = page.locator("#paper-settings")
     page.locator(".more > summary").click()
     expect(settings).to_be_hidden()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -14,14 +13,15 @@ from playwright.sync_api import Browser, Page, expect
 from planner.plan import Plan
 from tests.browser.conftest import PATIENCE_MS, keep, picture
 from tests.browser.test_fold_page import seek
-from tests.server.service import BLOG, Service
+from tests.server.service import Service
+from tests.web.blog import Blog
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
 
 
 def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}")
+    page = visit(f"/folds/{wrench}", view=False)
     expect(page.locator("#scrub")).to_be_enabled()
     seek(page, 30)
     page.evaluate("() => window.foldback.player.send({ do: 'select', module: 7 })")
@@ -32,43 +32,35 @@ def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
     page.locator("#share-here").uncheck()
     assert page.locator("#share-link").input_value().endswith(f"/folds/{wrench}")
 
-    other = visit(link)
+    other = visit(link, view=False)
     expect(other.locator("#r-frame")).to_have_text(re.compile("Frame 31 of"))
     expect(other.locator("#panel-module h2")).to_contain_text("Module 7")
     expect(other.locator("#cancel")).to_be_hidden()
 
 
-def test_a_fold_in_somebody_else_s_page(visit: Visit, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}#frame=12")
+def test_a_fold_in_somebody_else_s_page(visit: Visit, blog: Blog, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}#frame=12", view=False)
     page.locator("#share").click()
-    embedded = page.locator("#share-embed").input_value()
-    html = {"/": embedded, "/whole": embedded.replace("/embed/", "/folds/")}
-    blog = visit("about:blank")
-    blog.route(
-        f"{BLOG}/**",
-        lambda route: route.fulfill(
-            content_type="text/html",
-            body=f"<!doctype html><title>A blog</title>{html[urlsplit(route.request.url).path]}",
-        ),
-    )
-    blog.goto(BLOG)
-    inside = blog.frame_locator("iframe")
+    blog.html = f"<!doctype html><title>A blog</title>{page.locator('#share-embed').input_value()}"
+    reader = visit(blog.origin)
+    inside = reader.frame_locator("iframe")
     expect(inside.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
     inside.locator("#sketch.gone").wait_for(state="attached")
     inside.locator("#forward").click()
     expect(inside.locator("#r-frame")).to_have_text(re.compile("Frame 13 of"))
-    keep(blog, "embedded")
+    keep(reader, "embedded")
     expect(inside.locator("a.whole")).to_have_attribute("href", f"/folds/{wrench}")
     # The page of the fold itself stays out of other sites.
-    with blog.expect_console_message(lambda said: "frame-ancestors" in said.text):
-        blog.goto(f"{BLOG}/whole")
-    expect(blog.frame_locator("iframe").locator("#bar")).to_have_count(0)
+    blog.html = blog.html.replace("/embed/", "/folds/")
+    with reader.expect_console_message(lambda said: "frame-ancestors" in said.text):
+        reader.reload()
+    expect(reader.frame_locator("iframe").locator("#bar")).to_have_count(0)
 
 
 def test_one_file_plays_without_a_server(
     visit: Visit, browser: Browser, wrench: str, tmp_path: Path
 ) -> None:
-    page = visit(f"/folds/{wrench}")
+    page = visit(f"/folds/{wrench}", view=False)
     page.locator("#share").click()
     with page.expect_download() as download:
         page.get_by_role("link", name="One page in one file").click()
@@ -77,7 +69,7 @@ def test_one_file_plays_without_a_server(
     assert path.suffix == ".html"
 
     context = browser.new_context(
-        offline=True, viewport={"width": 960, "height": 640}, reduced_motion="reduce"
+        offline=True, viewport={"width": 800, "height": 560}, reduced_motion="reduce"
     )
     context.set_default_timeout(PATIENCE_MS)
     thrown: list[str] = []
@@ -101,7 +93,7 @@ def test_one_file_plays_without_a_server(
 
 
 def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}", width=1280)
+    page = visit(f"/folds/{wrench}", width=1280, height=480)
     page.locator("#compare").click()
     page.get_by_role("button", name="Direct servoing").click()
     page.wait_for_url("**/compare?a=*&b=*")
@@ -148,7 +140,7 @@ def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, wrenc
 def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
     visit: Visit, service: Service, wrench: str
 ) -> None:
-    page = visit(f"/folds/{wrench}")
+    page = visit(f"/folds/{wrench}", view=False)
     page.locator("#smooth").click()
     page.wait_for_url(lambda url: "/folds/" in url and wrench not in url)
     expect(page.locator("#verdict")).to_have_text(re.compile("^verified"))
@@ -170,13 +162,11 @@ def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
     keep(page, "smoothed")
     page.get_by_role("link", name="Compare on one playhead").click()
     page.wait_for_url(f"**/compare?a={wrench}&b={smoothed}")
-    for k in range(2):
-        page.locator(f"#side-{k} .sketch.gone").wait_for(state="attached")
     expect(page.locator("#side-1")).to_contain_text("smoothed")
 
 
 def test_everything_on_offer_can_be_taken_away(visit: Visit, service: Service, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}")
+    page = visit(f"/folds/{wrench}", view=False)
     page.locator("#details").click()
     page.locator("#tab-downloads").click()
     links = page.locator("#panel-downloads .downloads a")
@@ -191,7 +181,7 @@ def test_everything_on_offer_can_be_taken_away(visit: Visit, service: Service, w
 
 
 def test_motors_are_judged_and_a_movie_is_made(visit: Visit, wrench: str, tmp_path: Path) -> None:
-    page = visit(f"/folds/{wrench}")
+    page = visit(f"/folds/{wrench}", view=False)
     page.locator("#details").click()
     page.locator("#tab-downloads").click()
     robot = page.locator("form.wishes").nth(1)
@@ -215,7 +205,7 @@ def test_motors_are_judged_and_a_movie_is_made(visit: Visit, wrench: str, tmp_pa
 
 def test_networks_are_shown_a_picture(visit: Visit, service: Service, wrench: str) -> None:
     for path in (f"/folds/{wrench}", "/"):
-        page = visit(path)
+        page = visit(path, view=False)
         address = page.locator("meta[property='og:image']").get_attribute("content")
         assert address
         answer = service.http.get(address)

@@ -22,6 +22,7 @@ from tests.server.test_preview import stl
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
 
+SMALL = {"width": 480, "height": 360}
 MARK = "a stranger's script saw"
 KEPT = {"foldback:owner:mine": "a token"}
 RUNS = f'console.log("{MARK} " + JSON.stringify(localStorage))'
@@ -159,7 +160,7 @@ def harmless(frames: list[Frame], said: list[str]) -> None:
 
 @pytest.mark.parametrize("address", ["/view", "/embed/view"])
 def test_the_client_by_itself(visit: Visit, address: str) -> None:
-    page = visit("/shapes/new")
+    page = visit("/shapes/new", **SMALL)
     page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
     said = hostile(page, address)
     harmless([at_work(page.main_frame)], said)
@@ -167,7 +168,7 @@ def test_the_client_by_itself(visit: Visit, address: str) -> None:
 
 @pytest.mark.parametrize("address", ["/folds/{0}", "/embed/{0}", "/compare?a={0}&b={0}"])
 def test_pages_of_folds(visit: Visit, wrench: str, address: str) -> None:
-    page = visit("/shapes/new")
+    page = visit("/shapes/new", **SMALL)
     page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
     said = hostile(page, address.format(wrench))
     frames = framed(page)
@@ -177,7 +178,7 @@ def test_pages_of_folds(visit: Visit, wrench: str, address: str) -> None:
 
 def test_the_page_of_a_preview(visit: Visit, service: Service) -> None:
     told = service.http.post("/api/shapes/preview", files={"file": ("brick.stl", stl())}).json()
-    page = visit("/shapes/new")
+    page = visit("/shapes/new", **SMALL)
     page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
     said = hostile(page, told["links"]["page"])
     frames = framed(page)
@@ -187,7 +188,7 @@ def test_the_page_of_a_preview(visit: Visit, service: Service) -> None:
 
 @pytest.mark.parametrize("address", ["/", "/shapes/new", "/gallery"])
 def test_pages_without_the_client(visit: Visit, address: str) -> None:
-    page = visit("/shapes/new")
+    page = visit("/shapes/new", **SMALL)
     said = hostile(page, address)
     expect(page.locator("iframe")).to_have_count(0)
     harmless([], said)
@@ -195,7 +196,7 @@ def test_pages_without_the_client(visit: Visit, address: str) -> None:
 
 def test_a_directory_that_is_played(visit: Visit, service: Service, wrench: str) -> None:
     with playing(service.directory(wrench)) as address:
-        page = visit(address)
+        page = visit(address, **SMALL)
         page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
         said = hostile(page, address)
         harmless(framed(page), said)
@@ -206,7 +207,7 @@ def test_a_page_that_was_taken_away(
 ) -> None:
     path = tmp_path / "fold.html"
     path.write_bytes(service.http.get(f"/folds/{wrench}/standalone.html").content)
-    page = visit("about:blank")
+    page = visit("about:blank", **SMALL)
     said = hostile(page, path.as_uri())
     page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
     frames = framed(page)
@@ -215,7 +216,7 @@ def test_a_page_that_was_taken_away(
 
 
 def test_where_a_browser_keeps_the_query_nothing_is_played(visit: Visit) -> None:
-    page = visit("/shapes/new")
+    page = visit("/shapes/new", **SMALL)
     page.add_init_script(
         "History.prototype.replaceState = () => { throw new DOMException('no', 'SecurityError'); }"
     )
@@ -226,7 +227,7 @@ def test_where_a_browser_keeps_the_query_nothing_is_played(visit: Visit) -> None
 
 
 def test_only_the_page_around_it_is_listened_to_and_once(visit: Visit) -> None:
-    page = visit("/shapes/new")
+    page = visit("/shapes/new", **SMALL)
     said: list[str] = []
     page.on("console", lambda message: said.append(message.text))
     page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)

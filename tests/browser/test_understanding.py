@@ -40,15 +40,16 @@ AT_REST = """() => new Promise((done) => {
 })"""
 
 
-def opened(visit: Visit, fold: str, **options: object) -> Page:
-    page = visit(f"/folds/{fold}", **options)
-    page.locator("#sketch.gone").wait_for(state="attached")
+def opened(visit: Visit, fold: str, *, view: bool = False, **options: object) -> Page:
+    page = visit(f"/folds/{fold}", view=view, **options)
+    if view:
+        page.locator("#sketch.gone").wait_for(state="attached")
     page.wait_for_function("() => window.foldback.film.complete")
     return page
 
 
 def test_colours_tell_any_figure(visit: Visit, wrench: str, figures: Figures) -> None:
-    page = opened(visit, wrench)
+    page = opened(visit, wrench, view=True)
     seek(page, int(np.nanargmax(figures.peak_torque_nm)))
     menu = page.locator("#colour-by")
     expect(menu.locator("option[disabled]")).to_have_count(0)
@@ -84,7 +85,7 @@ def test_plots_show_the_figures_and_lead_into_the_fold(
 
 
 def test_a_view_at_rest_costs_no_battery_and_wakes(visit: Visit, wrench: str) -> None:
-    page = opened(visit, wrench)
+    page = opened(visit, wrench, view=True)
     (view,) = (frame for frame in page.frames if "view" in frame.url)
     view.evaluate(COUNT_PICTURES)
     view.wait_for_function(AT_REST)
@@ -135,7 +136,7 @@ def test_a_module_tells_what_is_near_it(visit: Visit, wrench: str, figures: Figu
 
 @pytest.mark.long
 def test_the_path_can_be_seen_through_the_modules(visit: Visit, wrench: str) -> None:
-    page = opened(visit, wrench)
+    page = opened(visit, wrench, view=True)
     seek(page, 0)
     before = picture(page)
     page.locator("#through").click()

@@ -31,9 +31,6 @@ SPIRAL = [
 """What moves straight into it crosses itself."""
 SNAKE = [[x if y % 2 == 0 else 3 - x, y, 0] for y in range(4) for x in range(4)]
 
-BLOG = "http://blog.localhost"
-"""Somebody else's site, which may show folds of the service that tests share."""
-
 
 class Service:
     """Starts, kills and restarts one service; `http` talks to it.

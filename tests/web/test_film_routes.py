@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from planner.timeline import Timeline
-from tests.server.service import BLOG, SNAKE, Service
+from tests.server.service import SNAKE, Service
+from tests.web.blog import Blog
 from web.columns import decode
 from web.scenery import opened_scene
 
@@ -124,13 +125,13 @@ def test_a_recording_is_viser_s_own(service: Service, fold: str) -> None:
     assert np.allclose(last / 0.25, poses.positions[0], atol=1e-5)
 
 
-def test_only_named_sites_may_frame_a_fold(service: Service, fold: str) -> None:
+def test_only_named_sites_may_frame_a_fold(service: Service, blog: Blog, fold: str) -> None:
     for path in (f"/embed/{fold}", "/embed/view"):
         policy = service.http.get(path).headers["Content-Security-Policy"]
-        assert f"frame-ancestors 'self' {BLOG}" in policy
+        assert f"frame-ancestors 'self' {blog.origin}" in policy
     for path in (f"/folds/{fold}", "/", "/view"):
         policy = service.http.get(path).headers["Content-Security-Policy"]
-        assert BLOG not in policy
+        assert blog.origin not in policy
         assert "frame-ancestors 'self'" in policy
 
 

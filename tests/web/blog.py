@@ -1,0 +1,42 @@
+"""A blog: somebody else's site, which may show folds of the service that tests share."""
+
+from __future__ import annotations
+
+import functools
+import http.server
+import threading
+
+
+class Blog(http.server.ThreadingHTTPServer):
+    """A real server of its own origin.
+
+    Attributes:
+        html: Its one page, whatever the address.
+        origin: Where it is.
+    """
+
+    def __init__(self) -> None:
+        self.html = ""
+        super().__init__(("127.0.0.1", 0), functools.partial(_Answer, self))
+        self.origin = f"http://127.0.0.1:{self.server_port}"
+        threading.Thread(target=self.serve_forever, daemon=True).start()
+
+    def stop(self) -> None:
+        self.shutdown()
+        self.server_close()
+
+
+class _Answer(http.server.BaseHTTPRequestHandler):
+    def __init__(self, blog: Blog, *given: object) -> None:
+        self.blog = blog
+        super().__init__(*given)  # type: ignore[arg-type]
+
+    def do_GET(self) -> None:
+        body = self.blog.html.encode()
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html")
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *given: object) -> None:
+        del given
