@@ -99,3 +99,11 @@ def service(tmp_path_factory: pytest.TempPathFactory, blog: Blog) -> Iterator[Se
     ).start()
     yield service
     assert service.stop() == 0
+
+
+@pytest.fixture(scope="session")
+def wrench(service: Service) -> str:
+    """The id of a finished fold of a gallery shape, which is not the gallery's own."""
+    fold_id = service.fold(shape="wrench-24", seed="5")["id"]
+    assert service.wait_over(fold_id)["status"] == "verified"
+    return fold_id

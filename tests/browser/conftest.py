@@ -72,14 +72,6 @@ def browser() -> Browser:
     return OPEN.browser()
 
 
-@pytest.fixture(scope="session")
-def wrench(service: Service) -> str:
-    """A verified fold of 24 modules, for all who only look at it."""
-    fold = service.fold(shape="wrench-24")
-    assert service.wait_over(fold["id"])["status"] == "verified"
-    return fold["id"]
-
-
 @pytest.fixture
 def visit(browser: Browser, service: Service) -> Iterator[Callable[..., Page]]:
     """Opens a page in a fresh profile; at the end none of our scripts may have thrown.
@@ -133,16 +125,17 @@ def picture(page: Page) -> np.ndarray:
     page.wait_for_timeout(300)
     page.locator(".standing-in").wait_for(state="detached")
     page.evaluate(PASSED)
-    before = _shot(page)
+    before = shot(page)
     while True:
         page.wait_for_timeout(400)
-        now = _shot(page)
+        now = shot(page)
         if np.abs(now - before).max() <= 2:
             return now
         assert time.monotonic() < deadline, "the view does not come to rest"
         before = now
 
 
-def _shot(page: Page) -> np.ndarray:
+def shot(page: Page) -> np.ndarray:
+    """The same at once, whatever moves."""
     png = page.locator("main.stage").screenshot(mask=[page.locator("#legend")], mask_color="#000")
     return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(float)

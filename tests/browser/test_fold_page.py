@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from playwright.sync_api import Page, Route, expect
 
 from planner.progress import COMPILING
 from planner.timeline import Timeline
-from tests.browser.conftest import keep, picture
+from tests.browser.conftest import PATIENCE_MS, keep, picture, shot
 from tests.server.service import Service
 from web.colours import error_scale, module_errors
 from web.film import Film
@@ -290,6 +291,43 @@ def test_the_drawing_stays_until_the_view_shows_something(visit: Visit, wrench: 
     page.frames[1].evaluate("() => release()")
     page.locator("#sketch.gone").wait_for(state="attached")
     assert (picture(page).mean(axis=-1) > 90).sum() > 500
+
+
+SLOW = """if (self !== top) {
+  const next = requestAnimationFrame.bind(window);
+  let wait = 0;
+  window.requestAnimationFrame = (then) => wait ? setTimeout(() => next(then), wait) : next(then);
+  const every = setInterval;
+  let beats = true;
+  window.setInterval = (then, ms) => every(() => { if (beats) then(); }, ms);
+  window.tire = () => { wait = 400; beats = false; };
+}"""
+"""A view that, once tired, takes long for a picture and paints none that nobody asked for."""
+REST_MS = 2000
+"""More than after what the view rests: see bridge.js."""
+
+
+def test_a_view_at_rest_shows_what_comes_next_also_where_pictures_take_long(
+    visit: Visit, wrench: str
+) -> None:
+    page = visit("about:blank")
+    page.add_init_script(SLOW)
+    page.goto(f"/folds/{wrench}")
+    page.locator("#sketch.gone").wait_for(state="attached")
+    seek(page, 0)
+    folded = picture(page)
+    page.add_style_tag(content="#sketch { display: none }")  # it would stand in for the view
+    page.locator("#follow").click()  # a camera that moves would have it paint on
+    page.frames[1].evaluate("() => tire()")
+    page.wait_for_timeout(REST_MS)
+    page.locator("#jump").select_option("straight")
+    expect(page.locator("#r-folded")).to_have_text("0 %")
+    keep(page, "view-woken-early")
+    deadline = time.monotonic() + PATIENCE_MS / 1000
+    while np.abs(shot(page) - folded).max() <= 50:
+        assert time.monotonic() < deadline, "the view goes on showing what was there before"
+        page.wait_for_timeout(200)
+    keep(page, "view-woken")
 
 
 def test_a_bad_file_is_answered_on_the_spot(visit: Visit) -> None:

@@ -89,11 +89,3 @@ def finished(service: Service) -> dict[str, Any]:
         "events": events,
         "state": service.state(accepted["id"]),
     }
-
-
-@pytest.fixture(scope="session")
-def wrench(service: Service) -> str:
-    """The id of a finished fold of a gallery shape, which is not the gallery's own."""
-    fold_id = service.fold(shape="wrench-24", seed="5")["id"]
-    assert service.wait_over(fold_id)["status"] == "verified"
-    return fold_id

@@ -70,6 +70,31 @@
     return drawElementsInstanced.apply(this, given);
   };
 
+  // The client puts what it is told into its scene after the picture that it paints next, and stops
+  // painting a quarter of a second after it was told. Where a picture takes longer than that the one
+  // that is due would wait for the client's heartbeat, or two: it is told something again.
+  const PAINTS_MS = 250;
+  const NOTHING = { type: "SetSceneNodeVisibilityMessage", owner: "", name: "", visible: true };
+  let due = 0; // of its pictures, the first that shows what it was told last
+  let spoken = 0; // when it was told something last
+  let watching = false;
+  /** @param {SceneMessage[]} messages */
+  function tell(messages) {
+    spoken = performance.now();
+    wire?.tell({ type: "message_batch", messages });
+  }
+  function watch() {
+    watching = pictures < due;
+    if (!watching) return;
+    notice();
+    if (performance.now() - spoken > PAINTS_MS) tell([NOTHING]);
+    paintNext(watch);
+  }
+  function owe() {
+    due = pictures + PICTURES;
+    if (!watching) watch();
+  }
+
   const say = (/** @type {Record<string, unknown>} */ message) => port?.postMessage(message);
   const opened = () => { if (port && wire) say({ is: "open" }); };
 
@@ -80,11 +105,13 @@
       const messages = data.messages.filter((message) => SHOWN.has(message?.type));
       for (const message of messages) if ("titlebar_content" in message) message.titlebar_content = null; // links
       if (messages.some(({ type }) => type === "BatchedMeshesMessage")) missing = true;
-      wire?.tell({ type: "message_batch", messages });
+      tell(messages);
+      owe();
     } else if (data?.do === "pass") {
       twice(() => say({ is: "done", id: data.id }));
     } else if (data?.do === "paint") {
-      paint(data.id, pictures + PICTURES);
+      owe();
+      paint(data.id, due);
     }
   }
 
