@@ -23,9 +23,15 @@ from typing import Any, BinaryIO, Final, Literal
 from server.limits import ChildLimits, environment_of_child
 
 Kind = Literal["stages", "reader", "preparer", "movies", "retimer"]
-USUAL: Final = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MUJOCO_GL": "off"}
+USUAL: Final = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "MUJOCO_GL": "off",
+    "SPT_NOENV": "1",
+}
 """Threads of linear algebra cost memory and bring nothing at these sizes. Only movies are drawn; to
-others MuJoCo need not bring what opens windows."""
+others MuJoCo need not bring what opens windows. Who looks at a child's environment sees it, and not
+the name that the child goes by in its place."""
 
 
 class Forked:
@@ -216,6 +222,11 @@ class ForkServer:
     def where_possible(cls, kinds: Sequence[Kind], *, warm: bool) -> ForkServer | None:
         """One, or None on systems whose libraries don't outlast a fork."""
         return cls(kinds, warm=warm) if sys.platform == "linux" else None
+
+    @property
+    def pid(self) -> int | None:
+        """Its process id; None when it was not started yet."""
+        return None if self._running is None else self._running.pid
 
     def start(self) -> None:
         """Starts it ahead of the first child."""

@@ -195,7 +195,7 @@ def test_a_knot(visit: Visit, service: Service) -> None:
 
 def test_a_verified_fold_has_no_such_card(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
-    page.wait_for_function("() => window.foldback.film.complete")
+    page.wait_for_function("() => window.foldback.player.film?.complete")
     expect(page.locator("#stuck")).to_be_hidden()
     expect(page.locator("#jump option[value=stuck]")).to_have_attribute("hidden", "")
     assert page.evaluate(ORANGE) == []

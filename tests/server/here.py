@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import socket
 import threading
+from typing import Any
 
 import httpx
 import psutil
@@ -66,5 +66,7 @@ class ServiceHere(Service):
         return int(self._thread.is_alive())
 
     def processes(self, module: str) -> list[psutil.Process]:
-        """The processes of a module that this process has started, not one of its others."""
-        return [c for c in psutil.Process(os.getpid()).children() if module in c.cmdline()]
+        """Those that its fork server has forked, by what they call themselves."""
+        app: Any = self._server.config.app
+        forks = app.state.context.fork_server
+        return [c for c in psutil.Process(forks.pid).children() if module in c.cmdline()]

@@ -100,7 +100,7 @@ def test_a_start_is_limited(
     directory: Path, monkeypatch: pytest.MonkeyPatch, limit: str, value: float
 ) -> None:
     monkeypatch.setattr(children, limit, value)
-    child = Child("reader", LIMITS)
+    child = Child("stages", LIMITS)
     with pytest.raises(ChildError, match="did not start: took too long"):
         child.call("check", directory, wall_s=60)
     child.close()

@@ -40,8 +40,8 @@ def server() -> Iterator[ForkServer]:
 
 
 def pid_of(server: ForkServer) -> int:
-    assert server._running is not None
-    return server._running.pid
+    assert server.pid is not None
+    return server.pid
 
 
 def spoiled(place: Path, code: str, *, warm: bool = False) -> ForkServer:
@@ -163,7 +163,7 @@ server = ForkServer(["reader"], warm=False)
 limits = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
 child = Child("reader", limits, fork_server=server)
 child.call("check", Path(sys.argv[1]), wall_s=60)
-print(child.pid, server._running.pid, flush=True)
+print(child.pid, server.pid, flush=True)
 time.sleep(600)
 """
 

@@ -60,7 +60,7 @@ def children(service: Service) -> list[psutil.Process]:
             words = process.cmdline()
         except psutil.Error:
             continue
-        if "movies" in words or any("ffmpeg" in word for word in words):
+        if "foldback movies" in words or any("ffmpeg" in word for word in words):
             found.append(process)
     return found
 

@@ -164,6 +164,8 @@ def _until(what: Callable[[], bool]) -> None:
 @pytest.fixture(scope="module")
 def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """A service that waits for nobody."""
+    patience = pytest.MonkeyPatch()
+    patience.setattr("server.security.LISTENED_S", 0.5)
     service = ServiceHere(
         tmp_path_factory.mktemp("hasty") / "data",
         upload_idle_s=0.5,
@@ -174,6 +176,7 @@ def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     ).start()
     yield service
     assert service.stop() == 0
+    patience.undo()
 
 
 def test_an_upload_of_which_nothing_comes_is_over(hasty: Service) -> None:
