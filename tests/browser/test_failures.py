@@ -68,7 +68,8 @@ def looked_at(page: Page, name: str) -> list[int]:
 
 
 def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
-    fold = service.fold(shape="wrench-80", module_size=1.0)["id"]
+    asked = {"module_size": 1.0, "strategy": "simultaneous"}
+    fold = service.fold(shape="wrench-80", **asked)["id"]
     state = service.wait_over(fold)
     assert state["status"] == "failed"
     place = state["summary"]["certificate"]["min_clearance_at"]
@@ -79,7 +80,7 @@ def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
     explosion = state["summary"]["explosion"]["frames"]
     assert shown_frame(page) == pytest.approx(explosion + place["frame"], abs=1)
     page.locator("#stuck-attempts").click()
-    expect(page.locator(".attempts li")).to_have_count(6)
+    expect(page.locator(".attempts li")).to_have_count(4)
     expect(page.locator(".attempts li").first).to_contain_text("All at once")
     expect(page.locator(".attempts li").first).to_contain_text("overlap")
     keep(page, "failure-attempts")
@@ -195,7 +196,7 @@ def test_a_knot(visit: Visit, service: Service) -> None:
 
 def test_a_verified_fold_has_no_such_card(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
-    page.wait_for_function("() => window.foldback.player.film?.complete")
+    page.wait_for_function("() => window.foldback.film.complete")
     expect(page.locator("#stuck")).to_be_hidden()
     expect(page.locator("#jump option[value=stuck]")).to_have_attribute("hidden", "")
     assert page.evaluate(ORANGE) == []

@@ -274,7 +274,8 @@ export class Film extends Teller {
     return chunk !== undefined && chunk.count >= Math.min(this.rows, this.total - index * this.rows);
   }
 
-  get complete() { return !this.growing && this.next() === null; }
+  // Whether all that is wanted is here.
+  get complete() { return this.chain !== null && !this.growing && !this.loading.size && this.next() === null; }
 
   // The chunk to fetch next: those around the playhead first; null when all that is wanted is here.
   next() {

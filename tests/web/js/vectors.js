@@ -39,6 +39,6 @@ export async function recorded() {
     reel() { this.asked++; return unpack(vectors.film.reel); },
   };
   const film = new Film(source);
-  while (!film.total || !film.complete) await turnOfEvents();
+  while (!film.complete) await turnOfEvents();
   return { film, source };
 }
