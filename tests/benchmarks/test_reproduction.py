@@ -42,8 +42,8 @@ def tiny(tmp_path: Path) -> tuple[Experiment, ...]:
             request=Request(preset="direct"),
             title=name,
             published="tangled",
-            straight=True,
-            strip=True,
+            straight=name == "tiny",
+            strip=name == "tiny",
         )
         for name in ("tiny", "spiral")
     )

@@ -158,7 +158,7 @@ def exploding_bytes(service: Service, cells: object) -> tuple[int, int]:
 
 
 def test_a_cancelled_fold(visit: Visit, service: Service) -> None:
-    accepted = service.fold(shape="wrench-160", preset="paper")
+    accepted = service.fold(shape="wrench-80", preset="paper")
     service.wait_exploding(accepted["id"])
     service.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
     assert service.wait_over(accepted["id"])["status"] == "cancelled"

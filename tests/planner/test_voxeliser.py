@@ -76,7 +76,7 @@ def test_a_box_offers_the_counts_that_it_can_have() -> None:
     st.floats(0.1, 100),
     st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-50, 50)),
 )
-@examples(one_of=7)
+@examples(one_of=15)
 def test_size_and_place_change_nothing(scale: float, shift: tuple[float, ...]) -> None:
     mesh = torus()
     plain = voxelise(solid_of(mesh), cells=120)
@@ -186,7 +186,7 @@ def test_a_thin_bar_is_kept_and_said() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(5, 400))
-@examples(one_of=5)
+@examples(one_of=10)
 def test_what_comes_out_is_in_one_piece(seed: int, cells: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(8, 3)) * rng.uniform(0.05, 1, 3)
@@ -306,7 +306,7 @@ MESHES: dict[str, Callable[[], Mesh]] = {
 
 
 @given(st.sampled_from(sorted(MESHES)), st.integers(1, 400), st.integers(0, 3), st.booleans())
-@examples(one_of=6)
+@examples(one_of=10)
 def test_a_count_that_is_offered_is_what_asking_for_it_gives(
     name: str, cells: int, seed: int, upright: bool
 ) -> None:
@@ -330,7 +330,7 @@ def voxels_of(name: str, cells: int) -> Voxels:
 
 
 @pytest.mark.parametrize("name", sorted(MESHES))
-@pytest.mark.parametrize("cells", [20, 60, 160])
+@pytest.mark.parametrize("cells", [20, pytest.param(60, marks=pytest.mark.long), 160])
 def test_counts_come_within_a_tenth_and_others_are_offered(name: str, cells: int) -> None:
     voxels = voxels_of(name, cells)
     assert abs(len(voxels.shape) - cells) <= 0.1 * cells

@@ -44,9 +44,17 @@ def fork_server() -> Iterator[ForkServer]:
     server.close()
 
 
-@pytest.fixture(params=["forked", "spawned"])
-def child(request: pytest.FixtureRequest, fork_server: ForkServer) -> Iterator[Child]:
-    child = Child("reader", LIMITS, fork_server=fork_server if request.param == "forked" else None)
+@pytest.fixture
+def child(fork_server: ForkServer) -> Iterator[Child]:
+    child = Child("reader", LIMITS, fork_server=fork_server)
+    yield child
+    child.close()
+
+
+@pytest.fixture
+def spawned() -> Iterator[Child]:
+    """One that is started by itself, as where nothing can be forked."""
+    child = Child("reader", LIMITS)
     yield child
     child.close()
 
@@ -61,6 +69,16 @@ def test_a_child_answers_again_and_again(child: Child, directory: Path) -> None:
     for _ in range(2):
         found = child.call("check", directory, wall_s=60)
         assert found == {"name": "snake", "module": "cube", "modules": 16}
+
+
+def test_one_that_is_started_by_itself_is_no_different(spawned: Child, directory: Path) -> None:
+    assert spawned.call("check", directory, wall_s=60)["modules"] == 16
+    os.kill(spawned.pid, signal.SIGSTOP)
+    with pytest.raises(ChildError, match="longer than"):
+        spawned.call("check", directory, wall_s=0.1)
+    assert not spawned.alive
+    with pytest.raises(ChildError, match="SIGKILL"):
+        spawned.call("check", directory, wall_s=60)
 
 
 def test_bad_input_is_told_from_a_crash(child: Child, directory: Path) -> None:

@@ -30,7 +30,7 @@ const sides = facts.map(({ id, running }, k) => {
     pick: (origin, direction) => player.pick(origin, direction),
   });
   const player = new Player(new Film(new Source(`/folds/${id}`), { over: !running }), {
-    stage, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),
+    stage, sketch, calm, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),
   });
   new ResizeObserver(() => player.show(true)).observe(frame);
   player.on("state", (/** @type {State} */ { error_rad: error }) => {

@@ -38,13 +38,15 @@ function nameOf({ rigid_links: rigid, hinge_names: names }, j) {
 /** @typedef {import("./sketch.js").Sketch} Sketch */
 
 export class Player extends Teller {
-  // Shows on `stage`, for which `sketch` may stand in; without a stage on the sketch alone.
+  // Shows on `stage`, for which `sketch` may stand in; without a stage on the sketch alone. For who
+  // wants little to move, the camera is where a frame that is sought asks for it at once.
   /**
    * @param {Film} film
-   * @param {{ stage?: Stage | null, sketch?: Sketch | null, aspect?: () => number }} shownOn
+   * @param {{ stage?: Stage | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean }} shownOn
    */
-  constructor(film, { stage = null, sketch = null, aspect = () => USUAL_ASPECT }) {
+  constructor(film, { stage = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false }) {
     super();
+    this.calm = calm;
     this.film = film;
     this.stage = stage;
     this.sketch = sketch;
@@ -389,7 +391,8 @@ export class Player extends Teller {
       goal = blended(views, weights, nearest);
     }
     goal = { ...goal, distance: Math.max(goal.distance, ROOM * this.needed(shown, goal)) };
-    this.follower.aim(goal, !this.follower.view);
+    const still = !(is.playing || is.live || is.turn);
+    this.follower.aim(goal, !this.follower.view || (this.calm && still));
     this.gliding = true;
     this.wake();
   }

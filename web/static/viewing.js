@@ -41,7 +41,7 @@ export function view({ source, figures, load, over = true, drawer = null, play =
     get("cover").classList.add("gone");
     setTimeout(start3d, DRAW_MS);
   });
-  const player = new Player(film, { stage, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight) });
+  const player = new Player(film, { stage, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight), calm });
   if (player.standIn) player.standIn.onOpen = () => get("cover").classList.add("gone");
   const plots = get("panel-plots") ? new Plots(get("panel-plots"), player, figures) : null;
   const bar = new Bar(player, (name) => plots?.worst(name) ?? null);

@@ -51,6 +51,23 @@ test("a frame that is sought is shown, and told of", async () => {
   assert.equal(player.send({ do: "dance" }), false);
 });
 
+test("who wants little to move sees no glide to a frame that is sought, but one while it plays", async () => {
+  for (const calm of [false, true]) {
+    const { player, film } = await shown({ calm });
+    draw(60);
+    const { distance } = player.follower.view;
+    player.send({ do: "seek", frame: Math.round(film.last / 2) });
+    draw(1);
+    const goal = player.follower.goal;
+    assert.notEqual(goal.distance, distance);
+    assert.equal(player.follower.view === goal, calm);
+    player.send({ do: "seek", frame: 0 });
+    player.send({ do: "play" });
+    draw(2);
+    assert.notEqual(player.follower.view, player.follower.goal);
+  }
+});
+
 test("modules are as red as Python says, and blue when selected", async () => {
   const { player, film } = await shown();
   for (const { frame, colours } of vectors.film.frames) {
