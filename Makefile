@@ -9,7 +9,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUNS := $(VENV)/.runs
 STAMP := $(VENV)/.installed
-PARALLEL := -n logical --maxprocesses 4 --dist worksteal
+PARALLEL := -n auto --dist worksteal
 NODE_MODULES := node_modules/.installed
 
 # The first interpreter that starts and is new enough; 3.11 to 3.13 are tried ones.

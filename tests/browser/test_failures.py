@@ -14,7 +14,7 @@ from planner.timeline import Timeline
 from tests.browser.conftest import keep, picture
 from tests.browser.test_fold_page import shown_frame
 from tests.planner.test_knots import OVERHAND, walk
-from tests.server.service import Service, over, owner
+from tests.server.service import SPIRAL, Service, over, owner
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
@@ -67,6 +67,17 @@ def looked_at(page: Page, name: str) -> list[int]:
     return found
 
 
+def test_servoing_straight_to_a_shape_tangles(visit: Visit, service: Service) -> None:
+    fold = service.fold(SPIRAL, preset="direct")["id"]
+    state = service.wait_over(fold)
+    place = state["summary"]["certificate"]["min_clearance_at"]
+    page = opened(visit(f"/folds/{fold}", **LAPTOP))
+    expect(page.locator("#stuck-heading")).to_have_text("Modules overlap")
+    assert looked_at(page, "failure-direct") == sorted(place["modules"])
+    assert shown_frame(page) == pytest.approx(place["frame"], abs=1)
+
+
+@pytest.mark.long
 def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
     asked = {"module_size": 1.0, "strategy": "simultaneous"}
     fold = service.fold(shape="wrench-80", **asked)["id"]

@@ -228,7 +228,8 @@ def asked(directory: FilePath, data: bytes, **values: Any) -> FilePath:
     return directory
 
 
-@pytest.mark.parametrize("name", ["refused", pytest.param("knotted", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["refused", "knotted"])
 def test_the_plan_is_the_same_for_any_number_of_workers(
     name: str, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -75,6 +75,6 @@ def test_warming_up_takes_the_whole_way() -> None:
     assert plan.certificate.verdict == "verified (simulated)"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_nothing_is_compiled_afterwards_whatever_the_strategy() -> None:
     assert compiled_later(IMPORTS, WORK) == []

@@ -79,7 +79,7 @@ def test_a_database_that_is_gone_is_a_reason(tmp_path: Path) -> None:
 
 
 def test_it_says_so_while_it_ends(here_with: Callable[..., ServiceHere]) -> None:
-    service = here_with(leave_s=3).start()
+    service = here_with(leave_s=1).start()
     with httpx.Client(base_url=service.http.base_url) as other:
         assert other.get("/ready").status_code == 200
         service.tell_to_end()
