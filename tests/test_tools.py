@@ -23,10 +23,10 @@ def test_all_that_is_missing_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch
     with pytest.raises(SystemExit) as told:
         tools.main()
     assert told.value.code == (
-        "Missing for the tests: Chromium, PostgreSQL. Run `sudo apt-get install chromium-headless-shell "
+        "Missing for the tests: Chromium, PostgreSQL. Run `sudo apt-get install chromium "
         "postgresql`; all that needs none of them is run by `make test-fast`."
     )
-    with pytest.raises(MissingToolError, match="apt-get install chromium-headless-shell`"):
+    with pytest.raises(MissingToolError, match="apt-get install chromium`"):
         missing[0].get()
 
 
