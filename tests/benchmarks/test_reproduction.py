@@ -22,6 +22,8 @@ from tests.benchmarks.reproduction.runs import stored_runs
 from tests.benchmarks.reproduction.telling import figure, told
 from web.colours import STUCK
 
+pytestmark = pytest.mark.slow
+
 SQUARE = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1, 0), (0, 1, 0), (0, 2, 0), (1, 2, 0)]
 SPIRAL = [(x, 0, 0) for x in range(4)] + [(3, 1, 0), (3, 2, 0)]
 SPIRAL += [(x, 3, 0) for x in (3, 2, 1, 0)] + [(0, 2, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]

@@ -9,6 +9,8 @@ import pytest
 from tests.benchmarks import seeds
 from tests.benchmarks.seeds import SEEDS, Case, cases, run, section_of
 
+pytestmark = pytest.mark.slow
+
 
 def test_every_shape_comes_with_every_seed() -> None:
     found = list(cases())

@@ -15,6 +15,8 @@ from tests.benchmarks.stored import stored
 from tests.benchmarks.success_map import BOXES, KINDS, METHODS, Case, cases, path_of, run
 from tests.benchmarks.success_picture import picture
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_path_fills_the_box(kind: str) -> None:

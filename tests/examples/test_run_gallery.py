@@ -7,6 +7,8 @@ import pytest
 from examples import run_gallery
 from examples.run_gallery import SHAPES, digest, fold_once, known
 
+pytestmark = pytest.mark.slow
+
 FILES = sorted(SHAPES.glob("*.json"))
 
 

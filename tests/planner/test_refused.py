@@ -25,6 +25,8 @@ from planner.stages import next_stage, run_stage, run_stages
 from planner.timeline import Timeline
 from tests.planner.chains import COIL
 
+pytestmark = pytest.mark.slow
+
 LEFT = {"refused", "refused.part", "refused.back", "best.zarr", "best.part"}
 Judge = Callable[..., Certificate]
 

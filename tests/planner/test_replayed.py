@@ -23,6 +23,8 @@ from tests.planner.conftest import SHAPES
 from tests.planner.outsider import Outsider, moment_at, moments
 from tests.planner.plans import changed
 
+pytestmark = pytest.mark.slow
+
 QUARTERS = 4
 POSES_WITHIN = 1e-6
 OVERLAP_WITHIN = 1e-9

@@ -31,6 +31,8 @@ from planner.verification import verify
 from tests.planner.conftest import Folded
 from tests.planner.plans import changed
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def mallet(folded: Callable[..., Folded]) -> Folded:

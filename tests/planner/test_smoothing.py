@@ -19,6 +19,8 @@ from planner.sweep import sweep
 from planner.timelaw import duration, torque_bounded_profile
 from tests.planner.chains import coil, line, random_angles
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float64]
 REAL = ("wrench-24", "mallet-64", pytest.param("wrench-94", marks=pytest.mark.long))
 

@@ -27,6 +27,8 @@ from planner.stages import STAGES, next_stage, run_stage, run_stages
 from planner.timeline import Timeline
 from tests.planner.chains import COIL
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float64]
 OUTPUTS = {
     "read": ["candidates.json", "chain.json"],

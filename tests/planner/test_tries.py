@@ -31,6 +31,8 @@ from planner.timeline import Timeline
 from planner.tries import ASIDE, STALLING, Tries, make_try
 from tests.planner.chains import COIL, SQUARE, knotted
 
+pytestmark = pytest.mark.slow
+
 CHOICE = Choice(strategies=(("simultaneous", "peel"),), seed=3)
 FIRST = Try(0, 3, "simultaneous")
 STUCK = {**asdict(FIRST), "status": "stalled", "diagnosis": {"kind": "joints"}}

@@ -21,6 +21,8 @@ from planner.voxeliser import Voxels, voxelise
 from tests.conftest import examples
 from tests.planner.solids_made import Mesh, box, solid_of, torus
 
+pytestmark = pytest.mark.slow
+
 TURNS = trimesh.transformations
 
 

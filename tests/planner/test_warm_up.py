@@ -13,6 +13,8 @@ from planner.progress import COMPILING
 from planner.warm_up import SMALL_SHAPE, warm_up
 from tests.compiled_later import compiled_later
 
+pytestmark = pytest.mark.slow
+
 IMPORTS = """
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory

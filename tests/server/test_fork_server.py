@@ -21,6 +21,8 @@ from server.fork_server import ForkServer
 from server.limits import ChildLimits
 from tests.server.service import PATIENCE_S, SNAKE
 
+pytestmark = pytest.mark.processes
+
 LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
 WHOLE = {"name": "snake", "module": "cube", "modules": 16}
 

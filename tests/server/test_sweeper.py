@@ -173,8 +173,8 @@ def test_a_cancelled_fold_keeps_its_files_for_an_hour_and_its_page(
 
 def test_cancelling_one_upload_after_the_other_fills_no_disk(store: Store) -> None:
     large: dict[str, Any] = {"size": 8 * MIB, "status": "cancelled"}
-    folds = [fold(store, days=n / 1e6, **large) for n in range(8)]
-    others = fold(store, days=1e-6, visitor="another", **large)
+    folds = [fold(store, days=n / 1e4, **large) for n in range(8)]
+    others = fold(store, days=1e-4, visitor="another", **large)
     sweep_cancelled(store, time.time(), visitor="somebody")
     there = [store.folders.place(name).exists() for name in folds]
     assert there == [True, True, True] + 5 * [False]  # the last one, and 16 MiB more
