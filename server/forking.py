@@ -18,6 +18,7 @@ from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict
+from types import FrameType
 from typing import Any, Final, NoReturn
 
 from planner.progress import Progress
@@ -79,6 +80,10 @@ class _Requests:
             os.close(self._pipes.popleft())
 
 
+def _wake(number: int, frame: FrameType | None) -> None:
+    """A child has ended: a byte in a pipe says so, where there is a handler at all."""
+
+
 class _Forks:
     """Forks children, and tells how they end."""
 
@@ -88,7 +93,7 @@ class _Forks:
         self._woken, self._wakes = os.pipe()
         for end in (self._woken, self._wakes):
             os.set_blocking(end, False)
-        signal.signal(signal.SIGCHLD, lambda *_: None)
+        signal.signal(signal.SIGCHLD, _wake)
         signal.set_wakeup_fd(self._wakes)
         self._running: set[int] = set()
 
