@@ -16,10 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-CHROMIUMS = (
-    "chromium-headless-shell",  # the same without windows, for three quarters of the processor time
-    *("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"),
-)
+CHROMIUMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 POSTGRES_PROGRAMS = ("initdb", "postgres")
 POSTGRES_OF_DEBIAN = Path("/usr/lib/postgresql")
 GL_BACKENDS = ("egl", "osmesa")
@@ -112,7 +109,7 @@ def _draws(backend: str) -> bool:
     return answer.returncode == 0
 
 
-CHROMIUM = Tool("Chromium", ("chromium-headless-shell",), _find_chromium, _download_chromium)
+CHROMIUM = Tool("Chromium", ("chromium",), _find_chromium, _download_chromium)
 POSTGRES = Tool("PostgreSQL", ("postgresql",), _find_postgres)
 CADDY = Tool("Caddy", ("caddy",), lambda: shutil.which("caddy"))
 SYSTEMD = Tool("systemd-analyze", ("systemd",), lambda: shutil.which("systemd-analyze"))
