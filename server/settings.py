@@ -114,10 +114,10 @@ class Settings(BaseSettings):
     )
     prewarm: bool = Field(
         default=True,
-        description="Whether computing processes start and run their compiled loops once, and the "
-        "first page is made, before anybody asks. Without it an idle service takes some 700 MB "
-        "less and who comes first waits some seconds more. Start a new version once with it: that "
-        "compiles the loops.",
+        description="Whether what computing processes are forks of starts and runs all compiled "
+        "loops once, and the first page is made, before anybody asks. Without it an idle service "
+        "takes some 500 MB less and who comes first waits some seconds more. Start a new version "
+        "once with it: that compiles the loops.",
     )
     lease_s: float = Field(
         default=15.0, gt=0, description="A worker silent for so long is dead; others take over."
