@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING, Any, Final
 import psutil
 
 from planner.errors import InputError
-from server.fork_server import USUAL, Forked, ForkServer, Kind
-from server.limits import ChildLimits, environment_of_child, memory_words
+from server.fork_server import Forked, ForkServer, Kind, environment_with
+from server.limits import ChildLimits, memory_words
 
 if TYPE_CHECKING:
     from server.gates import Gate
@@ -75,7 +75,7 @@ class _Spawned(subprocess.Popen[bytes]):
             [sys.executable, "-P", "-m", "server.child", kind, json.dumps(asdict(limits))],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env={**environment_of_child(os.environ), **USUAL, **environment},
+            env=environment_with(environment),
             start_new_session=True,
         )
 

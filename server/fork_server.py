@@ -34,6 +34,11 @@ others MuJoCo need not bring what opens windows. Who looks at a child's environm
 the name that the child goes by in its place."""
 
 
+def environment_with(more: Mapping[str, str]) -> dict[str, str]:
+    """What a computing process, or what forks it, has for its environment; ``more`` besides."""
+    return {**environment_of_child(os.environ), **USUAL, **more}
+
+
 class Forked:
     """A child that was forked, with what Child asks of a process. Made by ``ForkServer.fork``."""
 
@@ -107,7 +112,7 @@ class _Running:
                 ],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
-                env={**environment_of_child(os.environ), **USUAL, **environment},
+                env=environment_with(environment),
                 pass_fds=(theirs.fileno(),),
                 start_new_session=True,
             )
