@@ -18,6 +18,18 @@ from tests.tools import CHROMIUM
 ARTIFACTS = Path(__file__).parents[2] / "artifacts"
 PATIENCE_MS = 90_000
 expect.set_options(timeout=PATIENCE_MS)
+OF_WINDOWS = (
+    *("WebUIOmniboxPopup", "WebUIOmniboxAimPopup", "WebUIOmniboxFullPopup"),
+    *("PreloadTopChromeWebUI", "SpareRendererForSitePerProcess"),
+)
+"""What Chromium prepares for each window that nobody sees: pages of its own, a fifth of all cost."""
+OF_PLAYWRIGHT = (
+    *("AvoidUnnecessaryBeforeUnloadCheckSync", "DestroyProfileOnBrowserClose", "HttpsUpgrades"),
+    *("HttpsFirstBalancedModeAutoEnable", "LensOverlay", "MediaRouter", "PaintHolding"),
+    *("ThirdPartyStoragePartitioning", "AvoidCorsURLLoaderRestartOnRedirect", "AimEnabled"),
+    *("OptimizationHints", "NetworkTimeServiceQuerying", "PreconnectToSearch"),
+)
+"""What Playwright switches off: Chromium heeds only the last list that it is given."""
 # 3D by software, so that a machine without a graphics card draws as well.
 FLAGS = (
     "--no-sandbox",
@@ -31,6 +43,7 @@ FLAGS = (
     "--ignore-gpu-blocklist",
     # What is software anyway puts pages together at half the cost of software that plays a card.
     "--disable-gpu-compositing",
+    f"--disable-features={','.join((*OF_WINDOWS, *OF_PLAYWRIGHT))}",
 )
 
 
