@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from contextlib import nullcontext
@@ -31,11 +32,13 @@ from planner.warm_up_paths import SMALL_SHAPE, warm_up_chains, warm_up_paths
 
 COMPILE: Final = "numba:compile"
 """What the compiler calls what it tells its listeners."""
+REST_NICENESS: Final = 10
+"""A first fold goes before what others will need."""
 SMALL_BOX: Final = (2, 4, 5)
 """More than one unit, so that some are let go and others are the last."""
 
 
-def warm_up(progress: Report = silent) -> None:
+def warm_up(progress: Report = silent, *, soon: bool = False) -> None:
     """Folds, retimes, smooths, peels tiny shapes, finds a path: a moment once compiled.
 
     Where nothing is compiled yet another process compiles a part of it at the same time. What finds
@@ -43,12 +46,17 @@ def warm_up(progress: Report = silent) -> None:
 
     Args:
         progress: Told ``COMPILING`` as soon as something has to be compiled.
+        soon: Where something had to be compiled, come back once a path can be folded: a process
+            beside, which steps back, goes on with what peels, smooths and retimes.
     """
     compiling = _Compiling(progress)
     with install_listener(COMPILE, compiling):
         warm_up_chains()
-        with _motions_beside() if compiling.told and cores() > 1 else nullcontext():
+        with _beside("motions") if compiling.told and cores() > 1 else nullcontext():
             plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
+        if soon and compiling.told:
+            _beside("rest")
+            return
         retime(plan, 1.0, 1.0)
         smooth_plan(plan)
         warm_up_motions()
@@ -65,10 +73,10 @@ def warm_up_motions() -> None:
     clearances_of(chain, still, size=0.95)
 
 
-def _motions_beside() -> subprocess.Popen[bytes]:
-    """Compiles what looks at motions in another process, which is waited for at the end."""
+def _beside(part: str) -> subprocess.Popen[bytes]:
+    """Compiles a part in another process."""
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "planner.warm_up"],
+        [sys.executable, "-P", "-m", "planner.warm_up", part],
         stdin=subprocess.DEVNULL,  # ours is for requests
     )
 
@@ -97,5 +105,14 @@ def _peel() -> None:
         run_stages(FilePath(place))
 
 
+def main() -> None:
+    """Compiles what a process beside has left to this one."""
+    if sys.argv[1:] == ["motions"]:
+        warm_up_motions()
+    else:
+        os.nice(REST_NICENESS)
+        warm_up()
+
+
 if __name__ == "__main__":
-    warm_up_motions()
+    main()

@@ -136,7 +136,7 @@ def _stages(progress: Report, *, warm: bool) -> Task:
 
     _load(*COMPUTING, "zarr.codecs")
     if warm:
-        warm_up(progress)
+        warm_up(progress, soon=True)
 
     def run(
         stage: str,

@@ -153,8 +153,9 @@ class _Forks:
             pid, status = os.waitpid(-1, os.WNOHANG)
             if not pid:
                 return
-            self._running.discard(pid)
-            self._requests.answer(ended=pid, code=os.waitstatus_to_exitcode(status))
+            if pid in self._running:  # and is not what compiles beside
+                self._running.discard(pid)
+                self._requests.answer(ended=pid, code=os.waitstatus_to_exitcode(status))
 
 
 def main() -> None:

@@ -3,12 +3,16 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path as FilePath
 
 import pytest
+from numba import njit
 
+from planner import warm_up as module
 from planner.folding import fold
 from planner.paths import Path
+from planner.plan import Plan
 from planner.progress import COMPILING
 from planner.warm_up import SMALL_SHAPE, warm_up
 from tests.compiled_later import compiled_later
@@ -75,6 +79,33 @@ def test_warming_up_takes_the_whole_way() -> None:
     warm_up()
     plan = fold(Path.from_cells(SMALL_SHAPE, name="warm-up"))
     assert plan.certificate.verdict == "verified (simulated)"
+
+
+def test_who_wants_to_fold_soon_leaves_the_rest_to_a_process_beside(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    beside: list[str] = []
+    here: list[str] = []
+
+    def start(part: str) -> nullcontext[None]:
+        beside.append(part)
+        return nullcontext()
+
+    def smooth(plan: Plan) -> None:
+        assert plan.verified
+        here.append("smooth")
+
+    monkeypatch.setattr(module, "_beside", start)
+    monkeypatch.setattr(module, "cores", lambda: 2)
+    monkeypatch.setattr(module, "smooth_plan", smooth)
+    monkeypatch.setattr(module, "_peel", lambda: here.append("peel"))
+    monkeypatch.setattr(module, "warm_up_paths", lambda: here.append("paths"))
+    warm_up(soon=True)
+    assert (beside, here) == ([], ["smooth", "peel", "paths"])
+    here.clear()
+    monkeypatch.setattr(module, "warm_up_chains", njit(lambda: 0))  # compiled at its first call
+    warm_up(soon=True)
+    assert (beside, here) == (["motions", "rest"], [])
 
 
 @pytest.mark.long

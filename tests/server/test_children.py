@@ -129,7 +129,7 @@ def test_what_a_child_says_while_it_starts_is_told(directory: Path, tmp_path: Pa
         "import sys, types\n"
         "from planner.progress import COMPILING, Progress\n"
         "it = sys.modules['planner.warm_up'] = types.ModuleType('planner.warm_up')\n"
-        "it.warm_up = lambda tell: tell(Progress(stage='read', fraction=0.0, message=COMPILING))\n"
+        "it.warm_up = lambda tell, soon: tell(Progress(stage='read', fraction=0.0, message=COMPILING))\n"
     )
     limits = replace(LIMITS, warm=True)
     child = Child("stages", limits, environment={"PYTHONPATH": str(tmp_path)})

@@ -134,7 +134,7 @@ def test_that_it_compiles_is_told_to_whoever_waits(tmp_path: Path, directory: Pa
         "from pathlib import Path\n"
         "from planner.progress import COMPILING, Progress\n"
         "it = sys.modules['planner.warm_up'] = types.ModuleType('planner.warm_up')\n"
-        "def warm_up(tell):\n"
+        "def warm_up(tell, soon):\n"
         "    tell(Progress(stage='read', fraction=0.0, message=COMPILING))\n"
         f"    while not Path({str(tmp_path / 'told')!r}).exists(): time.sleep(0.01)\n"
         "it.warm_up = warm_up\n",
