@@ -181,8 +181,9 @@ def test_the_stored_sets_are_those_that_their_results_are_of(
 
 @pytest.mark.slow
 def test_what_nobody_knew_is_solved_proved_or_left_open() -> None:
-    known = check_stored(list(hard_sets()), HARD_RESULTS)
-    for each in list(hard_sets())[::5]:
+    sets = list(hard_sets())
+    known = check_stored(sets, HARD_RESULTS)
+    for each in sets[::5]:
         search = exact_path(Shape.from_cells(each.cells), time_limit_s=20.0)
         assert {search.status, known[each.name]} != {"found", "infeasible"}
         if search.cells is not None:
