@@ -89,14 +89,21 @@ ROUTERS: Final = (
 )
 
 
-def create_app(settings: Settings | None = None) -> FastAPI:
-    """The application with the given settings, or those of the environment."""
+def create_app(
+    settings: Settings | None = None, *, fork_server: ForkServer | None = None
+) -> FastAPI:
+    """The application with the given settings, or those of the environment.
+
+    Args:
+        settings: The settings.
+        fork_server: One that forks for others, too: it goes on when the application ends.
+    """
     settings = settings or Settings()
     metrics = Metrics()
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
-        context = await asyncio.to_thread(_open, settings, metrics)
+        context = await asyncio.to_thread(_open, settings, metrics, fork_server)
         app.state.context = context
         census = app.state.census = Census(settings, context.leases)
         app.state.readiness = Readiness(settings, census, context.store.folders.check)
@@ -109,7 +116,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             context.reader.close()
             context.preparer.close()
             context.trajectories.close()
-            if context.fork_server is not None:
+            if context.fork_server is not None and fork_server is None:
                 context.fork_server.close()
             context.workshop.close()
             context.preview_scenes.close()
@@ -186,7 +193,7 @@ async def _warm_up(context: Context) -> None:
     await asyncio.to_thread(pages.warm_up, context.gallery)
 
 
-def _open(settings: Settings, metrics: Metrics) -> Context:
+def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Context:
     store = Store(settings)
     jobs = Jobs(settings)
     jobs.reconcile(store)
@@ -201,7 +208,7 @@ def _open(settings: Settings, metrics: Metrics) -> Context:
         most_of_visitor=settings.files_waiting_of_visitor,
     )
     awaited = ChildLimits.of(settings, awaited=True)
-    fork_server = ForkServer.where_possible(
+    fork_server = shared or ForkServer.where_possible(
         ["reader", "preparer", "retimer"], warm=settings.prewarm
     )
     motions = Scratch(settings.motions_dir)

@@ -85,12 +85,18 @@ class Runner:
     Args:
         settings: The settings.
         store: Rows and files.
+        fork_server: One that forks for others, too: it goes on when this ends.
     """
 
-    def __init__(self, settings: Settings, store: Store) -> None:
+    def __init__(
+        self, settings: Settings, store: Store, *, fork_server: ForkServer | None = None
+    ) -> None:
         self._settings = settings
         self._store = store
-        self._fork_server = ForkServer.where_possible(["stages"], warm=settings.prewarm)
+        self._shared = fork_server is not None
+        self._fork_server = fork_server or ForkServer.where_possible(
+            ["stages"], warm=settings.prewarm
+        )
         self._children = Children("stages", ChildLimits.of(settings), self._fork_server)
         self._taken: dict[str, Child] = {}
         self._stopping = threading.Event()
@@ -104,7 +110,7 @@ class Runner:
         """Ends all children; their folds go on elsewhere, or with the next start."""
         self._stopping.set()
         self._children.close()
-        if self._fork_server is not None:
+        if self._fork_server is not None and not self._shared:
             self._fork_server.close()
 
     def run(self, fold_id: str, stage: str, worker: str, known: int) -> Outcome:

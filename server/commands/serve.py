@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import uvicorn
 
     from server.context import Context
+    from server.fork_server import ForkServer
     from server.settings import Settings
 
 
@@ -69,12 +70,18 @@ def _run(settings: Settings, first_shape: str | None) -> None:
         raise typer.Exit(1) from None
 
 
-def server_of(settings: Settings, first_shape: str | None = None) -> uvicorn.Server:
+def server_of(
+    settings: Settings,
+    first_shape: str | None = None,
+    *,
+    fork_server: ForkServer | None = None,
+) -> uvicorn.Server:
     """What listens and answers, over a database of the newest schema; it has yet to be run.
 
     Args:
         settings: The settings.
         first_shape: A shape of the gallery to fold if it has not been yet.
+        fork_server: One that forks for others, too; the application has one of its own otherwise.
     """
     import asyncio
 
@@ -92,7 +99,7 @@ def server_of(settings: Settings, first_shape: str | None = None) -> uvicorn.Ser
             migrate(engine)
         finally:
             engine.dispose()
-    app = create_app(settings)
+    app = create_app(settings, fork_server=fork_server)
 
     class Server(uvicorn.Server):
         """Says where it is once it listens, and lets its followers go before it ends."""

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -64,16 +65,17 @@ def bucket() -> Iterator[Bucket]:
 
 
 @pytest.fixture(scope="session")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceHere]:
     """A service that takes folds in and has no worker: what is queued stays queued."""
-    service = Service(
+    kept = tempfile.tempdir
+    service = ServiceHere(
         tmp_path_factory.mktemp("desk") / "data",
-        workers=0,
         max_upload_bytes=200_000,
         max_modules=1000,
         largest_queue=1000,
         largest_queue_of_visitor=1000,
     ).start()
+    tempfile.tempdir = kept  # what the tests of this process keep there is not the desk's
     yield service
     assert service.stop() == 0
 

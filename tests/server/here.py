@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
+import logging
+import shutil
 import socket
+import sqlite3
 import threading
+from contextlib import closing
 from typing import Any
 
 import httpx
@@ -11,17 +16,24 @@ import psutil
 import uvicorn
 
 from server.commands.serve import server_of
+from server.fork_server import ForkServer
+from server.logs import TextLines
 from server.settings import PREFIX, Settings
 from tests.server.service import PATIENCE_S, Service
 
 NOWHERE = "NO_TEST_SETS_THIS_"
 """Names of settings in the environment begin so for it: those of the machine count for nothing."""
+TELLER = logging.getLogger("foldback")
+FORKS = ForkServer(["reader", "preparer", "retimer", "stages"], warm=False)
+"""Forks for all services of this process, and for tests: to load what children need takes long."""
+atexit.register(FORKS.close)
 
 
 class ServiceHere(Service):
     """What ``foldback serve --workers 0`` runs, on a port of its own: it starts in no time.
 
-    It has neither a process that could be killed nor a log, and starts no worker.
+    It has no process that could be killed, and starts no worker. What others in this process have
+    to say stands in its log, too.
     """
 
     def start(self, *arguments: str) -> ServiceHere:
@@ -33,7 +45,11 @@ class ServiceHere(Service):
         }
         self.settings = Settings(_env_prefix=NOWHERE, **{**given, "workers": 0})  # type: ignore[arg-type]
         self.settings.make_directories()
-        self._server = server_of(self.settings, *arguments[1:])
+        self._telling = logging.FileHandler(self.log)
+        self._telling.setFormatter(TextLines({}))
+        TELLER.addHandler(self._telling)
+        TELLER.setLevel(logging.INFO)
+        self._server = server_of(self.settings, *arguments[1:], fork_server=FORKS)
         # Whoever connects before it answers waits until it does.
         self._socket = socket.create_server((self.settings.host, 0))
         self._thread = threading.Thread(target=self._serve, args=(self._server, self._socket))
@@ -49,6 +65,18 @@ class ServiceHere(Service):
         with listening:
             server.run(sockets=[listening])
 
+    def take_over(self, other: Service, *fold_ids: str) -> None:
+        """Begins with the rows of another service, and with the files of some of its folds."""
+        self.data_dir.mkdir()
+        for name in ("foldback.db", "jobs.db"):
+            with (
+                closing(sqlite3.connect(other.data_dir / name, timeout=PATIENCE_S)) as theirs,
+                closing(sqlite3.connect(self.data_dir / name)) as mine,
+            ):
+                theirs.backup(mine)
+        for fold_id in fold_ids:
+            shutil.copytree(other.directory(fold_id), self.directory(fold_id))
+
     @property
     def running(self) -> bool:
         """Whether it has been started and not been stopped."""
@@ -63,10 +91,15 @@ class ServiceHere(Service):
         self.tell_to_end()
         self.http.close()
         self._thread.join(PATIENCE_S)
+        TELLER.removeHandler(self._telling)
+        self._telling.close()
         return int(self._thread.is_alive())
 
     def processes(self, module: str) -> list[psutil.Process]:
-        """Those that its fork server has forked, by what they call themselves."""
+        """Those that were forked for it, by what they call themselves."""
         app: Any = self._server.config.app
-        forks = app.state.context.fork_server
-        return [c for c in psutil.Process(forks.pid).children() if module in c.cmdline()]
+        context = app.state.context
+        pools = (context.reader._pool, context.preparer._pool, context.trajectories._pool)
+        mine = {child.pid for pool in pools for child in pool._children._all}
+        forked = psutil.Process(FORKS.pid).children()
+        return [c for c in forked if c.pid in mine and module in c.cmdline()]
