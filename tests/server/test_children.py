@@ -23,10 +23,24 @@ from server.fork_server import ForkServer
 from server.gates import Gate
 from server.limits import ChildLimits
 from server.runner import STAGES
+from tests.server.here import FORKS
 from tests.server.service import SNAKE
 
 LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
 pytestmark = pytest.mark.processes
+WITHOUT_LIBRARIES = """
+import sys, types
+from planner.progress import COMPILING, Progress
+
+def stand_in(name):
+    sys.modules[name] = types.ModuleType(name)
+    return sys.modules[name]
+
+for name in ("mujoco", "scipy.interpolate", "scipy.ndimage", "scipy.sparse.csgraph", "zarr.codecs"):
+    stand_in(name)
+stand_in("planner.stages").run_stage = lambda *_, **__: {}
+"""
+"""Runs ahead of a child: it computes nothing, and takes no time to load."""
 ONE = {"at_once": 1, "at_once_of_visitor": 1, "most": 9, "most_of_visitor": 6}
 
 
@@ -37,11 +51,9 @@ def directory(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.fixture(scope="module")
-def fork_server() -> Iterator[ForkServer]:
-    server = ForkServer(["reader", "stages"], warm=False)
-    yield server
-    server.close()
+@pytest.fixture
+def fork_server() -> ForkServer:
+    return FORKS
 
 
 @pytest.fixture
@@ -126,9 +138,8 @@ def test_a_start_is_limited(
 
 def test_what_a_child_says_while_it_starts_is_told(directory: Path, tmp_path: Path) -> None:
     (tmp_path / "sitecustomize.py").write_text(
-        "import sys, types\n"
-        "from planner.progress import COMPILING, Progress\n"
-        "it = sys.modules['planner.warm_up'] = types.ModuleType('planner.warm_up')\n"
+        f"{WITHOUT_LIBRARIES}"
+        "it = stand_in('planner.warm_up')\n"
         "it.warm_up = lambda tell, soon: tell(Progress(stage='read', fraction=0.0, message=COMPILING))\n"
     )
     limits = replace(LIMITS, warm=True)
@@ -181,18 +192,23 @@ def test_the_reader_is_replaced_when_an_upload_was_too_much(
         reader.close()
 
 
-def taken_over(place: Path, does: str) -> Child:
-    """A reader in which something else is done with each of its open files ``n``."""
+@pytest.fixture(scope="module")
+def overrun(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
+    """Forks readers that do what an upload says with each of their open files ``n``."""
+    place = tmp_path_factory.mktemp("code")
     (place / "sitecustomize.py").write_text(
-        "import sys\nif 'server.child' in sys.orig_argv:\n    import attack\n"
+        "import sys\nif 'server.forking' in sys.orig_argv:\n    import attack\n"
     )
     (place / "attack.py").write_text(
         "import contextlib, os, time\nimport server.reading as it\n"
-        "def check(_):\n    for n in range(3, 64):\n"
-        "        with contextlib.suppress(OSError):\n"
-        f"            {does}\n    time.sleep(30)\n    os._exit(3)\nit.check = check\n"
+        "def check(place):\n    does = compile((place / 'input').read_text(), 'input', 'exec')\n"
+        "    for n in range(3, 64):\n        with contextlib.suppress(OSError):\n"
+        "            exec(does, {'n': n, 'os': os})\n    time.sleep(30)\n    os._exit(3)\n"
+        "it.check = check\n"
     )
-    return Child("reader", LIMITS, environment={"PYTHONPATH": str(place)})
+    server = ForkServer(["reader"], warm=False, environment={"PYTHONPATH": str(place)})
+    yield server
+    server.close()
 
 
 @pytest.mark.parametrize(
@@ -205,9 +221,10 @@ def taken_over(place: Path, does: str) -> Child:
     ],
 )
 def test_a_child_that_closes_its_output_or_sends_rubbish_is_ended(
-    directory: Path, tmp_path_factory: pytest.TempPathFactory, does: str
+    directory: Path, overrun: ForkServer, does: str
 ) -> None:
-    child = taken_over(tmp_path_factory.mktemp("code"), does)
+    (directory / "input").write_text(does)
+    child = Child("reader", LIMITS, fork_server=overrun)
     try:
         with pytest.raises(ChildError, match="it was ended"):
             child.call("check", directory, wall_s=60)
@@ -216,14 +233,11 @@ def test_a_child_that_closes_its_output_or_sends_rubbish_is_ended(
         child.close()
 
 
-def test_a_child_that_tells_without_end_has_to_wait(
-    directory: Path, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_child_that_tells_without_end_has_to_wait(directory: Path, overrun: ForkServer) -> None:
     event = {"event": "progress", **dict.fromkeys(EVENTS["progress"], 0)}
     line = json.dumps(event).encode() + b"\n"
-    child = taken_over(
-        tmp_path_factory.mktemp("code"), f"[os.write(n, {line!r}) for _ in range(10**6)]"
-    )
+    (directory / "input").write_text(f"[os.write(n, {line!r}) for _ in range(10**6)]")
+    child = Child("reader", LIMITS, fork_server=overrun)
 
     def filled(_: object) -> None:
         # Takes nothing more, so that the queue fills however slow the child is.

@@ -20,6 +20,7 @@ from server.children import Child, ChildError
 from server.fork_server import ForkServer
 from server.limits import ChildLimits
 from tests.server.service import PATIENCE_S, SNAKE
+from tests.server.test_children import WITHOUT_LIBRARIES
 
 pytestmark = pytest.mark.processes
 
@@ -34,7 +35,7 @@ def directory(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def server() -> Iterator[ForkServer]:
     server = ForkServer(["reader"], warm=False)
     yield server
@@ -130,10 +131,9 @@ def test_what_keeps_it_from_starting_is_told(tmp_path: Path, directory: Path) ->
 def test_that_it_compiles_is_told_to_whoever_waits(tmp_path: Path, directory: Path) -> None:
     server = spoiled(
         tmp_path / "code",
-        "import sys, time, types\n"
+        f"{WITHOUT_LIBRARIES}import time\n"
         "from pathlib import Path\n"
-        "from planner.progress import COMPILING, Progress\n"
-        "it = sys.modules['planner.warm_up'] = types.ModuleType('planner.warm_up')\n"
+        "it = stand_in('planner.warm_up')\n"
         "def warm_up(tell, soon):\n"
         "    tell(Progress(stage='read', fraction=0.0, message=COMPILING))\n"
         f"    while not Path({str(tmp_path / 'told')!r}).exists(): time.sleep(0.01)\n"

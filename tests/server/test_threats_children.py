@@ -105,18 +105,22 @@ confined.ENDING_S = 0.1
 threading.Thread(target=lambda: time.sleep(60), daemon=True).start()
 confined.confine(confined.Allowed(writable=(Path(sys.argv[1]),)))
 """
-PLACES = {
-    "reader": "import server.reading as it\nit.check = attack",
-    "preparer": "import server.reading as it\nit.check = attack",
-    "retimer": "import server.retiming as it\nit.retime = attack",
-    "stages": "import planner.stages as it\nkept = it.run_stage\n"
-    "it.run_stage = lambda task, place, **more: "
-    "attack(place) if (place / 'aim.json').exists() else kept(task, place, **more)",
-    "movies": "import web.filming as it\n"
-    "it.film_movie = lambda line, movie, out, **_: error(attack(out.parent))",
-}
+FORKED = """
+import planner.stages, server.reading, server.retiming
+server.reading.check = server.retiming.retime = attack
+planner.stages.run_stage = lambda task, place, **_: attack(place)
+"""
+SPAWNED = """
+import web.filming
+from web.encoding import EncodingError
+
+def error(found):
+    raise EncodingError(json.dumps(found))
+
+web.filming.film_movie = lambda line, movie, out, **_: error(attack(out.parent))
+"""
 """Where each kind begins to read what is not its own."""
-AWAITED = ("reader", "preparer", "retimer")
+AWAITED: tuple[Kind, ...] = ("reader", "preparer", "retimer")
 """Kinds that do one thing after the other, for many visitors."""
 needs_landlock = pytest.mark.skipif(not landlock.version(), reason="a kernel without Landlock")
 
@@ -155,20 +159,31 @@ def aim(tmp_path: Path) -> Iterator[dict[str, Any]]:
         }
 
 
-def attacked(kind: Kind, tmp_path: Path, aim: dict[str, Any]) -> dict[str, Any]:
-    """What the attack finds that runs in a child of a kind."""
-    code = tmp_path / "code"
+def overrun(code: Path, process: str, places: str) -> dict[str, str]:
+    """The environment in which a process of ours runs the attack."""
     code.mkdir()
-    (code / "attack.py").write_text(
-        f"{ATTACK}\ndef error(found):\n"
-        "    from web.encoding import EncodingError\n"
-        "    raise EncodingError(json.dumps(found))\n"
-        f"{PLACES[kind]}\n"
-    )
+    (code / "attack.py").write_text(f"{ATTACK}{places}")
     # Libraries start Python, too: those are left alone.
     (code / "sitecustomize.py").write_text(
-        "import sys\nif {'server.child', 'server.forking'} & {*sys.orig_argv}:\n    import attack\n"
+        f"import sys\nif {process!r} in sys.orig_argv:\n    import attack\n"
     )
+    return {"PYTHONPATH": str(code)}
+
+
+@pytest.fixture(scope="module")
+def forks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
+    """Forks children of all kinds that the attack runs in."""
+    environment = overrun(tmp_path_factory.mktemp("forks") / "code", "server.forking", FORKED)
+    server = ForkServer([*AWAITED, "stages"], warm=False, environment=environment)
+    yield server
+    server.close()
+
+
+def attacked(
+    kind: Kind, tmp_path: Path, aim: dict[str, Any], forks: ForkServer | None
+) -> dict[str, Any]:
+    """What the attack finds that runs in a child of a kind, forked or started by itself."""
+    environment = {} if forks else overrun(tmp_path / "code", "server.child", SPAWNED)
     settings = Settings(data_dir=tmp_path / "data")
     place = {
         "stages": settings.folds_dir / "mine",
@@ -187,15 +202,11 @@ def attacked(kind: Kind, tmp_path: Path, aim: dict[str, Any]) -> dict[str, Any]:
     limits = replace(ChildLimits.of(settings, awaited=kind in AWAITED), niceness=0)
     if kind == "retimer":
         limits = replace(limits, folders=(str(settings.motions_dir),))
-    environment = {"PYTHONPATH": str(code)}
-    forks = None if kind == "movies" else ForkServer([kind], warm=False, environment=environment)
     child = Child(kind, limits, fork_server=forks, environment=environment)
     try:
         found = child.call("retime" if kind == "retimer" else "check", place, wall_s=120)
     finally:
         child.close()
-        if forks is not None:
-            forks.close()
     return json.loads(found["reason"]) if kind == "movies" else found
 
 
@@ -203,9 +214,9 @@ def attacked(kind: Kind, tmp_path: Path, aim: dict[str, Any]) -> dict[str, Any]:
 @needs_landlock
 @pytest.mark.parametrize("kind", ["reader", "preparer", "retimer", "stages", "movies"])
 def test_a_process_that_was_taken_over_reaches_nothing(
-    kind: Kind, tmp_path: Path, aim: dict[str, Any]
+    kind: Kind, tmp_path: Path, aim: dict[str, Any], forks: ForkServer
 ) -> None:
-    found = attacked(kind, tmp_path, aim)
+    found = attacked(kind, tmp_path, aim, None if kind == "movies" else forks)
     assert found["own"] == found["own limits"] == "done"
     refused = found["refused"]
     assert refused.pop("program") == "CalledProcessError"
