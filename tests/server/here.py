@@ -95,6 +95,12 @@ class ServiceHere(Service):
         self._telling.close()
         return int(self._thread.is_alive())
 
+    def __enter__(self) -> ServiceHere:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        assert self.stop() == 0
+
     def processes(self, module: str) -> list[psutil.Process]:
         """Those that were forked for it, by what they call themselves."""
         app: Any = self._server.config.app

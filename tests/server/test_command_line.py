@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import socket
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import pytest
 from typer.testing import CliRunner
@@ -134,43 +136,63 @@ SHOWING = {"PIL", "trimesh", "viser"}
 
 @pytest.mark.processes
 @pytest.mark.parametrize(
-    ("process", "without"),
+    "processes",
     [
-        ("server.app", {*COMPUTING, *SHOWING}),
-        ("server.worker", {*COMPUTING, *SHOWING, "fastapi"}),
-        ("server.reading", {*COMPUTING, *WEB, *SHOWING}),
-        ("server.retiming", {"mujoco", "scipy.interpolate", "zarr", *WEB, *SHOWING}),
-        ("planner.stages", {"mujoco", "scipy.interpolate", "scipy.sparse", "zarr", *WEB, *SHOWING}),
-        ("web.filming", {"mujoco", "zarr", *WEB, *SHOWING}),
+        {
+            "server.worker": {*COMPUTING, *SHOWING, "fastapi"},
+            "server.app": {*COMPUTING, *SHOWING},
+        },
+        {
+            "server.reading": {*COMPUTING, *WEB, *SHOWING},
+            "planner.stages": {
+                *("mujoco", "scipy.interpolate", "scipy.sparse", "zarr", *WEB, *SHOWING),
+            },
+            "server.retiming": {"mujoco", "scipy.interpolate", "zarr", *WEB, *SHOWING},
+            "web.filming": {"mujoco", "zarr", *WEB, *SHOWING},
+        },
     ],
+    ids=["serving", "computing"],
 )
 def test_each_process_starts_without_what_others_compute_with(
-    process: str, without: set[str]
+    processes: dict[str, set[str]],
 ) -> None:
-    """A service starts several, and users wait for it: see docs/decisions/0021-compiling.md."""
-    code = f"import sys, {process}; print(*sys.modules)"
+    """A service starts several, and users wait for it: see docs/decisions/0021-compiling.md.
+
+    Here one process imports what each begins with, in turn: the later ones bring no less by it.
+    """
+    code = "".join(f"import sys, {process}; print(*sys.modules)\n" for process in processes)
     answer = subprocess.run(
         [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=False
     )
     assert answer.returncode == 0, answer.stderr[-2000:]
-    found = set(answer.stdout.split())
-    assert process in found
-    assert not found & without
+    said = answer.stdout.splitlines()
+    assert len(said) == len(processes)
+    for (process, without), words in zip(processes.items(), said, strict=True):
+        found = set(words.split())
+        assert process in found
+        assert not found & without, process
 
 
-@pytest.mark.processes
-def test_a_port_that_is_taken_is_a_clear_failure(tmp_path: Path) -> None:
-    import socket
+def test_the_first_shape_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("keep_secrets", "set_up_logs", "signal"):  # of the process: the tests are in it
+        monkeypatch.setattr(f"server.commands.serve.{name}", MagicMock())
+    run = MagicMock()
+    monkeypatch.setattr("server.commands.serve._run", run)
+    place = ("--data-dir", str(tmp_path))
+    assert foldback("serve", "--workers", "0", "--first-shape", "cross", *place).returncode == 0
+    ((settings, shape), _) = run.call_args
+    assert (settings.data_dir, shape) == (tmp_path, "cross")
 
+
+def test_a_port_that_is_taken_is_a_clear_failure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    # What it changes of its process, which is that of the tests.
+    for name in ("keep_secrets", "set_up_logs", "_allow_files", "signal", "sys"):
+        monkeypatch.setattr(f"server.commands.serve.{name}", MagicMock())
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
-        answer = subprocess.run(
-            [sys.executable, "-P", "-m", "server.command_line", "serve", "--workers", "0"]
-            + ["--port", port, "--data-dir", str(tmp_path)],
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
+        place = ("--data-dir", str(tmp_path))
+        answer = foldback("serve", "--workers", "0", "--port", port, *place)
     assert answer.returncode == 1
-    assert "in use" in answer.stderr
+    assert "in use" in caplog.text

@@ -12,7 +12,7 @@ import pytest
 from planner.timeline import Timeline
 from server.runner import STAGES, Runner
 from server.store import Store, new_token
-from tests.server.here import ServiceHere
+from tests.server.here import FORKS, ServiceHere
 from tests.server.service import SNAKE, STAIRS, Service, owner
 
 pytestmark = pytest.mark.slow
@@ -43,17 +43,19 @@ def test_a_worker_killed_in_mid_explosion(service_with) -> None:
 
 
 def test_a_server_killed_in_mid_explosion(service_with) -> None:
-    service = service_with().start()
-    fold_id = service.fold(shape="wrench-80")["id"]
-    waiting = service.fold(SNAKE)["id"]
+    service = service_with()
+    with ServiceHere(service.data_dir).start() as taking_in:
+        fold_id = taking_in.fold(shape="wrench-80")["id"]
+        waiting = taking_in.fold(SNAKE)["id"]
+    service.start()
     assert service.wait_exploding(fold_id)["status"] == "running"
     read = service.directory(fold_id) / "candidates.json"
     made = read.stat().st_mtime_ns
     service.kill()
-    service.start()
-    assert service.state(fold_id)["status"] == "running"
-    check_finished(service, fold_id)
-    check_finished(service, waiting)
+    with ServiceHere(service.data_dir).start() as again, again.worker():
+        assert again.state(fold_id)["status"] == "running"
+        check_finished(again, fold_id)
+        check_finished(again, waiting)
     assert read.stat().st_mtime_ns == made, "a step that was completed was repeated"
 
 
@@ -117,7 +119,7 @@ def compute(service: ServiceHere, fold_id: str) -> dict[str, Any]:
     Its stages are computed in a child, as everywhere.
     """
     store = Store(service.settings)
-    runner = Runner(service.settings, store)
+    runner = Runner(service.settings, store, fork_server=FORKS)
     try:
         outcome = runner.run(fold_id, STAGES[0], "tests", 0)
         while not outcome["ended"] and outcome["following"] is not None:
@@ -165,19 +167,27 @@ def test_a_fold_with_a_row_and_no_job_is_found_at_the_next_start(service_with) -
         check_finished(service, fold_id)
 
 
-@pytest.mark.parametrize(
-    "status",
-    ["ERROR", pytest.param("MAX_RECOVERY_ATTEMPTS_EXCEEDED", marks=pytest.mark.long)],
-)
-def test_a_job_that_failed_without_a_word_ends_its_fold(here_with: HereWith, status: str) -> None:
-    service = here_with().start()
-    fold_id = service.fold(SNAKE)["id"]
-    with sqlite3.connect(service.data_dir / "jobs.db") as jobs:
-        jobs.execute("UPDATE workflow_status SET status = ?", (status,))
-    jobs.close()
-    with service.worker():
+@pytest.mark.parametrize("status", ["ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED"])
+def test_a_job_that_failed_without_a_word_ends_its_fold(service: Service, status: str) -> None:
+    busy = service.fold(shape="mallet-24", preset="paper", seed=str(len(status)))
+    service.wait(busy["id"], lambda _: service.children("stages") != [])
+    computing = service.children("stages")
+    for child in computing:  # so that the other waits
+        child.suspend()
+    try:
+        fold_id = service.fold(SNAKE)["id"]
+        assert service.state(fold_id)["status"] == "queued"
+        with sqlite3.connect(service.data_dir / "jobs.db", timeout=60) as jobs:
+            change = "UPDATE workflow_status SET status = ? WHERE workflow_uuid = ?"
+            assert jobs.execute(change, (status, fold_id)).rowcount == 1
+        jobs.close()
         state = service.wait_over(fold_id)
-    assert (state["status"], state["error"]["code"]) == ("failed", "internal")
+        assert (state["status"], state["error"]["code"]) == ("failed", "internal")
+    finally:
+        for child in computing:
+            child.resume()
+        service.http.post(f"/api/folds/{busy['id']}/cancel", headers=owner(busy))
+    assert service.wait_over(busy["id"])["status"] == "cancelled"
 
 
 def test_what_was_being_uploaded_at_the_end_leaves_nothing(here_with: HereWith) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import time
+from collections.abc import Callable
 from typing import Any
 
 import httpx
@@ -191,7 +192,8 @@ def test_only_owners_cancel_and_delete(desk: Service) -> None:
 
 
 def test_a_running_fold_is_cancelled_and_the_same_can_be_asked_anew(service: Service) -> None:
-    accepted = service.fold(shape="wrench-160", preset="paper")
+    wishes = {"shape": "mallet-64", "preset": "paper"}  # it explodes slowly
+    accepted = service.fold(**wishes)
     assert service.wait_exploding(accepted["id"])["status"] == "running"
     answer = service.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
     assert answer.status_code == 202
@@ -202,7 +204,7 @@ def test_a_running_fold_is_cancelled_and_the_same_can_be_asked_anew(service: Ser
     assert service.http.get(f"/api/folds/{accepted['id']}/frames").json()["total"] > 0
     timeline = service.directory(accepted["id"]) / "timeline.zarr"
     assert Timeline.open(timeline).status == "failed"  # nobody waits for more
-    again = service.fold(shape="wrench-160", preset="paper")
+    again = service.fold(**wishes)
     assert again["id"] != accepted["id"]
     service.wait_exploding(again["id"])
     assert service.http.delete(f"/api/folds/{again['id']}", headers=owner(again)).status_code == 204
@@ -231,9 +233,8 @@ def test_figures_and_health(service: Service, finished: dict[str, Any]) -> None:
     assert float(figures["process_resident_memory_bytes"]) > 1e6
 
 
-def test_the_first_shape_is_folded_once(service_with) -> None:
-    service = service_with(workers=0)
-    service.start("--first-shape", "mallet-64")
+def test_the_first_shape_is_folded_once(here_with: Callable[..., ServiceHere]) -> None:
+    service = here_with().start("--first-shape", "mallet-64")
     ids = _gallery_folds(service)
     assert len(ids) == 1
     assert service.stop() == 0

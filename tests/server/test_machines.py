@@ -225,7 +225,7 @@ def test_two_that_ask_for_the_same_get_the_same(
     for name, value in bucket.environment.items():
         monkeypatch.setenv(name, value)
     hosts = hosts_with()
-    webs = [hosts.web(), hosts.web(ServiceHere)]  # a process each
+    webs = [hosts.web(ServiceHere), hosts.web(ServiceHere)]  # they share nothing in this process
     token = new_token()
     got: list[str] = []
 
