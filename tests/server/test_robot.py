@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import shutil
 import subprocess
 import sys
 import time
@@ -229,14 +228,14 @@ def test_a_wrong_question_is_refused(
 
 
 def test_only_finished_and_verified_folds_are_played(
-    service: Service, desk: Service, finished: Finished, here_with: Callable[..., Service]
+    service: Service, desk: Service, finished: Finished, here_with: Callable[..., ServiceHere]
 ) -> None:
     with connect(address(desk, "no-such-fold")) as socket:
         assert refusal(socket) == ("no-such-fold", 1008)
     with connect(address(desk, desk.fold(SNAKE)["id"])) as socket:
         assert refusal(socket) == ("not-ready", 1008)
     doubtful = here_with()
-    shutil.copytree(service.data_dir, doubtful.data_dir)
+    doubtful.take_over(service, finished["id"])
     path = doubtful.directory(finished["id"]) / "plan.npz"
     plan = Plan.load(path)
     replace(plan, certificate=replace(plan.certificate, verdict="failed: so it says")).save_npz(

@@ -23,11 +23,17 @@ from tests.server.service import SNAKE, Service, owner
 
 
 @pytest.fixture(scope="module")
-def wrench(service: Service) -> str:
-    """The id of a finished fold of a gallery shape."""
-    fold_id = service.fold(shape="wrench-24", seed="41", module_size="0.9")["id"]
-    assert service.wait_over(fold_id)["status"] == "verified"
-    return fold_id
+def asked(service: Service) -> dict[str, Any]:
+    """A finished fold of a gallery shape: what the request was answered."""
+    accepted = service.fold(shape="wrench-24", seed="41", module_size="0.9")
+    assert service.wait_over(accepted["id"])["status"] == "verified"
+    return accepted
+
+
+@pytest.fixture(scope="module")
+def wrench(asked: dict[str, Any]) -> str:
+    """Its id."""
+    return asked["id"]
 
 
 @pytest.fixture(scope="module")
@@ -58,22 +64,27 @@ def test_a_verified_fold_is_smoothed_as_a_fold_of_its_own(
 
 
 def test_it_leads_to_the_recorded_one_only_while_that_is_there(
-    service: Service, wrench: str, smoothed: dict[str, Any]
+    service: Service,
+    asked: dict[str, Any],
+    smoothed: dict[str, Any],
+    here_with: Callable[..., ServiceHere],
 ) -> None:
-    accepted = service.fold(shape="wrench-24", seed="43", module_size="0.9")
-    service.wait_over(accepted["id"])
-    fold_id = service.fold(smooth=accepted["id"])["id"]
-    assert service.wait_over(fold_id)["status"] == "verified"
-    answer = service.http.delete(f"/api/folds/{accepted['id']}", headers=owner(accepted))
-    assert answer.status_code == 204
-    facts = service.http.get(f"/folds/{fold_id}/facts").json()
-    assert facts["smoothing"]["rows"] and facts["smoothing"]["compare"] is None
-    assert [other["text"] for other in facts["compare"]] == ["Another seed"]
-    # Nor does a site that shows it give away the link of the other.
-    shown = smoothed["state"]["id"]
+    wrench, shown = asked["id"], smoothed["state"]["id"]
     assert wrench in service.http.get(f"/folds/{shown}").text
+    # Nor does a site that shows it give away the link of the other.
     embedded = service.http.get(f"/embed/{shown}").text
     assert shown in embedded and wrench not in embedded
+    # Where the others do not miss it.
+    other = here_with()
+    other.take_over(service, wrench, shown)
+    other.start()
+    before = other.http.get(f"/folds/{shown}/facts").json()
+    assert before["smoothing"]["compare"] == f"/compare?a={wrench}&b={shown}"
+    assert other.http.delete(f"/api/folds/{wrench}", headers=owner(asked)).status_code == 204
+    facts = other.http.get(f"/folds/{shown}/facts").json()
+    assert facts["smoothing"]["rows"] and facts["smoothing"]["compare"] is None
+    assert [each["text"] for each in facts["compare"]] == ["Another seed"]
+    assert wrench not in other.http.get(f"/folds/{shown}").text
 
 
 def test_its_page_says_what_has_changed(
@@ -134,9 +145,9 @@ def test_one_that_was_cancelled_before_it_began_is_folded_again(
     service: Service, finished: dict[str, Any], here_with: Callable[..., ServiceHere]
 ) -> None:
     idle = here_with()
-    shutil.copytree(service.data_dir, idle.data_dir)
-    idle.start()
     recorded = finished["id"]
+    idle.take_over(service, recorded)
+    idle.start()
     accepted = idle.fold(smooth=recorded)
     idle.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
     assert idle.wait_over(accepted["id"])["status"] == "cancelled"

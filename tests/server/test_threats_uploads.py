@@ -83,7 +83,7 @@ def test_twenty_large_uploads_at_once_fit_into_little_memory(service: Service) -
 
     watching = threading.Thread(target=watch)
     watching.start()
-    piece, size = b"\x89PNG" * (MIB // 4), 60
+    piece, size = b"\x89PNG" * (MIB // 4), 20
     clients = [connected(service) for _ in range(20)]
     sockets = [client.__enter__() for client in clients]
     try:
