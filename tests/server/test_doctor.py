@@ -31,6 +31,7 @@ from server.settings import Settings
 from tests.server.postgres import DATABASES, Postgres
 from tests.server.rows import a_fold
 from tests.server.service import Service
+from tests.server.test_command_line import foldback
 
 
 def settings(tmp_path: Path, **values: Any) -> Settings:
@@ -62,18 +63,11 @@ def alone(check: str, *prefix: str, **values: Any) -> Finding:
 
 
 @pytest.mark.processes
-def test_all_is_well_and_nothing_is_made(tmp_path: Path) -> None:
-    answer = subprocess.run(
-        [
-            *(sys.executable, "-P", "-m", "server.command_line", "doctor", "--json"),
-            *("--port", "0", "--data-dir", str(tmp_path / "data")),
-        ],
-        env={k: v for k, v in os.environ.items() if not k.startswith("FOLDBACK_")},
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-    )
+def test_all_is_well_and_nothing_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in os.environ:
+        if name.startswith("FOLDBACK_"):
+            monkeypatch.delenv(name)
+    answer = foldback("doctor", "--json", "--port", "0", "--data-dir", str(tmp_path / "data"))
     found = json.loads(answer.stdout)
     assert answer.returncode == 0, answer.stdout
     assert [finding["name"] for finding in found] == [name for name, _ in CHECKS]

@@ -90,8 +90,11 @@ def test_a_movie_from_the_wish_to_the_file(service: Service, finished: dict[str,
     assert service.http.get(movie["links"]["file"]).status_code == 404
 
 
-def test_a_gif_moves(service: Service, finished: dict[str, Any]) -> None:
-    movie = wait(service, ask(service, finished["id"], **SMALL, format="gif"), over)
+def test_a_gif_moves_and_its_address_alone_deletes_it_not(
+    service: Service, finished: dict[str, Any]
+) -> None:
+    made = ask(service, finished["id"], **SMALL, format="gif")
+    movie = wait(service, made, over)
     file = service.http.get(movie["links"]["file"])
     assert file.headers["Content-Type"] == "image/gif"
     with Image.open(io.BytesIO(file.content)) as picture:
@@ -99,6 +102,13 @@ def test_a_gif_moves(service: Service, finished: dict[str, Any]) -> None:
         first = np.asarray(picture.convert("RGB")).astype(int)
         picture.seek(3)
         assert np.abs(np.asarray(picture.convert("RGB")) - first).max() > 40
+    assert movie["token"] is None
+    here = movie["links"]["self"]
+    for headers in ({}, {"Authorization": "Bearer " + "x" * 32}):
+        refused = service.http.delete(here, headers=headers)
+        assert (refused.status_code, refused.json()["code"]) == (403, "not-owner")
+    assert made["token"].encode() not in (service.data_dir / "foldback.db").read_bytes()
+    assert service.http.delete(here, headers=owner(finished["accepted"])).status_code == 204
 
 
 @pytest.mark.parametrize(
@@ -116,17 +126,6 @@ def test_refusals(
     answer = service.http.post(f"/api/folds/{finished['id']}/movies", json=wishes)
     assert answer.status_code == 422
     assert (answer.json()["code"], answer.json()["where"]) == (code, where)
-
-
-def test_the_address_alone_deletes_no_movie(service: Service, finished: dict[str, Any]) -> None:
-    movie = wait(service, made := ask(service, finished["id"], **{**SMALL, "fps": 5}), over)
-    assert movie["token"] is None
-    here = movie["links"]["self"]
-    for headers in ({}, {"Authorization": "Bearer " + "x" * 32}):
-        refused = service.http.delete(here, headers=headers)
-        assert (refused.status_code, refused.json()["code"]) == (403, "not-owner")
-    assert made["token"].encode() not in (service.data_dir / "foldback.db").read_bytes()
-    assert service.http.delete(here, headers=owner(finished["accepted"])).status_code == 204
 
 
 def test_frames_that_are_not_there_fail_the_movie(

@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from server import worker
+from server.commands import serve
+from server.commands import worker as worker_command
 from server.commands.serve import server_of
 from server.settings import Settings
+from tests.server.test_command_line import foldback
 
 MISSING = [
     ({"database_url": "postgresql://nobody@127.0.0.1:1/none"}, "the database does not answer"),
     ({"storage_url": "nonsense://bucket"}, "expected something like s3://bucket/prefix"),
 ]
+
+
+def leave_the_process_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is that of the tests."""
+    for module in (worker, serve, worker_command):
+        for name in ("keep_secrets", "set_up_logs"):
+            monkeypatch.setattr(module, name, lambda *_: None, raising=False)
 
 
 @pytest.mark.parametrize("start", [server_of, worker.work])
@@ -30,8 +38,7 @@ def test_what_is_missing_and_what_to_do(
     settings: dict[str, str],
     words: str,
 ) -> None:
-    for name in ("keep_secrets", "set_up_logs"):  # of the process, which is that of the tests
-        monkeypatch.setattr(worker, name, lambda *_: None)
+    leave_the_process_alone(monkeypatch)
     with pytest.raises(SystemExit) as ended:
         start(Settings(data_dir=tmp_path, **settings))  # type: ignore[arg-type]
     assert ended.value.code == 1
@@ -39,19 +46,15 @@ def test_what_is_missing_and_what_to_do(
     assert words in said and "foldback doctor" in said
 
 
-@pytest.mark.processes
 @pytest.mark.parametrize("command", ["serve", "worker"])
-def test_one_line_and_what_to_do(command: str) -> None:
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("FOLDBACK_")}
-    environment |= {"FOLDBACK_DATA_DIR": "/proc/foldback", "FOLDBACK_WORKERS": "0"}
-    done = subprocess.run(
-        [sys.executable, "-P", "-m", "server.command_line", command],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-    )
+def test_one_line_and_what_to_do(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in os.environ:
+        if name.startswith("FOLDBACK_"):
+            monkeypatch.delenv(name)
+    monkeypatch.setenv("FOLDBACK_DATA_DIR", "/proc/foldback")
+    monkeypatch.setenv("FOLDBACK_WORKERS", "0")
+    leave_the_process_alone(monkeypatch)
+    done = foldback(command)
     assert done.returncode == 1
     assert "cannot be used" in done.stderr
     assert "foldback doctor" in done.stderr
