@@ -321,8 +321,9 @@ def test_the_code_of_its_page_runs(service: Service, tmp_path: Path) -> None:
 
 def test_the_example_runs(service: Service, tmp_path: Path) -> None:
     example = ROOT / "examples" / "07_fold_by_api.py"
+    arguments = ("--url", str(service.http.base_url), "--shape", "wrench-24")
     done = subprocess.run(
-        [sys.executable, "-W", "error", str(example), "--url", str(service.http.base_url)],
+        [sys.executable, "-W", "error", str(example), *arguments],
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,

@@ -311,7 +311,7 @@ def test_settings_make_another_fold_unless_they_change_nothing(desk: Service) ->
 
 
 def test_a_published_fold_is_followed_by_simulated_seconds_and_refolded(service: Service) -> None:
-    asked = {"preset": "paper", "settings": "radial_gain=0.5"}
+    asked = {"preset": "paper", "settings": "radial_gain=2"}
     first = service.fold(STAIRS, **asked)
     seen = [data for name, data in service.events(first["id"]) if name == "progress"]
     told = [(each["steps"], each["simulated_s"]) for each in seen if each["stage"] == "explode"]
@@ -319,13 +319,13 @@ def test_a_published_fold_is_followed_by_simulated_seconds_and_refolded(service:
     assert steps > 0
     assert simulated_s == pytest.approx(0.01 * steps)
     state = service.state(first["id"])
-    assert (state["status"], state["settings"]) == ("verified", "radial_gain=0.5")
+    assert (state["status"], state["settings"]) == ("verified", "radial_gain=2")
     parameters = service.http.get(f"/api/folds/{first['id']}/plan.json").json()["parameters"]
-    assert parameters["explosion"]["radial_gain"] == 0.5
+    assert parameters["explosion"]["radial_gain"] == 2
     turned = [[y, x, z] for x, y, z in STAIRS]
     back = service.fold(turned, refold=first["id"], **asked)
     state = service.wait_over(back["id"])
-    assert (state["status"], state["settings"]) == ("verified", "radial_gain=0.5")
+    assert (state["status"], state["settings"]) == ("verified", "radial_gain=2")
     again = service.fold(fold=back["id"], token=back["owner_token"], **asked)
     assert (again["existing"], again["id"]) == (True, back["id"])
 

@@ -6,6 +6,7 @@ import ast
 import subprocess
 import sys
 import zipfile
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,13 +17,20 @@ TYPES = ".d.ts"
 FORBIDDEN = {"planner": {"web", "server"}, "web": {"server"}, "server": {"tests", "examples"}}
 
 
+@cache
+def statements(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """Those that import something, wherever in a file."""
+    nodes = ast.walk(ast.parse(path.read_text()))
+    return [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)]
+
+
 def imports(path: Path) -> set[str]:
-    """The top-level packages that a file imports, wherever in it."""
+    """The top-level packages that a file imports."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in statements(path):
         if isinstance(node, ast.Import):
             found |= {alias.name.partition(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+        elif node.level == 0:
             found.add((node.module or "").partition(".")[0])
     return found
 
@@ -42,18 +50,25 @@ def test_imports_go_one_way(package: str) -> None:
 def test_relative_imports_are_not_used() -> None:
     for package in FORBIDDEN:
         for path in (ROOT / package).rglob("*.py"):
-            for node in ast.walk(ast.parse(path.read_text())):
+            for node in statements(path):
                 assert not (isinstance(node, ast.ImportFrom) and node.level), path
 
 
-def test_the_wheel_carries_everything_that_is_not_code(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What is installed, as one file."""
+    place = tmp_path_factory.mktemp("wheel")
     subprocess.run(
-        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)],
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(place)],
         cwd=ROOT,
         check=True,
         capture_output=True,
     )
-    (wheel,) = tmp_path.glob("*.whl")
+    (built,) = place.glob("*.whl")
+    return built
+
+
+def test_the_wheel_carries_everything_that_is_not_code(wheel: Path) -> None:
     carried = set(zipfile.ZipFile(wheel).namelist())
     wanted = {
         str(path.relative_to(ROOT))
@@ -68,15 +83,8 @@ def test_the_wheel_carries_everything_that_is_not_code(tmp_path: Path) -> None:
     assert not [name for name in carried if name.endswith((TYPES, "package.json"))]
 
 
-def test_the_installed_gallery_is_that_of_the_checkout(tmp_path: Path) -> None:
+def test_the_installed_gallery_is_that_of_the_checkout(tmp_path: Path, wheel: Path) -> None:
     """The gallery is found without a checkout around the packages."""
-    subprocess.run(
-        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)],
-        cwd=ROOT,
-        check=True,
-        capture_output=True,
-    )
-    (wheel,) = tmp_path.glob("*.whl")
     unpacked = tmp_path / "installed"
     zipfile.ZipFile(wheel).extractall(unpacked)
     code = "from server.gallery import gallery; print(*(s.name for s in gallery()))"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
+from functools import cache
 from html import unescape
 
 import httpx
@@ -15,13 +16,17 @@ from tests.benchmarks.reproduction.experiments import STATEMENTS
 from web.columns import decode
 
 
-def get(path: str, **headers: str) -> httpx.Response:
+@cache
+def application() -> FastAPI:
     app = FastAPI()
     app.include_router(pages.router)
     app.include_router(paper.router)
+    return app
 
+
+def get(path: str, **headers: str) -> httpx.Response:
     async def ask() -> httpx.Response:
-        transport = httpx.ASGITransport(app=app)
+        transport = httpx.ASGITransport(app=application())
         async with httpx.AsyncClient(transport=transport, base_url="http://here") as client:
             return await client.get(path, headers=headers)
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import httpx
-import pytest
 
 from server.census import Census
 from server.leases import Leases
@@ -57,25 +56,21 @@ def test_without_a_worker_it_is_not_ready(tmp_path: Path) -> None:
     store.close()
 
 
-@pytest.mark.processes
-def test_a_database_that_is_gone_is_a_reason(tmp_path: Path) -> None:
-    postgres = Postgres()
+def test_a_database_that_is_gone_is_a_reason(tmp_path: Path, postgres: Postgres) -> None:
+    settings = Settings(data_dir=tmp_path, database_url=postgres.database(), workers=0)
+    store = Store(settings)
+    census = Census(settings, Leases.of(settings, store))
+    readiness = Readiness(settings, census)
+    assert readiness.state().ready
+    postgres.kill()
     try:
-        url = postgres.start().database()
-        settings = Settings(data_dir=tmp_path, database_url=url, workers=0)
-        store = Store(settings)
-        census = Census(settings, Leases.of(settings, store))
-        readiness = Readiness(settings, census)
-        assert readiness.state().ready
-        postgres.kill()
         state = readiness.state()
-        assert state.reasons == ("the database does not answer: OperationalError",)
-        postgres.start()
-        assert readiness.state().ready
-        census.close()
-        store.close()
     finally:
-        postgres.remove()
+        postgres.start()
+    assert state.reasons == ("the database does not answer: OperationalError",)
+    assert readiness.state().ready
+    census.close()
+    store.close()
 
 
 def test_it_says_so_while_it_ends(here_with: Callable[..., ServiceHere]) -> None:

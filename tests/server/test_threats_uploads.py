@@ -20,6 +20,7 @@ import psutil
 import pytest
 import sqlalchemy as sa
 
+from server import cancelled
 from server.database import FoldRow
 from server.settings import Settings
 from server.store import Store
@@ -488,18 +489,22 @@ def test_an_upload_that_breaks_off_leaves_nothing(hasty: Service) -> None:
     _until(lambda: [p.name for p in hasty.data_dir.glob("uploads/*/*")] == ["lock"])
 
 
-def test_uploads_that_are_cancelled_at_once_fill_no_disk(here_with: ServiceWith) -> None:
+def test_uploads_that_are_cancelled_at_once_fill_no_disk(
+    here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert cancelled.KEPT_BYTES <= 16 * MIB
+    monkeypatch.setattr(cancelled, "KEPT_BYTES", 2**20)
     service = here_with().start()
-    size = 8 * 2**20
+    size = 2**19
     for number in range(8):
         data = json.dumps(SNAKE).encode() + size * b" "
         answer = service.http.post("/api/folds", files={"file": ("a.json", data)})
         fold = answer.json()
         here = f"/api/folds/{fold['id']}"
-        cancelled = service.http.post(f"{here}/cancel", headers=owner(fold))
-        assert cancelled.json()["status"] == "cancelled", number
+        answer = service.http.post(f"{here}/cancel", headers=owner(fold))
+        assert answer.json()["status"] == "cancelled", number
     files = [path.stat().st_size for path in service.directory(".").rglob("input")]
-    assert len(files) == 2  # the last one, and what fits into 16 MiB beside it
+    assert len(files) == 2  # the last one, and what fits into 1 MiB beside it
     store = Store(Settings(data_dir=service.data_dir))
     try:
         with store.reading() as session:
