@@ -39,7 +39,7 @@ def here_with(tmp_path: Path) -> Iterator[Callable[..., ServiceHere]]:
         return made[-1]
 
     yield make
-    for service in made:
+    for service in reversed(made):  # each puts back what it found
         if service.running:
             assert service.stop() == 0
 

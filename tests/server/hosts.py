@@ -59,7 +59,7 @@ class Hosts:
 
     def close(self) -> None:
         """Stops the services."""
-        for service in self._services:
+        for service in reversed(self._services):  # each puts back what it found
             service.stop()
 
     def logs(self) -> str:

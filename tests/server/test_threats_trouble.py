@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import resource
 import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from sqlalchemy import exc
@@ -14,8 +16,9 @@ from sqlalchemy import exc
 from server.children import Child
 from server.limits import ChildLimits, environment_of_child
 from server.problems import of_trouble
+from server.store import new_token
 from tests.server.here import ServiceHere
-from tests.server.service import SNAKE, Service
+from tests.server.service import SNAKE, Service, bearer
 
 ServiceWith = Callable[..., Service]
 PAGE = {"Accept": "text/html,application/xhtml+xml"}
@@ -106,9 +109,18 @@ def test_it_is_alive_without_a_database(broken: tuple[Service, str]) -> None:
 def test_a_disk_that_takes_nothing_refuses_uploads_and_nothing_else(
     service_with: ServiceWith,
 ) -> None:
-    service = service_with(workers=0).start()
+    service, token = service_with(workers=0), new_token()
+
+    def sent(service: Service) -> dict[str, Any]:
+        file = ("snake.json", json.dumps(SNAKE) + 10_000 * " ")
+        answer = service.http.post("/api/folds", files={"file": file}, headers=bearer(token))
+        assert answer.status_code == 202, answer.text
+        return answer.json()
+
+    with ServiceHere(service.data_dir).start() as taking_in:
+        fold_id = sent(taking_in)["id"]
+    service.start()
     assert service.process is not None
-    fold_id = service.fold(SNAKE)["id"]
     before = resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE)
     resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, (1000, before[1]))
     for data in (b"[" * 3_000_000, b"[" * 10_000):  # while it comes in, and when it is kept
@@ -121,7 +133,7 @@ def test_a_disk_that_takes_nothing_refuses_uploads_and_nothing_else(
     assert service.state(fold_id)["status"] == "queued"
     assert service.http.get(f"/folds/{fold_id}").status_code == 200
     resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, before)
-    assert not service.fold(SNAKE, seed="1")["existing"]
+    assert sent(service)["id"] == fold_id  # it is kept before it is known
     assert [p.name for p in service.data_dir.glob("uploads/*/*")] == ["lock"]
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import io
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from server.gallery import Gallery
+from server.reading import check
 from server.store import new_token
 from tests.server.service import SNAKE, Service
 
@@ -154,12 +157,23 @@ def test_bad_parameters_are_refused(desk: Service, form: dict[str, str], code: s
     assert answer.json()["code"] == code
 
 
-def test_the_gallery_can_be_listed_and_every_shape_is_accepted(desk: Service) -> None:
+def test_the_gallery_can_be_listed_and_every_shape_is_accepted(
+    desk: Service, tmp_path: Path
+) -> None:
     shapes = desk.http.get("/api/shapes").json()["shapes"]
     counts = [shape["modules"] for shape in shapes]
     assert {24, 64, 80, 94, 160, 192} <= set(counts)
     assert counts == sorted(counts)
+    gallery = {shape.name: shape for shape in Gallery().shapes()}
+    assert gallery.keys() == {shape["name"] for shape in shapes}
     for shape in shapes:
+        kept = gallery[shape["name"]]
+        (tmp_path / "input").write_bytes(kept.data)
+        (tmp_path / "request.json").write_text(json.dumps({"filename": kept.filename}))
+        found = check(tmp_path)
+        assert (found["modules"], found["module"]) == (shape["modules"], shape["module"])
+    (ring,) = (shape for shape in shapes if shape["name"] == "tetra-ring")
+    for shape in (ring, shapes[0], shapes[-1]):
         state = desk.state(desk.fold(shape=shape["name"])["id"])
         assert state["modules"] == shape["modules"]
         assert state["shape"] == shape["name"]
