@@ -19,6 +19,7 @@ from server import children
 from server.children import Child, ChildError
 from server.fork_server import ForkServer
 from server.limits import ChildLimits
+from tests.server.here import FORKS
 from tests.server.service import PATIENCE_S, SNAKE
 from tests.server.test_children import WITHOUT_LIBRARIES
 
@@ -54,10 +55,8 @@ def spoiled(place: Path, code: str, *, warm: bool = False) -> ForkServer:
     return ForkServer(["stages"], warm=warm, environment={"PYTHONPATH": str(place)})
 
 
-def test_children_of_one_server_are_processes_of_their_own(
-    server: ForkServer, directory: Path
-) -> None:
-    made = [Child("reader", LIMITS, fork_server=server) for _ in range(2)]
+def test_children_of_one_server_are_processes_of_their_own(directory: Path) -> None:
+    made = [Child("reader", LIMITS, fork_server=FORKS) for _ in range(2)]
     try:
         assert [child.call("check", directory, wall_s=60) for child in made] == [WHOLE, WHOLE]
         pids = {child.pid for child in made}
@@ -65,11 +64,11 @@ def test_children_of_one_server_are_processes_of_their_own(
         for pid in pids:
             process = psutil.Process(pid)
             assert process.cmdline()[0] == "foldback reader"
-            assert (process.ppid(), os.getpgid(pid), os.getsid(pid)) == (pid_of(server), pid, pid)
+            assert (process.ppid(), os.getpgid(pid), os.getsid(pid)) == (pid_of(FORKS), pid, pid)
     finally:
         for child in made:
             child.close()
-    assert not psutil.Process(pid_of(server)).children()
+    assert not pids & {one.pid for one in psutil.Process(pid_of(FORKS)).children()}
 
 
 def test_when_it_ends_its_children_end_and_the_next_one_has_another(
