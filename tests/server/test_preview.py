@@ -377,11 +377,11 @@ def test_a_fold_of_cells_without_a_path_is_refused_at_once(desk: Service) -> Non
 @pytest.mark.slow
 def test_a_mesh_is_folded(service: Service) -> None:
     accepted = service.http.post(
-        "/api/folds", files={"file": ("brick.stl", stl())}, data={"modules": "64"}
+        "/api/folds", files={"file": ("brick.stl", stl())}, data={"modules": "24"}
     ).json()
     state = service.wait_over(accepted["id"])
     assert state["status"] == "verified", state
-    assert state["modules"] == report(service, stl(), modules="64")["modules"]
+    assert state["modules"] == report(service, stl(), modules="24")["modules"]
 
 
 def test_pages_of_previews(desk: Service) -> None:
