@@ -76,12 +76,6 @@ def pytest_configure(config: pytest.Config) -> None:
     progress.add_to(config)
 
 
-def pytest_collection_finish() -> None:
-    """What all modules have brought stays: the collector need not look through it ever again."""
-    gc.collect()
-    gc.freeze()
-
-
 def _compile(config: pytest.Config) -> None:
     """Has all kernels in their cache: the services of these tests start children without it."""
     stamps = {

@@ -22,7 +22,7 @@ OF_WINDOWS = (
     *("WebUIOmniboxPopup", "WebUIOmniboxAimPopup", "WebUIOmniboxFullPopup"),
     *("PreloadTopChromeWebUI", "SpareRendererForSitePerProcess"),
 )
-"""What Chromium prepares for each window that nobody sees: pages of its own, a fifth of all cost."""
+"""What Chromium prepares for each window that nobody sees: pages of its own."""
 OF_PLAYWRIGHT = (
     *("AvoidUnnecessaryBeforeUnloadCheckSync", "DestroyProfileOnBrowserClose", "HttpsUpgrades"),
     *("HttpsFirstBalancedModeAutoEnable", "LensOverlay", "MediaRouter", "PaintHolding"),

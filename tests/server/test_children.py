@@ -140,7 +140,8 @@ def test_what_a_child_says_while_it_starts_is_told(directory: Path, tmp_path: Pa
     (tmp_path / "sitecustomize.py").write_text(
         f"{WITHOUT_LIBRARIES}"
         "it = stand_in('planner.warm_up')\n"
-        "it.warm_up = lambda tell, soon: tell(Progress(stage='read', fraction=0.0, message=COMPILING))\n"
+        "told = Progress(stage='read', fraction=0.0, message=COMPILING)\n"
+        "it.warm_up = lambda tell, soon: tell(told)\n"
     )
     limits = replace(LIMITS, warm=True)
     child = Child("stages", limits, environment={"PYTHONPATH": str(tmp_path)})
