@@ -18,6 +18,8 @@ from tests.web.blog import Blog
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
+DRAWN = "() => !window.foldback.player.sketch.waiting"
+"""Whether the page's own drawing, which comes before the 3D view, has come."""
 
 
 def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
@@ -80,6 +82,7 @@ def test_one_file_plays_without_a_server(
     alone.goto(path.as_uri())
     alone.locator("#sketch.gone").wait_for(state="attached")
     expect(alone.locator("#r-frame")).to_have_text(re.compile("Frame 1 of"))
+    assert alone.evaluate(DRAWN)
     folded = picture(alone)
     alone.locator("#jump").select_option("straight")
     assert np.abs(picture(alone) - folded).max() > 50

@@ -72,7 +72,7 @@ function ask(told) {
   due = true;
   (self.requestAnimationFrame ?? ((/** @type {() => void} */ then) => setTimeout(then, 16)))(() => {
     due = false;
-    if (size.width) {
+    if (size.width && size.height) {
       clear();
       if (outline && latest) draw(outline, latest);
     }

@@ -28,7 +28,8 @@ export class Sketch {
     this.pitch = 1;
     if (!canvas.transferControlToOffscreen || !window.Worker) return;
     const paper = canvas.transferControlToOffscreen();
-    const worker = new Worker(Sketch.script, { type: "module" });
+    // No module: browsers refuse those to a page that was opened as a file.
+    const worker = new Worker(Sketch.script);
     this.worker = worker;
     let first = true;
     worker.onmessage = () => {
