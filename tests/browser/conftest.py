@@ -1,9 +1,10 @@
 from __future__ import annotations
 
 import io
+import re
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable, Generator, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
-from tests.server.service import Service
+from tests.server.service import Service, bearer
 from tests.tools import CHROMIUM
 
 ARTIFACTS = Path(__file__).parents[2] / "artifacts"
@@ -85,13 +86,9 @@ def browser() -> Browser:
     return OPEN.browser()
 
 
-@pytest.fixture
-def visit(browser: Browser, service: Service) -> Iterator[Callable[..., Page]]:
-    """Opens a page in a fresh profile; at the end none of our scripts may have thrown.
-
-    Who does not look at the 3D view opens it with ``view=False``: the client, which is loaded and
-    paints for seconds, never comes, and the page's own drawing stays.
-    """
+@contextmanager
+def visits(browser: Browser, service: Service) -> Generator[Callable[..., Page]]:
+    """What ``visit`` is."""
     contexts: list[BrowserContext] = []
     thrown: list[str] = []
 
@@ -106,7 +103,7 @@ def visit(browser: Browser, service: Service) -> Iterator[Callable[..., Page]]:
         contexts.append(context)
         context.set_default_timeout(PATIENCE_MS)
         if not view:
-            context.route("**/view", lambda route: route.fulfill(body="", content_type="text/html"))
+            leave_view_out(context)
         page = context.new_page()
         page.on("pageerror", lambda error: thrown.append(f"{error}\n{error.stack}"))
         page.goto(path)
@@ -118,26 +115,62 @@ def visit(browser: Browser, service: Service) -> Iterator[Callable[..., Page]]:
     assert not [error for error in thrown if "/static/" in error]
 
 
+@pytest.fixture
+def visit(browser: Browser, service: Service) -> Iterator[Callable[..., Page]]:
+    """Opens a page in a fresh profile; at the end none of our scripts may have thrown.
+
+    Who does not look at the 3D view opens it with ``view=False``: the client, which is loaded and
+    paints for seconds, never comes, and the page's own drawing stays.
+    """
+    with visits(browser, service) as visit:
+        yield visit
+
+
+VIEW = "**/view"
+
+
+def leave_view_out(context: BrowserContext) -> None:
+    """Has the client never come from now on; ``context.unroute(VIEW)`` has it come again."""
+    context.route(VIEW, lambda route: route.fulfill(body="", content_type="text/html"))
+
+
 def keep(page: Page, name: str) -> None:
-    """Saves a screenshot to look at."""
-    ARTIFACTS.mkdir(exist_ok=True)
-    page.screenshot(path=ARTIFACTS / f"{name}.png")
+    """Saves a screenshot to look at, for who has made a directory ``artifacts``."""
+    if ARTIFACTS.is_dir():
+        page.screenshot(path=ARTIFACTS / f"{name}.png")
 
 
-PASSED = """() => new Promise((done) => {
-  const view = window.foldback?.player.standIn.stage;
-  if (view?.open) view.passed(done); else done();
-})"""
-"""Waits for what the 3D view was told last, in a process of its own, to be drawn."""
+def called_off(page: Page, service: Service) -> None:
+    """Cancels the fold whose page this is, as its owner: for who does not wait for it."""
+    fold = re.findall(r"[a-z0-9]{12,}", page.url)[-1]
+    token = page.evaluate(f"localStorage.getItem('foldback:owner:{fold}')")
+    answer = service.http.post(f"/api/folds/{fold}/cancel", headers=bearer(token))
+    assert answer.is_success, answer.text
+
+
+AT_REST = """async () => {
+  const player = window.foldback?.player;
+  if (!player?.standIn) return false;
+  const { stage, sketch } = player.standIn;
+  // Where 3D graphics are slow a drawing stands in for as long as anything moves.
+  const standing = () => document.querySelector(".standing-in");
+  const moving = () => player.busy || player.due || sketch.waiting || standing();
+  const soon = () => new Promise((done) => setTimeout(done, 50));
+  do {
+    while (moving()) await soon();
+    if (stage.open) await new Promise((done) => stage.painted(done));
+    else await soon();
+  } while (moving());
+  return true;
+}"""
+"""Waits for what a fold's page shows last to be drawn, by the 3D view too; false elsewhere."""
 
 
 def picture(page: Page) -> np.ndarray:
     """The 3D view as (h, w, 3) numbers, once it has come to rest."""
+    if page.evaluate(AT_REST):
+        return shot(page)
     deadline = time.monotonic() + PATIENCE_MS / 1000
-    # Where 3D graphics are slow a drawing stands in for as long as anything moves.
-    page.wait_for_timeout(300)
-    page.locator(".standing-in").wait_for(state="detached")
-    page.evaluate(PASSED)
     before = shot(page)
     while True:
         page.wait_for_timeout(400)

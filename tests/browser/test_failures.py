@@ -19,7 +19,7 @@ from tests.server.service import SPIRAL, Service, over, owner
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
 TAIL = 20
-LAPTOP = {"width": 1280, "height": 560, "color_scheme": "light"}
+LAPTOP = {"width": 960, "height": 420, "color_scheme": "light"}
 PHONE = {"width": 390, "height": 844, "has_touch": True}
 ORANGE = """() => {
   const { player } = window.foldback;
@@ -169,7 +169,7 @@ def exploding_bytes(service: Service, cells: object) -> tuple[int, int]:
 
 
 def test_a_cancelled_fold(visit: Visit, service: Service) -> None:
-    accepted = service.fold(shape="wrench-80", preset="paper")
+    accepted = service.fold(shape="wrench-24", preset="paper", seed="11")
     service.wait_exploding(accepted["id"])
     service.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
     assert service.wait_over(accepted["id"])["status"] == "cancelled"

@@ -15,12 +15,14 @@ from playwright.sync_api import Page, Route, expect
 from planner.progress import COMPILING
 from planner.timeline import Timeline
 from tests.browser.conftest import PATIENCE_MS, keep, picture, shot
-from tests.server.service import Service
+from tests.server.service import STAIRS, Service
 from web.colours import error_scale, module_errors
 from web.film import Film
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
+SMALL = {"width": 480, "height": 400}
+"""What software takes little time to paint."""
 
 SHAPE = Path(__file__).parents[2] / "examples" / "shapes" / "wrench-24.json"
 DROP = """([text, name]) => {
@@ -93,7 +95,7 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
 
     page.route("**/api/folds/*/events", lambda route: route.fulfill(status=429))
     page.route(re.compile(r"/api/folds/[a-z0-9]+$"), answer)
-    dropped(page, json.dumps(json.loads(SHAPE.read_text()) | {"name": "asked for"}))
+    dropped(page, json.dumps({"format": "foldback-path/1", "cells": STAIRS, "name": "asked for"}))
     expect(page.locator("#verdict")).to_have_text(
         "Compiling the solvers, once: takes up to a minute"
     )
@@ -108,7 +110,7 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
 
 
 def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -> None:
-    page = visit("/")
+    page = visit("/", height=480)
     keep(page, "landing-dark")
     path = json.loads(SHAPE.read_text()) | {"name": "dropped wrench"}
     dropped(page, json.dumps(path))
@@ -199,7 +201,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
 
 
 def test_it_plays_by_itself_and_follows(visit: Visit, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}", reduced_motion="no-preference")
+    page = visit(f"/folds/{wrench}", reduced_motion="no-preference", **SMALL)
     expect(page.locator("#play")).to_have_attribute("aria-label", "Pause")
     first = shown_frame(page)
     expect(page.locator("#r-frame")).not_to_have_text(re.compile(f"Frame {first + 1} of"))
@@ -209,9 +211,9 @@ def test_it_plays_by_itself_and_follows(visit: Visit, wrench: str) -> None:
     page.locator("#sketch.gone").wait_for(state="attached")
     box = page.locator("main.stage").bounding_box()
     assert box
-    page.mouse.move(box["x"] + 300, box["y"] + box["height"] / 2)
+    page.mouse.move(box["x"] + 200, box["y"] + box["height"] / 2)
     page.mouse.down()
-    page.mouse.move(box["x"] + 380, box["y"] + box["height"] / 2 + 20, steps=4)
+    page.mouse.move(box["x"] + 280, box["y"] + box["height"] / 2 + 20, steps=4)
     page.mouse.up()
     expect(page.locator("#follow")).to_have_attribute("aria-pressed", "false")
 
@@ -243,10 +245,11 @@ WHOLE = """text => text.scrollWidth <= text.clientWidth && text.scrollHeight <= 
 
 @pytest.mark.parametrize("scheme", [pytest.param("light", marks=pytest.mark.long), "dark"])
 def test_on_a_phone(visit: Visit, wrench: str, scheme: str) -> None:
+    page = visit("/", width=390, height=844, color_scheme=scheme, has_touch=True, view=False)
     for path, name in (("/", "landing"), (f"/folds/{wrench}", "fold")):
-        page = visit(path, width=390, height=844, color_scheme=scheme, has_touch=True)
+        page.goto(path)
         if name == "fold":
-            page.locator("#sketch.gone").wait_for(state="attached")
+            page.locator("#cover.gone").wait_for(state="attached")
             page.keyboard.press("End")
             picture(page)
         keep(page, f"{name}-{scheme}-390x844")
@@ -280,7 +283,7 @@ PASSED = """async () => {
 
 
 def test_the_drawing_stays_until_the_view_shows_something(visit: Visit, wrench: str) -> None:
-    page = visit("/shapes/new", width=390, height=844, has_touch=True)
+    page = visit("about:blank", width=390, height=520, has_touch=True)
     page.add_init_script(HELD)
     page.goto(f"/folds/{wrench}")
     page.wait_for_function("() => window.foldback.player.stage.open")
@@ -309,7 +312,7 @@ REST_MS = 2000
 def test_a_view_at_rest_shows_what_comes_next_also_where_pictures_take_long(
     visit: Visit, wrench: str
 ) -> None:
-    page = visit("about:blank")
+    page = visit("about:blank", **SMALL)
     page.add_init_script(SLOW)
     page.goto(f"/folds/{wrench}")
     page.locator("#sketch.gone").wait_for(state="attached")
@@ -343,13 +346,10 @@ def test_unknown_folds_are_told_in_words(visit: Visit) -> None:
     keep(page, "not-found")
 
 
-def test_without_webgl_the_page_draws_the_fold_itself(
-    visit: Visit, service: Service, wrench: str
-) -> None:
-    page = visit(f"/folds/{wrench}")
+def test_without_webgl_the_page_draws_the_fold_itself(visit: Visit, wrench: str) -> None:
+    page = visit("about:blank")
     page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
-    page.goto("about:blank")
-    page.goto(str(service.http.base_url) + f"/folds/{wrench}")
+    page.goto(f"/folds/{wrench}")
     expect(page.locator("#flat")).to_contain_text("WebGL is missing")
     page.locator("#cover.gone").wait_for(state="attached")
     assert page.locator("#view").get_attribute("src") is None

@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from planner.paper_settings import SETTINGS
-from tests.browser.conftest import keep
+from tests.browser.conftest import called_off, keep
 from tests.server.service import STAIRS, Service
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -21,7 +21,7 @@ def test_settings_are_offered_refused_at_their_field_and_shown(
     visit: Visit, service: Service
 ) -> None:
     found = service.http.post(
-        "/api/shapes/preview", files={"file": ("stairs.json", json.dumps(STAIRS))}
+        "/api/shapes/preview", files={"file": ("stairs.json", json.dumps(STAIRS[:5]))}
     ).json()
     page = visit(found["links"]["page"], width=390, height=844, view=False)
     settings = page.locator("#paper-settings")
@@ -71,3 +71,4 @@ def test_settings_are_offered_refused_at_their_field_and_shown(
     expect(page.locator(".side-preset").last).to_have_text(
         "As in the paper, Radial force gain λ 20"
     )
+    called_off(page, service)

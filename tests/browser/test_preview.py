@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import keep, picture
+from tests.browser.conftest import called_off, keep, picture
 from tests.server.service import Service
 from tests.server.test_preview import CROSS, box, stl, voxels
 
@@ -24,11 +25,24 @@ def choose(page: Page, name: str, data: bytes) -> None:
     )
 
 
-def settled(page: Page) -> None:
-    """Waits until the figures and the view are those of what was asked for last."""
+def answered(page: Page) -> None:
+    """Waits until the figures are those of what was asked for last."""
     page.locator("body:not(.busy-now)").wait_for()
+
+
+def settled(page: Page) -> None:
+    """Waits until the view is as well."""
+    answered(page)
     page.locator("#cover.gone").wait_for(state="attached")
     page.locator('.stage[aria-busy="false"]').wait_for()
+
+
+@pytest.fixture(scope="module")
+def brick(service: Service) -> dict[str, Any]:
+    """A preview that was asked for."""
+    return service.http.post(
+        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
+    ).json()
 
 
 def warm(image: np.ndarray) -> np.ndarray:
@@ -37,7 +51,7 @@ def warm(image: np.ndarray) -> np.ndarray:
 
 
 def test_drop_a_mesh_look_change_and_fold(visit: Visit, service: Service) -> None:
-    page = visit("/")
+    page = visit("/", width=760, height=420)
     expect(page.locator(".drop-title")).to_have_text(
         "Drop an STL, a voxel model, a path or a chain"
     )
@@ -85,11 +99,10 @@ def test_drop_a_mesh_look_change_and_fold(visit: Visit, service: Service) -> Non
     )
 
 
-def test_a_drawing_is_there_before_the_3d_view_is_asked_for(visit: Visit, service: Service) -> None:
-    found = service.http.post(
-        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
-    ).json()
-    page = visit("/shapes/new", width=1440, height=900)
+def test_a_drawing_is_there_before_the_3d_view_is_asked_for(
+    visit: Visit, brick: dict[str, Any]
+) -> None:
+    page = visit("about:blank", width=1440, height=900)
     page.route("**/view", lambda route: None)  # the 3D view never comes
     page.add_init_script(
         """window.asked = [];
@@ -102,7 +115,7 @@ def test_a_drawing_is_there_before_the_3d_view_is_asked_for(visit: Visit, servic
           return getContext.call(this, kind, ...more);
         };"""
     )
-    page.goto(found["links"]["page"])
+    page.goto(brick["links"]["page"])
     expect(page.locator("#drawing")).to_be_visible()
     expect(page.locator("#cover-text")).to_have_text("Starting the 3D view…")
     expect(page.locator("#view")).to_have_attribute("src", "/view")
@@ -117,14 +130,11 @@ def test_a_drawing_is_there_before_the_3d_view_is_asked_for(visit: Visit, servic
 
 
 def test_without_webgl_the_drawing_stays_and_the_shape_can_be_folded(
-    visit: Visit, service: Service
+    visit: Visit, brick: dict[str, Any]
 ) -> None:
-    found = service.http.post(
-        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
-    ).json()
-    page = visit("/shapes/new", width=390, height=844)
+    page = visit("about:blank", width=390, height=844)
     page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
-    page.goto(found["links"]["page"])
+    page.goto(brick["links"]["page"])
     expect(page.locator("#cover-text")).to_contain_text("WebGL is missing")
     expect(page.locator("#drawing")).to_be_visible()
     expect(page.locator("#fold")).to_be_enabled()
@@ -132,13 +142,12 @@ def test_without_webgl_the_drawing_stays_and_the_shape_can_be_folded(
     keep(page, "preview-drawing-390x844")
 
 
-def test_a_3d_view_that_does_not_come_leaves_the_drawing(visit: Visit, service: Service) -> None:
-    found = service.http.post(
-        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
-    ).json()
-    page = visit("/shapes/new", width=1000, height=560)
+def test_a_3d_view_that_does_not_come_leaves_the_drawing_and_comes_later(
+    visit: Visit, brick: dict[str, Any]
+) -> None:
+    page = visit("about:blank", width=760, height=420)
     page.route("**/scene/*", lambda route: route.fulfill(status=404))
-    page.goto(found["links"]["page"])
+    page.goto(brick["links"]["page"])
     expect(page.locator("#cover-text")).to_contain_text("could not be loaded")
     expect(page.locator("#drawing")).to_be_visible()
     expect(page.locator("#fold")).to_be_enabled()
@@ -150,14 +159,7 @@ def test_a_3d_view_that_does_not_come_leaves_the_drawing(visit: Visit, service: 
     page.locator("#modules-number").fill("64")
     page.locator("#modules-number").press("Enter")
     settled(page)
-
-
-def test_the_slider_asks_again_and_the_view_follows(visit: Visit, service: Service) -> None:
-    found = service.http.post(
-        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
-    ).json()
-    page = visit(found["links"]["page"], width=1000, height=560)
-    settled(page)
+    # The slider asks again for each step, and the view follows.
     before = page.locator("#fold").inner_text()
     page.locator("#modules").focus()
     for _ in range(8):
@@ -169,13 +171,12 @@ def test_the_slider_asks_again_and_the_view_follows(visit: Visit, service: Servi
     assert abs(got - asked) <= 0.3 * asked
 
 
-def test_the_most_modules_are_said_where_they_are_reached(visit: Visit, service: Service) -> None:
-    found = service.http.post(
-        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
-    ).json()
-    page = visit("/shapes/new", width=1440, height=900)
+def test_the_most_modules_are_said_where_they_are_reached(
+    visit: Visit, brick: dict[str, Any]
+) -> None:
+    page = visit("about:blank", width=1440, height=900)
     page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
-    page.goto(found["links"]["page"] + "?modules=15000")
+    page.goto(brick["links"]["page"] + "?modules=15000")
     expect(page.locator("#got")).to_contain_text("At most 12\u2009000 modules")
     expect(page.locator("#modules-number")).to_have_value("12000")
     expect(page).to_have_url(re.compile("modules=12000"))
@@ -183,10 +184,10 @@ def test_the_most_modules_are_said_where_they_are_reached(visit: Visit, service:
 
 
 def test_no_path_is_explained_and_repaired_on_a_click(visit: Visit) -> None:
-    page = visit("/", width=390, height=844, has_touch=True)
+    page = visit("/", width=390, height=844, has_touch=True, view=False)
     choose(page, "cross.json", voxels(CROSS, name="Cross"))
     page.wait_for_url(re.compile("/previews/"))
-    settled(page)
+    answered(page)
     expect(page.locator("#trouble")).to_be_visible()
     expect(page.locator("#problems li").first).not_to_be_empty()
     expect(page.locator("#fold")).to_be_disabled()
@@ -200,7 +201,7 @@ def test_no_path_is_explained_and_repaired_on_a_click(visit: Visit) -> None:
 
 
 def test_cells_apart_are_not_offered_what_does_not_help(visit: Visit) -> None:
-    page = visit("/", width=1440, height=900)
+    page = visit("/", width=1440, height=900, view=False)
     choose(page, "apart.json", voxels([[0, 0, 0], [1, 0, 0], [2, 0, 0], [9, 0, 0]]))
     page.wait_for_url(re.compile("/previews/"))
     expect(page.locator("#problems li").first).to_contain_text("2 parts")
@@ -211,10 +212,9 @@ def test_cells_apart_are_not_offered_what_does_not_help(visit: Visit) -> None:
 
 
 def test_cells_in_no_order_are_shown_as_voxels(visit: Visit, service: Service) -> None:
-    page = visit("/", width=960, height=640)
+    page = visit("/", width=960, height=640, view=False)
     choose(page, "cells.json", json.dumps(box(4, 3, 2)[::-2] + box(4, 3, 2)[::2]).encode())
     page.wait_for_url(re.compile("/previews/"))
-    settled(page)
     expect(page.locator("#verdict")).to_have_text("24 modules")
     expect(page.locator("#unordered")).to_have_text(
         "Read as voxels, since cells 2 and 3 are not neighbours."
@@ -223,18 +223,16 @@ def test_cells_in_no_order_are_shown_as_voxels(visit: Visit, service: Service) -
     keep(page, "preview-unordered-960x640")
     page.locator("#fold").click()
     page.wait_for_url(re.compile("/folds/"))
+    called_off(page, service)
 
 
 @pytest.mark.parametrize(
     ("width", "height"), [pytest.param(1440, 900, marks=pytest.mark.long), (390, 844)]
 )
 def test_the_chain_starts_in_the_module_that_is_clicked(
-    visit: Visit, service: Service, width: int, height: int
+    visit: Visit, service: Service, brick: dict[str, Any], width: int, height: int
 ) -> None:
-    found = service.http.post(
-        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
-    ).json()
-    page = visit(found["links"]["page"] + "?modules=64", width=width, height=height)
+    page = visit(brick["links"]["page"] + "?modules=64", width=width, height=height)
     settled(page)
     expect(page.locator("#start")).to_be_hidden()
     before = picture(page)
@@ -251,7 +249,7 @@ def test_the_chain_starts_in_the_module_that_is_clicked(
     expect(page.locator("#start-text")).to_contain_text("Starts in (")
     keep(page, f"preview-start-{width}x{height}")
     cells = service.http.post(
-        "/api/shapes/preview", data={"preview": found["id"], "modules": "64"}
+        "/api/shapes/preview", data={"preview": brick["id"], "modules": "64"}
     ).json()["cells"]
     start = re.findall(r"start=([-\d%2C,]+)", page.url)[0].replace("%2C", ",")
     assert start == ",".join(map(str, cells[module - 1]))
@@ -261,7 +259,7 @@ def test_the_chain_starts_in_the_module_that_is_clicked(
 
 
 def test_paint_undo_and_preview_with_the_keyboard(visit: Visit) -> None:
-    page = visit("/shapes/new", width=1440, height=900)
+    page = visit("/shapes/new", width=1440, height=900, view=False)
     expect(page.locator("#empty")).to_be_visible()
     expect(page.locator("#model")).to_be_hidden()  # the words are not written over a drawing
     keep(page, "editor-empty-1440x900")
@@ -288,12 +286,11 @@ def test_paint_undo_and_preview_with_the_keyboard(visit: Visit) -> None:
     expect(page.locator("#count")).to_have_text("32 modules")  # nothing painted is lost
     page.locator("#preview").click()
     page.wait_for_url(re.compile("/previews/"))
-    settled(page)
     expect(page.locator("#verdict")).to_have_text("32 modules")
 
 
-def test_drag_a_letter_and_fold_it(visit: Visit) -> None:
-    page = visit("/shapes/new", width=390, height=844)
+def test_drag_a_letter_and_fold_it(visit: Visit, service: Service) -> None:
+    page = visit("/shapes/new", width=390, height=844, view=False)
     page.get_by_label("Letter L").click()
     expect(page.locator("#count")).to_have_text("72 modules")
     first = page.locator('[data-x="2"][data-y="2"]').bounding_box()
@@ -309,6 +306,7 @@ def test_drag_a_letter_and_fold_it(visit: Visit) -> None:
     page.locator("#fold").click()
     page.wait_for_url(re.compile("/folds/"))
     expect(page.locator("#name")).to_have_text("Letter L")
+    called_off(page, service)
 
 
 def test_previews_that_are_gone_are_told_in_words(visit: Visit) -> None:

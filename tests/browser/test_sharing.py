@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from planner.plan import Plan
-from tests.browser.conftest import PATIENCE_MS, keep, picture
+from tests.browser.conftest import OPEN, PATIENCE_MS, VIEW, keep, picture, visits
 from tests.browser.test_fold_page import seek
 from tests.server.service import Service
 from tests.web.blog import Blog
@@ -44,7 +44,7 @@ def test_a_fold_in_somebody_else_s_page(visit: Visit, blog: Blog, wrench: str) -
     page = visit(f"/folds/{wrench}#frame=12", view=False)
     page.locator("#share").click()
     blog.html = f"<!doctype html><title>A blog</title>{page.locator('#share-embed').input_value()}"
-    reader = visit(blog.origin)
+    reader = visit(blog.origin, width=640, height=400)
     inside = reader.frame_locator("iframe")
     expect(inside.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
     inside.locator("#sketch.gone").wait_for(state="attached")
@@ -59,19 +59,27 @@ def test_a_fold_in_somebody_else_s_page(visit: Visit, blog: Blog, wrench: str) -
     expect(reader.frame_locator("iframe").locator("#bar")).to_have_count(0)
 
 
-def test_one_file_plays_without_a_server(
-    visit: Visit, browser: Browser, wrench: str, tmp_path: Path
-) -> None:
-    page = visit(f"/folds/{wrench}", view=False)
-    page.locator("#share").click()
-    with page.expect_download() as download:
-        page.get_by_role("link", name="One page in one file").click()
+@pytest.fixture(scope="module")
+def offered(service: Service, wrench: str) -> Iterator[Page]:
+    """A fold's page, with what it offers in the drawer: for several tests."""
+    with visits(OPEN.browser(), service) as visit:
+        page = visit(f"/folds/{wrench}", view=False)
+        page.locator("#details").click()
+        page.locator("#tab-downloads").click()
+        yield page
+
+
+def test_one_file_plays_without_a_server(offered: Page, browser: Browser, tmp_path: Path) -> None:
+    offered.locator("#share").click()
+    with offered.expect_download() as download:
+        offered.get_by_role("link", name="One page in one file").click()
+    offered.keyboard.press("Escape")
     path = tmp_path / download.value.suggested_filename
     download.value.save_as(path)
     assert path.suffix == ".html"
 
     context = browser.new_context(
-        offline=True, viewport={"width": 800, "height": 560}, reduced_motion="reduce"
+        offline=True, viewport={"width": 560, "height": 400}, reduced_motion="reduce"
     )
     context.set_default_timeout(PATIENCE_MS)
     thrown: list[str] = []
@@ -96,12 +104,13 @@ def test_one_file_plays_without_a_server(
 
 
 def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}", width=1280, height=480)
+    page = visit(f"/folds/{wrench}", width=960, height=360, view=False)
     page.locator("#compare").click()
     page.get_by_role("button", name="Direct servoing").click()
     page.wait_for_url("**/compare?a=*&b=*")
     direct = page.url.rsplit("b=", 1)[1]
     service.wait_over(direct)
+    page.context.unroute(VIEW)
     page.reload()
     sides = [page.locator(f"#side-{k}") for k in range(2)]
     for side in sides:
@@ -121,7 +130,7 @@ def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) 
 
 
 def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}")
+    page = visit(f"/folds/{wrench}", view=False)
     page.locator("#refold").click()
     page.locator("#refold-shapes").get_by_role("button", name="Mallet").click()
     page.wait_for_url(lambda url: "/folds/" in url and wrench not in url)
@@ -133,10 +142,11 @@ def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, wrenc
     first = Plan.load(service.directory(wrench) / "plan.npz")
     assert np.allclose(plan.joint_angles_rad[0], first.chain.folded_rad, atol=1e-9)
     assert np.allclose(plan.joint_angles_rad[-1], plan.chain.folded_rad, atol=1e-9)
-    page.locator("#sketch.gone").wait_for(state="attached")
     page.keyboard.press("Home")
+    expect(page.locator("#r-phase")).to_have_text("Unfolding")
     keep(page, "refold-begins")
     page.keyboard.press("End")
+    expect(page.locator("#r-phase")).to_have_text("Playback")
     keep(page, "refold-ends")
 
 
@@ -168,11 +178,8 @@ def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
     expect(page.locator("#side-1")).to_contain_text("smoothed")
 
 
-def test_everything_on_offer_can_be_taken_away(visit: Visit, service: Service, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}", view=False)
-    page.locator("#details").click()
-    page.locator("#tab-downloads").click()
-    links = page.locator("#panel-downloads .downloads a")
+def test_everything_on_offer_can_be_taken_away(offered: Page, service: Service) -> None:
+    links = offered.locator("#panel-downloads .downloads a")
     expect(links.first).to_be_visible()
     names = links.evaluate_all("(all) => all.map((one) => [one.textContent, one.href])")
     assert len(names) >= 10
@@ -183,10 +190,8 @@ def test_everything_on_offer_can_be_taken_away(visit: Visit, service: Service, w
         assert len(answer.content) > 60, name
 
 
-def test_motors_are_judged_and_a_movie_is_made(visit: Visit, wrench: str, tmp_path: Path) -> None:
-    page = visit(f"/folds/{wrench}", view=False)
-    page.locator("#details").click()
-    page.locator("#tab-downloads").click()
+def test_motors_are_judged_and_a_movie_is_made(offered: Page, tmp_path: Path) -> None:
+    page = offered
     robot = page.locator("form.wishes").nth(1)
     robot.locator("[name=motor_torque]").fill("0.001")
     robot.get_by_role("button").click()
@@ -198,6 +203,11 @@ def test_motors_are_judged_and_a_movie_is_made(visit: Visit, wrench: str, tmp_pa
     movie = page.locator("form.wishes").nth(0)
     movie.locator("[name=format]").select_option("gif")
     movie.locator("[name=seconds]").select_option("6")
+    expect(movie.locator("[name=size]")).to_have_value("640x360")
+    for name, little in (("size", "160x90"), ("seconds", "1")):  # which is computed sooner
+        movie.locator(f"[name={name}] option:checked").evaluate(
+            "(option, little) => { option.value = little; }", little
+        )
     movie.get_by_role("button").click()
     with page.expect_download() as download:
         page.get_by_role("link", name="Download the GIF").click()

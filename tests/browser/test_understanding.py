@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 
 from planner.figures import Figures
 from planner.timeline import Timeline
-from tests.browser.conftest import keep, picture
+from tests.browser.conftest import OPEN, keep, leave_view_out, picture, visits
 from tests.browser.test_fold_page import seek, shown_frame
 from tests.server.service import Service
 
@@ -22,6 +22,13 @@ Visit = Callable[..., Page]
 @pytest.fixture(scope="module")
 def figures(service: Service, wrench: str) -> Figures:
     return Figures.load(service.directory(wrench) / "figures.zarr")
+
+
+@pytest.fixture(scope="module")
+def beside(service: Service, wrench: str) -> Iterator[Page]:
+    """A fold's page that tests look at one after the other: at what is told beside the view."""
+    with visits(OPEN.browser(), service) as visit:
+        yield opened(visit, wrench, width=1440)
 
 
 COUNT_PICTURES = """() => {
@@ -40,6 +47,10 @@ AT_REST = """() => new Promise((done) => {
 })"""
 
 
+SMALL = {"width": 480, "height": 400}
+"""What software takes little time to paint."""
+
+
 def opened(visit: Visit, fold: str, *, view: bool = False, **options: object) -> Page:
     page = visit(f"/folds/{fold}", view=view, **options)
     if view:
@@ -49,7 +60,7 @@ def opened(visit: Visit, fold: str, *, view: bool = False, **options: object) ->
 
 
 def test_colours_tell_any_figure(visit: Visit, wrench: str, figures: Figures) -> None:
-    page = opened(visit, wrench, view=True)
+    page = opened(visit, wrench, view=True, **SMALL)
     seek(page, int(np.nanargmax(figures.peak_torque_nm)))
     menu = page.locator("#colour-by")
     expect(menu.locator("option[disabled]")).to_have_count(0)
@@ -62,15 +73,15 @@ def test_colours_tell_any_figure(visit: Visit, wrench: str, figures: Figures) ->
     assert np.abs(seen - before).max() > 40
     assert (seen[..., 0] - seen[..., 1:].max(axis=-1)).max() < 60  # not what only some people see
     menu.select_option("chain")
+    leave_view_out(page.context)
     page.reload()
     expect(menu).to_have_value("chain")  # it is kept
 
 
-def test_plots_show_the_figures_and_lead_into_the_fold(
-    visit: Visit, wrench: str, figures: Figures
-) -> None:
-    page = opened(visit, wrench)
-    page.locator("#details").click()
+def test_plots_show_the_figures_and_lead_into_the_fold(beside: Page, figures: Figures) -> None:
+    page = beside
+    if not page.locator("#tab-plots").is_visible():
+        page.locator("#details").click()
     page.locator("#tab-plots").click()
     plots = page.locator(".plot")
     expect(plots).to_have_count(4)
@@ -85,7 +96,7 @@ def test_plots_show_the_figures_and_lead_into_the_fold(
 
 
 def test_a_view_at_rest_costs_no_battery_and_wakes(visit: Visit, wrench: str) -> None:
-    page = opened(visit, wrench, view=True)
+    page = opened(visit, wrench, view=True, **SMALL)
     (view,) = (frame for frame in page.frames if "view" in frame.url)
     view.evaluate(COUNT_PICTURES)
     view.wait_for_function(AT_REST)
@@ -95,8 +106,8 @@ def test_a_view_at_rest_costs_no_battery_and_wakes(visit: Visit, wrench: str) ->
     view.wait_for_function("(before) => pictures > before + 3", arg=before)
 
 
-def test_jumps_lead_to_the_worst_moments(visit: Visit, wrench: str, figures: Figures) -> None:
-    page = opened(visit, wrench)
+def test_jumps_lead_to_the_worst_moments(beside: Page, figures: Figures) -> None:
+    page = beside
     page.locator("#jump option[value=straight]").wait_for(state="attached")
     page.wait_for_function("() => !document.querySelector('#colour-by option[disabled]')")
     for where, worst in (
@@ -108,8 +119,8 @@ def test_jumps_lead_to_the_worst_moments(visit: Visit, wrench: str, figures: Fig
         expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {worst + 1} of"))
 
 
-def test_from_straight_to_folded(visit: Visit, service: Service, wrench: str) -> None:
-    page = opened(visit, wrench, width=1440)
+def test_from_straight_to_folded(beside: Page, service: Service, wrench: str) -> None:
+    page = beside
     frames = Timeline.open(service.directory(wrench) / "timeline.zarr").frames()
     first = int(np.flatnonzero(frames.phase == 1)[0])
     page.locator("#jump").select_option("straight")
@@ -122,8 +133,8 @@ def test_from_straight_to_folded(visit: Visit, service: Service, wrench: str) ->
     expect(page.locator("#r-folded")).to_have_text("50 %")
 
 
-def test_a_module_tells_what_is_near_it(visit: Visit, wrench: str, figures: Figures) -> None:
-    page = opened(visit, wrench)
+def test_a_module_tells_what_is_near_it(beside: Page, figures: Figures) -> None:
+    page = beside
     frame = len(figures) - 1
     seek(page, frame)
     page.evaluate("() => window.foldback.player.send({ do: 'select', module: 5 })")
@@ -136,7 +147,7 @@ def test_a_module_tells_what_is_near_it(visit: Visit, wrench: str, figures: Figu
 
 @pytest.mark.long
 def test_the_path_can_be_seen_through_the_modules(visit: Visit, wrench: str) -> None:
-    page = opened(visit, wrench, view=True)
+    page = opened(visit, wrench, view=True, **SMALL)
     seek(page, 0)
     before = picture(page)
     page.locator("#through").click()
