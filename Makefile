@@ -49,7 +49,7 @@ run: $(RUNS) ## Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_D
 tools: $(STAMP)
 	@$(BIN)/python -m tests.tools
 
-test: $(STAMP) tools ## All that guards a commit, a real browser too: 6 to 8 minutes on two cores
+test: $(STAMP) tools ## All that guards a commit, a real browser too: some 6 minutes on two cores
 	@$(BIN)/python -m pytest -q $(PARALLEL) --durations=20 $(ARGS)
 
 test-fast: $(STAMP) ## What needs no other program: about a minute
