@@ -10,11 +10,8 @@ import pytest
 from numba import njit
 
 from planner import warm_up as module
-from planner.folding import fold
-from planner.paths import Path
-from planner.plan import Plan
 from planner.progress import COMPILING
-from planner.warm_up import SMALL_SHAPE, warm_up
+from planner.warm_up import warm_up
 from tests.compiled_later import compiled_later
 
 pytestmark = pytest.mark.slow
@@ -25,9 +22,7 @@ from tempfile import TemporaryDirectory
 import trimesh
 from planner.formats import write_path
 from planner.pathfinding.assembly import layered_snake
-from planner.paths import Path
 from planner.fold_files import write_request
-from planner.plan import Plan
 from planner.request import Request
 from planner.smooth_plan import smooth_plan
 from planner.stages import run_stages
@@ -75,12 +70,6 @@ def test_that_it_compiles_is_told_when_it_begins(tmp_path: FilePath) -> None:
     assert (answer.stdout.strip(), answer.stderr) == (COMPILING, "")
 
 
-def test_warming_up_takes_the_whole_way() -> None:
-    warm_up()
-    plan = fold(Path.from_cells(SMALL_SHAPE, name="warm-up"))
-    assert plan.certificate.verdict == "verified (simulated)"
-
-
 def test_who_wants_to_fold_soon_leaves_the_rest_to_a_process_beside(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -91,17 +80,22 @@ def test_who_wants_to_fold_soon_leaves_the_rest_to_a_process_beside(
         beside.append(part)
         return nullcontext()
 
-    def smooth(plan: Plan) -> None:
-        assert plan.verified
-        here.append("smooth")
+    def noted(name: str) -> None:
+        real = getattr(module, name)
 
+        def noting(*given: object) -> None:
+            here.append(name)
+            real(*given)
+
+        monkeypatch.setattr(module, name, noting)
+
+    rest = ["retime", "smooth_plan", "_peel", "warm_up_paths"]
+    for name in rest:
+        noted(name)
     monkeypatch.setattr(module, "_beside", start)
     monkeypatch.setattr(module, "cores", lambda: 2)
-    monkeypatch.setattr(module, "smooth_plan", smooth)
-    monkeypatch.setattr(module, "_peel", lambda: here.append("peel"))
-    monkeypatch.setattr(module, "warm_up_paths", lambda: here.append("paths"))
     warm_up(soon=True)
-    assert (beside, here) == ([], ["smooth", "peel", "paths"])
+    assert (beside, here) == ([], rest)
     here.clear()
     monkeypatch.setattr(module, "warm_up_chains", njit(lambda: 0))  # compiled at its first call
     warm_up(soon=True)
