@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
-from contextlib import nullcontext
+from collections.abc import Generator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 from typing import Final
 
 import numpy as np
-from numba.core.event import Event, Listener, install_listener
 
 from planner.cores import cores
 from planner.dynamics import floating_torques
@@ -23,17 +22,24 @@ from planner.measuring import clearances_of
 from planner.modules import CUBE
 from planner.pathfinding.assembly import layered_snake
 from planner.paths import Path
-from planner.progress import COMPILING, Progress, Report, silent
+from planner.progress import Report, silent
 from planner.request import Request
 from planner.retiming import retime
 from planner.smooth_plan import smooth_plan
 from planner.stages import run_stages
-from planner.warm_up_paths import SMALL_SHAPE, warm_up_chains, warm_up_paths
+from planner.warm_up_paths import (
+    SMALL_SHAPE,
+    Compiling,
+    beside,
+    warm_up_chains,
+    warm_up_paths,
+)
 
-COMPILE: Final = "numba:compile"
-"""What the compiler calls what it tells its listeners."""
-REST_NICENESS: Final = 10
-"""A first fold goes before what others will need."""
+if sys.platform != "win32":
+    from fcntl import LOCK_EX, flock
+
+STEPPING_BACK: Final = 10
+"""Niceness of what nobody waits for yet."""
 SMALL_BOX: Final = (2, 4, 5)
 """More than one unit, so that some are let go and others are the last."""
 
@@ -41,21 +47,20 @@ SMALL_BOX: Final = (2, 4, 5)
 def warm_up(progress: Report = silent, *, soon: bool = False) -> None:
     """Folds, retimes, smooths, peels tiny shapes, finds a path: a moment once compiled.
 
-    Where nothing is compiled yet another process compiles a part of it at the same time. What finds
-    paths comes last: the service's process for previews has compiled it by then.
+    Where nothing is compiled yet another process compiles a part of it at the same time. Of
+    several processes that warm up one does at a time, so that the others find it compiled.
 
     Args:
         progress: Told ``COMPILING`` as soon as something has to be compiled.
-        soon: Where something had to be compiled, come back once a path can be folded: a process
-            beside, which steps back, goes on with what peels, smooths and retimes.
+        soon: Where something had to be compiled, come back once a path can be folded: the rest is
+            compiled beside.
     """
-    compiling = _Compiling(progress)
-    with install_listener(COMPILE, compiling):
+    with _alone(), Compiling(progress) as compiling:
         warm_up_chains()
-        with _beside("motions") if compiling.told and cores() > 1 else nullcontext():
+        with beside("motions") if compiling.told and cores() > 1 else nullcontext():
             plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
         if soon and compiling.told:
-            _beside("rest")
+            beside("all")
             return
         retime(plan, 1.0, 1.0)
         smooth_plan(plan)
@@ -73,28 +78,18 @@ def warm_up_motions() -> None:
     clearances_of(chain, still, size=0.95)
 
 
-def _beside(part: str) -> subprocess.Popen[bytes]:
-    """Compiles a part in another process."""
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", "planner.warm_up", part],
-        stdin=subprocess.DEVNULL,  # ours is for requests
-    )
-
-
-class _Compiling(Listener):
-    """Tells once that something is compiled, when it begins."""
-
-    def __init__(self, progress: Report) -> None:
-        self._progress = progress
-        self.told = False
-
-    def on_start(self, event: Event) -> None:
-        if not self.told:
-            self.told = True
-            self._progress(Progress(stage="read", fraction=0.0, message=COMPILING))
-
-    def on_end(self, event: Event) -> None:
-        pass
+@contextmanager
+def _alone() -> Generator[None]:
+    """Holds back others on this machine that warm up; on Windows they compile the same twice."""
+    if sys.platform == "win32":
+        yield
+        return
+    kernels = os.open(FilePath(__file__).parent / "kernels", os.O_RDONLY)
+    try:
+        flock(kernels, LOCK_EX)
+        yield
+    finally:
+        os.close(kernels)
 
 
 def _peel() -> None:
@@ -106,11 +101,11 @@ def _peel() -> None:
 
 
 def main() -> None:
-    """Compiles what a process beside has left to this one."""
+    """Compiles what another process leaves to this one."""
     if sys.argv[1:] == ["motions"]:
         warm_up_motions()
     else:
-        os.nice(REST_NICENESS)
+        os.nice(STEPPING_BACK)
         warm_up()
 
 

@@ -15,7 +15,7 @@ import socket
 import sys
 import traceback
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from types import FrameType
@@ -158,16 +158,34 @@ class _Forks:
                 self._requests.answer(ended=pid, code=os.waitstatus_to_exitcode(status))
 
 
+def _tasks(kinds: Sequence[str], requests: _Requests) -> dict[str, Task]:
+    return {kind: task_of(kind, warm=False, progress=requests.progress) for kind in kinds}
+
+
+def _warm_tasks(kinds: Sequence[str], requests: _Requests) -> dict[str, Task]:
+    """The same with all that they need compiled and loaded.
+
+    Where the first of them has to compile something, nobody shall wait for what the others need: it
+    is compiled beside, and a child loads it from the cache.
+    """
+    from planner.warm_up_paths import Compiling, beside
+
+    tasks = dict[str, Task]()
+    with Compiling() as compiling:
+        for kind in kinds:
+            tasks[kind] = task_of(kind, warm=not compiling.told, progress=requests.progress)
+    if len(tasks) > 1 and compiling.told:
+        beside("all")
+    return tasks
+
+
 def main() -> None:
     """Loads, and serves until the parent is gone."""
     control = socket.socket(fileno=int(sys.argv[1]))
     asked = json.loads(sys.argv[2])
     requests = _Requests(control)
     try:
-        tasks = {
-            kind: task_of(kind, warm=asked["warm"], progress=requests.progress)
-            for kind in asked["kinds"]
-        }
+        tasks = (_warm_tasks if asked["warm"] else _tasks)(asked["kinds"], requests)
         load_kernels()
         end_threads()
     except Exception as error:

@@ -92,14 +92,14 @@ def test_who_wants_to_fold_soon_leaves_the_rest_to_a_process_beside(
     rest = ["retime", "smooth_plan", "_peel", "warm_up_paths"]
     for name in rest:
         noted(name)
-    monkeypatch.setattr(module, "_beside", start)
+    monkeypatch.setattr(module, "beside", start)
     monkeypatch.setattr(module, "cores", lambda: 2)
     warm_up(soon=True)
     assert (beside, here) == ([], rest)
     here.clear()
     monkeypatch.setattr(module, "warm_up_chains", njit(lambda: 0))  # compiled at its first call
     warm_up(soon=True)
-    assert (beside, here) == (["motions", "rest"], [])
+    assert (beside, here) == (["motions", "all"], [])
 
 
 @pytest.mark.long
