@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Generator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 from typing import Final
 
 import numpy as np
 
+from planner.compiling import Compiling, alone, beside
 from planner.cores import cores
 from planner.dynamics import floating_torques
 from planner.fold_files import write_request
@@ -27,16 +27,7 @@ from planner.request import Request
 from planner.retiming import retime
 from planner.smooth_plan import smooth_plan
 from planner.stages import run_stages
-from planner.warm_up_paths import (
-    SMALL_SHAPE,
-    Compiling,
-    beside,
-    warm_up_chains,
-    warm_up_paths,
-)
-
-if sys.platform != "win32":
-    from fcntl import LOCK_EX, flock
+from planner.warm_up_paths import SMALL_SHAPE, warm_up_chains, warm_up_paths
 
 STEPPING_BACK: Final = 10
 """Niceness of what nobody waits for yet."""
@@ -55,7 +46,7 @@ def warm_up(progress: Report = silent, *, soon: bool = False) -> None:
         soon: Where something had to be compiled, come back once a path can be folded: the rest is
             compiled beside.
     """
-    with _alone(), Compiling(progress) as compiling:
+    with alone(), Compiling(progress) as compiling:
         warm_up_chains()
         with beside("motions") if compiling.told and cores() > 1 else nullcontext():
             plan = fold(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
@@ -76,20 +67,6 @@ def warm_up_motions() -> None:
     floating_torques(CUBE, still, 0.0 * still, 0.0 * still)
     exempt_pairs(chain, (still,), size=0.95)
     clearances_of(chain, still, size=0.95)
-
-
-@contextmanager
-def _alone() -> Generator[None]:
-    """Holds back others on this machine that warm up; on Windows they compile the same twice."""
-    if sys.platform == "win32":
-        yield
-        return
-    kernels = os.open(FilePath(__file__).parent / "kernels", os.O_RDONLY)
-    try:
-        flock(kernels, LOCK_EX)
-        yield
-    finally:
-        os.close(kernels)
 
 
 def _peel() -> None:

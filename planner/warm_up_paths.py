@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numba.core.event import Event, Listener, install_listener
 
 from planner.chain import Chain
 from planner.knots import knot_of
 from planner.pathfinding.exact import exact_path
 from planner.pathfinding.tetrahedra import find_trails
 from planner.paths import Path
-from planner.progress import COMPILING, Progress, Report, silent
 from planner.shapes import Shape
 from planner.solids import Solid
 from planner.voxeliser import voxelise
@@ -24,46 +20,6 @@ SMALL_SHAPE: Final = (
     *((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)),
     *((0, 1, 1), (1, 1, 1), (1, 0, 1)),
 )
-
-
-class Compiling(Listener):
-    """Tells, once, that something is compiled while its context lasts.
-
-    Args:
-        progress: Told ``COMPILING`` when it begins.
-    """
-
-    def __init__(self, progress: Report = silent) -> None:
-        self._progress = progress
-        self._listening = install_listener("numba:compile", self)
-        self.told = False
-
-    def __enter__(self) -> Compiling:
-        self._listening.__enter__()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._listening.__exit__(None, None, None)
-
-    def on_start(self, event: Event) -> None:
-        """The compiler begins with a kernel."""
-        if not self.told:
-            self.told = True
-            self._progress(Progress(stage="read", fraction=0.0, message=COMPILING))
-
-    def on_end(self, event: Event) -> None:
-        """It has ended."""
-
-
-def beside(part: str) -> subprocess.Popen[bytes]:
-    """Warms up in another process: ``motions``, or ``all``, for which it steps back.
-
-    It runs on by itself; who waits for it uses it as a context.
-    """
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", "planner.warm_up", part],
-        stdin=subprocess.DEVNULL,  # ours is for requests
-    )
 
 
 def warm_up_chains() -> Chain:

@@ -168,7 +168,7 @@ def _warm_tasks(kinds: Sequence[str], requests: _Requests) -> dict[str, Task]:
     Where the first of them has to compile something, nobody shall wait for what the others need: it
     is compiled beside, and a child loads it from the cache.
     """
-    from planner.warm_up_paths import Compiling, beside
+    from planner.compiling import Compiling, beside
 
     tasks = dict[str, Task]()
     with Compiling() as compiling:
