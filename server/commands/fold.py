@@ -127,6 +127,8 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
         workers: Explosions at once at most; as many as there are cores when None.
         words: What stages are called that do something else than usual.
     """
+    from planner.compiling import Compiling
+
     summary: dict[str, Any] = {}
     with (
         Tries(out, workers or cores()) as tries,
@@ -148,7 +150,11 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
                 if progress.steps:
                     bars.update(bar, note=_steps(progress))
 
-            summary = run_stage(stage, out, progress=report, tries=tries)
+            def compiles(progress: StageProgress, bar: Any = bar) -> None:
+                bars.update(bar, note=f"{progress.message}, once on this machine")
+
+            with Compiling(compiles):
+                summary = run_stage(stage, out, progress=report, tries=tries)
             stage = next_stage(stage, summary)
     return summary
 

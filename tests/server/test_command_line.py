@@ -10,9 +10,11 @@ from pathlib import Path
 from unittest.mock import MagicMock
 
 import pytest
+from numba import njit
 from typer.testing import CliRunner
 
 from server.command_line import COMMANDS, application
+from server.commands import fold
 from server.gallery import Gallery
 
 COMMANDS_DIR = Path(__file__).parents[2] / "server" / "commands"
@@ -60,6 +62,19 @@ def test_cells_in_no_order_are_told_and_read_as_voxels_when_asked(tmp_path: Path
     assert refused.returncode == 2
     assert "cells 0 and 1" in refused.stderr
     assert "--as-voxels" in refused.stderr
+
+
+def test_that_it_compiles_is_told_while_it_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def compiling(*_: object, **__: object) -> dict[str, object]:
+        njit(lambda: 0)()
+        return {}
+
+    monkeypatch.setattr(fold, "run_stage", compiling)
+    monkeypatch.setattr(fold, "next_stage", MagicMock(return_value=None))
+    assert fold.compute(tmp_path, 1) == {}
+    assert "compiling, once on this machine" in capsys.readouterr().err
 
 
 def test_a_name_that_is_none_gets_the_nearest_ones(tmp_path: Path) -> None:
