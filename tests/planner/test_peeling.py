@@ -77,6 +77,7 @@ def test_a_chain_comes_off_straight(case: Case) -> None:
     assert record.summary()["frames"] == len(record.frames) < 5 * len(chain)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [snake, blocks])
 def test_it_is_clear_at_the_frames_and_everywhere_between(case: Case) -> None:
     chain, record = case()

@@ -94,6 +94,7 @@ def test_a_refold_is_verified_with_both_shapes_named(plan: Plan) -> None:
     json.dumps(plan.summary(), allow_nan=False)
 
 
+@pytest.mark.slow
 def test_it_begins_in_the_cells_of_one_shape_and_ends_as_the_other(
     plan: Plan, wrench: Folded
 ) -> None:

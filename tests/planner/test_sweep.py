@@ -77,6 +77,7 @@ def test_nothing_is_closer_than_the_bound(seed: int, modules: int, step: float) 
         assert found.bound <= dense + 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["wrench-24", "mallet-64"])
 def test_the_bound_of_real_records_holds(shape: str, folded: Callable[..., Any]) -> None:
     record = folded(shape).record

@@ -353,6 +353,7 @@ def test_the_error_at_the_end_is_worked_out_anew(directory: FilePath) -> None:
     assert "plan.npz playback.rms_position_error: got 1e-05, expected" in told
 
 
+@pytest.mark.slow
 def test_a_place_that_is_as_near_will_do(directory: FilePath) -> None:
     """Which of two like places is the closest depends on the last digit."""
     plan = Plan.load(directory / "plan.npz")

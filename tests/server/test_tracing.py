@@ -61,6 +61,7 @@ def receiver() -> Iterator[tuple[str, list[ExportTraceServiceRequest]]]:
     server.server_close()
 
 
+@pytest.mark.slow
 def test_a_fold_is_a_trace_with_a_span_for_each_stage(
     tmp_path: Path, receiver: tuple[str, list[ExportTraceServiceRequest]]
 ) -> None:

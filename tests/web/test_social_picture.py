@@ -26,6 +26,7 @@ def drawn(picture: np.ndarray) -> np.ndarray:
     return (picture.max(axis=-1) < 235) & (picture[..., 0] - picture[..., 2] < 12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["wrench-160", "tetra-wrench"])
 def test_the_shape_fills_the_picture_and_is_whole(name: str) -> None:
     shape = Gallery().shape(name)
