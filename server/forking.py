@@ -21,6 +21,7 @@ from dataclasses import asdict
 from types import FrameType
 from typing import Any, Final, NoReturn
 
+from planner.compiling import Compiling, beside
 from planner.progress import Progress
 from server.child import Task, serve, task_of
 from server.confinement.confined import end_threads, load_kernels
@@ -158,23 +159,19 @@ class _Forks:
                 self._requests.answer(ended=pid, code=os.waitstatus_to_exitcode(status))
 
 
-def _tasks(kinds: Sequence[str], requests: _Requests) -> dict[str, Task]:
-    return {kind: task_of(kind, warm=False, progress=requests.progress) for kind in kinds}
-
-
-def _warm_tasks(kinds: Sequence[str], requests: _Requests) -> dict[str, Task]:
-    """The same with all that they need compiled and loaded.
+def _tasks(kinds: Sequence[str], requests: _Requests, *, warm: bool) -> dict[str, Task]:
+    """What children of each kind do; with all that it takes compiled and loaded where it is warm.
 
     Where the first of them has to compile something, nobody shall wait for what the others need: it
     is compiled beside, and a child loads it from the cache.
     """
-    from planner.compiling import Compiling, beside
-
     tasks = dict[str, Task]()
     with Compiling() as compiling:
         for kind in kinds:
-            tasks[kind] = task_of(kind, warm=not compiling.told, progress=requests.progress)
-    if len(tasks) > 1 and compiling.told:
+            tasks[kind] = task_of(
+                kind, warm=warm and not compiling.told, progress=requests.progress
+            )
+    if warm and len(tasks) > 1 and compiling.told:
         beside("all")
     return tasks
 
@@ -185,7 +182,7 @@ def main() -> None:
     asked = json.loads(sys.argv[2])
     requests = _Requests(control)
     try:
-        tasks = (_warm_tasks if asked["warm"] else _tasks)(asked["kinds"], requests)
+        tasks = _tasks(asked["kinds"], requests, warm=asked["warm"])
         load_kernels()
         end_threads()
     except Exception as error:
