@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from planner.chain import Chain
 from planner.compiling import Compiling, alone, beside
 from planner.cores import cores
 from planner.dynamics import floating_torques
@@ -20,9 +21,11 @@ from planner.formats import write_path
 from planner.linked import exempt_pairs
 from planner.measuring import clearances_of
 from planner.modules import CUBE
+from planner.parameters import PaperExplosionParameters
 from planner.pathfinding.assembly import layered_snake
 from planner.paths import Path
 from planner.progress import Report, silent
+from planner.published import explode_as_published
 from planner.request import Request
 from planner.retiming import retime
 from planner.smooth_plan import smooth_plan
@@ -36,7 +39,7 @@ SMALL_BOX: Final = (2, 4, 5)
 
 
 def warm_up(progress: Report = silent, *, soon: bool = False) -> None:
-    """Folds, retimes, smooths, peels tiny shapes, finds a path: a moment once compiled.
+    """Folds, retimes, smooths, peels, explodes as published, finds a path: a moment once compiled.
 
     Where nothing is compiled yet another process compiles a part of it at the same time. Of
     several processes that warm up one does at a time, so that the others find it compiled.
@@ -56,6 +59,7 @@ def warm_up(progress: Report = silent, *, soon: bool = False) -> None:
         retime(plan, 1.0, 1.0)
         smooth_plan(plan)
         warm_up_motions()
+        _explode_as_published()
         _peel()
         warm_up_paths()
 
@@ -67,6 +71,12 @@ def warm_up_motions() -> None:
     floating_torques(CUBE, still, 0.0 * still, 0.0 * still)
     exempt_pairs(chain, (still,), size=0.95)
     clearances_of(chain, still, size=0.95)
+
+
+def _explode_as_published() -> None:
+    """Steps from hinges at their stops into the open, where nothing touches."""
+    corner = Path.from_cells(((0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 2, 0)))
+    explode_as_published(Chain.from_path(corner), PaperExplosionParameters(max_steps=10))
 
 
 def _peel() -> None:

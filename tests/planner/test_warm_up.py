@@ -23,12 +23,15 @@ import trimesh
 from planner.formats import write_path
 from planner.pathfinding.assembly import layered_snake
 from planner.fold_files import write_request
+from planner.paths import Path
+from planner.plan import Plan
 from planner.request import Request
 from planner.smooth_plan import smooth_plan
 from planner.stages import run_stages
 from planner.warm_up import warm_up
 """
 WORK = """
+few = write_path(Path.from_cells(layered_snake((2, 2, 3)), name="few"))
 path = write_path(Path.from_cells(layered_snake((4, 4, 4)), name="box"))
 for strategy in ("simultaneous", "peel", "blocks"):
     with TemporaryDirectory() as place:
@@ -36,6 +39,10 @@ for strategy in ("simultaneous", "peel", "blocks"):
         assert run_stages(FilePath(place))["status"] == "verified", strategy
         if strategy == "simultaneous":
             assert smooth_plan(Plan.load(FilePath(place) / "plan.npz")).verified
+for wishes in ({"preset": "paper"}, {"strategy": "one-by-one"}):
+    with TemporaryDirectory() as place:
+        write_request(FilePath(place), Request(**wishes), few)
+        assert run_stages(FilePath(place))["status"] == "verified", wishes
 box = trimesh.creation.box((2, 2, 3))
 turned = box.copy()
 turned.faces[3] = turned.faces[3][::-1]
@@ -89,7 +96,7 @@ def test_who_wants_to_fold_soon_leaves_the_rest_to_a_process_beside(
 
         monkeypatch.setattr(module, name, noting)
 
-    rest = ["retime", "smooth_plan", "_peel", "warm_up_paths"]
+    rest = ["retime", "smooth_plan", "_explode_as_published", "_peel", "warm_up_paths"]
     for name in rest:
         noted(name)
     monkeypatch.setattr(module, "beside", start)

@@ -195,6 +195,12 @@ def test_a_running_fold_is_cancelled_and_the_same_can_be_asked_anew(service: Ser
     wishes = {"shape": "mallet-64", "preset": "paper"}  # it explodes slowly
     accepted = service.fold(**wishes)
     assert service.wait_exploding(accepted["id"])["status"] == "running"
+    told = next(
+        data
+        for name, data in service.events(accepted["id"])
+        if name == "progress" and data["stage"] == "explode" and data["steps"]
+    )
+    assert told["simulated_s"] == pytest.approx(0.01 * told["steps"])
     answer = service.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
     assert answer.status_code == 202
     events = list(service.events(accepted["id"]))
@@ -310,15 +316,10 @@ def test_settings_make_another_fold_unless_they_change_nothing(desk: Service) ->
     assert desk.fold(**link, token=token)["id"] == plain["id"]
 
 
-def test_a_published_fold_is_followed_by_simulated_seconds_and_refolded(service: Service) -> None:
+def test_a_published_fold_is_refolded(service: Service) -> None:
     asked = {"preset": "paper", "settings": "radial_gain=2"}
     first = service.fold(STAIRS, **asked)
-    seen = [data for name, data in service.events(first["id"]) if name == "progress"]
-    told = [(each["steps"], each["simulated_s"]) for each in seen if each["stage"] == "explode"]
-    steps, simulated_s = max(told)
-    assert steps > 0
-    assert simulated_s == pytest.approx(0.01 * steps)
-    state = service.state(first["id"])
+    state = service.wait_over(first["id"])
     assert (state["status"], state["settings"]) == ("verified", "radial_gain=2")
     parameters = service.http.get(f"/api/folds/{first['id']}/plan.json").json()["parameters"]
     assert parameters["explosion"]["radial_gain"] == 2
