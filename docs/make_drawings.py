@@ -13,8 +13,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from planner.chain import Chain  # noqa: E402
-from planner.paths import Path as CellPath  # noqa: E402
+from planner.chain.chain import Chain  # noqa: E402
+from planner.chain.path import Path as CellPath  # noqa: E402
 from planner.readers import read  # noqa: E402
 from web.isometric_modules import chain_svg  # noqa: E402
 

@@ -22,7 +22,7 @@ from playwright.sync_api import Page, sync_playwright
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from planner.timeline import Timeline  # noqa: E402
+from planner.motion.timeline import Timeline  # noqa: E402
 from tests.browser.conftest import FLAGS  # noqa: E402
 from tests.tools import CHROMIUM  # noqa: E402
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path as FilePath
 
-from planner.certificate import certify
-from planner.chain import Chain
-from planner.explosion import explode
-from planner.parameters import preset
-from planner.paths import Path
-from planner.playback import play_back
+from planner.certificate.certificate import certify
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.explosion.simultaneous import explode
+from planner.playback.playback import play_back
 from planner.readers import read
+from planner.simulation.parameters import preset
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

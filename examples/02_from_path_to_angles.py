@@ -6,9 +6,9 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from planner.chain import Chain
-from planner.formats import write_chain
-from planner.paths import Path
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.plan.formats import write_chain
 from planner.readers import read
 
 SHAPES = FilePath(__file__).parent / "shapes"

@@ -6,12 +6,12 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from planner.chain import Chain
-from planner.explosion import explode
-from planner.parameters import ExplosionParameters
-from planner.paths import Path
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.explosion.simultaneous import explode
 from planner.progress import Progress
 from planner.readers import read
+from planner.simulation.parameters import ExplosionParameters
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

@@ -7,12 +7,12 @@ import threading
 import time
 from pathlib import Path as FilePath
 
-from planner.chain import Chain
-from planner.explosion import explode
-from planner.parameters import ExplosionParameters
-from planner.paths import Path
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.explosion.simultaneous import explode
+from planner.motion.timeline import Timeline, TimelineWriter
 from planner.readers import read
-from planner.timeline import Timeline, TimelineWriter
+from planner.simulation.parameters import ExplosionParameters
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

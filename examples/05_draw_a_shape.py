@@ -6,8 +6,8 @@ import sys
 import tempfile
 from pathlib import Path as FilePath
 
-from planner.chain import Chain
-from planner.paths import Path
+from planner.chain.chain import Chain
+from planner.chain.path import Path
 from planner.readers import read
 from web.isometric_modules import chain_svg
 

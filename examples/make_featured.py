@@ -8,9 +8,9 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from planner.fold_files import write_request
-from planner.request import Request
-from planner.stages import run_stages
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
 from web.film import Film
 from web.reel import thinned
 

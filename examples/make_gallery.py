@@ -17,10 +17,10 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from planner.formats import write_path
+from planner.chain.path import Path
 from planner.pathfinding.blocks import block_path
 from planner.pathfinding.lattice import spread
-from planner.paths import Path
+from planner.plan.formats import write_path
 
 HERE = FilePath(__file__).parent
 HEADING = re.compile(r"([a-z0-9-]+): (.+) \((.+)\) (front|plan) (\d+)")

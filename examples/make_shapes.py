@@ -17,12 +17,12 @@ from pathlib import Path as FilePath
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.formats import write_path
+from planner.chain.path import Path
 from planner.pathfinding.circuits import circuit
 from planner.pathfinding.lattice import surface
 from planner.pathfinding.loose_blocks import loose_block_path
 from planner.pathfinding.snake import snake_path
-from planner.paths import Path
+from planner.plan.formats import write_path
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.chain import Chain
-from planner.formats import write_chain
-from planner.honeycomb import dodecahedron_pairs
+from planner.chain.chain import Chain
+from planner.chain.honeycomb import dodecahedron_pairs
+from planner.chain.trail import Trail
 from planner.pathfinding.tetrahedra import find_trails
 from planner.pathfinding.trails import circuit, opened
-from planner.shapes import Shape
-from planner.trails import Trail
+from planner.plan.formats import write_chain
+from planner.shapes.shape import Shape
 
 HERE = Path(__file__).parent
 Cells = list[tuple[int, ...]]

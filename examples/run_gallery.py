@@ -18,10 +18,10 @@ from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from planner.fold_files import write_request
-from planner.request import Request
-from planner.stages import run_stages
-from planner.warm_up import warm_up
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.pipeline.warm_up import warm_up
 
 HERE = FilePath(__file__).parent
 SHAPES, RESULTS = HERE / "shapes", HERE / "results.json"

@@ -16,24 +16,24 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from planner.certificate import Certificate, certify
-    from planner.chain import Chain
+    from planner.certificate.certificate import Certificate, certify
+    from planner.chain.chain import Chain
+    from planner.chain.kinematics import Poses, forward_kinematics
+    from planner.chain.module import CUBE, Module
+    from planner.chain.path import Path
     from planner.errors import InputError, PlannerError, SimulationError, TimelineError
-    from planner.explosion import explode
-    from planner.folding import fold
-    from planner.frames import Frames
-    from planner.kinematics import Poses, forward_kinematics
-    from planner.modules import CUBE, Module
-    from planner.parameters import PRESETS, Parameters, preset
-    from planner.paths import Path
-    from planner.plan import Plan
-    from planner.playback import Playback, play_back
+    from planner.explosion.simultaneous import explode
+    from planner.motion.frames import Frames
+    from planner.motion.record import Record
+    from planner.motion.timeline import Timeline, TimelineWriter
+    from planner.pipeline.fold import fold
+    from planner.pipeline.refold import refold
+    from planner.pipeline.smooth import smooth_plan
+    from planner.pipeline.verify import Verification, verify
+    from planner.plan.plan import Plan
+    from planner.playback.playback import Playback, play_back
     from planner.readers import read
-    from planner.record import Record
-    from planner.refold import refold
-    from planner.smooth_plan import smooth_plan
-    from planner.timeline import Timeline, TimelineWriter
-    from planner.verification import Verification, verify
+    from planner.simulation.parameters import PRESETS, Parameters, preset
 
 __all__ = [
     "CUBE",
@@ -68,24 +68,24 @@ __all__ = [
 ]
 
 _HOMES = {
-    "planner.certificate": ("Certificate", "certify"),
-    "planner.chain": ("Chain",),
+    "planner.certificate.certificate": ("Certificate", "certify"),
+    "planner.chain.chain": ("Chain",),
     "planner.errors": ("InputError", "PlannerError", "SimulationError", "TimelineError"),
-    "planner.explosion": ("explode",),
-    "planner.frames": ("Frames",),
-    "planner.folding": ("fold",),
-    "planner.kinematics": ("Poses", "forward_kinematics"),
-    "planner.modules": ("CUBE", "Module"),
-    "planner.parameters": ("PRESETS", "Parameters", "preset"),
-    "planner.paths": ("Path",),
-    "planner.plan": ("Plan",),
-    "planner.playback": ("Playback", "play_back"),
+    "planner.explosion.simultaneous": ("explode",),
+    "planner.motion.frames": ("Frames",),
+    "planner.pipeline.fold": ("fold",),
+    "planner.chain.kinematics": ("Poses", "forward_kinematics"),
+    "planner.chain.module": ("CUBE", "Module"),
+    "planner.simulation.parameters": ("PRESETS", "Parameters", "preset"),
+    "planner.chain.path": ("Path",),
+    "planner.plan.plan": ("Plan",),
+    "planner.playback.playback": ("Playback", "play_back"),
     "planner.readers": ("read",),
-    "planner.record": ("Record",),
-    "planner.refold": ("refold",),
-    "planner.smooth_plan": ("smooth_plan",),
-    "planner.timeline": ("Timeline", "TimelineWriter"),
-    "planner.verification": ("Verification", "verify"),
+    "planner.motion.record": ("Record",),
+    "planner.pipeline.refold": ("refold",),
+    "planner.pipeline.smooth": ("smooth_plan",),
+    "planner.motion.timeline": ("Timeline", "TimelineWriter"),
+    "planner.pipeline.verify": ("Verification", "verify"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

@@ -15,7 +15,7 @@ class Progress:
     """How far a stage has come.
 
     Attributes:
-        stage: One of ``planner.stages.STAGES``.
+        stage: One of ``planner.pipeline.stages.STAGES``.
         fraction: 0 to 1, an honest guess.
         steps: Simulation steps so far.
         steps_per_second: Simulation steps a second of wall time, lately.

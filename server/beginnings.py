@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
-from planner.smoothing_ways import RECORDED_PLAN
-from planner.unfolding import START_CHAIN, START_PLAN
+from planner.playback.unfolding import START_CHAIN, START_PLAN
+from planner.robot.smoothing_ways import RECORDED_PLAN
 from server.context import Context
 from server.database import FoldRow
 from server.problems import Problem

@@ -131,8 +131,8 @@ def _step_back(niceness: int) -> None:
 
 
 def _stages(progress: Report, *, warm: bool) -> Task:
-    from planner.stages import run_stage
-    from planner.warm_up import warm_up
+    from planner.pipeline.stages import run_stage
+    from planner.pipeline.warm_up import warm_up
 
     _load(*COMPUTING, "zarr.codecs")
     if warm:
@@ -184,11 +184,15 @@ def _reader(*, warm: bool) -> Task:
 
 
 def _preparer(*, warm: bool) -> Task:
-    from planner.warm_up_paths import warm_up_paths
+    from planner.pipeline.warm_up_paths import warm_up_paths
 
     # So that the first preview need not wait for it.
-    for name in ("preparation", "decimation", "filling", "kept"):
-        import_module(f"planner.{name}")
+    _load(
+        "planner.pathfinding.prepare",
+        "planner.shapes.decimation",
+        "planner.pathfinding.filling",
+        "planner.pathfinding.shape_kept",
+    )
     if warm:
         warm_up_paths()
     return _reader(warm=warm)

@@ -21,10 +21,11 @@ class Base(DeclarativeBase):
 class FoldRow(Base):
     """One fold of a visitor.
 
-    ``status`` is one of ``STATUSES``; ``stage`` one of ``planner.stages.STAGES`` or None;
+    ``status`` is one of ``STATUSES``; ``stage`` one of ``planner.pipeline.stages.STAGES`` or None;
     ``refold`` is the name of the shape that a refold begins as, None where the chain is straight;
     ``smooths`` is the id of the fold whose plan is smoothed, None where it is recorded;
-    ``settings`` is what ``planner.paper_settings.settings_text`` makes of those of its preset.
+    ``settings`` is what ``planner.pipeline.paper_settings.settings_text`` makes of those of its
+    preset.
 
     ``turn`` is its place in the queue, the least first, and ``cost_s`` what computing it is
     expected to take. ``worker`` computes it; ``epoch`` counts how often it has changed hands, and

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 from zipfile import BadZipFile
 
-from planner.angle_steps import unpacked_bytes
 from planner.errors import InputError
+from planner.motion.angle_steps import unpacked_bytes
 from planner.readers.limits import megabytes
 from server.problems import Problem
 from server.store import Store
@@ -57,7 +57,7 @@ class Exports:
 
 def _written(path: Path, export: Export) -> bytes:
     # It brings the physics along, which the start of the server need not wait for.
-    from planner.plan import Plan
+    from planner.plan.plan import Plan
 
     # A robot's model holds no frames; all the others do.
     if (export.moving or export.name == "json") and (size := _unpacked(path)) > LARGEST_PLAN:

@@ -21,7 +21,7 @@ from dataclasses import asdict
 from types import FrameType
 from typing import Any, Final, NoReturn
 
-from planner.compiling import Compiling, beside
+from planner.pipeline.compiling import Compiling, beside
 from planner.progress import Progress
 from server.child import Task, serve, task_of
 from server.confinement.confined import end_threads, load_kernels

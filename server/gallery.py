@@ -11,8 +11,8 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Final
 
+from planner.chain.module import CUBE, module_named
 from planner.errors import InputError
-from planner.modules import CUBE, module_named
 
 MOST_NEAREST: Final = 4
 MOST_FITTING: Final = 6

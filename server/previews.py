@@ -18,8 +18,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
+from planner.chain.module import CUBE
 from planner.errors import InputError
-from planner.modules import CUBE
 from server.children import ChildError, Reader
 from server.kept_previews import (
     UPLOAD,
@@ -43,7 +43,7 @@ SWEEP_EVERY_S: Final = 60.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShapeWishes:
-    """How a shape is to become a path; the words are those of ``planner.wishes.Wishes``."""
+    """How a shape is to become a path, in the words of ``planner.pathfinding.options``."""
 
     module: str = "cube"
     modules: int | None = None

@@ -23,7 +23,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.exceptions import HTTPException
 
 from planner.errors import InputError
-from planner.request import Request as Asked
+from planner.pipeline.request import Request as Asked
 from server.access import request_id_of
 
 MEDIA_TYPE: Final = "application/problem+json"

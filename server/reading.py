@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain import Chain
-from planner.modules import CUBE
-from planner.paths import Path as CellPath
+from planner.chain.chain import Chain
+from planner.chain.module import CUBE
+from planner.chain.path import Path as CellPath
+from planner.playback.unfolding import START_PLAN, check_fits
 from planner.readers import read
-from planner.shapes import Shape
-from planner.unfolding import START_PLAN, Unfolding, check_fits
+from planner.shapes.shape import Shape
 
 if TYPE_CHECKING:
-    from planner.wishes import Wishes
+    from planner.pathfinding.options import Wishes
 
 LARGEST_DRAWING: Final = 4000
 WISHES: Final = ("module", "modules", "method", "repair", "ends", "as_voxels", "start")
@@ -34,7 +34,7 @@ def warm_up() -> None:
 
 def wishes_of(request: dict[str, Any]) -> Wishes:
     """The wishes in a request; those that are not there are as usual."""
-    from planner.wishes import Wishes
+    from planner.pathfinding.options import Wishes
 
     values = {name: request[name] for name in WISHES if name in request}
     if values.get("start") is not None:
@@ -68,8 +68,8 @@ def check(directory: Path) -> dict[str, Any]:
         if begins is not None:
             check_fits(begins, found.module.name, len(found))
         return {"name": found.name, "module": found.module.name, "modules": len(found)}
-    from planner.filling import FILLINGS
-    from planner.wishes import DEFAULT_MODULES
+    from planner.pathfinding.filling import FILLINGS
+    from planner.pathfinding.options import DEFAULT_MODULES
 
     wishes = wishes_of(request)
     modules = wishes.modules or DEFAULT_MODULES
@@ -90,17 +90,17 @@ def _begins(directory: Path) -> Chain:
     Raises:
         InputError: When its plan does not lead there.
     """
-    from planner.plan import Plan
+    from planner.plan.plan import Plan
 
-    return Unfolding.of_plan(Plan.load(directory / START_PLAN)).chain
+    return Plan.load(directory / START_PLAN).unfolding().chain
 
 
 def _smoothed(directory: Path, request: dict[str, Any]) -> dict[str, Any]:
     """The same for a plan that is to be smoothed."""
-    from planner.plan import Plan
-    from planner.request import Request
-    from planner.smoothed import check_smoothable
-    from planner.smoothing_ways import RECORDED_PLAN
+    from planner.pipeline.request import Request
+    from planner.plan.plan import Plan
+    from planner.robot.smoothed import check_smoothable
+    from planner.robot.smoothing_ways import RECORDED_PLAN
 
     Request(preset=request["preset"], strategy=request["strategy"], smooth=True).check()
     plan = Plan.load(directory / RECORDED_PLAN)
@@ -115,7 +115,7 @@ def preview(directory: Path) -> dict[str, Any]:
     Raises:
         InputError: When the input above it can't be used.
     """
-    from planner.preparation import prepare_in_any_order
+    from planner.pathfinding.prepare import prepare_in_any_order
 
     request = json.loads((directory / "request.json").read_bytes())
     data = (directory.parent / "input").read_bytes()

@@ -8,17 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from planner.motors import Build, motor_table
-from planner.plan import Plan
-from planner.retiming import retime as retime_plan
-from planner.retiming import retimed
-from planner.trajectory import Trajectory
+from planner.plan.plan import Plan
+from planner.robot.motors import Build, motor_table
+from planner.robot.retiming import retime as retime_plan
+from planner.robot.retiming import retimed
+from planner.robot.trajectory import Trajectory
 from server.scratch import MOTORS, PLAN
 
 
 def warm_up() -> None:
     """Retimes a tiny chain and works out its torques, so that all that takes is compiled."""
-    from planner.warm_up_paths import warm_up_chains  # what finds paths; nothing else here needs it
+    from planner.pipeline.warm_up_paths import (
+        warm_up_chains,  # what finds paths; nothing else here needs it
+    )
 
     chain = warm_up_chains()
     frames = np.linspace(0.0, 1.0, 3)[:, None] * chain.folded_rad

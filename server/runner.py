@@ -13,8 +13,8 @@ from typing import Any, Final, TypedDict
 from sqlalchemy.exc import SQLAlchemyError
 
 from planner.errors import InputError, TimelineError
-from planner.timeline import Timeline, TimelineWriter
-from planner.unfolding import START_CHAIN
+from planner.motion.timeline import Timeline, TimelineWriter
+from planner.playback.unfolding import START_CHAIN
 from server.cancelled import sweep_cancelled
 from server.children import Child, ChildError, Children
 from server.fork_server import ForkServer
@@ -320,7 +320,9 @@ class Runner:
     def _looked_back(self, fold_id: str) -> dict[str, Any]:
         """What is known of a fold that did not come to its end: where it was, what was tried."""
         try:
-            from planner.ended import look_back  # the physics: only when a fold's end was missed
+            from planner.pipeline.ended import (
+                look_back,  # the physics: only when a fold's end was missed
+            )
 
             return look_back(self._store.folders.place(fold_id))
         except Exception:

@@ -7,9 +7,9 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, Field
 
-from planner.expected import expected_seconds
+from planner.certificate.verdict import summary_told_honestly
 from planner.exports import Export
-from planner.verdicts import summary_told_honestly
+from planner.pathfinding.duration import expected_seconds
 from server.gallery import GalleryShape
 from server.leases import Leases
 from server.store import FoldRow, Store

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from planner.errors import InputError
-from planner.paper_settings import SETTINGS, Source, read_settings, value_text
-from planner.parameters import preset
+from planner.pipeline.paper_settings import SETTINGS, Source, read_settings, value_text
+from planner.simulation.parameters import preset
 from server.quantities import quantity
 
 DIGITS: Final = 6

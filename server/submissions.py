@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 from planner.errors import InputError
-from planner.parameters import AUTO
-from planner.request import Request
+from planner.pipeline.request import Request
+from planner.simulation.parameters import AUTO
 from server.beginnings import Beginning
 from server.children import ChildError
 from server.context import Context
@@ -38,7 +38,7 @@ class Submission:
     shape: str | None
     preset: str
     settings: str = ""
-    """As ``planner.request.Request.canonical`` writes them."""
+    """As ``planner.pipeline.request.Request.canonical`` writes them."""
     seed: int
     module_size: float | None
     visitor: str

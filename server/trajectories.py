@@ -25,7 +25,7 @@ from server.streams import Streams
 from web.kept import Kept
 
 if TYPE_CHECKING:
-    from planner.trajectory import Trajectory
+    from planner.robot.trajectory import Trajectory
 
 KEPT_BYTES: Final = 128 * 2**20
 """Of trajectories that nobody may be using."""
@@ -194,7 +194,7 @@ class Trajectories:
         return known
 
     async def motors(self, wanted: Wanted, motors: MotorsWanted, visitor: str) -> bytes:
-        """The torques that a trajectory needs, as ``planner.motors.MotorTable`` writes them.
+        """The torques that a trajectory needs, as ``planner.robot.motors.MotorTable`` writes them.
 
         Raises:
             Problem: As ``of``.
@@ -231,7 +231,7 @@ class Trajectories:
         return made
 
     def _retimed(self, wanted: Wanted) -> Retimed:
-        from planner.trajectory import FRAMES, REST
+        from planner.robot.trajectory import FRAMES, REST
 
         with self._motions.directory() as place, self._scratch.directory() as kept:
             told = self._call("retime", place, wanted, wanted.request())
@@ -280,7 +280,7 @@ def _loaded(directory: Path, most: int) -> Trajectory:
     Raises:
         Problem: When it unpacks to more bytes than ``most`` (413), or is none (503).
     """
-    from planner.trajectory import REST, Trajectory
+    from planner.robot.trajectory import REST, Trajectory
 
     try:
         with ZipFile(directory / REST) as parts:

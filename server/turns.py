@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from planner.expected import expected_seconds
+from planner.pathfinding.duration import expected_seconds
 
 TICKS_A_SECOND: Final = 10
 LATEST: Final = 2**31 - 2

@@ -87,7 +87,7 @@ def _compile(config: pytest.Config) -> None:
     if cache is None or cache.get("foldback/compiled", None) == compiled:
         return
     print("Compiling the kernels, once: about a minute …", flush=True)
-    warm_up = "from planner.warm_up import warm_up; warm_up()"
+    warm_up = "from planner.pipeline.warm_up import warm_up; warm_up()"
     subprocess.run([sys.executable, "-c", warm_up], cwd=KERNELS.parents[1], check=True)
     cache.set("foldback/compiled", compiled)
 

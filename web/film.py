@@ -4,8 +4,8 @@ It holds the poses and errors of the frames lately asked for, computed chunk by 
 vectorised kinematics, and a summary of all frames for the bar along the bottom of the page. It
 follows a timeline that still grows, and one that is begun anew.
 
-Of a long fold, whose timeline holds windows (``planner.windows``), it holds those, and computes the
-poses of the one frame that is asked for.
+Of a long fold, whose timeline holds windows (``planner.motion.windows``), it holds those, and
+computes the poses of the one frame that is asked for.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
 from planner.errors import TimelineError
-from planner.frames import PHASES, Frames
-from planner.kinematics import forward_kinematics
-from planner.motion import Motion
-from planner.timeline import Timeline
-from planner.windows import Windows
+from planner.motion.frames import PHASES, Frames
+from planner.motion.motion import Motion
+from planner.motion.timeline import Timeline
+from planner.motion.windows import Windows
 from web.camera import modules_framed, straight_stretch
 from web.colours import error_scale, module_errors
 

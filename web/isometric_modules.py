@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain import Chain
-from planner.modules import Module
+from planner.chain.chain import Chain
+from planner.chain.module import Module
 from web.isometric import MARGIN, UNIT, isometric_svg
 from web.sketch import sketch_outline
 

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.modules import Module
+from planner.chain.module import Module
 from web.camera import View
 from web.colours import Rgb
 from web.ground_shadow import GroundShadow

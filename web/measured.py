@@ -15,9 +15,9 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.angle_steps import plan_angles
-from planner.figures import Curves, Figures
-from planner.timeline import Timeline
+from planner.certificate.metrics import Curves, Figures
+from planner.motion.angle_steps import plan_angles
+from planner.motion.timeline import Timeline
 from web.columns import encode
 from web.kept import Kept
 
@@ -64,7 +64,8 @@ def curves_of(directory: Path) -> bytes:
     header = {
         "frames": len(curves),
         "rows": _rows(timeline),
-        # Of windows torques are worked out at some frames only, see ``planner.measuring``.
+        # Of windows torques are worked out at some frames only, see
+        # ``planner.certificate.measure``.
         "torque_at_some_frames": timeline.windowed,
         "largest": {
             "torque": _largest(curves.peak_torque_nm),

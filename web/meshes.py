@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.modules import Module
+from planner.chain.module import Module
 
 Array = NDArray[np.float64]
 SHOWN_SIZE: Final = 0.93

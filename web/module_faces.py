@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.modules import Module
+from planner.chain.module import Module
 from web.meshes import BEVEL
 from web.sketch import sketch_outline
 

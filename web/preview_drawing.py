@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.modules import CUBE, module_named
-from planner.rotations import matrix_from_wxyz
+from planner.chain.module import CUBE, module_named
+from planner.chain.rotations import matrix_from_wxyz
 from web.isometric import isometric_svg
 from web.isometric_modules import modules_svg
 
@@ -25,7 +25,7 @@ def preview_svg(report: Mapping[str, Any], *, size: int = 480) -> str | None:
     """Draws the modules of a preview's report, or its cells where there is no chain.
 
     Args:
-        report: As ``planner.preparation.Preparation.report`` gives it.
+        report: As ``planner.pathfinding.prepare.Preparation.report`` gives it.
         size: Width and height in CSS pixels; the drawing scales.
 
     Returns:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.modules import CUBE, Module, module_named
+from planner.chain.module import CUBE, Module, module_named
 from web.camera import FIELD_OF_VIEW_RAD
 from web.colours import ERROR, NEUTRAL, SELECTED, Rgb, instance_colours, ramp_colours
 from web.columns import encode
@@ -44,14 +44,14 @@ def preview_scene_of(report: Mapping[str, Any]) -> bytes:
     """The scene of a preview's report, as one message of ``web.columns``.
 
     The header holds the scene's ``messages`` as those of ``web.scenery``, a module's ``hull`` as
-    ``planner.modules`` tells it, the ``corners`` (8, 3) of what is shown and how far a module
+    ``planner.chain.module`` tells it, the ``corners`` (8, 3) of what is shown and how far a module
     reaches from its centre (``radius``), how the ``camera`` frames that, and ``colours``: what is
     selected, and the ``ghost`` that cells become around a path. Lengths are in the scene's units:
     it is the same size whatever the number of modules. The columns hold the messages' arrays, the
     ``cells`` of the modules (n, 3), and their ``colours`` (n, 3) in sRGB while they are no ghost.
 
     Args:
-        report: As ``planner.preparation.Preparation.report`` gives it in full.
+        report: As ``planner.pathfinding.prepare.Preparation.report`` gives it in full.
     """
     with viser_server() as server:
         scene = _PreviewScene(server, report)

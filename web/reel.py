@@ -3,9 +3,9 @@
 A message (``web.columns``) tells in its header which timeline it is of (``id``), its ``status``
 (``growing``, ``complete`` or ``failed``), how many frames there are in ``total``, the stretch
 ``start``, ``stop`` and ``stride`` that the columns hold, and the film's outline. The columns are
-those of ``planner.timeline.Frames``: the time is exact, joint angles are within half a millionth
-of a radian, joint errors within a half per cent, so that little has to travel. A windowed film's
-are those of ``web.window_columns``.
+those of ``planner.motion.timeline.Frames``: the time is exact, joint angles are within half a
+millionth of a radian, joint errors within a half per cent, so that little has to travel. A windowed
+film's are those of ``web.window_columns``.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.motion import Motion
-from planner.timeline import TimelineWriter
-from planner.windows import Windows
+from planner.motion.motion import Motion
+from planner.motion.timeline import TimelineWriter
+from planner.motion.windows import Windows
 from web.columns import encode
 from web.film import Film
 from web.kept import Kept

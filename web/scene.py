@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
 from web.camera import FIELD_OF_VIEW_RAD, View
 from web.colours import FIRST, LAST, error_colours, instance_colours, ramp_colours
 from web.film import Snapshot

@@ -19,9 +19,9 @@ import rich
 import zstandard
 from numpy.typing import NDArray
 
-from planner.chain import Chain
-from planner.modules import CUBE
-from planner.rotations import wxyz_from_matrix
+from planner.chain.chain import Chain
+from planner.chain.module import CUBE
+from planner.chain.rotations import wxyz_from_matrix
 from web.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, TURN_RAD_S
 from web.colours import (
     ERROR,
@@ -56,7 +56,7 @@ _POINTER: Final[dict[str, Any]] = {
 def scenery_of(chain: Chain, stretch: int | None = None) -> bytes:
     """The scenery of a fold of ``chain``, as one message of ``web.columns``.
 
-    The header holds the chain's geometry (``planner.modules`` tells the words), the scene's
+    The header holds the chain's geometry (``planner.chain.module`` tells the words), the scene's
     ``messages`` with ``{"column": name}`` in place of arrays, what a ``sketch`` draws, the
     ``camera``'s constants and the ``colours``; the columns hold their arrays, and as ``folded_rad``
     and ``folded_positions`` where the chain is going.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.modules import Module
+from planner.chain.module import Module
 from web.camera import FIELD_OF_VIEW_RAD
 from web.meshes import SHOWN_SIZE
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
 from web.camera import framing
 from web.camera_path import GROUND_GAP
 from web.colours import NEUTRAL

@@ -13,9 +13,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.modules import Module
-from planner.rotations import matrix_from_wxyz
-from planner.untyped import mujoco
+from planner.chain.module import Module
+from planner.chain.rotations import matrix_from_wxyz
+from planner.simulation.mujoco import mujoco
 from web.camera import FIELD_OF_VIEW_RAD, View
 from web.colours import FIRST, LAST
 from web.ground_shadow import CELLS, ground_shadow

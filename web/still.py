@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from planner.modules import Module
-from planner.rotations import matrix_from_wxyz
+from planner.chain.module import Module
+from planner.chain.rotations import matrix_from_wxyz
 from web.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, View, framing
 from web.drawn import drawn_modules
 from web.lighting import THEMES, UP, Theme, fill_light, key_light, share_left, unit

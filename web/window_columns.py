@@ -1,4 +1,4 @@
-"""Window columns: snapshots of ``planner.windows`` as columns of a message, with little to travel.
+"""Window columns: snapshots in ``planner.motion.windows`` as columns of a short message.
 
 ``first`` and ``counts`` tell where each window begins and how many hinges it has, ``steps`` the
 angles of all windows one after the other. An angle is a whole number of ``ANGLE_STEP_RAD``, told as
@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.angle_steps import window_differences, window_totals
-from planner.windows import Windows
+from planner.motion.angle_steps import window_differences, window_totals
+from planner.motion.windows import Windows
 
 Ints = NDArray[np.int64]
 ANGLE_STEP_RAD: Final = 2.0**-20

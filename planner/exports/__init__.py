@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final
 from planner.errors import InputError
 
 if TYPE_CHECKING:
-    from planner.plan import Plan
+    from planner.plan.plan import Plan
 
 Write = Callable[["Plan"], bytes]
 

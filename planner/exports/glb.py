@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from planner.exports.hull import hull_triangles, normals_of
 from planner.exports.motion import require_frames
 from planner.exports.names import clean_name
-from planner.plan import Plan
+from planner.plan.plan import Plan
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from planner.modules import Module
+from planner.chain.module import Module
 
 Array = NDArray[np.float64]
 

@@ -15,13 +15,13 @@ import numpy as np
 from mcap.writer import Writer
 from numpy.typing import NDArray
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
 from planner.exports import urdf
 from planner.exports.cdr import SECOND_NS, Cdr
 from planner.exports.motion import require_frames
 from planner.exports.names import clean_name
-from planner.frames import Frames
-from planner.plan import Plan
+from planner.motion.frames import Frames
+from planner.plan.plan import Plan
 
 Array = NDArray[np.float64]
 WORLD: Final = "world"

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.rotations import wxyz_from_matrix
 from planner.exports.mjcf_pieces import coordinates, pieces
-from planner.model import Material, tree_spec
-from planner.plan import Plan
-from planner.rotations import wxyz_from_matrix
+from planner.plan.plan import Plan
+from planner.simulation.model import Material, tree_spec
 
 Array = NDArray[np.float64]
 LONGEST_TREE: Final = 800

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain import Chain
-from planner.model import hinge_names
-from planner.rotations import wxyz_from_matrix
+from planner.chain.chain import Chain
+from planner.chain.rotations import wxyz_from_matrix
+from planner.simulation.model import hinge_names
 
 Array = NDArray[np.float64]
 PIECE = 64

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from planner.errors import InputError
-from planner.plan import Plan
+from planner.plan.plan import Plan
 
 
 def require_frames(plan: Plan) -> None:

@@ -6,7 +6,7 @@ from io import BytesIO
 
 import numpy as np
 
-from planner.plan import Plan
+from planner.plan.plan import Plan
 
 
 def write(plan: Plan) -> bytes:

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from planner.exports.hull import hull_triangles, normals_of
-from planner.plan import Plan
+from planner.plan.plan import Plan
 
 MILLIMETRES: Final = 1000.0
 """In a metre."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from planner.exports.motion import require_frames
-from planner.frames import PHASES
-from planner.plan import Plan
+from planner.motion.frames import PHASES
+from planner.plan.plan import Plan
 
 ROOT = ("root_x_m", "root_y_m", "root_z_m", "root_qw", "root_qx", "root_qy", "root_qz")
 

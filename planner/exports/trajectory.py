@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.trajectory import Trajectory
+from planner.robot.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Form = Literal["csv", "json"]

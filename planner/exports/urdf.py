@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.module import Module
 from planner.exports.names import clean_name
-from planner.model import hinge_names
-from planner.modules import Module
-from planner.plan import Plan
+from planner.plan.plan import Plan
+from planner.simulation.model import hinge_names
 
 Array = NDArray[np.float64]
 MESH: Final = "module.stl"

@@ -235,7 +235,7 @@ def move_bodies(
         angles, rates: Hinge angles at s = 0 and how fast they run, for the stretch's joints.
         half: How far s goes both ways.
         rigid: Links at the stretch's start without a joint.
-        anchor, axes, turn, offset: The module's joint, see ``planner.modules.Module``.
+        anchor, axes, turn, offset: The module's joint, see ``planner.chain.module.Module``.
         root: The body that is held still; its pose is given.
         bodies: (m, WIDTH) written.
     """

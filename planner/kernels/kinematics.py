@@ -105,7 +105,7 @@ def chain_poses(
     Args:
         angles: (J,) hinge angles in radians.
         rigid_links: Links at the start that carry no joint.
-        anchor, axes, turn, offset: The module's joint, see ``planner.modules.Module``.
+        anchor, axes, turn, offset: The module's joint, see ``planner.chain.module.Module``.
         root: Index of the module whose pose is given.
         root_position: (3,) its centre.
         root_rotation: (3, 3) its orientation.

@@ -23,7 +23,7 @@ Ints = NDArray[np.int64]
 
 
 class Joint(NamedTuple):
-    """A joint and the two full-size hulls that it links, see ``planner.modules.Module``.
+    """A joint and the two full-size hulls that it links, see ``planner.chain.module.Module``.
 
     Attributes:
         anchor, axes, turn, offset: Of the joint.

@@ -38,7 +38,7 @@ def blamed_hinges(
     Args:
         angles: (F, J) configurations.
         rigid_links, anchor, axes, turn, offset, vertices, normals, edges, radius, apart: The
-            module, see ``planner.modules.Module``.
+            module, see ``planner.chain.module.Module``.
         size: Module size as a fraction of the pitch.
         margin: Least clearance.
         blamed: (F, J) written.

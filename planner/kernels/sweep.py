@@ -45,7 +45,7 @@ class Shape(NamedTuple):
     """What a sweep knows of the chain.
 
     Attributes:
-        rigid, anchor, axes, turn, offset: The module's joint, see ``planner.modules.Module``.
+        rigid, anchor, axes, turn, offset: The module's joint, see ``planner.chain.module.Module``.
         vertices, normals, edges, radius: The hull at full size.
         size: Scale of the hull.
         apart: Pairs fewer links apart don't count.
@@ -96,7 +96,7 @@ class Angles(NamedTuple):
 
 
 class Found(NamedTuple):
-    """The closest place of a stretch of frames: see ``planner.sweep.Sweep``.
+    """The closest place of a stretch of frames: see ``planner.clearance.sweep.Sweep``.
 
     ``unbounded`` is −1 where everything is bounded.
     """

@@ -1,7 +1,7 @@
 """Assembly order: paths whose cells come off one after the other, from the far end.
 
 Such a path could have been laid cell by cell, each unit coming in along a free line. Boxes get a
-snake, layer by layer; doubled cells a way through each layer (``planner.pathfinding.layers``).
+snake, layer by layer; doubled cells a way through each layer (``planner.shapes.layers``).
 Where layers fall into parts, blocks are visited along a coarse path that is found by a depth-first
 search: low layers first, narrow places first, and each new block with a free line to the outside at
 its turn. Within a block of an even side a snake joins two corners that differ in one coordinate, so
@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.pathfinding.lattice import neighbours
-from planner.pathfinding.layers import layered_path
 from planner.pathfinding.snake import snake_path
+from planner.shapes.layers import layered_path
 
 Ints = NDArray[np.int64]
 

@@ -28,7 +28,7 @@ from scipy.sparse.csgraph import (
 
 from planner.errors import InputError
 from planner.pathfinding.lattice import contacts, spreads_of_cuts, surface
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]
 Tree: TypeAlias = Literal["bfs", "dfs", "random"]

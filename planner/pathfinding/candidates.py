@@ -11,17 +11,17 @@ from typing import Any, Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.path import Path
 from planner.errors import InputError
-from planner.knots import knot_of
 from planner.pathfinding import ENDS, METHODS, Cell
 from planner.pathfinding.assembly import layered_snake, peelable, solid_paths
 from planner.pathfinding.blocks import aligned_blocks, block_cycle, cut, cut_costs
 from planner.pathfinding.exact import exact_path
+from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import index_of, parts, spread, spreads_of_cuts, surface
 from planner.pathfinding.loose_blocks import loose_block_cycle
 from planner.pathfinding.snake import is_box, snake_path
-from planner.paths import Path
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]
 Ends: TypeAlias = Literal["any", "surface"]

@@ -15,7 +15,7 @@ from planner.pathfinding import Cell
 from planner.pathfinding.circuits import circuit
 from planner.pathfinding.lattice import colours, index_of, neighbours, surface
 from planner.pathfinding.obstacles import obstacles
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]

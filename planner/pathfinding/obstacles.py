@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.path import FEWEST_CELLS
 from planner.pathfinding import Cell
 from planner.pathfinding.lattice import colours, neighbours, parts
-from planner.paths import FEWEST_CELLS
 
 Ints = NDArray[np.int64]
 

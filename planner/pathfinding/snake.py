@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]
 

@@ -8,14 +8,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.honeycomb import RING, ring_pairs
+from planner.chain.trail import Trail
 from planner.errors import InputError
-from planner.honeycomb import RING, ring_pairs
-from planner.knots import knot_of
 from planner.pathfinding import Cell
+from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import parts
 from planner.pathfinding.trails import circuit, free_cuts, opened
-from planner.shapes import Shape
-from planner.trails import Trail
+from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]
 LARGEST_CHOICE: Final = 20_000

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.trail import hinge_axes
 from planner.errors import InputError
 from planner.kernels.trails import circuit_order, one_circuit
-from planner.trails import hinge_axes
 
 Nodes = NDArray[np.int64]
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.path import Path
 from planner.errors import InputError
-from planner.paths import Path
 from planner.readers.angle_strings import is_angle_string, read_angle_string
 from planner.readers.binvox import is_binvox, read_binvox
 from planner.readers.csv_cells import is_csv, read_csv
@@ -35,8 +35,8 @@ from planner.readers.text import decode, refuse_binary, refuse_prose
 from planner.readers.threemf import is_zip, read_threemf
 from planner.readers.vox import is_vox, read_vox
 from planner.readers.xyz import read_xyz
-from planner.shapes import Shape
-from planner.solids import MOST_TRIANGLES, Solid
+from planner.shapes.shape import Shape
+from planner.shapes.solid import MOST_TRIANGLES, Solid
 
 FORMATS: Final = (
     "a mesh (STL, OBJ, PLY, OFF, GLB, glTF, 3MF), voxels (.vox, .binvox, .npy, "

@@ -11,10 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.module import TETRAHEDRON, Module
+from planner.chain.path import DEFAULT_PITCH_M
 from planner.errors import InputError
-from planner.modules import TETRAHEDRON, Module
-from planner.paths import DEFAULT_PITCH_M
 from planner.readers.limits import MOST_CELLS, quote, too_many
 
 HEADING: Final = "foldback-angles/1"

@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.readers.limits import Source, quote, too_many
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 
 MAGIC: Final = b"#binvox"
 LONGEST_HEADER: Final = 4096

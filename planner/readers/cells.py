@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
+from planner.chain.path import DEFAULT_PITCH_M, Path
 from planner.errors import InputError
-from planner.paths import DEFAULT_PITCH_M, Path
 from planner.readers.limits import Source
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 
 REMEDY = "if these are voxels in no order, read them as voxels"
 

@@ -7,10 +7,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.module import Module, module_named
+from planner.chain.path import DEFAULT_PITCH_M, LARGEST_COORDINATE
 from planner.errors import InputError
-from planner.modules import Module, module_named
-from planner.paths import DEFAULT_PITCH_M, LARGEST_COORDINATE
 from planner.readers.fields import number_field, text_field
 from planner.readers.limits import Source, quote, too_many
 

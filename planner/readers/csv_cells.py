@@ -5,12 +5,12 @@ from __future__ import annotations
 import csv
 from typing import Final
 
+from planner.chain.path import Path
 from planner.errors import InputError
-from planner.paths import Path
 from planner.readers.cells import path_or_shape
 from planner.readers.limits import Source, quote, too_many
 from planner.readers.text import COMMENT, cells_array, coordinate, is_number
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 
 DELIMITERS: Final = (";", ",", "\t")
 AXES: Final = ("x", "y", "z")

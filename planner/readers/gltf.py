@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.readers.json_text import parse
 from planner.readers.limits import Source, quote
-from planner.solids import Solid, check_triangles
+from planner.shapes.solid import Solid, check_triangles
 
 MAGIC: Final = b"glTF"
 JSON_CHUNK: Final = 0x4E4F534A

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any, Final, cast
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.path import Path
 from planner.errors import InputError
-from planner.paths import Path
 from planner.readers.chain_json import read_chain
 from planner.readers.gltf import is_gltf, read_gltf
 from planner.readers.json_text import parse
 from planner.readers.limits import Source, quote
 from planner.readers.path_json import path_from_rows, read_path, read_voxels
-from planner.shapes import Shape
-from planner.solids import Solid
+from planner.shapes.shape import Shape
+from planner.shapes.solid import Solid
 
 PATH_FORMAT: Final = "foldback-path/1"
 CHAIN_FORMAT: Final = "foldback-chain/1"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from planner.errors import InputError
-from planner.solids import MOST_TRIANGLES
+from planner.shapes.solid import MOST_TRIANGLES
 
 MOST_CELLS: Final = 200_000
 MOST_BYTES: Final = 64 << 20

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
+from planner.chain.path import Path
 from planner.errors import InputError
-from planner.paths import Path
 from planner.readers.cells import path_or_shape
 from planner.readers.limits import Source, too_many
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 
 MAGIC: Final = b"\x93NUMPY"
 LONGEST_HEADER: Final = 4096

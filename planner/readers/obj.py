@@ -13,7 +13,7 @@ from planner.errors import InputError
 from planner.readers.limits import Source, quote
 from planner.readers.polygons import fans
 from planner.readers.tables import SPACE, chunks, line_starts, lines_of, table, whole
-from planner.solids import Solid, check_triangles
+from planner.shapes.solid import Solid, check_triangles
 
 VERTEX_LINE: Final = re.compile(rb"(?m)^\s*v[ \t]+[-+.\dnNiI]")
 INDENT: Final = re.compile(rb"(?m)^[ \t]+")

@@ -12,7 +12,7 @@ from planner.errors import InputError
 from planner.readers.limits import Source, quote
 from planner.readers.polygons import fans
 from planner.readers.tables import Table, chunks, table, whole
-from planner.solids import Solid, check_triangles
+from planner.shapes.solid import Solid, check_triangles
 
 KIND: Final = re.compile(r"(?:ST)?C?N?OFF(?=[\s#]|$)")
 COMMENT: Final = re.compile(rb"#[^\n]*")

@@ -7,12 +7,12 @@ from typing import Any, cast
 
 import numpy as np
 
+from planner.chain.path import DEFAULT_PITCH_M, Path
 from planner.errors import InputError
-from planner.paths import DEFAULT_PITCH_M, Path
 from planner.readers.cells import path_or_shape
 from planner.readers.fields import number_field, text_field
 from planner.readers.limits import Source, quote, too_many
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 
 
 def read_path(document: dict[str, Any], source: Source) -> Path | Shape:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
 from planner.readers.polygons import fans
-from planner.solids import Solid, check_triangles
+from planner.shapes.solid import Solid, check_triangles
 
 LONGEST_HEADER: Final = 65_536
 TYPES: Final = {

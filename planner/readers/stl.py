@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
 from planner.readers.tables import SPACE, chunks, line_starts, lines_of, table
-from planner.solids import MOST_TRIANGLES, Solid, check_triangles
+from planner.shapes.solid import MOST_TRIANGLES, Solid, check_triangles
 
 HEADER_BYTES: Final = 84
 TRIANGLE_BYTES: Final = 50

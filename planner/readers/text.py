@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.path import LARGEST_COORDINATE
 from planner.errors import InputError
-from planner.paths import LARGEST_COORDINATE
 from planner.readers.kinds import wrong_kind
 from planner.readers.limits import quote
 

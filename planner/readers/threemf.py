@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
-from planner.solids import Solid, check_triangles
+from planner.shapes.solid import Solid, check_triangles
 
 MAGIC: Final = b"PK\x03\x04"
 MOST_ENTRIES: Final = 4_000

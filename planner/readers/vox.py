@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.readers.limits import Source, quote, too_many
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 
 MAGIC: Final = b"VOX "
 MOST_CHUNKS: Final = 100_000

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import Final
 
+from planner.chain.path import Path
 from planner.errors import InputError
-from planner.paths import Path
 from planner.readers.cells import path_or_shape
 from planner.readers.limits import Source, quote, too_many
 from planner.readers.text import COMMENT, cells_array, coordinate
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 
 AXES: Final = ("x", "y", "z")
 DIGITS_OF_A_COUNT: Final = 9

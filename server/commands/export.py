@@ -13,7 +13,7 @@ from rich.table import Table
 from planner.errors import InputError
 from planner.exports import EXPORTS, Export, export_named, exports_of
 from planner.files import write_whole
-from planner.plan import Plan
+from planner.plan.plan import Plan
 from server.command_inputs import make_directory, refuse
 from server.command_options import AsJson, FoldDirectory
 

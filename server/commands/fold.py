@@ -13,14 +13,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from planner.chain.module import module_named
 from planner.cores import cores
 from planner.errors import InputError
-from planner.fold_files import write_request
-from planner.modules import module_named
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.parallel import Tries
+from planner.pipeline.request import Request
+from planner.pipeline.stages import STAGES, next_stage, run_stage
 from planner.progress import Progress as StageProgress
-from planner.request import Request
-from planner.stages import STAGES, next_stage, run_stage
-from planner.tries import Tries
 from server import certificate_words
 from server.command_inputs import make_directory, read_input, refuse
 from server.command_options import (
@@ -127,7 +127,7 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
         workers: Explosions at once at most; as many as there are cores when None.
         words: What stages are called that do something else than usual.
     """
-    from planner.compiling import Compiling
+    from planner.pipeline.compiling import Compiling
 
     summary: dict[str, Any] = {}
     with (

@@ -17,13 +17,13 @@ import uvicorn
 from fastapi import FastAPI
 from fastapi.responses import RedirectResponse
 
-from planner.diagnosis import stuck_of
-from planner.ended import where
+from planner.certificate.verdict import told_honestly
 from planner.errors import InputError, TimelineError
-from planner.request import Request
-from planner.stages import work_out_figures
-from planner.timeline import Timeline
-from planner.verdicts import told_honestly
+from planner.explosion.diagnosis import stuck_of
+from planner.motion.timeline import Timeline
+from planner.pipeline.ended import where
+from planner.pipeline.request import Request
+from planner.pipeline.stages import work_out_figures
 from server.routes import films, pages, sharing
 from server.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
 from server.workshop import Workshop

@@ -9,16 +9,15 @@ from typing import Annotated
 
 import typer
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
 from planner.errors import InputError
-from planner.fold_files import write_request
-from planner.formats import write_chain
-from planner.plan import Plan
-from planner.refold import write_start, write_start_chain
-from planner.request import Request
-from planner.stages import STAGES, run_stage
-from planner.timeline import chain_from_attributes
-from planner.unfolding import Unfolding
+from planner.motion.timeline import chain_from_attributes
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.refold import write_start, write_start_chain
+from planner.pipeline.request import Request
+from planner.pipeline.stages import STAGES, run_stage
+from planner.plan.formats import write_chain
+from planner.plan.plan import Plan
 from server.command_inputs import make_directory, read_input, refuse
 from server.command_options import (
     AsJson,
@@ -68,7 +67,7 @@ def refold(
             run_stage(STAGES[0], out / FIRST)
             begins = chain_from_attributes(json.loads((out / FIRST / "chain.json").read_bytes()))
         else:
-            begins = Unfolding.of_plan(folded).chain
+            begins = folded.unfolding().chain
         make_directory(out)
         write_start_chain(out, begins)
         write_request(out, *_second(shape, request, begins))
@@ -81,7 +80,7 @@ def refold(
         summary = compute(out / FIRST, workers)
         folded = Plan.load(out / FIRST / "plan.npz")
         try:
-            Unfolding.of_plan(folded)
+            folded.unfolding()
         except InputError:
             finish(summary, out / FIRST, as_json)
     write_start(out, folded)

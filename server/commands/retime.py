@@ -12,15 +12,15 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from planner.clearance.sweep import Sweep
 from planner.errors import InputError
 from planner.exports.trajectory import export
 from planner.files import write_whole
-from planner.motors import STANDARD_GRAVITY_M_S2, Build, MotorTable, motor_table
-from planner.plan import Plan
-from planner.retiming import clearance
-from planner.retiming import retime as retime_plan
-from planner.sweep import Sweep
-from planner.trajectory import Trajectory
+from planner.plan.plan import Plan
+from planner.robot.motors import STANDARD_GRAVITY_M_S2, Build, MotorTable, motor_table
+from planner.robot.retiming import clearance
+from planner.robot.retiming import retime as retime_plan
+from planner.robot.trajectory import Trajectory
 from server import certificate_words
 from server.command_inputs import refuse
 from server.command_options import AsJson, FoldDirectory

@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from planner.paper_settings import NO_LIMIT
+from planner.pipeline.paper_settings import NO_LIMIT
 from server.command_options import AsJson
 from server.setting_words import ROWS, SOURCES
 

@@ -10,12 +10,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from planner.chain.path import Path as CellPath
 from planner.errors import InputError
 from planner.files import write_whole
-from planner.formats import write_chain, write_path
-from planner.paths import Path as CellPath
-from planner.preparation import Preparation, prepare_in_any_order
-from planner.request import SHORT_SEED, Request
+from planner.pathfinding.prepare import Preparation, prepare_in_any_order
+from planner.pipeline.request import SHORT_SEED, Request
+from planner.plan.formats import write_chain, write_path
 from server.command_inputs import read_input, refuse
 from server.command_options import AsJson, Seed
 

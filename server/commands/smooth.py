@@ -9,10 +9,10 @@ from rich.console import Console
 from rich.table import Table
 
 from planner.errors import InputError
-from planner.plan import Plan
-from planner.request import Request
-from planner.smooth_plan import write_smooth
-from planner.stages import STAGES, run_stage
+from planner.pipeline.request import Request
+from planner.pipeline.smooth import write_smooth
+from planner.pipeline.stages import STAGES, run_stage
+from planner.plan.plan import Plan
 from server.command_inputs import make_directory, refuse
 from server.command_options import AsJson, FoldDirectory, PlanDirectory, Seed
 from server.commands.fold import compute, finish

@@ -9,15 +9,15 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from planner.certificate import followed
+from planner.certificate.certificate import followed
+from planner.clearance.largest_size import largest_size as find_largest
 from planner.errors import InputError, TimelineError
-from planner.plan import Plan
-from planner.playback import Playback
-from planner.request import Request
-from planner.sizes import largest_size as find_largest
-from planner.verification import Verification
-from planner.verification import verify as verify_files
-from planner.windows import Windows
+from planner.motion.windows import Windows
+from planner.pipeline.request import Request
+from planner.pipeline.verify import Verification
+from planner.pipeline.verify import verify as verify_files
+from planner.plan.plan import Plan
+from planner.playback.playback import Playback
 from server import certificate_words
 from server.command_inputs import refuse
 from server.command_options import AsJson, FoldDirectory

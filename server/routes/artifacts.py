@@ -51,8 +51,8 @@ def get_frames(
     """Frames that are there, while it still computes too; `next` leads to the rest."""
     # The timeline brings compiled kernels along, which the start of the server need not wait for.
     from planner.errors import TimelineError
-    from planner.frames import PHASES
-    from planner.timeline import Timeline
+    from planner.motion.frames import PHASES
+    from planner.motion.timeline import Timeline
 
     row = context.store.fold(fold_id)
     try:

@@ -12,15 +12,15 @@ from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
+from planner.certificate.verdict import summary_told_honestly, told_honestly
+from planner.chain.module import CUBE, MODULES
 from planner.errors import TimelineError
-from planner.expected import expected_seconds
 from planner.exports import exports_of
-from planner.modules import CUBE, MODULES
-from planner.parameters import AUTO
-from planner.request import LARGEST_SEED, Request
-from planner.smoothing_ways import MOST_ANGLES
-from planner.timeline import Timeline
-from planner.verdicts import summary_told_honestly, told_honestly
+from planner.motion.timeline import Timeline
+from planner.pathfinding.duration import expected_seconds
+from planner.pipeline.request import LARGEST_SEED, Request
+from planner.robot.smoothing_ways import MOST_ANGLES
+from planner.simulation.parameters import AUTO
 from server import certificate_words
 from server.quantities import DIGITS, PRESETS, STRATEGIES, length_m, quantity, sentence
 from server.quantities import parameters as parameters_in_words

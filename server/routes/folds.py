@@ -12,13 +12,13 @@ from fastapi.responses import Response, StreamingResponse
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from planner.errors import InputError
-from planner.paper_settings import LONGEST
+from planner.pathfinding.options import MODULE_COUNTS
+from planner.pathfinding.starts import TEXT as START
+from planner.pathfinding.starts import cell_of
+from planner.pipeline.paper_settings import LONGEST
+from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
+from planner.pipeline.request import Request as Asked
 from planner.readers.limits import quote
-from planner.request import LARGEST_SEED, MODULE_SIZES
-from planner.request import Request as Asked
-from planner.starts import TEXT as START
-from planner.starts import cell_of
-from planner.wishes import MODULE_COUNTS
 from server.addresses import address_of
 from server.beginnings import beginning_noted, beginning_of
 from server.cancelled import sweep_cancelled

@@ -16,10 +16,10 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
 from planner.errors import PlannerError
+from planner.motion.timeline import chain_from_attributes
 from planner.readers import read
-from planner.timeline import chain_from_attributes
 from server.cards import cards, selected
 from server.lately import mark
 from server.problems import Problem

@@ -11,7 +11,7 @@ from typing import Any, Final
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
-from planner.timeline import chain_from_attributes
+from planner.motion.timeline import chain_from_attributes
 from server.routes.pages import STATIC, kept_answer, page
 from web.scenery import scenery_of
 

@@ -13,7 +13,7 @@ from fastapi.responses import Response
 
 from planner.errors import PlannerError
 from planner.files import write_whole
-from planner.timeline import chain_from_attributes
+from planner.motion.timeline import chain_from_attributes
 from server.addresses import address_of
 from server.folders import EXPORTS_DIR
 from server.routes.facts import RUNNING

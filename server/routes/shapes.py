@@ -13,7 +13,7 @@ from fastapi import APIRouter, File, Form, Request, UploadFile
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
-from planner.request import LARGEST_SEED
+from planner.pipeline.request import LARGEST_SEED
 from server.problems import Problem
 from server.routes.folds import ID, Here, Wishes, input_of, problems
 from server.schemas import Preview, Shape, Shapes

@@ -6,7 +6,7 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
 from examples.run_gallery import PROCESSES, SHAPES, fold_shape
-from planner.warm_up import warm_up
+from planner.pipeline.warm_up import warm_up
 from tests.benchmarks.tables import Section
 
 AT_ONCE = 0.98

@@ -10,7 +10,7 @@ from typing import Any
 import mujoco
 
 from planner import Chain, Path
-from planner.model import Material, compiled, tree_spec
+from planner.simulation.model import Material, compiled, tree_spec
 
 REFERENCE_STEPS = 1000
 REFERENCE_MODULES = 160

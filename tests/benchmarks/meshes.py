@@ -15,8 +15,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from planner.solids import Solid
-from planner.voxeliser import voxelise
+from planner.shapes.solid import Solid
+from planner.shapes.voxelise import voxelise
 from tests.benchmarks.tables import Section
 
 MODULES = 1000

@@ -9,7 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from planner.timeline import Timeline
+from planner.motion.timeline import Timeline
 from tests.benchmarks.tables import Section
 from tests.tools import OPENGL
 

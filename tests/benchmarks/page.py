@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from planner.chain import Chain
-from planner.frames import Frames
+from planner.chain.chain import Chain
+from planner.chain.path import Path as CellPath
+from planner.motion.frames import Frames
+from planner.motion.timeline import TimelineWriter
 from planner.pathfinding.snake import snake_path
-from planner.paths import Path as CellPath
-from planner.timeline import TimelineWriter
 from server.gallery import Gallery
 from tests.benchmarks.command import playing
 from tests.benchmarks.tables import Section

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from planner.chain.path import Path as ChainPath
 from planner.pathfinding.blocks import block_path
 from planner.pathfinding.exact import exact_path
-from planner.paths import Path as ChainPath
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 from tests.benchmarks.feasible_sets import FeasibleSet, feasible_sets
 from tests.benchmarks.hard_sets import hard_sets
 from tests.benchmarks.tables import Section

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.clearance.sweep import sweep
+from planner.explosion.peeling import peel
 from planner.pathfinding.assembly import assembly_path, layered_snake
 from planner.pathfinding.candidates import find_paths
-from planner.paths import Path
-from planner.peeling import peel
-from planner.peeling_parameters import PeelingParameters
-from planner.shapes import Shape
-from planner.sweep import sweep
+from planner.shapes.shape import Shape
+from planner.simulation.peeling_parameters import PeelingParameters
 from tests.benchmarks.tables import Section
 
 SHAPES = ("12x8x12", "12x8x12:blocks", "cup-12", "ball-16", "16x16x16", "20x20x24")

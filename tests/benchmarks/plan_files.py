@@ -9,10 +9,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from planner.angle_steps import snapped
-from planner.frames import Frames
-from planner.parameters import Parameters
-from planner.plan import Plan
+from planner.motion.angle_steps import snapped
+from planner.motion.frames import Frames
+from planner.plan.plan import Plan
+from planner.simulation.parameters import Parameters
 from tests.benchmarks.tables import Section
 from tests.planner.chains import line
 from tests.planner.plans import unverified

@@ -16,13 +16,13 @@ from typing import Any
 import trimesh
 from rich.console import Console
 
-from planner.fold_files import write_request
-from planner.formats import write_chain
-from planner.motion import motion_arrays
-from planner.plan import Plan
-from planner.request import Request
-from planner.stages import run_stages
-from planner.warm_up import warm_up
+from planner.motion.motion import motion_arrays
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.pipeline.warm_up import warm_up
+from planner.plan.formats import write_chain
+from planner.plan.plan import Plan
 from tests.benchmarks.tables import Section
 from tests.planner.chains import knotted
 

@@ -17,10 +17,10 @@ import numpy as np
 import trimesh
 from rich.console import Console
 
-from planner.formats import write_path
+from planner.chain.path import Path
 from planner.pathfinding.assembly import layered_snake
-from planner.paths import Path
-from planner.warm_up import warm_up
+from planner.pipeline.warm_up import warm_up
+from planner.plan.formats import write_path
 from tests.benchmarks.command import fold
 from tests.benchmarks.machine import machine
 from tests.benchmarks.tables import Section

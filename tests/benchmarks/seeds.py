@@ -19,8 +19,8 @@ from rich.console import Console
 
 from examples.run_gallery import SHAPES
 from planner.errors import InputError
-from planner.request import Request
-from planner.warm_up import warm_up
+from planner.pipeline.request import Request
+from planner.pipeline.warm_up import warm_up
 from tests.benchmarks.meshes import MESHES
 from tests.benchmarks.stored import judge, run_missing, version_of
 from tests.benchmarks.tables import Section

@@ -15,11 +15,11 @@ import numpy as np
 from rich.console import Console
 
 from examples.run_gallery import SHAPES
-from planner.fold_files import write_request
-from planner.plan import Plan
-from planner.request import Request
-from planner.smooth_plan import smooth_plan
-from planner.stages import run_stages
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.request import Request
+from planner.pipeline.smooth import smooth_plan
+from planner.pipeline.stages import run_stages
+from planner.plan.plan import Plan
 from tests.benchmarks.tables import Section
 
 NAMES = (

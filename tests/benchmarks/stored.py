@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from planner.progress import Cancelled, never
 
 if TYPE_CHECKING:
-    from planner.request import Request
+    from planner.pipeline.request import Request
 
 Case = TypeVar("Case")
 Row = dict[str, Any]
@@ -93,8 +93,8 @@ def judge(
         InputError: When the input cannot be used.
     """
     # Loaded late: each process that runs cases of another kind would load all of the planner.
-    from planner.fold_files import write_request
-    from planner.stages import STAGES, next_stage, run_stage
+    from planner.pipeline.fold_directory import write_request
+    from planner.pipeline.stages import STAGES, next_stage, run_stage
 
     write_request(directory, request, data)
     stage: str | None = STAGES[0]

@@ -20,17 +20,17 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED
+from planner.chain.path import Path
 from planner.errors import InputError
-from planner.formats import write_path
 from planner.kernels.backbite import grow
 from planner.pathfinding.assembly import layered_snake
 from planner.pathfinding.candidates import find_paths
 from planner.pathfinding.lattice import neighbours
-from planner.paths import Path
-from planner.request import Request
-from planner.shapes import Shape
-from planner.verdicts import KINEMATICS_ONLY, SIMULATED
-from planner.warm_up import warm_up
+from planner.pipeline.request import Request
+from planner.pipeline.warm_up import warm_up
+from planner.plan.formats import write_path
+from planner.shapes.shape import Shape
 from tests.benchmarks.stored import judge, run_missing
 from tests.benchmarks.success_picture import Shares, picture
 

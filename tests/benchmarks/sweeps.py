@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from examples.run_gallery import SHAPES
-from planner.chain import Chain
-from planner.fold_files import write_request
-from planner.plan import Plan
-from planner.record import Record
-from planner.request import Request
-from planner.stages import run_stages
-from planner.sweep import Sweep, sweep
-from planner.windows import Windows
+from planner.chain.chain import Chain
+from planner.clearance.sweep import Sweep, sweep
+from planner.motion.record import Record
+from planner.motion.windows import Windows
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.plan.plan import Plan
 from tests.benchmarks.tables import Section
 from tests.planner.peels import peel, snake
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from planner.formats import write_path
-from planner.paths import Path as CellPath
-from planner.request import Request
+from planner.chain.path import Path as CellPath
+from planner.pipeline.request import Request
+from planner.plan.formats import write_path
 from tests.benchmarks.reproduction.__main__ import DOCUMENT, PAPER
 from tests.benchmarks.reproduction.different import CHOSEN, different_shapes, features, measured
 from tests.benchmarks.reproduction.document import document

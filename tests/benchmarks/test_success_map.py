@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
-from planner.paths import Path
+from planner.chain.path import Path
 from tests.benchmarks import success_map
 from tests.benchmarks.stored import stored
 from tests.benchmarks.success_map import BOXES, KINDS, METHODS, Case, cases, path_of, run

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from planner.chain import Chain
-from planner.formats import write_chain
-from planner.honeycomb import ring_pairs
+from planner.chain.chain import Chain
+from planner.chain.honeycomb import ring_pairs
+from planner.clearance.largest_size import largest_size
 from planner.pathfinding.tetrahedra import find_trails
 from planner.pathfinding.trails import circuit
-from planner.plan import Plan
-from planner.shapes import Shape
-from planner.sizes import largest_size
+from planner.plan.formats import write_chain
+from planner.plan.plan import Plan
+from planner.shapes.shape import Shape
 from server.gallery import gallery
 from tests.benchmarks.command import Run, fold
 from tests.benchmarks.tables import Section

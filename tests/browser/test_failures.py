@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Page, expect
 
+from planner.motion.timeline import Timeline
 from planner.pathfinding.assembly import layered_snake
-from planner.timeline import Timeline
 from tests.browser.conftest import keep, picture
 from tests.browser.test_fold_page import shown_frame
 from tests.planner.test_knots import OVERHAND, walk

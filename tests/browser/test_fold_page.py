@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, Route, expect
 
+from planner.motion.timeline import Timeline
 from planner.progress import COMPILING
-from planner.timeline import Timeline
 from tests.browser.conftest import PATIENCE_MS, keep, picture, shot
 from tests.server.service import STAIRS, Service
 from web.colours import error_scale, module_errors

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, Response, expect
 
-from planner.kinematics import forward_kinematics
-from planner.windows import Windows
+from planner.chain.kinematics import forward_kinematics
+from planner.motion.windows import Windows
 from tests.benchmarks.command import playing
 from tests.browser.conftest import keep
 from tests.planner import peels

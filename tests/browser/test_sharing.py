@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from planner.plan import Plan
+from planner.plan.plan import Plan
 from tests.browser.conftest import OPEN, PATIENCE_MS, VIEW, keep, picture, visits
 from tests.browser.test_fold_page import seek
 from tests.server.service import Service

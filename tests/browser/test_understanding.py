@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from planner.figures import Figures
-from planner.timeline import Timeline
+from planner.certificate.metrics import Figures
+from planner.motion.timeline import Timeline
 from tests.browser.conftest import OPEN, keep, leave_view_out, picture, visits
 from tests.browser.test_fold_page import seek, shown_frame
 from tests.server.service import Service

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from examples.make_gallery import HERE, Drawing, drawings, drawn, lying, make, slices, standing
-from planner.knots import knot_of
-from planner.paths import Path
+from planner.chain.path import Path
+from planner.pathfinding.knots import knot_of
 from planner.readers import read
 
 DRAWINGS = drawings()

@@ -5,7 +5,7 @@ import pytest
 from examples import make_tetrahedra
 from examples.make_gallery import drawings
 from examples.make_shapes import DRAWINGS, SHAPES, Drawing, make, merged_blocks, snake
-from planner.paths import Path
+from planner.chain.path import Path
 from planner.readers import read
 
 by_name = pytest.mark.parametrize("shape", DRAWINGS, ids=lambda shape: shape.name)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from examples import make_tetrahedra
-from planner.chain import Chain
-from planner.modules import TETRAHEDRON
+from planner.chain.chain import Chain
+from planner.chain.module import TETRAHEDRON
 from planner.readers import read
 from server.gallery import gallery
 

@@ -19,7 +19,7 @@ from typing import Final
 from tests.faults.fault import Fault
 
 KERNEL_CACHES: Final = ("*.nbi", "*.nbc")
-WARM_UP: Final = "from planner.warm_up import warm_up; warm_up()"
+WARM_UP: Final = "from planner.pipeline.warm_up import warm_up; warm_up()"
 FAILED: Final = Path(".pytest_cache/v/cache/lastfailed")
 GREEN: Final = 0
 RED: Final = 1

@@ -13,10 +13,10 @@ from typing import Final
 import numpy as np
 import trimesh
 
-from planner.chain import Chain
-from planner.formats import write_chain, write_path, write_shape
-from planner.paths import Path
-from planner.shapes import Shape
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.plan.formats import write_chain, write_path, write_shape
+from planner.shapes.shape import Shape
 from tests.planner.solids_made import MESH_KINDS, as_binvox, as_grid, as_vox, exported, zipped
 from tests.planner.test_readers_fuzz import SPICE, mutated
 

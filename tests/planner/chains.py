@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain import Chain
-from planner.modules import CUBE
-from planner.paths import Path
-from planner.segments import State, turned
+from planner.chain.chain import Chain
+from planner.chain.module import CUBE
+from planner.chain.path import Path
+from planner.simulation.segments import State, turned
 
 Array = NDArray[np.float64]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain import Chain
-from planner.frames import PHASES
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.motion.frames import PHASES
+from planner.motion.windows import Windows
 from planner.pathfinding.snake import snake_path
-from planner.paths import Path
-from planner.windows import Windows
 
 Array = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from planner.certificate import certify
-from planner.chain import Chain
-from planner.frames import Frames
-from planner.motion import Motion
-from planner.parameters import Parameters
-from planner.plan import Plan
+from planner.certificate.certificate import certify
+from planner.chain.chain import Chain
+from planner.motion.frames import Frames
+from planner.motion.motion import Motion
+from planner.plan.plan import Plan
+from planner.simulation.parameters import Parameters
 
 
 def changed(plan: Plan, **values: Any) -> Plan:

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import zarr
 
-from planner.manifest import WHOLE, write_manifest
-from planner.plan import read_values
+from planner.pipeline.manifest import WHOLE, write_manifest
+from planner.plan.plan import read_values
 
 JSON = ("plan.json", "certificate.json", "chain.json", "request.json", "attempts.json")
 JSON += ("candidates.json", "start.json")

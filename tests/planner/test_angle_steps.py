@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 from numpy.typing import NDArray
 
-from planner.angle_steps import (
+from planner.motion.angle_steps import (
     STEP_RAD,
     frame_angles,
     frame_planes,
@@ -28,11 +28,11 @@ from planner.angle_steps import (
     window_angles,
     window_planes,
 )
-from planner.frames import Frames
-from planner.motion import motion_arrays
-from planner.parameters import Parameters
-from planner.plan import Plan
-from planner.windows import Windows
+from planner.motion.frames import Frames
+from planner.motion.motion import motion_arrays
+from planner.motion.windows import Windows
+from planner.plan.plan import Plan
+from planner.simulation.parameters import Parameters
 from tests.planner.chains import line
 from tests.planner.plans import unverified
 

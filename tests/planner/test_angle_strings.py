@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.module import TETRAHEDRON
 from planner.errors import InputError
-from planner.modules import TETRAHEDRON
 from planner.readers import read
 from planner.readers.angle_strings import angle_string, read_angle_string
 

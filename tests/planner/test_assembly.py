@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from planner.chain.path import Path
 from planner.pathfinding.assembly import (
     assembly_path,
     filled_blocks,
@@ -14,9 +15,8 @@ from planner.pathfinding.assembly import (
     peelable,
     solid_path,
 )
-from planner.pathfinding.layers import layered_path
 from planner.pathfinding.snake import snake_path
-from planner.paths import Path
+from planner.shapes.layers import layered_path
 
 Ints = NDArray[np.int64]
 

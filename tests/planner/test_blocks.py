@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.knots import knot_of
 from planner.pathfinding.blocks import (
     FACES,
     Tree,
@@ -18,9 +17,10 @@ from planner.pathfinding.blocks import (
     halved,
     joint_options,
 )
+from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import STEPS, spread, spreads_of_cuts, surface
 from planner.pathfinding.loose_blocks import block_corners, loose_block_path
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]
 TREES: tuple[Tree, ...] = ("bfs", "dfs", "random")

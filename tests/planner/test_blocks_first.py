@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.blocks_first import WINDOW, _BlocksFirst, block_starts, explode_blocks_first
-from planner.blocks_first_model import Blocks
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.module import TETRAHEDRON
+from planner.chain.path import Path
+from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.explosion import Explosion
-from planner.model import Material
-from planner.modules import TETRAHEDRON
-from planner.parameters import ExplosionParameters
+from planner.explosion.blocks import WINDOW, _BlocksFirst, block_starts, explode_blocks_first
+from planner.explosion.simultaneous import Explosion
 from planner.pathfinding.assembly import assembly_path
-from planner.paths import Path
-from planner.segments import Segments, State
-from planner.sweep import sweep
+from planner.simulation.model import Material
+from planner.simulation.parameters import ExplosionParameters
+from planner.simulation.rigid_blocks import Blocks
+from planner.simulation.segments import Segments, State
 from tests.planner.chains import coil
 
 DEFAULT = ExplosionParameters()

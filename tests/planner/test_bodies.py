@@ -8,6 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from planner.chain.kinematics import forward_kinematics
+from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.kernels.approach import WIDTH as APPROACH
 from planner.kernels.approach import approach, loss_along
 from planner.kernels.bodies import (
@@ -21,8 +23,6 @@ from planner.kernels.bodies import (
     move_bodies,
     rod_body,
 )
-from planner.kinematics import forward_kinematics
-from planner.modules import CUBE, TETRAHEDRON, Module
 
 Array = NDArray[np.float64]
 MODULES = st.sampled_from([CUBE, TETRAHEDRON])

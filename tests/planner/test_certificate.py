@@ -12,15 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from planner.certificate import GRAVITY_M_S2, Certificate, certify
-from planner.chain import Chain
+from planner.certificate.certificate import GRAVITY_M_S2, Certificate, certify
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.frames import Frames
-from planner.parameters import Parameters, preset
-from planner.paths import Path
-from planner.playback import Playback
-from planner.record import Record
-from planner.sweep import sweep
+from planner.motion.frames import Frames
+from planner.motion.record import Record
+from planner.playback.playback import Playback
+from planner.simulation.parameters import Parameters, preset
 from tests.planner.chains import coil, line
 from tests.planner.conftest import REAL
 

@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.module import CUBE
+from planner.chain.path import Path
+from planner.chain.rotations import matrix_from_wxyz
 from planner.errors import InputError
-from planner.modules import CUBE
-from planner.paths import Path
-from planner.rotations import matrix_from_wxyz
 from tests.planner.lattice import ROTATIONS, walks
 
 QUARTER = np.pi / 2

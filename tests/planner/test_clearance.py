@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from planner.clearance import closest
+from planner.chain.module import CUBE
+from planner.clearance.clearance import closest
 from planner.kernels.clearance import pair_separation
-from planner.modules import CUBE
-from planner.segments import turned
+from planner.simulation.segments import turned
 from tests.planner.chains import coil, random_rotation
 
 Array = NDArray[np.float64]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.controllers import ComputedTorque, Servo
-from planner.guides import Target
-from planner.model import Material
-from planner.tree import Servos, Tree
+from planner.playback.controllers import ComputedTorque, Servo
+from planner.playback.setpoints import Target
+from planner.simulation.model import Material
+from planner.simulation.tree import Servos, Tree
 from tests.planner.chains import line
 
 Array = NDArray[np.float64]

@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.chain import Chain
-from planner.dynamics import floating_torques, motion_of
-from planner.model import Material
-from planner.modules import TETRAHEDRON
-from planner.tree import Tree
+from planner.chain.chain import Chain
+from planner.chain.dynamics import floating_torques, motion_of
+from planner.chain.module import TETRAHEDRON
+from planner.simulation.model import Material
+from planner.simulation.tree import Tree
 from tests.planner.chains import coil, random_angles
 
 

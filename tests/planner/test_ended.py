@@ -8,18 +8,18 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
-from planner import attempts
-from planner.best_record import ASIDE
-from planner.chain import Chain
-from planner.ended import look_back, where
-from planner.fold_files import write_request
-from planner.formats import write_path
-from planner.frames import Frames
-from planner.paths import Path
-from planner.portfolio import Try
-from planner.request import Request
-from planner.stages import run_stage
-from planner.timeline import Timeline, TimelineWriter, chain_from_attributes
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.motion.frames import Frames
+from planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
+from planner.pipeline import attempts
+from planner.pipeline.best_record import ASIDE
+from planner.pipeline.ended import look_back, where
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.portfolio import Try
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stage
+from planner.plan.formats import write_path
 from tests.planner.peels import snake
 
 CHAIN = snake((2, 2, 3))

@@ -11,13 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding.circuits import circuit
 from planner.pathfinding.exact import exact_path
 from planner.pathfinding.lattice import neighbours, spread, surface
 from planner.pathfinding.obstacles import obstacles
-from planner.paths import Path
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 from tests.benchmarks.feasible_sets import FeasibleSet, feasible_sets
 from tests.benchmarks.hard_sets import hard_sets
 from tests.benchmarks.paths import HARD_RESULTS, RESULTS, check_stored

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.clearance.sweep import sweep
 from planner.errors import SimulationError
-from planner.explosion import explode
-from planner.frames import Frames
-from planner.parameters import ExplosionParameters
+from planner.explosion.simultaneous import explode
+from planner.motion.frames import Frames
 from planner.progress import Progress
 from planner.readers import read
-from planner.segments import Acceleration, Segments, State
-from planner.sweep import sweep
+from planner.simulation.parameters import ExplosionParameters
+from planner.simulation.segments import Acceleration, Segments, State
 from tests.planner.chains import coil, knotted, line, overlapping
 from tests.planner.conftest import REAL, SHAPES
 
@@ -155,7 +155,7 @@ def test_the_sink_gets_the_record_as_it_grows() -> None:
 
 
 def test_progress_is_told_and_rises_overall(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.explosion.REPORT_EVERY_S", 0.0)
+    monkeypatch.setattr("planner.explosion.simultaneous.REPORT_EVERY_S", 0.0)
     told: list[Progress] = []
     record = explode(coil(24), DEFAULT, progress=told.append)
     assert {p.stage for p in told} == {"explode"}
@@ -285,7 +285,7 @@ def test_a_chain_without_a_way_out_is_called_stuck(monkeypatch: pytest.MonkeyPat
         return replace(found, hinges=0.0 * found.hinges, linear=np.zeros(3), angular=np.zeros(3))
 
     monkeypatch.setattr(Segments, "accelerations", frozen)
-    monkeypatch.setattr("planner.explosion.JAM_WINDOW", 10)
+    monkeypatch.setattr("planner.explosion.simultaneous.JAM_WINDOW", 10)
     record = explode(coil(12), DEFAULT)
     assert record.status == "stalled"
     assert "stuck" in record.reason

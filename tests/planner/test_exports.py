@@ -23,13 +23,13 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from planner.chain.kinematics import Poses
 from planner.errors import InputError
 from planner.exports import EXPORTS, Export, export_named, exports_of, glb
 from planner.exports.mjcf import PERCENTS
 from planner.exports.urdf import centre_of
-from planner.folding import fold
-from planner.kinematics import Poses
-from planner.plan import Plan
+from planner.pipeline.fold import fold
+from planner.plan.plan import Plan
 from planner.readers.angle_strings import read_angle_string
 
 Array = NDArray[np.float64]

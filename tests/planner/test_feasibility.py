@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.feasibility import Repair, apply_repair, feasibility
 from planner.pathfinding.candidates import find_paths
 from planner.pathfinding.exact import exact_path
-from planner.shapes import Shape
+from planner.pathfinding.feasibility import Repair, apply_repair, feasibility
+from planner.shapes.shape import Shape
 from tests.conftest import examples
 from tests.planner.lattice import NEIGHBOURS
 

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.certificate import Certificate, torque_unit_nm
-from planner.chain import Chain
-from planner.dynamics import floating_torques, motion_of
+from planner.certificate.certificate import Certificate, torque_unit_nm
+from planner.certificate.measure import clearances_of, figures_of, write_figures
+from planner.certificate.metrics import REACH, Curves, Figures
+from planner.chain.chain import Chain
+from planner.chain.dynamics import floating_torques, motion_of
+from planner.chain.kinematics import forward_kinematics
+from planner.chain.module import TETRAHEDRON
+from planner.clearance.sweep import sweep
 from planner.errors import TimelineError
-from planner.figures import REACH, Curves, Figures
-from planner.frames import Frames, Phase
 from planner.kernels.clearance import pair_separation
-from planner.kinematics import forward_kinematics
-from planner.measuring import clearances_of, figures_of, write_figures
-from planner.modules import TETRAHEDRON
-from planner.parameters import Parameters
-from planner.stages import work_out_figures
-from planner.sweep import sweep
-from planner.timeline import Timeline, TimelineWriter
+from planner.motion.frames import Frames, Phase
+from planner.motion.timeline import Timeline, TimelineWriter
+from planner.pipeline.stages import work_out_figures
+from planner.simulation.parameters import Parameters
 from tests.planner.chains import coil, random_angles
 
 Array = NDArray[np.float64]

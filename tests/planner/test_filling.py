@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
+from planner.chain.honeycomb import RING
+from planner.chain.module import TETRAHEDRON
+from planner.chain.path import Path
 from planner.errors import InputError
-from planner.formats import write_path
-from planner.honeycomb import RING
-from planner.modules import TETRAHEDRON
-from planner.paths import Path
-from planner.preparation import Preparation, prepare
-from planner.wishes import Wishes
+from planner.pathfinding.options import Wishes
+from planner.pathfinding.prepare import Preparation, prepare
+from planner.plan.formats import write_path
 
 U = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [2, 2, 0], [1, 2, 0], [0, 2, 0]]
 VOXELS = b'{"format": "foldback-voxels/1", "cells": [[0,0,0],[1,0,0],[1,1,0],[5,5,5]]}'

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.chain import Chain
-from planner.folding import fold
-from planner.paths import Path
-from planner.plan import Plan
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.pipeline.fold import fold
+from planner.plan.plan import Plan
 from tests.planner.chains import coil, line
 from tests.planner.conftest import SHAPES
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.guides import (
+from planner.playback.reference import Reference
+from planner.playback.setpoints import (
     SETTLE_STEPS,
     STILL_STEPS,
     STUCK_STEPS,
@@ -18,8 +19,7 @@ from planner.guides import (
     Target,
     TimedGuide,
 )
-from planner.reference import Reference
-from planner.timelaw import smooth_law
+from planner.playback.time_law import smooth_law
 
 Array = NDArray[np.float64]
 STEP_S = 0.02

@@ -7,12 +7,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from planner.chain import Chain
-from planner.clearance import closest
-from planner.honeycomb import DODECAHEDRON, RING, dodecahedron_pairs, ring_pairs
-from planner.modules import TETRAHEDRON
+from planner.chain.chain import Chain
+from planner.chain.honeycomb import DODECAHEDRON, RING, dodecahedron_pairs, ring_pairs
+from planner.chain.module import TETRAHEDRON
+from planner.chain.trail import Trail, hinge_axes
+from planner.clearance.clearance import closest
 from planner.pathfinding.trails import circuit, opened
-from planner.trails import Trail, hinge_axes
 
 Ints = NDArray[np.int64]
 ONE = np.zeros((1, 3), dtype=np.int64)

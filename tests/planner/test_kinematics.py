@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from planner.chain import Chain
-from planner.kinematics import forward_kinematics
-from planner.modules import CUBE
-from planner.paths import Path
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.chain.module import CUBE
+from planner.chain.path import Path
 from tests.planner.lattice import walks
 
 Array = NDArray[np.float64]

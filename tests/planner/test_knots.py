@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.kernels.knots import determinant, reduced, tightened
-from planner.knots import Knot, knot_of, knot_of_polygon
-from planner.knots import _determinant as exact_determinant
-from planner.knots import _fewest_crossings as fewest_crossings
+from planner.pathfinding.knots import Knot, knot_of, knot_of_polygon
+from planner.pathfinding.knots import _determinant as exact_determinant
+from planner.pathfinding.knots import _fewest_crossings as fewest_crossings
 
 Cells = NDArray[np.int64]
 

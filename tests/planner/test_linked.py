@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.module import CUBE, TETRAHEDRON, Module
+from planner.clearance.linked import exempt_pairs
 from planner.exports.mjcf import mjcf
-from planner.frames import Frames
 from planner.kernels.clearance import pair_separation
-from planner.linked import exempt_pairs
-from planner.modules import CUBE, TETRAHEDRON, Module
-from planner.windows import Windows
+from planner.motion.frames import Frames
+from planner.motion.windows import Windows
 from tests.planner.chains import coil, line
 
 Array = NDArray[np.float64]

@@ -12,36 +12,35 @@ import mujoco
 import numpy as np
 import pytest
 
-from planner import plan as plan_module
-from planner.certificate import certify
-from planner.chain import Chain
-from planner.dynamics import floating_torques
+from planner.certificate.certificate import certify
+from planner.certificate.metrics import Curves, Figures
+from planner.chain.chain import Chain
+from planner.chain.dynamics import floating_torques
+from planner.chain.path import Path
 from planner.errors import InputError, TimelineError
+from planner.explosion.strategies import strategies_for
 from planner.exports import export_named
 from planner.exports.mjcf import keys_of, mjcf
 from planner.exports.mjcf_pieces import PIECE, coordinates, starts_of
-from planner.figures import Curves, Figures
-from planner.fold_files import write_request
-from planner.formats import write_path
-from planner.frames import PHASES, Frames
-from planner.inverse import inverse_dynamics
-from planner.motion import motion_arrays
-from planner.parameters import Parameters, preset
+from planner.motion.frames import PHASES, Frames
+from planner.motion.inverse import inverse_dynamics
+from planner.motion.motion import motion_arrays
+from planner.motion.record import Record
+from planner.motion.timeline import Timeline, TimelineWriter
+from planner.motion.windows import Windows
 from planner.pathfinding.assembly import layered_snake
 from planner.pathfinding.candidates import find_paths
-from planner.paths import Path
-from planner.plan import Plan
-from planner.playback import Playback
-from planner.record import Record
-from planner.replay import replay
-from planner.request import Request
-from planner.shapes import Shape
-from planner.stages import run_stage, run_stages
-from planner.strategies import strategies_for
-from planner.timeline import Timeline, TimelineWriter
-from planner.unfolding import Unfolding
-from planner.verification import verify
-from planner.windows import Windows
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stage, run_stages
+from planner.pipeline.verify import verify
+from planner.plan.formats import write_path
+from planner.plan.plan import Plan
+from planner.plan import plan as plan_module
+from planner.plan.replay import replay
+from planner.playback.playback import Playback
+from planner.shapes.shape import Shape
+from planner.simulation.parameters import Parameters, preset
 from tests.planner.chains import line
 from tests.planner.peels import peel, snake
 
@@ -346,7 +345,7 @@ def test_keys_are_on_the_way(plan: Plan) -> None:
 
 
 def test_it_can_be_the_beginning_of_another_fold(plan: Plan) -> None:
-    way = Unfolding.of_plan(plan)
+    way = plan.unfolding()
     np.testing.assert_array_equal(way.folding_rad[0], 0.0)
 
 

@@ -7,10 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.rotations import wxyz_from_matrix
 from planner.exports.mjcf import mjcf
 from planner.readers import read
-from planner.rotations import wxyz_from_matrix
 from tests.planner.conftest import SHAPES
 
 

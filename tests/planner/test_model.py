@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from planner.chain import Chain
-from planner.model import Material, segment_spec, segment_starts, tree_spec
-from planner.rotations import wxyz_from_matrix
+from planner.chain.chain import Chain
+from planner.chain.rotations import wxyz_from_matrix
+from planner.simulation.model import Material, segment_spec, segment_starts, tree_spec
 from tests.planner.chains import coil, line, random_angles, random_rotation
 
 SIZES = (3, 4, 5, 9, 16, 17, 18, 33)

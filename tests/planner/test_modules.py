@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from planner.chain.module import CUBE, MODULES, Module, module_named
 from planner.errors import InputError
-from planner.modules import CUBE, MODULES, Module, module_named
 
 
 @pytest.mark.parametrize("module", MODULES.values(), ids=MODULES)

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
 from planner.errors import InputError
 from planner.exports.mjcf import mjcf
-from planner.model import Material
-from planner.motors import Build, motor_table
-from planner.retiming import retime, retimed
-from planner.trajectory import Trajectory
-from planner.tree import Tree
-from planner.untyped import mujoco
+from planner.robot.motors import Build, motor_table
+from planner.robot.retiming import retime, retimed
+from planner.robot.trajectory import Trajectory
+from planner.simulation.model import Material
+from planner.simulation.mujoco import mujoco
+from planner.simulation.tree import Tree
 from tests.planner.chains import line
 
 MASS, PITCH, GRAVITY = 0.2, 0.05, 9.81

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.overlap import first_close_pair
+from planner.chain.overlap import first_close_pair
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 60), st.floats(0.5, 8.0))

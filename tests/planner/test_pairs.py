@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from planner.kernels import pairs as module
 from planner.kernels.pairs import largest_approach_speed, near_pairs, repulsion
-from planner.model import Material
-from planner.segments import Segments
+from planner.simulation.model import Material
+from planner.simulation.segments import Segments
 from tests.conftest import examples
 from tests.planner.chains import line, random_state
 

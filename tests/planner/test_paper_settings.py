@@ -4,13 +4,19 @@ from dataclasses import fields, replace
 
 import pytest
 
+from planner.chain.path import Path
 from planner.errors import InputError
-from planner.folding import fold
-from planner.paper_settings import SETTINGS, Setting, read_settings, settings_text, with_settings
-from planner.parameters import PaperExplosionParameters, preset
-from planner.paths import Path
-from planner.refold import refold
-from planner.request import Request
+from planner.pipeline.fold import fold
+from planner.pipeline.paper_settings import (
+    SETTINGS,
+    Setting,
+    read_settings,
+    settings_text,
+    with_settings,
+)
+from planner.pipeline.refold import refold
+from planner.pipeline.request import Request
+from planner.simulation.parameters import PaperExplosionParameters, preset
 
 PAPER = preset("paper")
 

@@ -6,7 +6,7 @@ from dataclasses import FrozenInstanceError
 import pytest
 
 from planner.errors import InputError
-from planner.parameters import (
+from planner.simulation.parameters import (
     PRESETS,
     ExplosionParameters,
     PaperExplosionParameters,

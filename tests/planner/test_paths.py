@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from numpy.typing import NDArray
 
+from planner.chain.path import LARGEST_COORDINATE, Path
 from planner.errors import InputError
-from planner.paths import LARGEST_COORDINATE, Path
 from tests.planner.lattice import walks
 
 

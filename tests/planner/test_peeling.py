@@ -9,23 +9,23 @@ from functools import cache
 import numpy as np
 import pytest
 
-from planner.chain import Chain
-from planner.contact_depth import ContactDepth
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.kinematic import windowed_frames
-from planner.motion import motion_arrays
-from planner.parameters import PlaybackParameters
+from planner.explosion.contact_depth import ContactDepth
+from planner.explosion.peeling import _Peeling, peel, turned_towards
+from planner.explosion.peeling_proof import Proof
+from planner.explosion.peeling_window import Bend, Peelable
+from planner.motion.motion import motion_arrays
+from planner.motion.record import Record
+from planner.motion.windows import Windows
 from planner.pathfinding.assembly import assembly_path, solid_path
 from planner.pathfinding.snake import snake_path
-from planner.paths import Path
-from planner.peeling import _Peeling, peel, turned_towards
-from planner.peeling_parameters import PeelingParameters
-from planner.peeling_proof import Proof
-from planner.peeling_window import Bend, Peelable
+from planner.playback.kinematic import windowed_frames
 from planner.progress import Progress
-from planner.record import Record
-from planner.sweep import sweep
-from planner.windows import Windows
+from planner.simulation.parameters import PlaybackParameters
+from planner.simulation.peeling_parameters import PeelingParameters
 from tests.planner.chains import coil, knotted, line
 
 DEFAULT = PeelingParameters()

@@ -10,10 +10,10 @@ from zlib import compress
 import numpy as np
 import pytest
 
-from planner.angle_steps import frame_planes, plan_angles
 from planner.errors import InputError
-from planner.motion import motion_arrays
-from planner.plan import FORMAT, Plan, versions
+from planner.motion.angle_steps import frame_planes, plan_angles
+from planner.motion.motion import motion_arrays
+from planner.plan.plan import FORMAT, Plan, versions
 from tests.planner.plans import changed
 
 EARLIER = FilePath(__file__).parent / "earlier_plans"

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.alignment import aligned_distances
-from planner.angle_steps import STEP_RAD
-from planner.certificate import certify
-from planner.chain import Chain
+from planner.certificate.certificate import certify
+from planner.chain.alignment import aligned_distances
+from planner.chain.chain import Chain
+from planner.chain.path import Path
 from planner.errors import InputError
-from planner.frames import Frames
-from planner.inverse import inverse_dynamics
-from planner.parameters import Parameters, PlaybackParameters, preset
-from planner.paths import Path
-from planner.playback import Playback, play_back
+from planner.motion.angle_steps import STEP_RAD
+from planner.motion.frames import Frames
+from planner.motion.inverse import inverse_dynamics
+from planner.motion.record import Record
+from planner.playback.playback import Playback, play_back
 from planner.progress import Progress
-from planner.record import Record
-from planner.tree import Tree
+from planner.simulation.parameters import Parameters, PlaybackParameters, preset
+from planner.simulation.tree import Tree
 from tests.planner.conftest import REAL
 
 Array = NDArray[np.float64]
@@ -219,7 +219,7 @@ def test_what_cannot_be_played_is_a_broken_call(small: tuple[Chain, Record]) -> 
 
 
 def test_sink_and_progress(small: tuple[Chain, Record], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.playback.REPORT_EVERY_S", 0.0)
+    monkeypatch.setattr("planner.playback.playback.REPORT_EVERY_S", 0.0)
     parts: list[Frames] = []
     told: list[Progress] = []
     playback = play_back(*small, DEFAULT, sink=parts.append, progress=told.append, start_s=7.0)

@@ -10,24 +10,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner import attempts
-from planner.best_record import BestRecord, bent
-from planner.chain import Chain
-from planner.diagnosis import diagnose
-from planner.explosion import explode
-from planner.fold_files import write_request
-from planner.formats import write_path
-from planner.frames import Frames
-from planner.parameters import ExplosionParameters
-from planner.paths import Path
-from planner.peeling import peel
-from planner.peeling_parameters import PeelingParameters
-from planner.plan import Plan
-from planner.portfolio import MOST, Choice, Try
-from planner.record import Record
-from planner.request import Request
-from planner.stages import run_stages
-from planner.timeline import Timeline, TimelineWriter
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.explosion.diagnosis import diagnose
+from planner.explosion.peeling import peel
+from planner.explosion.simultaneous import explode
+from planner.motion.frames import Frames
+from planner.motion.record import Record
+from planner.motion.timeline import Timeline, TimelineWriter
+from planner.pipeline import attempts
+from planner.pipeline.best_record import BestRecord, bent
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.portfolio import MOST, Choice, Try
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.plan.formats import write_path
+from planner.plan.plan import Plan
+from planner.simulation.parameters import ExplosionParameters
+from planner.simulation.peeling_parameters import PeelingParameters
 from tests.planner.peels import snake
 
 BOTH = ("simultaneous", "peel")
@@ -237,7 +237,7 @@ def test_all_that_was_tried_is_in_the_plan(
         hasty = ExplosionParameters(max_steps=40)
         return replace(explode(chain, hasty, **more), status="stalled", reason="it sticks")
 
-    monkeypatch.setattr("planner.strategies.explode", sticks)
+    monkeypatch.setattr("planner.explosion.strategies.explode", sticks)
     cells = [
         (x if y % 2 == 0 else 2 - x, y, z if z < 2 else z)
         for z in (0,)

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from planner.errors import InputError
-from planner.expected import expected_seconds
-from planner.feasibility import feasibility
-from planner.filling.cubes import doubled
-from planner.formats import write_chain
-from planner.preparation import prepare
-from planner.shapes import Shape
-from planner.wishes import Wishes
+from planner.pathfinding.duration import expected_seconds
+from planner.pathfinding.feasibility import feasibility
+from planner.pathfinding.fill_cubes import doubled
+from planner.pathfinding.options import Wishes
+from planner.pathfinding.prepare import prepare
+from planner.plan.formats import write_chain
+from planner.shapes.shape import Shape
 from tests.planner.chains import coil
 from tests.planner.conftest import SHAPES
 

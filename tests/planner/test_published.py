@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner import published
-from planner.angle_steps import STEP_RAD
-from planner.frames import Frames
-from planner.parameters import PaperExplosionParameters
-from planner.published import STILL_STEPS, explode_as_published
-from planner.segments import Acceleration, Segments, State
-from planner.sweep import sweep
+from planner.clearance.sweep import sweep
+from planner.explosion.paper import STILL_STEPS, explode_as_published
+from planner.explosion import paper as published
+from planner.motion.angle_steps import STEP_RAD
+from planner.motion.frames import Frames
+from planner.simulation.parameters import PaperExplosionParameters
+from planner.simulation.segments import Acceleration, Segments, State
 from tests.planner.chains import coil, line
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.quality import Quality
+from planner.robot.quality import Quality
 from tests.planner.plans import changed
 
 

@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.module import CUBE
+from planner.chain.path import Path
 from planner.errors import InputError
-from planner.formats import write_chain, write_path
-from planner.modules import CUBE
-from planner.paths import Path
+from planner.plan.formats import write_chain, write_path
 from planner.readers import read
 from planner.readers.limits import LONGEST_NAME
 from tests.planner.lattice import walks

@@ -9,11 +9,11 @@ import pytest
 import trimesh
 
 from planner.errors import InputError
-from planner.formats import write_shape
+from planner.plan.formats import write_shape
 from planner.readers import read
-from planner.shapes import Shape
-from planner.solids import Solid
-from planner.voxeliser import voxelise
+from planner.shapes.shape import Shape
+from planner.shapes.solid import Solid
+from planner.shapes.voxelise import voxelise
 from tests.planner.solids_made import MESH_KINDS, as_binvox, as_grid, as_vox, exported
 
 CELLS = np.argwhere(np.ones((2, 3, 2)))

@@ -10,8 +10,8 @@ import trimesh
 
 from planner.errors import InputError
 from planner.readers import obj, off, read, stl, tables
-from planner.seams import is_surface
-from planner.solids import Solid
+from planner.shapes.seams import is_surface
+from planner.shapes.solid import Solid
 from tests.planner.solids_made import box
 
 PLAIN = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nf 1 2 3\nf 1 3 4\n"

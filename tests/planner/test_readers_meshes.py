@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from planner.errors import InputError
 from planner.readers import read
-from planner.solids import Solid, signed_volume
+from planner.shapes.solid import Solid, signed_volume
 from tests.planner.solids_made import MESH_KINDS, box, exported, torus, zipped
 
 TETRAHEDRON_OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"

@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from planner.chain.path import Path
 from planner.errors import InputError
-from planner.formats import write_shape
-from planner.paths import Path
+from planner.plan.formats import write_shape
 from planner.readers import read
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 from tests.planner.solids_made import VOXEL_WRITERS, as_binvox, as_vox, chunk, vox_file, vox_model
 from tests.planner.solids_made import words as pairs
 

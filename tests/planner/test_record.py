@@ -4,8 +4,8 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from planner.frames import Frames
-from planner.record import Record, save_npz
+from planner.motion.frames import Frames
+from planner.motion.record import Record, save_npz
 
 
 def some_record() -> Record:

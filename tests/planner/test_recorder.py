@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.chain import Chain
-from planner.frames import Frames
-from planner.recorder import Recorder, Step
-from planner.segments import State
+from planner.chain.chain import Chain
+from planner.explosion.recorder import Recorder, Step
+from planner.motion.frames import Frames
+from planner.simulation.segments import State
 from tests.planner.chains import line
 
 

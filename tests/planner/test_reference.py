@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.reference import Reference, record_lengths
-from planner.sweep import sweep
+from planner.clearance.sweep import sweep
+from planner.playback.reference import Reference, record_lengths
 from tests.planner.chains import line
 
 SHAPES = ("wrench-24", "mallet-64")

@@ -12,28 +12,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.certificate import Certificate, certify
-from planner.chain import Chain
+from planner.certificate.certificate import Certificate, certify
+from planner.certificate.measure import figures_of
+from planner.certificate.metrics import Figures
+from planner.chain.chain import Chain
 from planner.errors import InputError
 from planner.exports import export_named
-from planner.figures import Figures
-from planner.fold_files import write_request
-from planner.folding import fold
-from planner.frames import PHASES, Frames
-from planner.manifest import write_manifest
-from planner.measuring import figures_of
-from planner.parameters import Parameters, PlaybackParameters
-from planner.plan import Plan
-from planner.playback import Playback, play_back
+from planner.motion.frames import PHASES, Frames
+from planner.motion.record import Record
+from planner.motion.timeline import Timeline
+from planner.pipeline.fold import fold
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.manifest import write_manifest
+from planner.pipeline.refold import refold, write_start
+from planner.pipeline.request import Request
+from planner.pipeline.stages import STAGES, run_stage
+from planner.pipeline.verify import verify
+from planner.plan.plan import Plan
+from planner.playback.playback import Playback, play_back
+from planner.playback.unfolding import check_fits
 from planner.progress import Progress
 from planner.readers import read
-from planner.record import Record
-from planner.refold import refold, write_start
-from planner.request import Request
-from planner.stages import STAGES, run_stage
-from planner.timeline import Timeline
-from planner.unfolding import Unfolding, check_fits
-from planner.verification import verify
+from planner.simulation.parameters import Parameters, PlaybackParameters
 from tests.planner.chains import line
 from tests.planner.conftest import SHAPES, Folded
 from tests.planner.plans import changed
@@ -277,7 +277,7 @@ def test_a_simulation_that_missed_straight_is_refused(made: FilePath, plan: Plan
 
 @pytest.mark.slow
 def test_it_goes_on_from_a_refold(plan: Plan, wrench: Folded) -> None:
-    way = Unfolding.of_plan(plan)
+    way = plan.unfolding()
     assert way.chain.name == "mallet-24"
     assert way.time_s[0] == 0.0
     assert len(way.folding_rad) == len(plan.time_s) - straight(plan)
@@ -322,7 +322,7 @@ def test_it_stays_the_chain_that_it_is(wrench: Folded, tmp_path: FilePath) -> No
 def test_a_plan_that_does_not_lead_to_its_shape_is_no_beginning(wrench: Folded) -> None:
     plan = wrench.plan
     with pytest.raises(InputError, match="does not lead from straight to folded") as refused:
-        Unfolding.of_plan(replace(plan, motion=plan.motion[:-3]))
+        replace(plan, motion=plan.motion[:-3]).unfolding()
     assert refused.value.code == "refold-not-folded"
 
 
@@ -352,7 +352,7 @@ def refuse(monkeypatch: pytest.MonkeyPatch, frame: float) -> None:
             min_clearance_at=replace(found.min_clearance_at, frame=frame),
         )
 
-    monkeypatch.setattr("planner.stages.certify", refusing)
+    monkeypatch.setattr("planner.pipeline.stages.certify", refusing)
 
 
 @pytest.mark.slow
@@ -369,7 +369,7 @@ def test_other_paths_are_tried_for_the_second_half_only(
 
 
 def test_a_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, plan: Plan) -> None:
-    way = Unfolding.of_plan(wrench.plan)
+    way = wrench.plan.unfolding()
     told: list[Frames] = []
     found = play_back(
         plan.chain,
@@ -394,13 +394,13 @@ def test_a_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, 
 def test_progress_goes_on_through_both_halves(
     wrench: Folded, made: FilePath, plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("planner.playback.REPORT_EVERY_S", 0.0)
+    monkeypatch.setattr("planner.playback.playback.REPORT_EVERY_S", 0.0)
     told: list[Progress] = []
     play_back(
         plan.chain,
         Record.load(made / "record.npz"),
         PlaybackParameters(),
-        unfolding=Unfolding.of_plan(wrench.plan),
+        unfolding=wrench.plan.unfolding(),
         progress=told.append,
     )
     fractions = [p.fraction for p in told]

@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner import refused
-from planner.certificate import Certificate, Place, certify
-from planner.ended import look_back
-from planner.explosion import explode
-from planner.fold_files import write_request
-from planner.formats import write_path
-from planner.parameters import ExplosionParameters
-from planner.plan import Plan
-from planner.record import Record
-from planner.request import Request
-from planner.stages import next_stage, run_stage, run_stages
-from planner.timeline import Timeline
+from planner.certificate.certificate import Certificate, Place, certify
+from planner.explosion.simultaneous import explode
+from planner.motion.record import Record
+from planner.motion.timeline import Timeline
+from planner.pipeline import refused
+from planner.pipeline.ended import look_back
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.request import Request
+from planner.pipeline.stages import next_stage, run_stage, run_stages
+from planner.plan.formats import write_path
+from planner.plan.plan import Plan
+from planner.simulation.parameters import ExplosionParameters
 from tests.planner.chains import COIL
 
 pytestmark = pytest.mark.slow
@@ -52,7 +52,7 @@ def refusing(monkeypatch: pytest.MonkeyPatch, *clearances: float) -> None:
             min_clearance_at=Place(frame=3.0, modules=(1, 9)),
         )
 
-    monkeypatch.setattr("planner.stages.certify", judge)
+    monkeypatch.setattr("planner.pipeline.stages.certify", judge)
 
 
 def sticking(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
@@ -67,7 +67,7 @@ def sticking(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
         hasty = ExplosionParameters(max_steps=40)
         return replace(explode(chain, hasty, **more), status="stalled", reason="it sticks")
 
-    monkeypatch.setattr("planner.strategies.explode", once)
+    monkeypatch.setattr("planner.explosion.strategies.explode", once)
 
 
 @pytest.mark.slow

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.alignment import aligned_distances
+from planner.chain.alignment import aligned_distances
+from planner.chain.path import Path
 from planner.exports import mjcf
-from planner.fold_files import write_request
-from planner.formats import write_path
 from planner.pathfinding.assembly import layered_snake
-from planner.paths import Path
-from planner.plan import Plan
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.plan.formats import write_path
+from planner.plan.plan import Plan
 from planner.readers import read
-from planner.request import Request
-from planner.stages import run_stages
 from tests.planner.conftest import SHAPES
 from tests.planner.outsider import Outsider, moment_at, moments
 from tests.planner.plans import changed

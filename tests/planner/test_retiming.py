@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.retiming import clearance, retime, retimed
-from planner.trajectory import Trajectory
+from planner.robot.retiming import clearance, retime, retimed
+from planner.robot.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 SPEED, ACCELERATION = 1.0, 2.0

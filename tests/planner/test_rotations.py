@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from planner.rotations import matrix_from_wxyz, wxyz_from_matrix
+from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
 from tests.planner.lattice import ROTATIONS
 
 quaternions = (

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.module import TETRAHEDRON
+from planner.chain.rotations import wxyz_from_matrix
 from planner.errors import SimulationError
-from planner.model import Material, tree_spec
-from planner.modules import TETRAHEDRON
-from planner.rotations import wxyz_from_matrix
-from planner.segments import Acceleration, Segments, State, turned
+from planner.simulation.model import Material, tree_spec
+from planner.simulation.segments import Acceleration, Segments, State, turned
 from tests.planner.chains import coil, line, random_state
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.errors import InputError
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 
 COORDINATES = st.integers(-1000, 1000)
 CELLS = st.lists(st.tuples(COORDINATES, COORDINATES, COORDINATES), min_size=1, max_size=40)

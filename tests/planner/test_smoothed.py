@@ -12,22 +12,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner import stages
-from planner.certificate import Certificate, Place, certify
+from planner.certificate.certificate import Certificate, Place, certify
+from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.frames import Frames
-from planner.plan import Plan
-from planner.playback import Playback
-from planner.record import Record
-from planner.refold import refold
-from planner.request import Request
-from planner.smooth_plan import smooth_plan, write_smooth
-from planner.smoothed import check_smoothable, smoothed_record
-from planner.smoothing_ways import RECORDED, SMOOTHED, SOFTENED
-from planner.stages import run_stages
-from planner.sweep import sweep
-from planner.timeline import Timeline
-from planner.verification import verify
+from planner.motion.frames import Frames
+from planner.motion.record import Record
+from planner.motion.timeline import Timeline
+from planner.pipeline import stages
+from planner.pipeline.refold import refold
+from planner.pipeline.request import Request
+from planner.pipeline.smooth import smooth_plan, write_smooth
+from planner.pipeline.stages import run_stages
+from planner.pipeline.verify import verify
+from planner.plan.plan import Plan
+from planner.playback.playback import Playback
+from planner.robot.smoothed import check_smoothable, smoothed_record
+from planner.robot.smoothing_ways import RECORDED, SMOOTHED, SOFTENED
 from tests.planner.conftest import Folded
 from tests.planner.plans import changed
 
@@ -126,7 +126,7 @@ def test_what_the_certificate_refuses_is_smoothed_less(
         angles[len(angles) // 2] = plan.chain.module.angle_limit_rad
         return replace(record, frames=replace(record.frames, joint_angles_rad=angles))
 
-    monkeypatch.setattr("planner.explode_stage.smoothed_record", spoiled)
+    monkeypatch.setattr("planner.pipeline.explode_stage.smoothed_record", spoiled)
     plan = smooth_plan(wrench, directory=tmp_path)
     assert tried == [SMOOTHED, SOFTENED, RECORDED]
     assert plan.verified
@@ -154,7 +154,7 @@ def test_overlaps_between_frames_leave_the_last_way_to_be_tried(
             min_clearance_playback_at=place,
         )
 
-    monkeypatch.setattr("planner.stages.certify", judge)
+    monkeypatch.setattr("planner.pipeline.stages.certify", judge)
     plan = smooth_plan(folded("wrench-24").plan, directory=tmp_path)
     assert plan.verified
     assert [(a["strategy"], a.get("finer", 1)) for a in plan.attempts] == [
@@ -210,7 +210,7 @@ def test_what_cannot_be_smoothed_is_refused_in_words(
     older = replace(wrench.certificate, peak_torque_nm=None)
     assert refused(changed(wrench, certificate=older)) == "smooth-no-torques"
     assert refused(refold(wrench, folded("mallet-24").chain)) == "smooth-refold"
-    monkeypatch.setattr("planner.smoothed.MOST_ANGLES", 1000)
+    monkeypatch.setattr("planner.robot.smoothed.MOST_ANGLES", 1000)
     assert refused(wrench) == "smooth-too-long"
 
 

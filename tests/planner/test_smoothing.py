@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.chain import Chain
-from planner.dynamics import floating_torques
+from planner.chain.chain import Chain
+from planner.chain.dynamics import floating_torques
+from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.kernels.smoothing import blamed_hinges, displacements
-from planner.reference import Reference, record_lengths
-from planner.smoothing import DISTANCE_WEIGHT, SPACING_RAD, smooth
-from planner.smoothing_targets import along, mean, parts, softened, straight, worthwhile
-from planner.sweep import sweep
-from planner.timelaw import duration, torque_bounded_profile
+from planner.playback.reference import Reference, record_lengths
+from planner.playback.time_law import duration, torque_bounded_profile
+from planner.robot.smoothing import DISTANCE_WEIGHT, SPACING_RAD, smooth
+from planner.robot.smoothing_targets import along, mean, parts, softened, straight, worthwhile
 from tests.planner.chains import coil, line, random_angles
 
 pytestmark = pytest.mark.slow
@@ -153,7 +153,7 @@ def test_torque_is_part_of_what_a_motion_costs(
         return duration(u, torque_bounded_profile(u, a, b))
 
     found = smoothed("mallet-64")
-    monkeypatch.setattr("planner.smoothing.TORQUE_WEIGHTS", ((1.0, 0.0),))
+    monkeypatch.setattr("planner.robot.smoothing.TORQUE_WEIGHTS", ((1.0, 0.0),))
     careless = smooth(chain, angles, size=0.95).angles
     assert effort(found) < 1.02 * effort(angles)
     assert effort(found) < 0.9 * effort(careless)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.pathfinding.snake import is_box, snake_path
-from planner.shapes import Shape
+from planner.shapes.shape import Shape
 
 SIDES = st.tuples(st.integers(1, 6), st.integers(1, 6), st.integers(1, 6))
 

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from planner.errors import InputError
-from planner.solids import LARGEST_LENGTH, Solid, signed_volume
+from planner.shapes.solid import LARGEST_LENGTH, Solid, signed_volume
 from tests.planner.solids_made import box, solid_of, torus
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)

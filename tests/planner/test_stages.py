@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.certificate import Certificate, Place, certify
-from planner.chain import Chain
+from planner.certificate.certificate import Certificate, Place, certify
+from planner.chain.chain import Chain
 from planner.errors import InputError, SimulationError
-from planner.explosion import explode
-from planner.fold_files import write_request
-from planner.formats import write_path
-from planner.frames import PHASES
-from planner.plan import Plan
+from planner.explosion.simultaneous import explode
+from planner.motion.frames import PHASES
+from planner.motion.record import Record
+from planner.motion.timeline import Timeline
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.request import Request
+from planner.pipeline.stages import STAGES, next_stage, run_stage, run_stages
+from planner.plan.formats import write_path
+from planner.plan.plan import Plan
 from planner.progress import Progress
-from planner.record import Record
-from planner.request import Request
-from planner.segments import Acceleration, Segments, State
-from planner.stages import STAGES, next_stage, run_stage, run_stages
-from planner.timeline import Timeline
+from planner.simulation.segments import Acceleration, Segments, State
 from tests.planner.chains import COIL
 
 pytestmark = pytest.mark.slow
@@ -281,7 +281,7 @@ def test_a_chain_that_sticks_makes_room_for_the_next_candidate(
         first = chain.folded_rad.tolist() == candidates[0]["folded_rad"]
         return replace(record, status="stalled", reason="it is stuck") if first else record
 
-    monkeypatch.setattr("planner.strategies.explode", stuck_at_first)
+    monkeypatch.setattr("planner.explosion.strategies.explode", stuck_at_first)
     for stage in STAGES[1:]:
         summary = run_stage(stage, tmp_path)
     assert summary["status"] == "verified"
@@ -319,7 +319,7 @@ def refuse_first(monkeypatch: pytest.MonkeyPatch, times: int, *, frame: float) -
             min_clearance_playback_at=Place(frame=frame, modules=(1, 9)),
         )
 
-    monkeypatch.setattr("planner.stages.certify", refused)
+    monkeypatch.setattr("planner.pipeline.stages.certify", refused)
 
 
 def test_an_overlap_between_frames_is_looked_at_with_more_of_them(

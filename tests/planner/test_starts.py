@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.path import Path
 from planner.errors import InputError
-from planner.paths import Path
-from planner.starts import cell_of, started
+from planner.pathfinding.starts import cell_of, started
 
 RING = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [1, 1, 0], [0, 1, 0]]
 HOOK = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1]]

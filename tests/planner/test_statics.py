@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from planner.model import Material, tree_spec
-from planner.statics import hinge_frames, static_torque
+from planner.chain.statics import hinge_frames, static_torque
+from planner.simulation.model import Material, tree_spec
 from tests.planner.chains import line, random_angles
 
 

@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.chain import Chain
-from planner.frames import Frames
-from planner.rotations import wxyz_from_matrix
-from planner.segments import State
-from planner.straightening import straightening
+from planner.chain.chain import Chain
+from planner.chain.rotations import wxyz_from_matrix
+from planner.explosion.straightening import straightening
+from planner.motion.frames import Frames
+from planner.simulation.segments import State
 from tests.planner.chains import coil, line, random_state
 
 

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from planner.chain import Chain
-from planner.clearance import closest
-from planner.kinematics import forward_kinematics
-from planner.sweep import ENOUGH, FAR, sweep
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.clearance.clearance import closest
+from planner.clearance.sweep import ENOUGH, FAR, sweep
 from tests.planner.chains import coil, line
 
 Array = NDArray[np.float64]

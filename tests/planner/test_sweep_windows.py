@@ -10,15 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.chain.module import TETRAHEDRON
+from planner.chain.path import Path
+from planner.clearance.largest_size import largest_size
+from planner.clearance.sweep import ENOUGH, sweep
 from planner.errors import InputError
 from planner.kernels.clearance import pair_separation
-from planner.kinematics import forward_kinematics
-from planner.modules import TETRAHEDRON
-from planner.paths import Path
-from planner.sizes import largest_size
-from planner.sweep import ENOUGH, sweep
-from planner.windows import Windows
+from planner.motion.windows import Windows
 from tests.planner.chains import coil
 from tests.planner.peels import peel, snake, windows_of
 

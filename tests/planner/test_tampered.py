@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner import verification
+from planner.chain.module import Module
+from planner.chain.path import Path
 from planner.errors import InputError, TimelineError
-from planner.fold_files import write_request
-from planner.formats import write_path
-from planner.manifest import Digests, digests_of
-from planner.modules import Module
 from planner.pathfinding.assembly import layered_snake
-from planner.paths import Path
-from planner.plan import Plan
-from planner.refold import refold
-from planner.request import Request
-from planner.smooth_plan import smooth_plan
-from planner.stages import run_stages
+from planner.pipeline import verify as verification
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.manifest import Digests, digests_of
+from planner.pipeline.refold import refold
+from planner.pipeline.request import Request
+from planner.pipeline.smooth import smooth_plan
+from planner.pipeline.stages import run_stages
+from planner.plan.formats import write_path
+from planner.plan.plan import Plan
 from tests.planner.tampering import Change, Random, Tampered, says_nothing
 
 pytestmark = pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")

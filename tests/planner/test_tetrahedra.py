@@ -9,19 +9,19 @@ import mujoco
 import numpy as np
 import pytest
 
-from planner.chain import Chain
-from planner.clearance import closest
+from planner.chain.chain import Chain
+from planner.chain.module import TETRAHEDRON
+from planner.clearance.clearance import closest
+from planner.clearance.largest_size import largest_size
+from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.folding import fold
-from planner.formats import write_chain
-from planner.modules import TETRAHEDRON
 from planner.pathfinding.tetrahedra import find_trails
+from planner.pipeline.fold import fold
+from planner.pipeline.verify import verify
+from planner.plan.formats import write_chain
 from planner.readers import read
 from planner.readers.angle_strings import read_angle_string
-from planner.shapes import Shape
-from planner.sizes import largest_size
-from planner.sweep import sweep
-from planner.verification import verify
+from planner.shapes.shape import Shape
 
 RING = "- - - + - - - + - - -"
 

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.model import Material
-from planner.reference import Reference
-from planner.timelaw import TimeLaw, smooth_law, torque_bounded_law
-from planner.tree import Tree
+from planner.playback.reference import Reference
+from planner.playback.time_law import TimeLaw, smooth_law, torque_bounded_law
+from planner.simulation.model import Material
+from planner.simulation.tree import Tree
 
 
 def largest_torque(reference: Reference, tree: Tree, law: TimeLaw) -> float:

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner import timeline as timeline_module
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.module import CUBE
 from planner.errors import TimelineError
-from planner.frames import PHASES, Frames, Phase
-from planner.modules import CUBE
-from planner.timeline import Timeline, TimelineWriter, chain_attributes
+from planner.motion.frames import PHASES, Frames, Phase
+from planner.motion import timeline as timeline_module
+from planner.motion.timeline import Timeline, TimelineWriter, chain_attributes
 
 COLUMNS = ("time_s", "joint_angles_rad", "root_position", "root_wxyz")
 

@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.honeycomb import RING, dodecahedron_pairs, ring_pairs
+from planner.chain.trail import Trail, hinge_axes
 from planner.errors import InputError
-from planner.honeycomb import RING, dodecahedron_pairs, ring_pairs
 from planner.pathfinding.trails import circuit, free_cuts, opened
-from planner.trails import Trail, hinge_axes
 
 Ints = NDArray[np.int64]
 

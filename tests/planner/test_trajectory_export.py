@@ -8,8 +8,8 @@ import pytest
 
 from planner.errors import InputError
 from planner.exports.trajectory import Form, export
-from planner.retiming import retimed
-from planner.trajectory import Trajectory
+from planner.robot.retiming import retimed
+from planner.robot.trajectory import Trajectory
 
 NAMES = ("joint_1_z", "joint_1_y", "joint_2_z")
 

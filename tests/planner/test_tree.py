@@ -4,11 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
+from planner.chain.rotations import wxyz_from_matrix
 from planner.errors import SimulationError
-from planner.model import Material
-from planner.rotations import wxyz_from_matrix
-from planner.tree import RateMotors, Servos, Tree
+from planner.simulation.model import Material
+from planner.simulation.tree import RateMotors, Servos, Tree
 from tests.planner.chains import line, random_state
 
 SOFT = Material(geom_size=0.3)

@@ -17,18 +17,18 @@ import numpy as np
 import psutil
 import pytest
 
-from planner.chain import Chain
-from planner.fold_files import write_request
-from planner.formats import write_chain, write_path
-from planner.parameters import preset
-from planner.plan import Plan
-from planner.portfolio import MOST, Choice, Try
+from planner.chain.chain import Chain
+from planner.motion.record import Record
+from planner.motion.timeline import Timeline
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.parallel import ASIDE, STALLING, Tries, make_try
+from planner.pipeline.portfolio import MOST, Choice, Try
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stage, run_stages
+from planner.plan.formats import write_chain, write_path
+from planner.plan.plan import Plan
 from planner.progress import Progress, never, silent
-from planner.record import Record
-from planner.request import Request
-from planner.stages import run_stage, run_stages
-from planner.timeline import Timeline
-from planner.tries import ASIDE, STALLING, Tries, make_try
+from planner.simulation.parameters import preset
 from tests.planner.chains import COIL, SQUARE, knotted
 
 pytestmark = pytest.mark.slow
@@ -49,7 +49,9 @@ def read(directory: FilePath, data: bytes, **values: Any) -> FilePath:
 def beside() -> list[psutil.Process]:
     """Processes that this one has started to make tries in."""
     return [
-        child for child in psutil.Process().children() if "planner.try_process" in _command(child)
+        child
+        for child in psutil.Process().children()
+        if "planner.pipeline.parallel_process" in _command(child)
     ]
 
 
@@ -175,7 +177,7 @@ def test_one_that_cannot_be_begun_does_not_end_the_one_at_hand(
     def none_left(*_: Any, **__: Any) -> None:
         raise BlockingIOError("no more processes")
 
-    monkeypatch.setattr("planner.tries.subprocess.Popen", none_left)
+    monkeypatch.setattr("planner.pipeline.parallel.subprocess.Popen", none_left)
     with Tries(fold, 2) as tries:
         tries.come_to(CHOICE, [], FIRST)
         told = tries.watched(silent)
@@ -195,7 +197,7 @@ def test_no_more_are_begun_than_a_fold_may_have(
         begun.append(todo)
         return Running()
 
-    monkeypatch.setattr("planner.tries._Beside", begin)
+    monkeypatch.setattr("planner.pipeline.parallel._Beside", begin)
     many = Choice(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
     with Tries(fold, 64) as tries:
         tries.come_to(many, [], Try(0, 3, "peel"))
@@ -282,8 +284,8 @@ SCRIPT = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background
 from pathlib import Path
-from planner.portfolio import Choice, Try
-from planner.tries import Tries
+from planner.pipeline.portfolio import Choice, Try
+from planner.pipeline.parallel import Tries
 with Tries(Path(sys.argv[1]), 3) as tries:
     choice = Choice(strategies=(("simultaneous", "peel"),), seed=3)
     tries.come_to(choice, [dict(candidate=0, seed=3, strategy="peel", status="stalled")],

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.chain import Chain
-from planner.model import Material
-from planner.rotations import wxyz_from_matrix
-from planner.segments import Segments, State
+from planner.chain.chain import Chain
+from planner.chain.rotations import wxyz_from_matrix
+from planner.simulation.model import Material
+from planner.simulation.segments import Segments, State
 from tests.planner.chains import line, random_state
 
 STEP = 1e-6

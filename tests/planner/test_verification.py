@@ -12,24 +12,24 @@ import numpy as np
 import pytest
 import zarr
 
-from planner.certificate import Place, certify
+from planner.certificate.certificate import Place, certify
+from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED
+from planner.chain.path import Path
 from planner.errors import InputError, TimelineError
 from planner.exports import mjcf
 from planner.files import write_json
-from planner.fold_files import read_playback, read_record, read_request, write_request
-from planner.formats import write_path
-from planner.frames import Frames
-from planner.inverse import inverse_dynamics
-from planner.manifest import write_manifest
-from planner.parameters import PlaybackParameters
-from planner.paths import Path
-from planner.plan import Plan
-from planner.replay import replay
-from planner.request import Request
-from planner.stages import run_stages
-from planner.timeline import TimelineWriter
-from planner.verdicts import KINEMATICS_ONLY, SIMULATED
-from planner.verification import verify
+from planner.motion.frames import Frames
+from planner.motion.inverse import inverse_dynamics
+from planner.motion.timeline import TimelineWriter
+from planner.pipeline.fold_directory import read_playback, read_record, read_request, write_request
+from planner.pipeline.manifest import write_manifest
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.pipeline.verify import verify
+from planner.plan.formats import write_path
+from planner.plan.plan import Plan
+from planner.plan.replay import replay
+from planner.simulation.parameters import PlaybackParameters
 from tests.planner.chains import COIL
 from tests.planner.plans import changed
 
@@ -114,7 +114,7 @@ def test_an_untouched_fold_is_verified_again(directory: FilePath) -> None:
 
 
 def test_what_was_left_out_is_said(directory: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.verification.MOST_REPLAYED", 148 * 24 // 2)
+    monkeypatch.setattr("planner.pipeline.verify.MOST_REPLAYED", 148 * 24 // 2)
     checked = verify(directory).checked
     assert "plain MuJoCo has the same poses and finds no overlap at one frame in 2" in checked
     assert any("but for what only the simulation knew: torques" in line for line in checked)

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from planner.bridges import bridged
 from planner.errors import InputError
-from planner.pathfinding.layers import has_whole_layers
-from planner.sampling import sample
-from planner.solids import Solid
-from planner.voxeliser import Voxels, voxelise
+from planner.shapes.bridges import bridged
+from planner.shapes.layers import has_whole_layers
+from planner.shapes.sampling import sample
+from planner.shapes.solid import Solid
+from planner.shapes.voxelise import Voxels, voxelise
 from tests.conftest import examples
 from tests.planner.solids_made import Mesh, box, solid_of, torus
 

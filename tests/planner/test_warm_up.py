@@ -9,9 +9,9 @@ from pathlib import Path as FilePath
 import pytest
 from numba import njit
 
-from planner import warm_up as module
+from planner.pipeline import warm_up as module
+from planner.pipeline.warm_up import warm_up
 from planner.progress import COMPILING
-from planner.warm_up import warm_up
 from tests.compiled_later import compiled_later
 
 pytestmark = pytest.mark.slow
@@ -20,15 +20,15 @@ IMPORTS = """
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 import trimesh
-from planner.formats import write_path
+from planner.plan.formats import write_path
 from planner.pathfinding.assembly import layered_snake
-from planner.fold_files import write_request
-from planner.paths import Path
-from planner.plan import Plan
-from planner.request import Request
-from planner.smooth_plan import smooth_plan
-from planner.stages import run_stages
-from planner.warm_up import warm_up
+from planner.pipeline.fold_directory import write_request
+from planner.chain.path import Path
+from planner.plan.plan import Plan
+from planner.pipeline.request import Request
+from planner.pipeline.smooth import smooth_plan
+from planner.pipeline.stages import run_stages
+from planner.pipeline.warm_up import warm_up
 """
 WORK = """
 few = write_path(Path.from_cells(layered_snake((2, 2, 3)), name="few"))
@@ -56,7 +56,7 @@ for solid, module in ((box, "tetrahedron"), (turned, "cube")):
 
 FIRST_WORD = """
 import os
-from planner.warm_up import warm_up
+from planner.pipeline.warm_up import warm_up
 
 def end(progress):
     print(progress.message, flush=True)

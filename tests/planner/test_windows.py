@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.chain import Chain
-from planner.frames import Frames
-from planner.motion import motion_arrays, motion_from_arrays
-from planner.paths import Path
-from planner.windows import Windows
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.motion.frames import Frames
+from planner.motion.motion import motion_arrays, motion_from_arrays
+from planner.motion.windows import Windows
 
 CELLS = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
 

@@ -38,7 +38,7 @@ def stand_in(name):
 
 for name in ("mujoco", "scipy.interpolate", "scipy.ndimage", "scipy.sparse.csgraph", "zarr.codecs"):
     stand_in(name)
-stand_in("planner.stages").run_stage = lambda *_, **__: {}
+stand_in("planner.pipeline.stages").run_stage = lambda *_, **__: {}
 """
 """Runs ahead of a child: it computes nothing, and takes no time to load."""
 ONE = {"at_once": 1, "at_once_of_visitor": 1, "most": 9, "most_of_visitor": 6}
@@ -72,7 +72,7 @@ def spawned() -> Iterator[Child]:
 
 
 def test_the_stages_are_those_of_the_planner() -> None:
-    from planner import stages
+    from planner.pipeline import stages
 
     assert tuple(stages.STAGES) == STAGES
 
@@ -139,7 +139,7 @@ def test_a_start_is_limited(
 def test_what_a_child_says_while_it_starts_is_told(directory: Path, tmp_path: Path) -> None:
     (tmp_path / "sitecustomize.py").write_text(
         f"{WITHOUT_LIBRARIES}"
-        "it = stand_in('planner.warm_up')\n"
+        "it = stand_in('planner.pipeline.warm_up')\n"
         "told = Progress(stage='read', fraction=0.0, message=COMPILING)\n"
         "it.warm_up = lambda tell, soon: tell(told)\n"
     )

@@ -141,11 +141,17 @@ def test_a_path_is_folded_without_what_other_inputs_need(tmp_path: Path) -> None
     # Web servers, what searches for paths, what opens windows, what reads meshes and fills cells.
     assert not found & {*WEB, "web", "ortools", "trimesh", "glfw", "PIL", "mcap"}
     assert not found & {
-        f"planner.{name}" for name in ("voxeliser", "filling", "kept", "decimation")
+        f"planner.{name}"
+        for name in (
+            "shapes.voxelise",
+            "pathfinding.filling",
+            "pathfinding.shape_kept",
+            "shapes.decimation",
+        )
     }
 
 
-COMPUTING = {"llvmlite", "mujoco", "numba", "ortools", "scipy", "zarr", "planner.stages"}
+COMPUTING = {"llvmlite", "mujoco", "numba", "ortools", "scipy", "zarr", "planner.pipeline.stages"}
 SHOWING = {"PIL", "trimesh", "viser"}
 
 
@@ -159,7 +165,7 @@ SHOWING = {"PIL", "trimesh", "viser"}
         },
         {
             "server.reading": {*COMPUTING, *WEB, *SHOWING},
-            "planner.stages": {
+            "planner.pipeline.stages": {
                 *("mujoco", "scipy.interpolate", "scipy.sparse", "zarr", *WEB, *SHOWING),
             },
             "server.retiming": {"mujoco", "scipy.interpolate", "zarr", *WEB, *SHOWING},

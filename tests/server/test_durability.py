@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from planner.timeline import Timeline
+from planner.motion.timeline import Timeline
 from server.runner import STAGES, Runner
 from server.store import Store, new_token
 from tests.server.here import FORKS, ServiceHere

@@ -22,7 +22,7 @@ import yourdfpy
 from mcap.reader import make_reader
 
 from planner.exports import EXPORTS, Export, export_named
-from planner.plan import Plan
+from planner.plan.plan import Plan
 from server import exports as exports_module
 from server.database import FoldRow
 from server.exports import Exports

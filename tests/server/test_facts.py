@@ -13,16 +13,16 @@ from typing import Any
 
 import pytest
 
-from planner.chain import Chain
-from planner.parameters import (
+from planner.chain.chain import Chain
+from planner.chain.path import Path as CellPath
+from planner.motion.timeline import TimelineWriter
+from planner.simulation.parameters import (
     PRESETS,
     ExplosionParameters,
     PaperExplosionParameters,
     PlaybackParameters,
     preset,
 )
-from planner.paths import Path as CellPath
-from planner.timeline import TimelineWriter
 from server import quantities
 from server.leases import Leases
 from server.quantities import length_m, number, parameters, quantity

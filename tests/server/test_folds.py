@@ -12,9 +12,9 @@ import httpx
 import numpy as np
 import pytest
 
-from planner.chain import Chain
-from planner.paths import Path
-from planner.timeline import Timeline
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.motion.timeline import Timeline
 from server.cancelled import KEPT_S, sweep_cancelled
 from server.settings import Settings
 from server.store import Store

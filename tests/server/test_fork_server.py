@@ -117,10 +117,12 @@ def test_one_that_was_ended_before_it_was_forked_does_not_stay(
 
 
 def test_what_keeps_it_from_starting_is_told(tmp_path: Path, directory: Path) -> None:
-    server = spoiled(tmp_path / "code", "import sys\nsys.modules['planner.stages'] = None\n")
+    server = spoiled(
+        tmp_path / "code", "import sys\nsys.modules['planner.pipeline.stages'] = None\n"
+    )
     for _ in range(2):
         child = Child("stages", LIMITS, fork_server=server)
-        with pytest.raises(ChildError, match="did not start: .*planner.stages") as refused:
+        with pytest.raises(ChildError, match="did not start: .*planner.pipeline.stages") as refused:
             child.call("read", directory, wall_s=60)
         assert refused.value.code == "no-start"
         child.close()
@@ -132,7 +134,7 @@ def test_that_it_compiles_is_told_to_whoever_waits(tmp_path: Path, directory: Pa
         tmp_path / "code",
         f"{WITHOUT_LIBRARIES}import time\n"
         "from pathlib import Path\n"
-        "it = stand_in('planner.warm_up')\n"
+        "it = stand_in('planner.pipeline.warm_up')\n"
         "def warm_up(tell, soon):\n"
         "    tell(Progress(stage='read', fraction=0.0, message=COMPILING))\n"
         f"    while not Path({str(tmp_path / 'told')!r}).exists(): time.sleep(0.01)\n"

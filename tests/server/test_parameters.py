@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from planner.paper_settings import LONGEST, SETTINGS
-from planner.parameters import PRESETS, STRATEGY_WISHES
 from planner.pathfinding import ENDS, METHODS
-from planner.request import LARGEST_SEED, MODULE_SIZES
-from planner.wishes import MODULE_COUNTS
+from planner.pathfinding.options import MODULE_COUNTS
+from planner.pipeline.paper_settings import LONGEST, SETTINGS
+from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
+from planner.simulation.parameters import PRESETS, STRATEGY_WISHES
 from server.command_line import application
 from tests.server.service import SPIRAL, Service
 

@@ -13,9 +13,9 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from planner.chain import Chain
-from planner.paths import Path as CellPath
-from planner.timeline import chain_attributes
+from planner.chain.chain import Chain
+from planner.chain.path import Path as CellPath
+from planner.motion.timeline import chain_attributes
 from server.folders import EXPORTS_DIR
 from server.routes import pictures
 from server.settings import Settings

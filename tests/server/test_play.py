@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.frames import Frames
-from planner.timeline import TimelineWriter
+from planner.motion.frames import Frames
+from planner.motion.timeline import TimelineWriter
 from server.commands.play import row_of
 from server.routes.failures import failure
 from tests.planner.peels import snake

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from websockets import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from planner.plan import Plan
+from planner.plan.plan import Plan
 from server.command_line import application
 from server.trajectories import STREAMS_OF_ADDRESS
 from tests.server.here import ServiceHere

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from planner.paper_settings import SETTINGS
-from planner.plan import Plan
-from planner.verification import verify
+from planner.pipeline.paper_settings import SETTINGS
+from planner.pipeline.verify import verify
+from planner.plan.plan import Plan
 from server.command_line import application
 from server.setting_words import ROWS, SOURCES, changed, in_a_line
 from tests.server.service import STAIRS

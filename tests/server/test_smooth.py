@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from planner.plan import Plan
-from planner.verification import verify
+from planner.pipeline.verify import verify
+from planner.plan.plan import Plan
 from server.command_line import application
 from server.settings import Settings
 from server.upkeep import Upkeep

@@ -106,9 +106,9 @@ threading.Thread(target=lambda: time.sleep(60), daemon=True).start()
 confined.confine(confined.Allowed(writable=(Path(sys.argv[1]),)))
 """
 FORKED = """
-import planner.stages, server.reading, server.retiming
+import planner.pipeline.stages, server.reading, server.retiming
 server.reading.check = server.retiming.retime = attack
-planner.stages.run_stage = lambda task, place, **_: attack(place)
+planner.pipeline.stages.run_stage = lambda task, place, **_: attack(place)
 """
 SPAWNED = """
 import web.filming

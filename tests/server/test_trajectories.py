@@ -15,12 +15,12 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import numpy as np
 import pytest
 
-from planner.fold_files import write_request
-from planner.plan import Plan
-from planner.request import Request
-from planner.retiming import retime as retime_plan
-from planner.stages import run_stages
-from planner.trajectory import FRAMES, REST
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.plan.plan import Plan
+from planner.robot.retiming import retime as retime_plan
+from planner.robot.trajectory import FRAMES, REST
 from server.children import Pool
 from server.problems import Problem
 from server.retiming import motors, retime

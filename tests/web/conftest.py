@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.chain import Chain
-from planner.frames import Frames
-from planner.paths import Path as CellPath
-from planner.timeline import TimelineWriter
+from planner.chain.chain import Chain
+from planner.chain.path import Path as CellPath
+from planner.motion.frames import Frames
+from planner.motion.timeline import TimelineWriter
 from tests.tools import OPENGL
 
 SNAKE = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.chain import Chain
-from planner.frames import PHASES
-from planner.timeline import TimelineWriter
-from planner.windows import Windows
+from planner.chain.chain import Chain
+from planner.motion.frames import PHASES
+from planner.motion.timeline import TimelineWriter
+from planner.motion.windows import Windows
 from tests.planner import peels
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
 from planner.errors import TimelineError
-from planner.timeline import Timeline, TimelineWriter
-from planner.windows import Windows
+from planner.motion.timeline import Timeline, TimelineWriter
+from planner.motion.windows import Windows
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import ERROR_AT_END, unfolding

@@ -12,7 +12,7 @@ import httpx
 import numpy as np
 import pytest
 
-from planner.timeline import Timeline
+from planner.motion.timeline import Timeline
 from tests.server.service import SNAKE, Service
 from tests.web.blog import Blog
 from web.columns import decode

@@ -6,8 +6,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from planner.chain import Chain
-from planner.paths import Path
+from planner.chain.chain import Chain
+from planner.chain.path import Path
 from planner.readers.angle_strings import read_angle_string
 from web.isometric import isometric_svg
 from web.isometric_modules import chain_svg

@@ -21,11 +21,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.chain import Chain
-from planner.kinematics import forward_kinematics
-from planner.modules import TETRAHEDRON
-from planner.paths import Path as CellPath
-from planner.rotations import matrix_from_wxyz
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.chain.module import TETRAHEDRON
+from planner.chain.path import Path as CellPath
+from planner.chain.rotations import matrix_from_wxyz
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planner.certificate.measure import write_figures
+from planner.certificate.metrics import Figures
 from planner.errors import TimelineError
-from planner.figures import Figures
-from planner.fold_files import write_request
-from planner.measuring import write_figures
-from planner.parameters import Parameters
-from planner.plan import Plan
-from planner.request import Request
-from planner.stages import run_stages
-from planner.timeline import Timeline
+from planner.motion.timeline import Timeline
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.plan.plan import Plan
+from planner.simulation.parameters import Parameters
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.modules import CUBE
+from planner.chain.module import CUBE
 from web.meshes import BEVEL, SHOWN_SIZE, Mesh, module_mesh, stud_mesh
 
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.modules import CUBE, TETRAHEDRON, Module
+from planner.chain.module import CUBE, TETRAHEDRON, Module
 from web.meshes import SHOWN_SIZE, module_mesh
 from web.module_faces import Piece, module_faces
 

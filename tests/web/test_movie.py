@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from imageio_ffmpeg import get_ffmpeg_exe
 
-from planner.chain import Chain
+from planner.chain.chain import Chain
 from planner.errors import InputError
 from web.encoding import Encoder, EncodingError
 from web.film import Film

@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 
-from planner.preparation import prepare
-from planner.wishes import Wishes
+from planner.pathfinding.options import Wishes
+from planner.pathfinding.prepare import prepare
 from web.isometric import isometric_svg
 from web.preview_drawing import LARGEST_DRAWING, preview_svg
 

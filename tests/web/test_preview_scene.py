@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.chain import Chain
-from planner.modules import TETRAHEDRON
+from planner.chain.chain import Chain
+from planner.chain.module import TETRAHEDRON
 from tests.web.test_scenery import refused
 from web.camera import framing
 from web.colours import ERROR, NEUTRAL

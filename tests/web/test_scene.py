@@ -8,8 +8,8 @@ import pytest
 import viser
 from viser import _messages as messages
 
-from planner.chain import Chain
-from planner.rotations import matrix_from_wxyz
+from planner.chain.chain import Chain
+from planner.chain.rotations import matrix_from_wxyz
 from web.camera import framing
 from web.colours import UNKNOWN, instance_colours
 from web.film import Film

@@ -11,8 +11,8 @@ import numpy as np
 from viser import _messages as messages
 
 import web
-from planner.chain import Chain
-from planner.modules import TETRAHEDRON
+from planner.chain.chain import Chain
+from planner.chain.module import TETRAHEDRON
 from web.columns import decode
 from web.scenery import scenery_of, viser_scene
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.modules import MODULES
+from planner.chain.module import MODULES
 from web.camera import FIELD_OF_VIEW_RAD
 from web.meshes import SHOWN_SIZE
 from web.sketch import sketch_outline

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from planner.chain import Chain
-from planner.paths import Path as CellPath
+from planner.chain.chain import Chain
+from planner.chain.path import Path as CellPath
 from planner.readers import read
 from server.gallery import Gallery
 from web.lighting import THEMES

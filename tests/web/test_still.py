@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.modules import CUBE, MODULES, Module
+from planner.chain.module import CUBE, MODULES, Module
 from web.camera import AZIMUTH_RAD, ELEVATION_RAD
 from web.colours import ERROR, NEUTRAL, STUCK
 from web.still import still

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from planner.windows import Windows
+from planner.motion.windows import Windows
 from tests.planner import peels
 from tests.web import long_folds
 from web.columns import decode, encode

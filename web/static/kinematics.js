@@ -1,4 +1,4 @@
-// From hinge angles and a root pose to the poses of all modules; planner/modules.py tells the equation:
+// From hinge angles and a root pose to the poses of all modules; planner/chain/module.py tells the equation:
 // T[i+1] = T[i] · Trans(anchor) · Rot(axis_1, q_1) … Rot(axis_K, q_K) · turn · Trans(offset).
 
 // c = a · b, quaternions w, x, y, z.

@@ -23,7 +23,7 @@ const USUAL_ASPECT = 1.6;
 const BESIDE = 0.4; // how blue the neighbours of the selected module are
 const AROUND = 3; // pitches around what is looked at that stay in view
 
-// As planner/modules.py calls a hinge.
+// As planner/chain/module.py calls a hinge.
 /**
  * @param {Chain} chain
  * @param {number} j

@@ -11,7 +11,7 @@ import argparse
 from pathlib import Path
 from typing import Final
 
-from planner.warm_up import warm_up
+from planner.pipeline.warm_up import warm_up
 from tests.benchmarks.reproduction.experiments import experiments
 from tests.benchmarks.reproduction.reproduce import reproduce, tell
 from tests.benchmarks.reproduction.runs import stored_runs

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from examples.run_gallery import SHAPES
-from planner.paths import Path
+from planner.chain.path import Path
 from planner.readers import read
 
 Array = NDArray[np.float64]

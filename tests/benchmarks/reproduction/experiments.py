@@ -8,7 +8,7 @@ from functools import cache
 from typing import Final, Literal
 
 from examples.run_gallery import SHAPES
-from planner.request import Request
+from planner.pipeline.request import Request
 from tests.benchmarks.reproduction.different import different_shapes
 
 Outcome = Literal["verified", "tangled"]

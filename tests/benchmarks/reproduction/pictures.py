@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from planner.files import write_json
-from planner.timeline import chain_attributes
+from planner.motion.timeline import chain_attributes
 from web.colours import STUCK, error_colours
 from web.film import Film, Snapshot
 from web.reel import chosen

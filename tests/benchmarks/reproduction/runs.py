@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from examples.run_gallery import SHAPES
 from planner.errors import InputError
 from planner.files import write_whole
-from planner.fold_files import read_record, write_request
-from planner.plan import Plan
-from planner.refold import write_start
-from planner.request import Request
-from planner.stages import run_stages
-from planner.warm_up import warm_up
+from planner.pipeline.fold_directory import read_record, write_request
+from planner.pipeline.refold import write_start
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.pipeline.warm_up import warm_up
+from planner.plan.plan import Plan
 from tests.benchmarks.machine import processor, reference_seconds
 from tests.benchmarks.reproduction.experiments import Experiment, experiments
 from tests.benchmarks.reproduction.pictures import Moment, keep_pictures

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 from itertools import chain
 from typing import Any, Final
 
-from planner.paper_settings import SETTINGS
-from planner.parameters import preset
+from planner.pipeline.paper_settings import SETTINGS
+from planner.simulation.parameters import preset
 from tests.benchmarks.reproduction.experiments import (
     STATEMENTS,
     Experiment,

@@ -1,0 +1,525 @@
+"""Certificate: what was verified of a plan, by exact kinematics apart from the simulation.
+
+Nothing here runs a simulation or trusts one: configurations go in, poses come from forward
+kinematics, collisions from separating axes.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED, told_honestly
+from planner.chain.alignment import aligned_distances
+from planner.chain.chain import Chain
+from planner.chain.statics import static_torque
+from planner.clearance.linked import ExemptPairs, Place, exempt_pairs
+from planner.clearance.sweep import Sweep, check_windows, sweep
+from planner.errors import InputError
+from planner.motion.frames import PHASES
+from planner.motion.motion import Motion
+from planner.motion.record import Record
+from planner.motion.windows import Windows
+from planner.playback.playback import Playback
+from planner.playback.unfolding import ENDS_WITHIN_RAD
+from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.simulation.parameters import Parameters
+
+Array = NDArray[np.float64]
+GRAVITY_M_S2: Final = 9.81
+FOLDED_WITHIN: Final = 0.01
+"""RMS position error in pitches that a verified playback may end with."""
+CELLS_WITHIN: Final = 1e-6
+"""Distance in pitches from its cells at which a refold may begin."""
+MOVING_FRACTION: Final = 0.1
+"""A hinge counts as moving when it is at least this fast, as a fraction of the fastest one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certificate:
+    """What was verified of a plan. Lengths in pitches.
+
+    What is said of a simulated playback is None where there was none: chains that are too long to
+    be simulated as a whole, or that were recorded piece by piece, follow their plan by kinematics.
+
+    Attributes:
+        verdict: ``verified (simulated)``, ``verified (kinematics only)`` or ``failed: …``.
+        simulated: Whether the playback was simulated; None when there is none, or where a
+            certificate of an earlier version doesn't tell.
+        module_size: Size of the modules as a fraction of the pitch.
+        exempt_pairs: Which modules are not checked against each other and how far they overlap;
+            None where a certificate of an earlier version doesn't tell.
+        min_clearance: Least clearance seen in the plan, at its frames and in-betweens.
+        min_clearance_at: Where that is.
+        clearance_bound: What is proved: nowhere in the plan, nor in the simulated playback, is the
+            clearance less than this. It and all clearances are None where nothing was looked at to
+            its end.
+        min_clearance_playback: Least clearance seen in the simulated playback.
+        min_clearance_playback_at: Where that is.
+        min_clearance_record: Least clearance seen in the record. No robot follows the record, so
+            the verdict doesn't depend on it.
+        min_clearance_record_at: Where that is.
+        in_betweens: Configurations looked at between frames.
+        frames: Frames of the plan.
+        plan_end_error_rad: Largest angle of a hinge of the plan's last frame off the folded one.
+        rms_position_error: Of the simulated playback's end, after alignment.
+        max_position_error: The farthest module of it.
+        max_angle_error_rad: Largest joint error of the simulated playback.
+        max_angle_rad: Largest angle of a hinge in the plan and the simulated playback.
+        max_angle_record_rad: Largest angle of a hinge in the record.
+        max_joint_step_rad: Largest step of a hinge between two frames of the plan.
+        joint_speed_limit_rad_s: Fastest a hinge may turn on a robot.
+        fold_time_s: Duration of the fold under that limit.
+        hinges_moving_mean, hinges_moving_most: Hinges that move at the same time.
+        peak_torque_nm, rms_torque_nm: Largest and mean torque in that time, floating, without
+            gravity, at what ``torque_source`` says: what is not looked at may take more.
+        torque_source: ``simulation, every step`` or ``inverse dynamics at N of F frames,
+            accelerations smoothed``; None where it is not known.
+        torque_frames: N of that; None for every step of a simulation.
+        gravity_torque_folded_nm, gravity_torque_straight_nm: Largest static torque when held at
+            the root without support.
+        seconds: Wall time of the verification.
+    """
+
+    verdict: str
+    simulated: bool | None
+    module_size: float
+    exempt_pairs: ExemptPairs | None
+    min_clearance: float | None
+    min_clearance_at: Place | None
+    clearance_bound: float | None
+    min_clearance_playback: float | None
+    min_clearance_playback_at: Place | None
+    min_clearance_record: float | None
+    min_clearance_record_at: Place | None
+    in_betweens: int
+    frames: int | None
+    plan_end_error_rad: float | None
+    rms_position_error: float | None
+    max_position_error: float | None
+    max_angle_error_rad: float | None
+    max_angle_rad: float | None
+    max_angle_record_rad: float | None
+    max_joint_step_rad: float | None
+    joint_speed_limit_rad_s: float
+    fold_time_s: float | None
+    hinges_moving_mean: float | None
+    hinges_moving_most: int | None
+    peak_torque_nm: float | None
+    rms_torque_nm: float | None
+    torque_source: str | None
+    torque_frames: int | None
+    gravity_torque_folded_nm: float
+    gravity_torque_straight_nm: float
+    seconds: float
+
+    @property
+    def verified(self) -> bool:
+        """Whether the plan may be trusted."""
+        return self.verdict.startswith("verified")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(
+        cls, values: dict[str, Any], playback: dict[str, Any] | None = None
+    ) -> Certificate:
+        """The inverse of ``as_dict``; of what earlier versions wrote, only what it bears out.
+
+        Args:
+            values: Plain values.
+            playback: The playback's summary, which says of an earlier version's certificate
+                whether it was simulated.
+        """
+        found: dict[str, Any] = dict(told_honestly(values, playback))
+        found |= {name: Place.from_dict(found[name]) for name in _PLACES}
+        if found["exempt_pairs"] is not None:
+            found["exempt_pairs"] = ExemptPairs.from_dict(found["exempt_pairs"])
+        return cls(**found)
+
+
+_PLACES: Final = ("min_clearance_at", "min_clearance_playback_at", "min_clearance_record_at")
+
+
+def certify(
+    chain: Chain,
+    record: Record | None,
+    playback: Playback | None,
+    parameters: Parameters,
+    *,
+    start: Chain | None = None,
+    progress: Report = silent,
+    cancelled: Cancelled = never,
+) -> Certificate:
+    """Verifies a plan: the reference of a playback, and the playback and record themselves.
+
+    Args:
+        chain: The chain.
+        record: The explosion, or None for direct servoing.
+        playback: The playback, or None when there is nothing to play.
+        parameters: For the module size and the physical units.
+        start: The chain as it is folded at the beginning of a refold; None when it is straight.
+        progress: Told which motion is being swept.
+        cancelled: Asked now and then whether to stop; the verdict then is a failure, and no
+            clearance is told.
+
+    Raises:
+        InputError: ``bad-module-size``.
+    """
+    begun = time.perf_counter()
+    size = parameters.module_size
+    if not 0.0 < size < np.inf:
+        raise InputError(
+            "bad-module-size", f"got a module size of {size}, expected a number above 0."
+        )
+    asked_to_stop = False
+
+    def stopped() -> bool:
+        nonlocal asked_to_stop
+        asked_to_stop = asked_to_stop or cancelled()
+        return asked_to_stop
+
+    def swept(motion: Array | Windows, name: str, fraction: float) -> Sweep:
+        progress(Progress(stage="certify", fraction=fraction, message=f"checking the {name}"))
+        return sweep(chain, motion, size=size, cancelled=stopped)
+
+    unusable = _unusable(chain, record, playback, start)
+    if unusable:
+        record = playback = None
+
+    of_record = of_plan = of_playback = exempt = None
+    figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
+    if playback is not None:
+        of_plan = swept(playback.reference, "plan", 0.35)
+        if playback.simulated:
+            of_playback = swept(_angles(playback.frames), "playback", 0.7)
+        figures = _plan_figures(chain, playback, parameters)
+        exempt = exempt_pairs(chain, followed(playback), size=size)
+    if record is not None:
+        if playback is not None and _runs_back(record.frames, playback.frames):
+            of_record = of_plan  # the same places, and the same ways between them
+        else:
+            of_record = swept(_angles(record.frames), "record", 0.0)
+    if given_up := stopped():
+        # What was not looked at to its end proves nothing, and nobody knows what is least in it.
+        of_record = of_plan = of_playback = None
+    unit = torque_unit_nm(chain, parameters)
+    weight = unit / chain.pitch_m * GRAVITY_M_S2
+    bounds = [found.bound for found in (of_plan, of_playback) if found is not None]
+    if unusable:
+        verdict = f"failed: {unusable}"
+    elif given_up:
+        verdict = "failed: it was cancelled"
+    else:
+        verdict = _verdict(chain, start, record, playback, of_plan, of_playback, figures, size)
+    return Certificate(
+        verdict=verdict,
+        simulated=None if playback is None else playback.simulated,
+        module_size=size,
+        exempt_pairs=exempt or exempt_pairs(chain, (), size=size),
+        min_clearance=of_plan and of_plan.clearance,
+        min_clearance_at=_place(of_plan),
+        clearance_bound=min(bounds, default=None),
+        min_clearance_playback=of_playback and of_playback.clearance,
+        min_clearance_playback_at=_place(of_playback),
+        min_clearance_record=of_record and of_record.clearance,
+        min_clearance_record_at=_place(of_record),
+        max_angle_record_rad=None if record is None else _largest_angle(_angles(record.frames)),
+        in_betweens=_in_betweens(of_record, of_plan, of_playback),
+        joint_speed_limit_rad_s=parameters.joint_speed_limit_rad_s,
+        gravity_torque_folded_nm=weight * static_torque(chain, chain.folded_rad),
+        gravity_torque_straight_nm=weight * static_torque(chain, np.zeros_like(chain.folded_rad)),
+        seconds=time.perf_counter() - begun,
+        **figures,
+    )
+
+
+_PLAN_FIGURES: Final = (
+    "frames",
+    "plan_end_error_rad",
+    "max_angle_rad",
+    "torque_source",
+    "torque_frames",
+    "rms_position_error",
+    "max_position_error",
+    "max_angle_error_rad",
+    "max_joint_step_rad",
+    "fold_time_s",
+    "hinges_moving_mean",
+    "hinges_moving_most",
+    "peak_torque_nm",
+    "rms_torque_nm",
+)
+
+
+def _unusable(
+    chain: Chain, record: Record | None, playback: Playback | None, start: Chain | None
+) -> str:
+    """Why there is nothing to look at, or an empty string.
+
+    A number that is none compares with nothing, so it would pass every test that follows.
+    """
+    joints = len(chain.folded_rad)
+    if start is not None and (start.module.name, len(start)) != (chain.module.name, len(chain)):
+        return f"{start.name} and {chain.name} are not of the same modules"
+    motions: dict[str, Motion] = {}
+    if record is not None:
+        motions["record"] = record.frames
+    if playback is not None:
+        motions["simulated playback" if playback.simulated else "playback"] = playback.frames
+        plan = playback.reference
+        if isinstance(plan, Windows):
+            pass  # the playback itself, which is looked at below
+        elif plan.shape != (len(playback.frames), joints):
+            return (
+                f"the plan has the shape {plan.shape}, expected {len(playback.frames)} frames of "
+                f"{joints} joint angles"
+            )
+        elif not np.isfinite(plan).all():
+            return "the plan holds numbers that are not finite"
+    for name, frames in motions.items():
+        if not len(frames):
+            return f"the {name} has no frames"
+        if isinstance(frames, Windows):
+            try:
+                check_windows(chain, frames)
+            except InputError as error:
+                return f"the {name} cannot be looked at: {error.detail}"
+            numbers = (frames.time_s, frames.base_position, frames.base_wxyz)
+        else:
+            if frames.joint_angles_rad.shape != (len(frames), joints):
+                return f"the {name} does not consist of frames of {joints} joint angles"
+            numbers = (
+                frames.time_s,
+                frames.joint_angles_rad,
+                frames.root_position,
+                frames.root_wxyz,
+            )
+        if not all(np.isfinite(values).all() for values in numbers):
+            return f"the {name} holds numbers that are not finite"
+        if (np.diff(frames.time_s) < 0.0).any():
+            return f"the times of the {name} run backwards"
+    return ""
+
+
+def _angles(motion: Motion) -> Array | Windows:
+    """What of a motion the sweep looks at."""
+    return motion if isinstance(motion, Windows) else motion.joint_angles_rad
+
+
+def _angles_at(chain: Chain, motion: Array | Windows, frame: int) -> Array:
+    """(J,) the angles of one frame."""
+    if isinstance(motion, Windows):
+        frame %= len(motion)
+        return motion.angles(chain, frame, frame + 1)[0]
+    return motion[frame]
+
+
+def followed(playback: Playback) -> tuple[Array | Windows, ...]:
+    """What has to be clear: the plan, and the playback where that was simulated."""
+    plan = playback.reference
+    return (plan, _angles(playback.frames)) if playback.simulated else (plan,)
+
+
+def _largest_angle(motion: Array | Windows) -> float:
+    angles = motion.angles_rad if isinstance(motion, Windows) else motion
+    return float(np.abs(angles).max(initial=0.0))
+
+
+def _in_betweens(*sweeps: Sweep | None) -> int:
+    """Configurations looked at between frames; what stands for two motions counts once."""
+    different = {id(sweep): sweep for sweep in sweeps if sweep is not None}
+    return sum(sweep.in_betweens for sweep in different.values())
+
+
+def _runs_back(record: Motion, playback: Motion) -> bool:
+    """Whether a playback passes exactly the record's configurations, from its last to its first."""
+    if not (isinstance(record, Windows) and isinstance(playback, Windows)):
+        return False
+    return record.passes_as(playback[::-1])
+
+
+def torque_unit_nm(chain: Chain, parameters: Parameters) -> float:
+    """One module mass · pitch² / s², the unit of simulated torques, in newton-metres."""
+    mass_kg = parameters.density_kg_m3 * chain.module.volume * chain.pitch_m**3
+    return mass_kg * chain.pitch_m**2
+
+
+def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> dict[str, Any]:
+    plan, times = playback.reference, playback.frames.time_s
+    figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
+    figures["frames"] = len(plan)
+    figures["plan_end_error_rad"] = _end_error(chain, plan)
+    figures["max_angle_rad"] = max(_largest_angle(motion) for motion in followed(playback))
+    if playback.simulated:
+        figures |= _simulation_figures(chain, playback)
+    if len(plan) < 2:
+        return figures
+    if isinstance(plan, Windows):
+        steps, moving = plan.steps(chain, fraction=MOVING_FRACTION)
+    else:
+        each = np.abs(np.diff(plan, axis=0))
+        steps = each.max(axis=1)
+        moving = (each > MOVING_FRACTION * steps[:, None]).sum(axis=1)
+    fastest = steps / np.maximum(np.diff(times), 1e-12)
+    moving = moving[fastest > 1e-9]
+    slower = float(fastest.max()) / parameters.joint_speed_limit_rad_s
+    figures["max_joint_step_rad"] = float(steps.max())
+    figures["fold_time_s"] = float(times[-1] - times[0]) * slower
+    figures["hinges_moving_mean"] = float(moving.mean()) if len(moving) else 0.0
+    figures["hinges_moving_most"] = int(moving.max()) if len(moving) else 0
+    unit = torque_unit_nm(chain, parameters) / max(slower, 1e-12) ** 2
+    if playback.peak_torque is not None and playback.rms_torque is not None:
+        figures["peak_torque_nm"] = playback.peak_torque * unit
+        figures["rms_torque_nm"] = playback.rms_torque * unit
+        figures["torque_frames"] = playback.torque_frames
+        figures["torque_source"] = "simulation, every step"
+        if not playback.simulated:
+            known = "some" if playback.torque_frames is None else playback.torque_frames
+            figures["torque_source"] = (
+                f"inverse dynamics at {known} of {len(plan)} frames, accelerations smoothed"
+            )
+    return figures
+
+
+def _simulation_figures(chain: Chain, playback: Playback) -> dict[str, Any]:
+    """Where a simulated playback ended, and how far it was off its plan on the way."""
+    simulated = _angles(playback.frames)
+    last = _angles_at(chain, simulated, -1)
+    ends = chain.poses(last, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    distances = aligned_distances(ends.positions, chain.folded_poses.positions)
+    # The playback says how far off its hinges were at any step; its frames must bear it out.
+    off = playback.max_angle_error_rad or 0.0
+    if not (isinstance(simulated, Windows) or isinstance(playback.reference, Windows)):
+        off = max(off, float(np.abs(simulated - playback.reference).max()))
+    return {
+        "rms_position_error": float(np.sqrt((distances**2).mean())),
+        "max_position_error": float(distances.max()),
+        "max_angle_error_rad": off,
+    }
+
+
+def _end_error(chain: Chain, plan: Array | Windows) -> float:
+    return float(np.abs(_angles_at(chain, plan, -1) - chain.folded_rad).max(initial=0.0))
+
+
+def _verdict(
+    chain: Chain,
+    start: Chain | None,
+    record: Record | None,
+    playback: Playback | None,
+    of_plan: Sweep | None,
+    of_playback: Sweep | None,
+    figures: dict[str, Any],
+    size: float,
+) -> str:
+    if record is not None and record.status != "straight":
+        return f"failed: the explosion {record.status}: {record.reason}"
+    if playback is None or of_plan is None:
+        return "failed: there is no playback"
+    motions = {"plan": of_plan, "simulated playback": of_playback}
+    for name, found in motions.items():
+        if found is not None and found.clearance < 0.0:
+            return (
+                f"failed: in the {name}, modules {_pair(found)} overlap by {-found.clearance:.3g} "
+                f"pitch at module size {size:g}, {_percent(found):.0f} % into the fold (frame "
+                f"{found.frame:g} of the {name})"
+            )
+    if playback.status != "folded":
+        return f"failed: the playback {playback.status}: {playback.reason}"
+    if begins_otherwise := _begins_otherwise(chain, start, playback):
+        return f"failed: {begins_otherwise}"
+    if figures["plan_end_error_rad"] > ENDS_WITHIN_RAD:
+        return "failed: the plan does not end folded"
+    for name, motion in zip(motions, followed(playback), strict=False):
+        if beyond := _beyond_range(chain, motion):
+            return f"failed: the {name} {beyond} of the {name})"
+    if playback.simulated and figures["rms_position_error"] > FOLDED_WITHIN:
+        return (
+            f"failed: the playback ends {figures['rms_position_error']:.2g} pitch (RMS) from the "
+            "folded shape"
+        )
+    for name, found in motions.items():
+        if found is not None and found.bound <= 0.0:
+            return f"failed: {_unproved(name, found)}"
+    return SIMULATED if playback.simulated else KINEMATICS_ONLY
+
+
+def _unproved(name: str, found: Sweep) -> str:
+    """Where the clearance of a motion could not be shown to be more than nothing."""
+    if found.unbounded is None:
+        return f"in the {name}, modules {_pair(found)} touch (frame {found.frame:g} of the {name})"
+    return (
+        f"in the {name}, the clearance between two frames could not be bounded "
+        f"(frame {found.unbounded:g} of the {name})"
+    )
+
+
+def _beyond_range(chain: Chain, motion: Array | Windows) -> str:
+    """Which joint a motion bends beyond its range, how far and when; nothing when none is."""
+    limit = chain.module.angle_limit_rad
+    angles = motion.angles_rad if isinstance(motion, Windows) else motion
+    if not angles.size or np.abs(angles).max() <= limit + ENDS_WITHIN_RAD:
+        return ""
+    worst = int(np.abs(angles).argmax())
+    if isinstance(motion, Windows):
+        frame = int(np.searchsorted(motion.offsets, worst, side="right")) - 1
+        hinge = int(motion.first[frame] + worst - motion.offsets[frame])
+    else:
+        frame, hinge = divmod(worst, angles.shape[1])
+    return (
+        f"bends {chain.joint_names[hinge]} to {np.rad2deg(angles.flat[worst]):.4g}°, beyond its "
+        f"range of ±{np.rad2deg(limit):.4g}° (frame {frame}"
+    )
+
+
+def _begins_otherwise(chain: Chain, start: Chain | None, playback: Playback) -> str:
+    """What is wrong with the beginning, and with a refold until it is straight; or nothing."""
+    frames, plan = playback.frames, playback.reference
+    straight = int((frames.phase == PHASES.index("unfolding")).sum())
+    expected = np.full(len(frames), PHASES.index("playback"), dtype=np.uint8)
+    if start is not None:
+        expected[:straight] = PHASES.index("unfolding")
+    if not np.array_equal(frames.phase, expected) or straight == len(frames):
+        return "the phases of the playback are out of order"
+    if np.abs(_angles_at(chain, plan, straight)).max() > ENDS_WITHIN_RAD:
+        passes = "begin" if start is None else "become"
+        return f"the plan does not {passes} straight"
+    if start is None:
+        return ""
+    if isinstance(plan, Windows) or isinstance(frames, Windows):
+        return f"a playback of windows does not begin folded as {start.name}"
+    if not straight or np.abs(plan[0] - start.folded_rad).max() > ENDS_WITHIN_RAD:
+        return f"the plan does not begin folded as {start.name}"
+    simulated = frames.joint_angles_rad
+    first = chain.poses(simulated[0], frames.root_position[0], frames.root_wxyz[0])
+    if (
+        np.abs(simulated[0] - start.folded_rad).max() > ENDS_WITHIN_RAD
+        or np.abs(first.positions - start.folded_poses.positions).max() > CELLS_WITHIN
+    ):
+        return f"the playback does not begin folded as {start.name}"
+    still, identity = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    passed = chain.poses(simulated[straight], still, identity).positions
+    line = chain.poses(np.zeros_like(plan[0]), still, identity).positions
+    off = float(np.sqrt((aligned_distances(passed, line) ** 2).mean()))
+    if off > FOLDED_WITHIN:
+        return f"the playback passes {off:.2g} pitch (RMS) from straight"
+    return ""
+
+
+def _percent(found: Sweep) -> float:
+    return 100.0 * found.frame / max(1, len(found.per_frame) - 1)
+
+
+def _pair(found: Sweep) -> str:
+    return "?" if found.modules is None else f"{found.modules[0]} and {found.modules[1]}"
+
+
+def _place(found: Sweep | None) -> Place | None:
+    return None if found is None else Place(frame=found.frame, modules=found.modules)

@@ -1,0 +1,163 @@
+"""Metrics: what can be said of every frame of a timeline, as ``planner.certificate.measure`` does.
+
+On disk they are a zarr group beside the timeline, of which any range of frames can be read.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path as FilePath
+from shutil import rmtree
+from typing import TYPE_CHECKING, Any, Final, Self, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import TimelineError
+
+if TYPE_CHECKING:
+    import zarr
+
+Floats = NDArray[np.float32]
+Integers = NDArray[np.int32]
+FORMAT: Final = "foldback-figures/1"
+REACH: Final = 1.0
+"""Clearances of this many pitches and more are not told apart."""
+FRAMES_A_CHUNK: Final = 128
+FRAMES_A_CURVE: Final = 8192
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Curves:
+    """One figure for each of F frames.
+
+    Attributes:
+        max_error_rad: (F,) the largest joint error; NaN where none is recorded.
+        min_clearance: (F,) the least of all modules' clearances, in pitches.
+        hinges_moving: (F,) hinges that move, by the certificate's rule, on the way to the frame.
+        peak_torque_nm: (F,) the largest hinge torque; NaN in the explosion.
+    """
+
+    max_error_rad: Floats
+    min_clearance: Floats
+    hinges_moving: Integers
+    peak_torque_nm: Floats
+
+    def __len__(self) -> int:
+        return len(self.min_clearance)
+
+    def __getitem__(self, index: slice) -> Self:
+        return type(self)(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
+
+    @classmethod
+    def load(cls, path: str | FilePath, start: int = 0, stop: int | None = None) -> Self:
+        """Frames ``start`` to ``stop`` (all there are when None) of what ``save`` wrote.
+
+        Raises:
+            TimelineError: When there are no figures, they are damaged, or the range is not in them.
+        """
+        import zarr  # late: who tells of a fold need not read its figures
+
+        try:
+            group = zarr.open_group(str(path), mode="r")
+            attributes = group.attrs.asdict()
+            arrays = {f.name: cast("zarr.Array[Any]", group[f.name]) for f in fields(cls)}
+        except (OSError, ValueError, KeyError) as error:
+            raise TimelineError(f"no figures at {path}: {error}") from error
+        if attributes.get("format") != FORMAT:
+            raise TimelineError(
+                f"got the format {attributes.get('format')!r} at {path}, expected {FORMAT!r}."
+            )
+        frames = min(array.shape[0] for array in arrays.values())
+        end = frames if stop is None else stop
+        if not 0 <= start <= end <= frames:
+            raise TimelineError(
+                f"got frames {start} to {end}, expected a range within the {frames} frames there "
+                "are."
+            )
+        found: dict[str, Any] = {name: array[start:end] for name, array in arrays.items()}
+        return cls(**found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Figures(Curves):
+    """All figures of F frames of a chain of N modules and J hinges.
+
+    Attributes:
+        clearance: (F, N) each module's distance in pitches from the nearest other one that it may
+            not touch, as the certificate measures it: a lower bound when they are apart, exactly
+            minus the depth when they overlap; never more than ``REACH``. NaN where the
+            configuration is no number.
+        nearest: (F, N) which module that is; −1 when none is within ``REACH``.
+        torque_nm: (F, J) torque that every hinge needs for the recorded motion, floating, without
+            gravity or contacts, in the fold time and the unit of the certificate; NaN in the
+            explosion, whose forces are none that a robot has.
+    """
+
+    clearance: Floats
+    nearest: Integers
+    torque_nm: Floats
+
+    def save(self, path: str | FilePath) -> None:
+        """Writes a zarr group that is either whole or not there; what was there is replaced."""
+        write(_chunks(self), len(self), str(path))
+
+
+def _chunks(figures: Figures) -> Iterator[Figures]:
+    for start in range(0, max(1, len(figures)), FRAMES_A_CHUNK):
+        yield figures[start : start + FRAMES_A_CHUNK]
+
+
+def write_curves(curves: Curves, path: str) -> None:
+    """Writes curves alone, as ``Figures.save`` does all figures."""
+    write((curves,), len(curves), path)
+
+
+def write(parts: Iterable[Curves], frames: int, path: str) -> None:
+    """Writes figures, or curves, in parts, ``frames`` frames in all, as ``Figures.save`` does."""
+    import zarr  # as above
+
+    whole = FilePath(path)
+    aside = whole.with_name(f".{whole.name}.{os.getpid()}")
+    rmtree(aside, ignore_errors=True)
+    try:
+        group = zarr.open_group(str(aside), mode="w", zarr_format=3)
+        group.attrs.put({"format": FORMAT, "reach": REACH})
+        arrays: dict[str, zarr.Array[Any]] = {}
+        curves: list[Curves] = []
+        start = 0
+        for part in parts:
+            for name in _BY_MODULE if isinstance(part, Figures) else ():
+                values = getattr(part, name)
+                if name not in arrays:
+                    arrays[name] = _array(group, name, frames, values, FRAMES_A_CHUNK)
+                arrays[name][start : start + len(part)] = values
+            curves.append(part)
+            start += len(part)
+        for field in fields(Curves):
+            values = np.concatenate([getattr(part, field.name) for part in curves])
+            _array(group, field.name, frames, values, FRAMES_A_CURVE)[:] = values
+        rmtree(whole, ignore_errors=True)
+        aside.rename(whole)
+    finally:
+        rmtree(aside, ignore_errors=True)
+
+
+def _array(
+    group: zarr.Group, name: str, frames: int, values: NDArray[Any], chunk: int
+) -> zarr.Array[Any]:
+    from zarr.codecs import BloscCodec  # as above
+
+    tail = values.shape[1:]
+    return group.create_array(
+        name,
+        shape=(frames, *tail),
+        chunks=(chunk, *(max(1, size) for size in tail)),
+        dtype=values.dtype,
+        compressors=[BloscCodec(cname="zstd", clevel=3, shuffle="shuffle")],
+    )
+
+
+_BY_MODULE: Final = ("clearance", "nearest", "torque_nm")

@@ -1,0 +1,271 @@
+"""Chain: modules in order, joined by joints, with the configuration it folds into."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.kinematics import Poses, forward_kinematics
+from planner.chain.module import CUBE, TETRAHEDRON, Module
+from planner.chain.overlap import first_close_pair
+from planner.chain.path import (
+    DEFAULT_PITCH_M,
+    FEWEST_CELLS,
+    LARGEST_PITCH_M,
+    SMALLEST_PITCH_M,
+    Path,
+)
+from planner.chain.rotations import wxyz_from_matrix
+from planner.chain.trail import Trail, hinge_axes
+from planner.errors import InputError
+
+Array = NDArray[np.float64]
+OVERLAP_TOLERANCE = 0.98
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Chain:
+    """A chain and its folded configuration. *Straight* is all zeros.
+
+    Attributes:
+        name: What people call the shape it folds into.
+        module: The kind of module.
+        folded_rad: (J,) hinge angles of the folded configuration, read-only.
+        folded_position: (3,) centre of module 0 when folded, in pitches.
+        folded_wxyz: (4,) orientation of module 0 when folded.
+        pitch_m: Distance of neighbouring modules in metres.
+    """
+
+    name: str
+    module: Module
+    folded_rad: Array
+    folded_position: Array
+    folded_wxyz: Array
+    pitch_m: float = DEFAULT_PITCH_M
+
+    @classmethod
+    def from_path(cls, path: Path, *, module: Module = CUBE) -> Chain:
+        """The chain whose folded modules sit in the cells of a path, in its order.
+
+        Frames are parallel-transported along the path, so that each angle is exactly 0 or ±90°.
+        """
+        links = np.diff(path.cells, axis=0).astype(np.float64)
+        frame = _frame_along(links[0])
+        first = frame
+        angles = np.zeros((len(links) - 1, 2))
+        quarter = np.pi / 2
+        for k, link in enumerate(links[1:]):
+            local = frame.T @ link
+            if abs(local[1]) > 0.5:
+                angles[k, 0] = quarter * np.sign(local[1])
+                sine = np.sign(local[1])
+                frame = frame @ np.array([[0.0, -sine, 0.0], [sine, 0.0, 0.0], [0.0, 0.0, 1.0]])
+            elif abs(local[2]) > 0.5:
+                sine = -np.sign(local[2])
+                angles[k, 1] = quarter * sine
+                frame = frame @ np.array([[0.0, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, 0.0]])
+        return cls._checked(
+            name=path.name,
+            module=module,
+            folded=angles.reshape(-1),
+            position=path.cells[0].astype(np.float64),
+            wxyz=wxyz_from_matrix(first),
+            pitch_m=path.pitch_m,
+        )
+
+    @classmethod
+    def from_trail(cls, trail: Trail, *, module: Module = TETRAHEDRON) -> Chain:
+        """The chain of tetrahedra whose folded modules lie between the nodes of a trail.
+
+        A module's x axis runs from its first node to its second, its y and z axes along the hinges
+        there; the next module's y axis is this one's z axis. Each angle is exactly 0 or ±90°.
+        """
+        steps = np.diff(trail.nodes, axis=0)
+        axes = hinge_axes(trail.nodes)
+        along = steps.astype(np.float64)
+        across = np.empty_like(along)
+        across[0] = np.eye(3)[axes[0]]
+        angles = np.zeros(len(along) - 1)
+        for k in range(len(along)):
+            up = np.cross(along[k], across[k])
+            if k + 1 < len(along):
+                angles[k] = np.sign(along[k + 1] @ across[k]) * np.pi / 2
+                across[k + 1] = up
+        first = np.column_stack([along[0], across[0], np.cross(along[0], across[0])])
+        return cls._checked(
+            name=trail.name,
+            module=module,
+            folded=angles,
+            position=(trail.nodes[0] + trail.nodes[1]) / 2.0,
+            wxyz=wxyz_from_matrix(first),
+            pitch_m=trail.pitch_m,
+        )
+
+    @classmethod
+    def from_angles(
+        cls,
+        module: Module,
+        angles_rad: Array,
+        *,
+        name: str = "chain",
+        pitch_m: float = DEFAULT_PITCH_M,
+        first_position: Array | None = None,
+        first_wxyz: Array | None = None,
+    ) -> Chain:
+        """A chain from the hinge angles of its folded configuration.
+
+        Args:
+            module: The kind of module.
+            angles_rad: (J,) or (joints, hinges) angles of the folded configuration.
+            name: What people call the shape.
+            pitch_m: Distance of neighbouring modules in metres.
+            first_position: (3,) centre of module 0 when folded; the origin when None.
+            first_wxyz: (4,) its orientation, of any length but none; upright when None.
+
+        Raises:
+            InputError: Angles that are not numbers or not within the joints' range, or a folded
+                configuration in which modules overlap.
+        """
+        folded = np.array(angles_rad, dtype=np.float64).reshape(-1)
+        position = np.zeros(3) if first_position is None else np.array(first_position, np.float64)
+        wxyz = np.array([1.0, 0.0, 0.0, 0.0] if first_wxyz is None else first_wxyz, np.float64)
+        length = float(np.linalg.norm(wxyz))
+        if not 1e-6 < length < 1e6:
+            raise InputError("bad-orientation", f"got {wxyz.tolist()}, expected a quaternion.")
+        chain = cls._checked(
+            name=name,
+            module=module,
+            folded=folded,
+            position=position,
+            wxyz=wxyz / length,
+            pitch_m=pitch_m,
+        )
+        check_overlap(chain)
+        return chain
+
+    @classmethod
+    def _checked(
+        cls,
+        *,
+        name: str,
+        module: Module,
+        folded: Array,
+        position: Array,
+        wxyz: Array,
+        pitch_m: float,
+    ) -> Chain:
+        if len(folded) == 0 or len(folded) % module.hinges_per_joint:
+            raise InputError(
+                "wrong-count",
+                f"got {len(folded)} angles, expected a positive multiple of "
+                f"{module.hinges_per_joint}, one for each hinge.",
+            )
+        if not np.isfinite(folded).all():
+            index = int(np.argmin(np.isfinite(folded)))
+            raise InputError("not-finite", "expected a finite angle.", where=f"angle {index}")
+        if (np.abs(folded) > module.angle_limit_rad).any():
+            index = int(np.argmax(np.abs(folded) > module.angle_limit_rad))
+            raise InputError(
+                "out-of-range",
+                f"got {np.rad2deg(folded[index]):g}°, expected at most "
+                f"{np.rad2deg(module.angle_limit_rad):g}° either way.",
+                where=f"joint {index // module.hinges_per_joint}",
+            )
+        if not SMALLEST_PITCH_M <= pitch_m <= LARGEST_PITCH_M:
+            raise InputError(
+                "bad-pitch",
+                f"got a pitch of {pitch_m} m, expected {SMALLEST_PITCH_M} to {LARGEST_PITCH_M:g}.",
+            )
+        for array in (folded, position, wxyz):
+            array.setflags(write=False)
+        return cls(
+            name=name,
+            module=module,
+            folded_rad=folded,
+            folded_position=position,
+            folded_wxyz=wxyz,
+            pitch_m=float(pitch_m),
+        )
+
+    def __len__(self) -> int:
+        """Number of modules."""
+        return len(self.folded_rad) // self.module.hinges_per_joint + 1 + self.module.rigid_links
+
+    def from_other_end(self) -> Chain:
+        """Of cubes that are folded into cells: the chain through the same ones from the last on."""
+        cells = np.rint(self.folded_poses.positions).astype(np.int64)
+        path = Path.from_cells(cells[::-1], name=self.name, pitch_m=self.pitch_m)
+        return Chain.from_path(path, module=self.module)
+
+    @property
+    def joint_count(self) -> int:
+        """Number of joints; a joint has one hinge or two."""
+        return len(self.folded_rad) // self.module.hinges_per_joint
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """(J,) names of the hinge angles."""
+        return self.module.joint_names(len(self))
+
+    @property
+    def root(self) -> int:
+        """Index of the middle module: its pose is the root pose of every configuration."""
+        return len(self) // 2
+
+    @property
+    def folded_poses(self) -> Poses:
+        """Poses of all modules in the folded configuration."""
+        return forward_kinematics(
+            self.module,
+            self.folded_rad,
+            root=0,
+            root_position=self.folded_position,
+            root_wxyz=self.folded_wxyz,
+        )
+
+    def poses(self, angles_rad: Array, root_position: Array, root_wxyz: Array) -> Poses:
+        """Poses of all modules for (..., J) angles and the root's (..., 3) and (..., 4) pose."""
+        return forward_kinematics(
+            self.module,
+            angles_rad,
+            root=self.root,
+            root_position=root_position,
+            root_wxyz=root_wxyz,
+        )
+
+
+def check_overlap(chain: Chain) -> None:
+    """Refuses a chain whose folded modules lie in one another.
+
+    Two modules overlap for certain when their centres are closer than twice the radius of the
+    ball that fits into one; that is what is tested.
+
+    Raises:
+        InputError: ``overlap``, naming the first two modules along the chain.
+    """
+    positions = chain.folded_poses.positions
+    closest = 2.0 * chain.module.inner_radius * OVERLAP_TOLERANCE
+    pair = first_close_pair(positions, closest)
+    if pair is not None:
+        i, j = pair
+        distance = float(np.linalg.norm(positions[i] - positions[j]))
+        raise InputError(
+            "overlap",
+            f"modules {i} and {j} overlap in the folded configuration: their centres are "
+            f"{distance:.3g} apart, expected at least {closest:.3g} pitches; change the angles "
+            "of the joints between them.",
+            where=f"modules {i} and {j}",
+        )
+
+
+def _frame_along(direction: Array) -> Array:
+    """A right-handed lattice frame (3, 3) whose x axis is a unit lattice direction."""
+    axis = int(np.argmax(np.abs(direction)))
+    side = np.zeros(3)
+    side[(axis + 1) % 3] = 1.0
+    return np.column_stack([direction, side, np.cross(direction, side)])
+
+
+__all__ = ["FEWEST_CELLS", "Chain", "check_overlap"]

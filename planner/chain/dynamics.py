@@ -1,0 +1,88 @@
+"""Dynamics: the torques that move a chain as it moved, from its motion alone."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.module import Module
+from planner.cores import cores
+from planner.kernels.dynamics import many_floating_torques
+
+Array = NDArray[np.float64]
+LEAST_FOR_A_THREAD: Final = 20_000
+"""Hinges times frames; their torques are found apart from each other."""
+FEWEST: Final = 4
+"""Times that a cubic curve goes through."""
+
+
+def floating_torques(
+    module: Module, angles_rad: Array, rates: Array, accelerations: Array
+) -> Array:
+    """Hinge torques of a chain that floats freely, without gravity, momentum or contacts.
+
+    Args:
+        module: The kind of module.
+        angles_rad: (F, J) hinge angles.
+        rates: (F, J) hinge velocities in rad/s.
+        accelerations: (F, J) hinge accelerations in rad/s².
+
+    Returns:
+        (F, J) torques in units of module mass · pitch² / s². They are linear in the accelerations
+        and quadratic in the rates, so a motion k times slower takes 1/k² of them.
+    """
+    torques = np.empty(angles_rad.shape)
+    angles, velocities = np.ascontiguousarray(angles_rad), np.ascontiguousarray(rates)
+    changes = np.ascontiguousarray(accelerations)
+
+    def of(part: slice) -> None:
+        many_floating_torques(
+            angles[part],
+            velocities[part],
+            changes[part],
+            module.rigid_links,
+            module.anchor,
+            module.axes,
+            module.turn,
+            module.offset,
+            module.inertia,
+            torques[part],
+        )
+
+    parts = min(cores(), max(1, torques.size // LEAST_FOR_A_THREAD))
+    if parts == 1:
+        of(slice(None))
+        return torques
+    bounds = np.linspace(0, len(torques), parts + 1).astype(int).tolist()
+    with ThreadPoolExecutor(parts) as threads:
+        list(threads.map(of, map(slice, bounds[:-1], bounds[1:])))
+    return torques
+
+
+def motion_of(
+    time_s: Array, angles_rad: Array, at: NDArray[np.int64], *, from_rest: bool
+) -> tuple[Array, Array]:
+    """Rates and accelerations along recorded angles: those of the cubic spline through them.
+
+    Args:
+        time_s: (F,) not falling.
+        angles_rad: (F, J).
+        at: (K,) the frames that are asked for.
+        from_rest: Whether nothing moves at the first of all.
+
+    Returns:
+        (K, J) in rad/s and (K, J) in rad/s²; NaN where the times are too few to tell.
+    """
+    later = np.concatenate([[True], np.diff(time_s) > 0.0])
+    if later.sum() < FEWEST:
+        nothing = np.full((len(at), angles_rad.shape[1]), np.nan)
+        return nothing, nothing
+    from scipy.interpolate import CubicSpline  # late: who reads a plan asks for no accelerations
+
+    start = (1, np.zeros(angles_rad.shape[1])) if from_rest else "not-a-knot"
+    ends: Any = (start, "not-a-knot")
+    curve = CubicSpline(time_s[later], angles_rad[later], bc_type=ends)
+    return curve(time_s[at], 1), curve(time_s[at], 2)

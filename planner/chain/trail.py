@@ -1,0 +1,116 @@
+"""Trails: the order in which a chain of tetrahedra visits the tetragonal disphenoid honeycomb.
+
+Nodes are the middles of the tetrahedra's long edges: the integer points with one or two odd
+coordinates. A tetrahedron is a pair of nodes one apart; at each node four of them meet around one
+long edge, its hinge axis. A chain is a trail through the nodes that uses no pair twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from planner.chain.path import (
+    DEFAULT_PITCH_M,
+    LARGEST_COORDINATE,
+    LARGEST_PITCH_M,
+    SMALLEST_PITCH_M,
+)
+from planner.errors import InputError
+
+Nodes = NDArray[np.int64]
+FEWEST_NODES = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trail:
+    """A trail of tetrahedra.
+
+    Attributes:
+        name: What people call the shape.
+        nodes: (n + 1, 3) int64, read-only: module ``i`` lies between nodes ``i`` and ``i + 1``.
+        pitch_m: Distance of the middles of a module's two hinges in metres.
+    """
+
+    name: str
+    nodes: Nodes
+    pitch_m: float = DEFAULT_PITCH_M
+
+    @classmethod
+    def from_nodes(
+        cls, nodes: ArrayLike, *, name: str = "trail", pitch_m: float = DEFAULT_PITCH_M
+    ) -> Trail:
+        """Checks nodes and makes a trail of them.
+
+        Args:
+            nodes: (n + 1, 3) whole numbers in the order of the chain.
+            name: What people call the shape.
+            pitch_m: Distance of the middles of a module's two hinges in metres.
+
+        Raises:
+            InputError: Naming the nodes that break the rule.
+        """
+        raw: NDArray[Any] = np.asarray(nodes)
+        if raw.ndim != 2 or raw.shape[1] != 3 or raw.dtype.kind not in "iu":
+            raise InputError(
+                "not-nodes",
+                f"got an array of shape {raw.shape}, expected (n + 1, 3) whole numbers.",
+            )
+        if len(raw) < FEWEST_NODES:
+            raise InputError(
+                "too-few-nodes",
+                f"got {len(raw)} nodes, expected at least {FEWEST_NODES}: two modules and a hinge.",
+            )
+        if not SMALLEST_PITCH_M <= pitch_m <= LARGEST_PITCH_M:
+            raise InputError(
+                "bad-pitch",
+                f"got a pitch of {pitch_m} m, expected {SMALLEST_PITCH_M} to {LARGEST_PITCH_M:g}.",
+            )
+        whole = raw.astype(np.int64)
+        if np.abs(whole).max() > LARGEST_COORDINATE:
+            raise InputError(
+                "too-far", f"expected coordinates of at most {LARGEST_COORDINATE} in size."
+            )
+        _check(whole)
+        whole.setflags(write=False)
+        return cls(name=name, nodes=whole, pitch_m=float(pitch_m))
+
+    def __len__(self) -> int:
+        """Number of modules."""
+        return len(self.nodes) - 1
+
+
+def hinge_axes(nodes: Nodes) -> Nodes:
+    """(n,) axis, 0 to 2, of the long edge at each node: its one odd or its one even coordinate."""
+    odd = nodes % 2 != 0
+    return np.where(odd.sum(axis=1) == 1, np.argmax(odd, axis=1), np.argmin(odd, axis=1))
+
+
+def _check(nodes: Nodes) -> None:
+    odd = (nodes % 2 != 0).sum(axis=1)
+    for bad, code, why in (
+        ((odd == 0) | (odd == 3), "not-a-node", "expected one or two odd coordinates"),
+        (
+            np.append(np.abs(np.diff(nodes, axis=0)).sum(axis=1) != 1, False),
+            "not-adjacent",
+            "expected the next node one step away",
+        ),
+    ):
+        if bad.any():
+            index = int(np.argmax(bad))
+            raise InputError(
+                code, f"got {tuple(map(int, nodes[index]))}, {why}.", where=f"node {index}"
+            )
+    keys = np.concatenate([nodes[:-1] + nodes[1:]])
+    _, first, counts = np.unique(keys, axis=0, return_index=True, return_counts=True)
+    if (counts > 1).any():
+        key = keys[first[np.argmax(counts > 1)]]
+        one, two = np.flatnonzero((keys == key).all(axis=1))[:2]
+        raise InputError(
+            "repeated-cell",
+            f"modules {one} and {two} are the same tetrahedron; a trail uses each one once.",
+            where=f"modules {one} and {two}",
+        )

@@ -1,0 +1,55 @@
+"""Clearance of a configuration: how far apart its modules are at the closest place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.module import Module
+from planner.kernels.clearance import least_separation
+from planner.kernels.pairs import near_pairs
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Closest:
+    """The closest place of a configuration.
+
+    Attributes:
+        clearance: A lower bound of the least distance in pitches; when modules overlap, exactly
+            minus the depth of the deepest overlap.
+        modules: The two modules, or None when all are at least the asked-for distance apart.
+    """
+
+    clearance: float
+    modules: tuple[int, int] | None
+
+
+def closest(
+    module: Module, positions: Array, rotations: Array, *, size: float, enough: float = 0.5
+) -> Closest:
+    """The closest place of one configuration.
+
+    Args:
+        module: The kind of module.
+        positions: (n, 3) centres in pitches.
+        rotations: (n, 3, 3) orientations.
+        size: Module size as a fraction of the pitch; 1 fills the lattice.
+        enough: Distances of this and more are not told apart.
+    """
+    pairs = near_pairs(positions, 2.0 * module.radius * size + enough, module.apart)
+    value, first, second = least_separation(
+        positions,
+        rotations,
+        pairs,
+        module.vertices,
+        module.face_normals,
+        module.edge_directions,
+        module.radius,
+        size,
+        enough,
+    )
+    return Closest(clearance=float(value), modules=None if first < 0 else (int(first), int(second)))

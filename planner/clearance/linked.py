@@ -1,0 +1,137 @@
+"""Linked modules: the pairs that no check looks at, and what that costs.
+
+Modules fewer than ``Module.apart`` links from each other share a joint, and their full-size hulls
+lie in one another while it turns. So a module that can exist lacks something there: its *relief*.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.module import Module
+from planner.kernels.linked import Joint, deepest_overlap
+from planner.motion.windows import Windows
+
+Array = NDArray[np.float64]
+LINKED: Final = "consecutive modules (i, i+1)"
+NONE: Final = "none"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where a motion is closest to a collision: a frame (a half: between two) and two modules."""
+
+    frame: float
+    modules: tuple[int, int] | None
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any] | None) -> Place | None:
+        """From plain values; None from None."""
+        if values is None:
+            return None
+        modules = values["modules"]
+        return cls(
+            frame=values["frame"], modules=None if modules is None else (modules[0], modules[1])
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExemptPairs:
+    """The pairs of modules that are not checked against each other. Lengths in pitches.
+
+    Attributes:
+        rule: Which they are, in words.
+        apart: They are (i, j) with i < j < i + apart.
+        count: How many.
+        worst_overlap: Deepest overlap of such a pair in the motion, at the size that is verified:
+            at frames and halfway between them. 0 when there is none, None when there is no motion.
+        worst_overlap_at: Where that is; None where nothing overlaps.
+        worst_overlap_bound: What their overlap is nowhere more than; None when there is no motion.
+        relief_radius: A real module lacks what is farther than this from its joint along any
+            direction in which the next module may lie, see ``Module.reach``. None if all of it may
+            be there.
+        relief_share: Which part of its volume that is.
+    """
+
+    rule: str
+    apart: int
+    count: int
+    worst_overlap: float | None
+    worst_overlap_at: Place | None
+    worst_overlap_bound: float | None
+    relief_radius: float | None
+    relief_share: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> ExemptPairs:
+        """The inverse of ``as_dict``."""
+        found: dict[str, Any] = dict(values)
+        found["worst_overlap_at"] = Place.from_dict(values["worst_overlap_at"])
+        return cls(**found)
+
+
+def exempt_pairs(chain: Chain, motions: Sequence[Array | Windows], *, size: float) -> ExemptPairs:
+    """Which modules of a chain are not checked against each other, and how far they overlap.
+
+    Args:
+        chain: The chain.
+        motions: (F, J) hinge angles each, or windows; none where nothing was looked at.
+        size: Module size as a fraction of the pitch.
+    """
+    module, count = chain.module, len(chain)
+    pairs = len(module.exempt_pairs(count))
+    depth, bound, where = 0.0, 0.0, None
+    for motion in motions if pairs and len(chain.folded_rad) else ():
+        found = deepest_overlap(_joint(module, size), chain.folded_rad.copy(), *_angles(motion))
+        bound = max(bound, found.bound)
+        if found.depth > depth:
+            holds = found.joint + module.rigid_links
+            depth = found.depth
+            where = Place(frame=found.frame, modules=(holds, holds + 1))
+    return ExemptPairs(
+        rule=LINKED if pairs else NONE,
+        apart=module.apart,
+        count=pairs,
+        worst_overlap=depth if motions else None,
+        worst_overlap_at=where,
+        worst_overlap_bound=bound if motions else None,
+        relief_radius=module.relief_radius(size),
+        relief_share=module.relief_share(size),
+    )
+
+
+def _joint(module: Module, size: float) -> Joint:
+    return Joint(
+        anchor=module.anchor,
+        axes=module.axes,
+        turn=module.turn,
+        offset=module.offset,
+        vertices=module.vertices,
+        normals=module.face_normals,
+        edges=module.edge_directions,
+        size=float(size),
+        face=module.offset / np.linalg.norm(module.offset),
+        distance=module.near_face(size),
+        rigid=module.rigid_links,
+    )
+
+
+def _angles(motion: Array | Windows) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+    """Where frames' windows begin among the hinges and among the angles, and the angles."""
+    if isinstance(motion, Windows):
+        first, offsets = motion.first.astype(np.int64), motion.offsets.astype(np.int64)
+        return first, offsets, motion.angles_rad.astype(np.float64)
+    frames, hinges = motion.shape
+    offsets = np.arange(frames + 1, dtype=np.int64) * hinges
+    # A copy: a read-only array would be another type, for which all is compiled anew.
+    return np.zeros(frames, np.int64), offsets, np.array(motion, dtype=np.float64).reshape(-1)

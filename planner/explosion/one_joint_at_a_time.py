@@ -1,0 +1,62 @@
+"""One joint at a time: the baseline that bends a chain's joints in their order, and nothing else.
+
+No simulation is needed: the chain is folded up to some joint and straight behind it, so its record
+is told at once. Whether its modules touch on the way is for the certificate to say.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from planner.chain.chain import Chain
+from planner.motion.angle_steps import snapped
+from planner.motion.frames import PHASES
+from planner.motion.motion import Motion
+from planner.motion.record import Record
+from planner.motion.windows import Windows
+
+STEP_RAD: Final = 0.4
+RATE_RAD_S: Final = 0.25
+
+
+def unbend_one_by_one(chain: Chain, *, sink: Callable[[Motion], None] | None = None) -> Record:
+    """The record of a folded chain whose joints are straightened from the last one to the first.
+
+    Args:
+        chain: The chain.
+        sink: Gets the snapshots.
+    """
+    begun = time.perf_counter()
+    per_joint = chain.module.hinges_per_joint
+    joints = chain.folded_rad.reshape(-1, per_joint)
+    first, angles, times = [len(chain.folded_rad)], [np.zeros(0)], [0.0]
+    for joint in np.flatnonzero(np.abs(joints).max(axis=1))[::-1]:
+        largest = float(np.abs(joints[joint]).max())
+        count = int(np.ceil(largest / STEP_RAD))
+        for k in range(1, count + 1):
+            first.append(per_joint * int(joint))
+            angles.append((1.0 - k / count) * joints[joint])
+            times.append(times[-1] + largest / count / RATE_RAD_S)
+    frames = Windows(
+        time_s=np.array(times),
+        phase=np.full(len(times), PHASES.index("explosion"), dtype=np.uint8),
+        first=np.array(first, dtype=np.int64),
+        offsets=np.concatenate([[0], np.cumsum([len(part) for part in angles])]),
+        angles_rad=snapped(np.concatenate(angles)).astype(np.float32),
+        base_position=np.tile(chain.folded_position, (len(times), 1)),
+        base_wxyz=np.tile(chain.folded_wxyz, (len(times), 1)),
+    )
+    if sink is not None:
+        sink(frames)
+    return Record(
+        status="straight",
+        reason="",
+        frames=frames,
+        steps=0,
+        seconds=time.perf_counter() - begun,
+        strategy="one-by-one",
+    )

@@ -1,0 +1,170 @@
+"""The explosion as published: constant gains, fixed step, snapshots at a fixed interval.
+
+The paper gives figures without units and leaves some out. What is read into it, and what was tried,
+stands in docs/decisions/0002-published-preset.md. Lengths are in pitches here and a module weighs
+1, so a force in the paper's units is divided by a module's mass in grams and the pitch.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.module import Module
+from planner.errors import SimulationError
+from planner.explosion.recorder import Recorder, Step
+from planner.kernels.pairs import near_pairs, repulsion
+from planner.motion.angle_steps import snapped
+from planner.motion.frames import Frames
+from planner.motion.record import Record, RecordStatus
+from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.simulation.model import Material
+from planner.simulation.parameters import PaperExplosionParameters
+from planner.simulation.segments import Segments, State
+
+Array = NDArray[np.float64]
+LINKED: Final = 1
+"""Modules this many links apart are linked, and don't repel."""
+STRAIGHT_RAD: Final = 0.05
+STRAIGHT_SPAN: Final = 0.99
+CHECK_EVERY: Final = 25
+REPORT_EVERY_S: Final = 0.1
+COMMIT_EVERY: Final = 10
+STILL_STEPS: Final = 5000
+STILL_RATE: Final = 1e-7
+"""In rad/s: a chain that is this slow does not get straight within the steps there are."""
+MOST_ANGLES: Final = 20_000_000
+"""Of all snapshots together: 160 MB. The 160 wrench has three million."""
+KEPT_RAD: Final = 0.03
+"""A snapshot is kept as a frame when a hinge has turned this much since the last one."""
+KEPT_DISTANCE: Final = 1.0
+"""… or a module has moved this far, in pitches."""
+VERIFIED_SIZE: Final = 0.95
+"""Module size at which frames in between are looked at, see ``planner.explosion.recorder``."""
+
+
+def explode_as_published(
+    chain: Chain,
+    parameters: PaperExplosionParameters,
+    *,
+    sink: Callable[[Frames], None] | None = None,
+    progress: Report = silent,
+    cancelled: Cancelled = never,
+) -> Record:
+    """Explodes a chain with the paper's parameters; see ``planner.explosion.simultaneous.explode``.
+
+    The last snapshot, nearly straight, is followed by the straight configuration itself. Playback
+    follows all snapshots; as frames only so many are kept as show the motion.
+    """
+    p = parameters
+    begun = reported = time.perf_counter()
+    segments = Segments(chain, explosion_material(p, chain.module))
+    recorder = Recorder(
+        chain,
+        snapshot_rad=KEPT_RAD,
+        snapshot_distance=KEPT_DISTANCE,
+        size=VERIFIED_SIZE,
+        sink=sink,
+    )
+    folded = chain.folded_poses
+    state = State.at_rest(
+        chain.folded_rad, folded.positions[chain.root], folded.rotations[chain.root]
+    )
+    bent = float(np.abs(chain.folded_rad).sum())
+    force = p.module_mass_g(chain.module) * p.pitch_cm
+    radial_gain = p.radial_gain / force
+    repulsion_gain = p.repulsion_gain / p.pitch_cm**2 / force
+    drag = p.damping / (1.0 - p.damping) / p.step_s
+    reach = 2.0 * chain.module.radius * p.geom_size
+    status: RecordStatus = "timeout"
+    reason = f"the chain was not straight after {p.max_steps} steps."
+    steps = reported_steps = 0
+    snapshots: list[Array] = []
+    try:
+        while steps < p.max_steps:
+            segments.place(state)
+            positions = segments.positions
+            if steps % p.snapshot_interval == 0:
+                recorder.add(Step.of(steps * p.step_s, state, positions))
+                snapshots.append(state.angles.copy())
+                if len(snapshots) % COMMIT_EVERY == 0:
+                    recorder.commit()
+            if len(snapshots) * len(state.angles) > MOST_ANGLES:
+                reason = (
+                    f"{len(snapshots)} snapshots are more than are kept of so long a chain, and it "
+                    "was not straight; set a longer snapshot_interval."
+                )
+                break
+            if steps % CHECK_EVERY == 0:
+                if steps and steps % STILL_STEPS == 0 and np.abs(state.rates).max() < STILL_RATE:
+                    status, reason = "stalled", f"nothing moved any more after {steps} steps."
+                    break
+                span = float(np.linalg.norm(positions[-1] - positions[0])) / (len(chain) - 1)
+                if np.abs(state.angles).max() < STRAIGHT_RAD and span >= STRAIGHT_SPAN:
+                    status, reason = "straight", ""
+                    break
+                if cancelled():
+                    status, reason = "cancelled", "it was cancelled."
+                    break
+                now = time.perf_counter()
+                if now - reported >= REPORT_EVERY_S:
+                    left = float(np.abs(state.angles).sum()) / bent
+                    progress(
+                        Progress(
+                            stage="explode",
+                            fraction=float(np.clip(0.5 * (1.0 - left) + 0.5 * span, 0.0, 0.99)),
+                            steps=steps,
+                            steps_per_second=(steps - reported_steps) / (now - reported),
+                            simulated_s=steps * p.step_s,
+                            message="exploding as published",
+                        )
+                    )
+                    reported, reported_steps = now, steps
+            arms = positions - positions.mean(axis=0)
+            forces = radial_gain * arms
+            pairs = near_pairs(positions, p.repulsion_cutoff, LINKED + 1)
+            repulsion(positions, pairs, repulsion_gain, forces)
+            near = (
+                pairs if reach <= p.repulsion_cutoff else near_pairs(positions, reach, LINKED + 1)
+            )
+            acceleration = (
+                segments.free_accelerations(state, forces)
+                if segments.is_free(state, near)
+                else segments.accelerations(state, forces)
+            )
+            state.accelerate(acceleration, p.step_s, drag)
+            state.advance(p.step_s)
+            steps += 1
+    except SimulationError as error:
+        status, reason = "diverged", f"the simulation broke off: {error}"
+    recorder.commit(end=True)
+    if status == "straight":
+        state.angles[:] = 0.0
+        snapshots.append(state.angles.copy())
+    segments.place(state)
+    recorder.add(Step.of(steps * p.step_s, state, segments.positions))
+    recorder.commit(end=True)
+    return Record(
+        status=status,
+        reason=reason,
+        frames=recorder.frames(),
+        steps=steps,
+        seconds=time.perf_counter() - begun,
+        snapshots_rad=snapped(np.array(snapshots), chain.module.angle_limit_rad),
+    )
+
+
+def explosion_material(p: PaperExplosionParameters, module: Module) -> Material:
+    """Joints and surfaces of the chain as it explodes."""
+    return Material(
+        geom_size=p.geom_size,
+        friction=p.friction,
+        stiffness=p.spring / (p.module_mass_g(module) * p.pitch_cm**2),
+        stop_rad=float(np.deg2rad(p.stop_deg)),
+        stiff_stops=True,
+    )

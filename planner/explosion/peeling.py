@@ -1,0 +1,585 @@
+"""Peeling: a long chain comes off its folded core unit by unit, from its far end.
+
+Only a window of modules near the last unit that was let go is simulated. What is still folded is
+the core, boxes that don't move; what is straight already is one rod on the window's last module. So
+a step costs the same whatever the chain's length, and the whole grows linearly with it.
+
+Within the window it is the explosion of the paper with three additions: the radial force comes from
+behind the unit, the last module is pulled along the ray by which the unit gets away, and a torque
+turns the rod into that ray.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.errors import SimulationError
+from planner.explosion.contact_depth import ContactDepth
+from planner.explosion.peeling_core import Core
+from planner.explosion.peeling_proof import Proof
+from planner.explosion.peeling_recorder import PeelRecorder
+from planner.explosion.peeling_window import Bend, Peelable
+from planner.kernels.core import FIXED
+from planner.kernels.peeling import Caps, haste, window_forces
+from planner.motion.record import Record, RecordStatus
+from planner.motion.windows import Windows
+from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.simulation.model import Base, Material, Rod
+from planner.simulation.peeling_parameters import PeelingParameters
+from planner.simulation.segments import Acceleration, Segments, State
+
+Array = NDArray[np.float64]
+COMMIT_EVERY: Final = 25
+RELEASE_EVERY: Final = 5
+RETIRE_EVERY: Final = 20
+STIFFEN_EVERY: Final = 5
+FEWEST_RETIRED: Final = 6
+FEWEST_LEFT: Final = 6
+"""Fewer modules than this are let go together with the unit before."""
+FINISH_EVERY: Final = 25
+PROGRESS_EVERY: Final = 50
+LEAST_PROGRESS_RAD: Final = 0.5
+JAM_PULSE: Final = (120, 300)
+"""Steps of weak tension and strong repulsion, and of the whole pulse."""
+MOST_PUSHES: Final = 8
+"""What is tried in a row without progress."""
+DEEP: Final = 0.016
+"""Contacts are never deeper; less where the module size to verify leaves less."""
+ROOM_USED: Final = 0.9
+MOST_RETRIES: Final = 6
+STOP_GIVES_RAD: Final = 0.01
+"""A joint's simulated stop begins so far before its range ends: it gives a little."""
+ALIGNED: Final = 0.5
+TURNED: Final = 0.9
+LEAST_CLEARANCE: Final = 0.002
+ROUNDING: Final = 1e-9
+"""Of a snapshot, of the way to it, and of what is made by kinematics."""
+FRAME_S: Final = 0.1
+REPORT_EVERY_S: Final = 0.1
+UNEVENNESS: Final = 0.02
+"""Relative spread of the radial gain over the modules: what the seed decides."""
+
+
+def peel(
+    chain: Chain,
+    parameters: PeelingParameters,
+    *,
+    seed: int = 0,
+    sink: Callable[[Windows], None] | None = None,
+    progress: Report = silent,
+    cancelled: Cancelled = never,
+) -> Record:
+    """Peels a folded chain off its core, from its last module on, and records how.
+
+    Args:
+        chain: A chain of cubes, starting in its folded configuration.
+        parameters: How it is let go.
+        seed: Decides a slight unevenness of the radial gain.
+        sink: Gets the snapshots as they are made.
+        progress: Told how far it is, a few times a second.
+        cancelled: Asked now and then whether to stop.
+
+    Returns:
+        The record, whatever came of it.
+
+    Raises:
+        InputError: ``not-peelable`` for modules that are no cubes, or off the lattice.
+    """
+    return _Peeling(chain, parameters, seed, sink).run(progress, cancelled)
+
+
+class _Peeling:
+    def __init__(
+        self,
+        chain: Chain,
+        parameters: PeelingParameters,
+        seed: int,
+        sink: Callable[[Windows], None] | None,
+    ) -> None:
+        self.chain = chain
+        self.parameters = parameters
+        self.peelable = Peelable(chain)
+        self.core: Core = self.peelable.core
+        self.proof = Proof(chain, parameters.verify_size)
+        self.recorder = PeelRecorder(
+            self.peelable,
+            self.proof,
+            snapshot_rad=parameters.snapshot_rad,
+            snapshot_distance=parameters.snapshot_distance,
+            sink=sink,
+        )
+        spread = np.random.default_rng(seed).uniform(-1.0, 1.0, len(chain))
+        self.weights = 1.0 + UNEVENNESS * spread
+        self.material = Material(
+            geom_size=parameters.geom_size,
+            stiffness=parameters.spring,
+            armature=parameters.armature,
+            stop_rad=chain.module.angle_limit_rad - STOP_GIVES_RAD,
+        )
+        # Folded neighbours are no farther apart than the module size leaves.
+        self.least = min(LEAST_CLEARANCE, 0.5 * (1.0 - parameters.verify_size) - ROUNDING)
+        room = ROOM_USED * (parameters.geom_size - parameters.verify_size)
+        self.allowed = ContactDepth.within(room, DEEP)
+        self.caps = Caps(
+            joint_rad=parameters.joint_cap_rad,
+            pair=parameters.pair_cap,
+            slide=parameters.slide_cap,
+            body=parameters.body_cap,
+            turn_rad=parameters.turn_rad,
+        )
+        self.caps_loose = self.caps._replace(pair=parameters.pair_cap_loose)
+        self.time_s = 0.0
+        self.step_s = 5.0 * parameters.step_s[0]
+        self.drag = 1.0
+        self.tension = 1.0
+        self.steps = 0
+        self.depth = 0.0
+        self.contacts = 0
+        self.retries = 0
+        self.pulse_left = 0
+        self.pushes = 0
+        self.progressed = 0
+        self.least_left = np.inf
+        self.first = len(chain) - FIXED
+        self.modules = 0
+        self.unit = 0
+        self.aim: Array = np.zeros(3)
+        self.target: Array = np.zeros(3)
+        self._let_go(np.zeros(0), np.zeros(0))
+
+    @property
+    def rod(self) -> int:
+        return len(self.chain) - self.first - self.modules
+
+    def run(self, progress: Report, cancelled: Cancelled) -> Record:
+        begun = time.perf_counter()
+        reported = begun
+        reported_steps = 0
+        most = self.parameters.max_steps_per_module * len(self.chain) + 5000
+        status: RecordStatus = "timeout"
+        reason = (
+            f"the chain was not straight after {most} steps; try another seed, or another path "
+            "through the same cells."
+        )
+        # The folded configuration itself, so that there is a record whatever comes.
+        self.segments.place(self.state)
+        self.recorder.add(self._bend())
+        self.recorder.commit()
+        try:
+            while self.steps < most:
+                self._step()
+                if self.steps % COMMIT_EVERY == 0:
+                    if self.depth < self.allowed.back_off:
+                        self._commit()
+                    if cancelled():
+                        status, reason = "cancelled", "it was cancelled."
+                        break
+                    now = time.perf_counter()
+                    if now - reported >= REPORT_EVERY_S:
+                        rate = (self.steps - reported_steps) / (now - reported)
+                        progress(self._progress(rate))
+                        reported, reported_steps = now, self.steps
+                if self.steps % RETIRE_EVERY == 0:
+                    self._retire()
+                if self.first and self.steps % RELEASE_EVERY == 0 and self._ready():
+                    self._release()
+                if not self.first and self.steps % FINISH_EVERY == 0 and self._finish():
+                    status, reason = "straight", ""
+                    break
+                if self.steps % PROGRESS_EVERY == 0 and not self._unjam():
+                    status, reason = "stalled", self._stall_reason()
+                    break
+        except SimulationError as error:
+            status, reason = "diverged", f"the simulation broke off: {error}"
+        self.recorder.commit()
+        return Record(
+            status=status,
+            reason=reason,
+            frames=self.recorder.windows(),
+            steps=self.steps,
+            seconds=time.perf_counter() - begun,
+            strategy="peel",
+        )
+
+    # What is simulated.
+
+    def _let_go(self, angles: Array, rates: Array) -> None:
+        """Widens the window by the next unit and builds its model."""
+        hinges = self.peelable.hinges
+        first = self.first - self.parameters.unit
+        first = first if first >= FEWEST_LEFT else 0
+        fresh = self.chain.folded_rad[hinges * first : hinges * self.first]
+        self.unit = self.first - first
+        self.first = first
+        self.field = self.core.distances(first)
+        self._build(np.concatenate([fresh, angles]), np.concatenate([0.0 * fresh, rates]))
+        unit = self.core.cells[first + FIXED : first + FIXED + self.unit]
+        if first:
+            self.centre = unit.mean(axis=0)
+            before = self.target if self.target.any() else None
+            self.target = self.core.way_out(self.field, self.centre, first + 1, before)
+        else:
+            # Nothing is left in the way: all goes where the first link points.
+            self.centre = self.core.cells[1]
+            self.target = self.core.rotations[1][:, 0]
+        if not self.aim.any():
+            self.aim = self.target
+
+    def _build(self, angles: Array, rates: Array) -> None:
+        p = self.parameters
+        self.modules = self.peelable.modules(angles)
+        position, rotation = self.peelable.base(self.first)
+        centres, halves = self.core.boxes(self.first)
+        window = Chain(
+            name=self.chain.name,
+            module=self.chain.module,
+            folded_rad=angles,
+            folded_position=position,
+            folded_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+        )
+        self.segments = Segments(
+            window,
+            self.material,
+            base=Base(position=position, rotation=rotation, centres=centres, halves=halves),
+            rod=Rod(modules=self.rod, most_modules=p.rod_modules) if self.rod else None,
+        )
+        self.state = State.at_rest(angles, position, rotation)
+        self.state.rates = rates
+        self.saved = (self.time_s, self.state.copy())
+        self.retries = 0
+        self.segments.place(self.state)
+        self._stiffen(self.segments.positions)
+
+    def _step(self) -> None:
+        p = self.parameters
+        state, segments = self.state, self.segments
+        self.steps += 1
+        segments.place(state)
+        positions = segments.positions
+        self.recorder.add(self._bend())
+        segments.set_contact_time_constant(max(2.0 * self.step_s, 0.03))
+        self._turn_aim()
+        forces = self._forces(positions)
+        if self.steps % STIFFEN_EVERY == 0:
+            self._stiffen(positions)
+        acceleration = self._accelerations(forces)
+        if acceleration is None:
+            return
+        self.contacts = acceleration.contacts
+        state.accelerate(acceleration, self.step_s, self.drag)
+        self._limit()
+        if acceleration.contacts:
+            self.step_s = min(self.step_s, p.step_in_contact_s)
+        state.advance(self.step_s)
+        state.stop_at(self.chain.module.angle_limit_rad)
+        self.time_s += self.step_s
+
+    def _turn_aim(self) -> None:
+        self.aim = turned_towards(self.aim, self.target, self.parameters.turn_rad)
+
+    def _forces(self, positions: Array) -> Array:
+        """(m, 3) forces: radial with the wanted tension, the pull at the end, and eq. 3."""
+        p = self.parameters
+        weak = self.pulse_left > JAM_PULSE[1] - JAM_PULSE[0]
+        self.pulse_left = max(0, self.pulse_left - 1)
+        scale = p.spring * self.tension * (0.05 if weak else 1.0)
+        return window_forces(
+            positions,
+            self.weights[self.first : self.first + self.modules],
+            self.centre - 2.0 * self.aim,
+            self.aim,
+            self.first,
+            self.core.grid,
+            self.core.low,
+            p.repulsion_cutoff,
+            p.repulsion_gain * (4.0 if weak else 1.0),
+            p.tension * scale,
+            p.pull * scale,
+        )
+
+    def _stiffen(self, positions: Array) -> None:
+        """Hinges far from the core pull harder towards straight."""
+        p = self.parameters
+        heights = self.core.distance_at(self.field, positions)
+        share = np.clip((heights[1:-1] - 2.0) / 6.0, 0.0, 1.0)
+        stiffness = p.spring * (1.0 + (p.stiffening - 1.0) * share)
+        self.segments.set_stiffness(np.repeat(stiffness, self.peelable.hinges))
+
+    def _accelerations(self, forces: Array) -> Acceleration | None:
+        """The acceleration, or None when the run had to go back to its last sound state."""
+        p = self.parameters
+        along = self.segments.rotations[-1][:, 0]
+        torque = p.alignment * p.spring * crossed(along, self.aim)
+        try:
+            acceleration = self.segments.accelerations(self.state, forces, end_torque=torque)
+        except SimulationError:
+            if self.pushes >= MOST_PUSHES:
+                raise
+            self._refused()
+            return None
+        worse = acceleration.depth > self.depth
+        self.depth = acceleration.depth
+        if acceleration.depth > self.allowed.back_off:
+            self.tension = max(0.05, 0.85 * self.tension)
+        else:
+            self.tension = min(1.0, 1.02 * self.tension)
+        if acceleration.depth > self.allowed.most and worse:
+            self._refused()
+            return None
+        return acceleration
+
+    def _limit(self) -> None:
+        """Caps what one step may move by scaling all velocities; adapts step and drag to it."""
+        p = self.parameters
+        state, segments = self.state, self.segments
+        segments.place_velocities(state)
+        loose = np.abs(state.angles).max() < p.loose_rad
+        excess = self.step_s * haste(
+            state.rates,
+            segments.positions,
+            segments.rotations,
+            segments.velocities,
+            segments.spins,
+            self.first,
+            self.rod,
+            self.core.grid,
+            self.core.low,
+            p.repulsion_cutoff,
+            self.chain.module.radius,
+            self.caps_loose if loose else self.caps,
+        )
+        if excess > 1.0:
+            state.scale_velocities(1.0 / excess)
+            self.drag = min(p.drag[1], 1.05 * self.drag)
+            self.step_s = max(p.step_s[0], 0.97 * self.step_s)
+        else:
+            self.drag = max(p.drag[0], 0.97 * self.drag)
+            self.step_s = min(p.step_s[1], 1.03 * self.step_s)
+
+    # What changes the window.
+
+    def _ready(self) -> bool:
+        """Whether the next unit may be let go."""
+        p = self.parameters
+        # The joints next to the core may have to wait for what lies in their way.
+        hinges = self.peelable.hinges
+        unit = np.abs(self.state.angles[hinges * p.skipped : hinges * self.unit])
+        return bool(
+            self.depth < self.allowed.back_off
+            and self.contacts <= p.release_contacts
+            and self.modules < max(p.window, 1.2 * p.unit)
+            and unit.max(initial=0.0) < p.release_rad
+            and self.segments.rotations[-1][:, 0] @ self.aim > ALIGNED
+            and self.aim @ self.target > TURNED
+        )
+
+    def _release(self) -> None:
+        if self._settle():
+            self._let_go(self.state.angles, self.state.rates)
+
+    def _retire(self) -> None:
+        """Makes the outer hinges that are nearly straight part of the rod."""
+        p = self.parameters
+        hinges = self.peelable.hinges
+        if self.depth >= self.allowed.back_off:
+            return
+        self.segments.place(self.state)
+        bent = np.abs(self.state.angles).reshape(-1, hinges).max(axis=1)
+        if bent[-FEWEST_RETIRED:].max() >= p.retire_rad:
+            return
+        heights = self.core.distance_at(self.field, self.segments.positions)
+        good = (bent < p.retire_rad) & (heights[1:-1] > p.retire_height)
+        count = len(good) if good.all() else int(np.argmin(good[::-1]))
+        count = min(count, len(good) - 4)
+        while count >= FEWEST_RETIRED:
+            bends = self._straightened(count)
+            if bends is not None:
+                break
+            count //= 2
+        else:
+            return
+        if not self._settle():
+            return
+        self.recorder.append(bends)
+        self.time_s = bends[-1].time_s + 1e-6
+        left = bends[-1].angles
+        self._build(left.copy(), self.state.rates[: len(left)].copy())
+
+    def _straightened(self, count: int) -> list[Bend] | None:
+        """Configurations that straighten the last joints, so many; None if something touches."""
+        p = self.parameters
+        angles = self.state.angles
+        left = angles[: len(angles) - self.peelable.hinges * count]
+        _, rotations = self.peelable.poses(self.first, left)
+        turned = float(rotations[-1][:, 0] @ self.segments.rotations[-1][:, 0])
+        if turned < TURNED:
+            return None
+        bent = float(np.abs(angles[len(left) :]).max())
+        largest = max(float(np.arccos(min(turned, 1.0))), bent)
+        frames = int(np.ceil(largest / p.retire_step_rad))
+        bends: list[Bend] = []
+        for k in range(1, frames):
+            partly = angles.copy()
+            partly[len(left) :] *= 1.0 - k / frames
+            bends.append(self._bent(self.time_s + k * FRAME_S, partly))
+        bends.append(self._bent(self.time_s + frames * FRAME_S, left.copy()))
+        return bends if self._clear([self._bend(), *bends]) else None
+
+    def _settle(self) -> bool:
+        """Keeps the present state as a snapshot: the window changes after it.
+
+        Returns:
+            False when the way to it touches something: then the run went back.
+        """
+        self.segments.place(self.state)
+        self.recorder.add(self._bend())
+        if not self.recorder.commit(least=self.least):
+            self._refused()
+            return False
+        self.time_s += 1e-6
+        return True
+
+    def _refused(self) -> None:
+        """Goes back from what would not be certified; with a push when that did not help."""
+        self._go_back()
+        if self.retries > MOST_RETRIES:
+            self.retries = 0
+            self.pushes += 1
+            self.pulse_left = JAM_PULSE[1]
+            self.state.scale_velocities(0.0)
+
+    def _clear(self, bends: list[Bend]) -> bool:
+        """Whether configurations, and the ways between them, may be kept."""
+        return self.proof.keeps(bends, self.least)[0] >= self.least
+
+    def _bend(self) -> Bend:
+        return Bend(
+            time_s=self.time_s,
+            first=self.first,
+            angles=self.state.angles.copy(),
+            centres=self.segments.positions.copy(),
+            along=self.segments.rotations[-1][:, 0].copy(),
+        )
+
+    def _bent(self, time_s: float, angles: Array) -> Bend:
+        """A configuration of the window that was not simulated."""
+        positions, rotations = self.peelable.poses(self.first, angles)
+        return Bend(
+            time_s=time_s,
+            first=self.first,
+            angles=angles,
+            centres=positions,
+            along=rotations[-1][:, 0],
+        )
+
+    def _commit(self) -> None:
+        if self._clear([self._bend()]) and self._settle():
+            self.saved = (self.time_s, self.state.copy())
+            self.retries = 0
+
+    def _go_back(self) -> None:
+        self.retries += 1
+        self.recorder.take_back()
+        self.time_s, saved = self.saved[0], self.saved[1].copy()
+        saved.scale_velocities(0.3)
+        self.state = saved
+        self.step_s = max(self.parameters.step_s[0], 0.5 * self.step_s)
+        self.tension = max(0.05, 0.5 * self.tension)
+        # Its contacts may be deeper than allowed already: what makes them less deep is no reason
+        # to go back again.
+        self.depth = np.inf
+
+    def _finish(self) -> bool:
+        """Ends the run by pure kinematics if the window can be straightened without a touch."""
+        p = self.parameters
+        angles = self.state.angles.copy()
+        largest = float(np.abs(angles).max(initial=0.0))
+        if largest > p.finish_rad or self.contacts:
+            return False
+        count = int(np.ceil(max(largest / p.snapshot_rad, 1.0)))
+        bends = [
+            self._bent(self.time_s + k * FRAME_S, (1.0 - k / count) * angles)
+            for k in range(1, count + 1)
+        ]
+        if not self._clear([self._bend(), *bends]) or not self._settle():
+            return False
+        self.recorder.append(bends)
+        return True
+
+    # When it sticks.
+
+    def _left(self) -> float:
+        """Radians that are still to be unbent."""
+        return float(np.abs(self.state.angles).sum()) + self.peelable.bent_below(self.first)
+
+    def _unjam(self) -> bool:
+        """Tries something when nothing moves on; False when enough was tried in vain."""
+        p = self.parameters
+        left = self._left()
+        if left < self.least_left - LEAST_PROGRESS_RAD:
+            self.least_left = left
+            self.progressed = self.steps
+            self.pushes = 0
+        elif self.steps - self.progressed >= p.patience:
+            self.pushes += 1
+            self.progressed = self.steps
+            room = self.modules + p.unit <= p.most_modules
+            if self.first and room and self.depth < self.allowed.back_off:
+                self._release()
+            else:
+                self.pulse_left = JAM_PULSE[1]
+        return self.pushes <= MOST_PUSHES
+
+    def _stall_reason(self) -> str:
+        angles = np.abs(self.state.angles).reshape(-1, self.peelable.hinges).max(axis=1)
+        worst = int(np.argmax(angles))
+        let_go = (
+            f"with modules 0 to {self.first + 1} still folded"
+            if self.first
+            else "with all of it let go"
+        )
+        return (
+            f"the chain is stuck {let_go}: {self.pushes} pushes in a row moved nothing on, and the "
+            f"joint of module {self.first + 1 + worst} stays bent by "
+            f"{np.rad2deg(angles[worst]):.0f}°; it may be buried or knotted. Try to begin at the "
+            "other end, or a path whose units come off in its order."
+        )
+
+    def _progress(self, rate: float) -> Progress:
+        whole = self.peelable.bent_below(len(self.chain) - 2)
+        return Progress(
+            stage="explode",
+            fraction=float(np.clip(1.0 - self._left() / max(whole, 1e-9), 0.0, 0.99)),
+            steps=self.steps,
+            steps_per_second=rate,
+            message="peeling",
+            pushes=self.pushes,
+        )
+
+
+def turned_towards(a: Array, b: Array, most_rad: float) -> Array:
+    """(3,) unit vector a turned towards b, by so much at most."""
+    if a is b:
+        return b
+    angle = float(np.arccos(np.clip(a @ b, -1.0, 1.0)))
+    if angle <= most_rad:
+        return b
+    side = b - (a @ b) * a
+    length = float(np.linalg.norm(side))
+    if length < 1e-6:
+        side = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))])
+        length = float(np.linalg.norm(side))
+    return np.cos(most_rad) * a + np.sin(most_rad) * side / length
+
+
+def crossed(a: Array, b: Array) -> Array:
+    """(3,) cross product; NumPy's takes many times as long for two vectors."""
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )

@@ -1,0 +1,111 @@
+"""Core: the part of a chain that is still folded, on its lattice."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.errors import InputError
+from planner.kernels.core import box_cover
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+PAD: Final = 6
+DIRECTIONS: Final = 400
+RAY_STEP: Final = 0.5
+WANTED: Final = 2.0
+"""A ray is free when it is this far from the core's cells, as soon as it can be."""
+
+
+class Core:
+    """Which module is in which cell, in the frame of module 0.
+
+    Attributes:
+        cells: (n, 3) cells of the modules, float64.
+        rotations: (n, 3, 3) their orientations when folded.
+        grid: (X, Y, Z) int32 number of the module in each cell, −1 for none.
+        low: (3,) the cell that the grid begins with.
+    """
+
+    def __init__(self, chain: Chain) -> None:
+        if not chain.module.fills_cell or chain.module.rigid_links != 1:
+            raise InputError(
+                "not-peelable",
+                f"got a chain of the module {chain.module.name}, expected cubes; take another "
+                "strategy.",
+            )
+        folded = forward_kinematics(chain.module, chain.folded_rad)
+        cells = np.rint(folded.positions)
+        if np.abs(folded.positions - cells).max() > 1e-3:
+            raise InputError(
+                "not-peelable",
+                "got a folded chain whose modules are off the cubic lattice, expected angles of 0 "
+                "or ±90°; take another strategy.",
+            )
+        self.cells = cells
+        self.rotations = np.rint(folded.rotations)
+        self.low = cells.min(axis=0).astype(np.int64)
+        whole = cells.astype(np.int64) - self.low
+        self.grid = np.full(whole.max(axis=0) + 1, -1, dtype=np.int32)
+        self.grid[tuple(whole.T)] = np.arange(len(cells), dtype=np.int32)
+        self._boxes = np.empty((len(cells), 6), dtype=np.int64)
+
+    def boxes(self, last: int) -> tuple[Array, Array]:
+        """(B, 3) centres and (B, 3) half sides of boxes that hold the modules 0 to ``last``."""
+        count = box_cover(self.grid, last, self._boxes)
+        found = self._boxes[:count].astype(np.float64)
+        half = 0.5 * found[:, 3:]
+        return found[:, :3] + self.low - 0.5 + half, half
+
+    def distances(self, last: int) -> Array:
+        """Distance of each cell of the grid, padded by ``PAD``, to the nearest of those folded."""
+        there = np.pad((self.grid >= 0) & (self.grid <= last), PAD)
+        return np.asarray(distance_transform_edt(~there), dtype=np.float64)
+
+    def distance_at(self, field: Array, points: Array) -> Array:
+        """(...,) distance of (..., 3) points to the core, roughly; grows on outside the field."""
+        place = points - (self.low - PAD)
+        top = np.array(field.shape) - 1.0
+        inside = np.clip(place, 0.0, top)
+        index = np.rint(inside).astype(np.int64)
+        beyond = np.linalg.norm(place - inside, axis=-1)
+        return np.asarray(field[tuple(np.moveaxis(index, -1, 0))] + beyond)
+
+    def way_out(self, field: Array, start: Array, last: int, before: Array | None) -> Array:
+        """(3,) unit vector: the free ray from a point that is nearest to radial.
+
+        Args:
+            field: Distances to the core.
+            start: (3,) where the ray begins.
+            last: Last module of the core.
+            before: (3,) the ray of the unit before; what is near it is preferred a little.
+        """
+        centre = self.cells[: last + 1].mean(axis=0)
+        radial = start - centre
+        radial = radial / max(float(np.linalg.norm(radial)), 1e-9)
+        rays = _directions()
+        reach = float(np.linalg.norm(np.array(self.grid.shape))) + PAD
+        along = np.arange(1.0, reach, RAY_STEP)
+        points = start + rays[:, None, :] * along[None, :, None]
+        distance = self.distance_at(field, points)
+        wanted = np.minimum(WANTED, 0.7 + 0.5 * along)
+        lack = np.maximum(wanted - distance, 0.0).max(axis=1)
+        score = rays @ radial - 3.0 * lack
+        if before is not None:
+            score = score + 0.5 * (rays @ before)
+        return np.asarray(rays[int(np.argmax(score))])
+
+
+def _directions() -> Array:
+    """(DIRECTIONS + 6, 3) unit vectors: evenly over the sphere, and the axes."""
+    k = np.arange(DIRECTIONS) + 0.5
+    z = 1.0 - 2.0 * k / DIRECTIONS
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * k
+    across = np.sqrt(1.0 - z * z)
+    even = np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
+    return np.concatenate([even, np.eye(3), -np.eye(3)])

@@ -1,0 +1,151 @@
+"""Recorder of a peeling: picks the snapshots from all its steps, as it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.explosion.peeling_proof import Proof
+from planner.explosion.peeling_window import Bend, Peelable
+from planner.motion.angle_steps import snapped
+from planner.motion.frames import PHASES
+from planner.motion.windows import Windows
+
+Array = NDArray[np.float64]
+CLOSE: Final = 0.02
+"""Clearances above this are not told apart."""
+WORSE: Final = 0.002
+"""A place between that is this much closer than both snapshots asks for another in between."""
+FARTHEST_TURN: Final = float(np.cos(0.1))
+"""Cosine of how far the rod turns between two snapshots."""
+
+
+class PeelRecorder:
+    """Takes every step, keeps the snapshots that the record needs, and passes them on.
+
+    As ``planner.explosion.recorder.Recorder``, for configurations that are folded, bent, then
+    straight. What is kept was swept as the certificate sweeps it, at the snapshots and everywhere
+    between them.
+    """
+
+    def __init__(
+        self,
+        peelable: Peelable,
+        proof: Proof,
+        *,
+        snapshot_rad: float,
+        snapshot_distance: float,
+        sink: Callable[[Windows], None] | None,
+    ) -> None:
+        self._peelable = peelable
+        self._proof = proof
+        self._snapshot_rad = snapshot_rad
+        self._snapshot_distance = snapshot_distance
+        self._sink = sink
+        self._waiting: list[Bend] = []
+        self._kept: list[Windows] = []
+        self._last: Bend | None = None
+        self._least = CLOSE
+
+    def add(self, bend: Bend) -> None:
+        """Takes a step that may still be taken back."""
+        self._waiting.append(bend)
+
+    def take_back(self) -> None:
+        """Forgets the steps since the last ``commit``."""
+        self._waiting = []
+
+    def commit(self, *, least: float = -np.inf) -> bool:
+        """Makes the steps so far final and passes their snapshots on; the last one is one of them.
+
+        Args:
+            least: When a snapshot or a place on the way to it has a clearance below this, all the
+                steps are forgotten instead.
+
+        Returns:
+            Whether they were kept.
+        """
+        waiting = self._waiting
+        self._waiting = []
+        last = self._last
+        self._least = CLOSE
+        chosen: list[Bend] = []
+        first = 0
+        for k, bend in enumerate(waiting):
+            if last is None or k == len(waiting) - 1:
+                pick = k
+            elif self._far(last, bend):
+                pick = max(first, k - 1)
+            else:
+                continue
+            if last is not None:
+                chosen.extend(self._between(last, waiting[pick], waiting[first:pick]))
+            last = waiting[pick]
+            chosen.append(last)
+            first = pick + 1
+        if self._least < least:
+            return False
+        self._last = last
+        self._emit(chosen)
+        return True
+
+    def append(self, bends: list[Bend]) -> None:
+        """Adds snapshots that were made without a simulation, and proved, after a ``commit``."""
+        self._last = bends[-1]
+        self._emit(bends)
+
+    def windows(self) -> Windows:
+        """All snapshots so far."""
+        return Windows.joined(self._kept)
+
+    def _emit(self, bends: list[Bend]) -> None:
+        if not bends:
+            return
+        chain = self._peelable.chain
+        hinges = self._peelable.hinges
+        count = len(bends)
+        windows = Windows(
+            time_s=np.array([b.time_s for b in bends]),
+            phase=np.full(count, PHASES.index("explosion"), dtype=np.uint8),
+            first=np.array([hinges * b.first for b in bends], dtype=np.int64),
+            offsets=np.concatenate([[0], np.cumsum([len(b.angles) for b in bends])]),
+            angles_rad=snapped(np.concatenate([b.angles for b in bends])).astype(np.float32),
+            base_position=np.tile(chain.folded_position, (count, 1)),
+            base_wxyz=np.tile(chain.folded_wxyz, (count, 1)),
+        )
+        self._kept.append(windows)
+        if self._sink is not None:
+            self._sink(windows)
+
+    def _far(self, a: Bend, b: Bend) -> bool:
+        _, one, other = self._peelable.together(a, b)
+        if np.abs(one - other).max(initial=0.0) >= self._snapshot_rad:
+            return True
+        if a.along is not None and b.along is not None and a.along @ b.along < FARTHEST_TURN:
+            return True
+        return self._moved(a, b) >= self._snapshot_distance
+
+    def _moved(self, a: Bend, b: Bend) -> float:
+        """How far a module of both windows has gone; 0 where that is not known."""
+        if a.centres is None or b.centres is None:
+            return 0.0
+        low = max(a.first, b.first)
+        high = min(a.first + len(a.centres), b.first + len(b.centres))
+        gone = a.centres[low - a.first : high - a.first] - b.centres[low - b.first : high - b.first]
+        return float(np.sqrt((gone**2).sum(axis=1).max(initial=0.0)))
+
+    def _between(self, a: Bend, b: Bend, bends: list[Bend]) -> list[Bend]:
+        """The snapshots that are needed between two."""
+        least, each = self._proof.keeps((a, b), CLOSE)
+        if not bends or least >= each.min() - WORSE:
+            self._least = min(self._least, least)
+            return []
+        middle = len(bends) // 2
+        return [
+            *self._between(a, bends[middle], bends[:middle]),
+            bends[middle],
+            *self._between(bends[middle], b, bends[middle + 1 :]),
+        ]

@@ -1,0 +1,161 @@
+"""Recorder: picks the snapshots of an explosion from all its steps, as it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.chain.rotations import wxyz_from_matrix
+from planner.clearance.clearance import closest
+from planner.motion.frames import Frames
+from planner.simulation.segments import State
+
+Array = NDArray[np.float64]
+CLOSE: Final = 0.06
+"""Clearances above this are not told apart."""
+WORSE: Final = 0.002
+"""A halfway frame this much closer than both its neighbours asks for a snapshot in between."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Step:
+    """One step of a simulation: time, configuration, and where the modules were."""
+
+    time_s: float
+    angles: Array
+    position: Array
+    rotation: Array
+    centres: Array
+
+    @classmethod
+    def of(cls, time_s: float, state: State, centres: Array) -> Step:
+        """A copy of a state."""
+        return cls(
+            time_s=time_s,
+            angles=state.angles.copy(),
+            position=state.position.copy(),
+            rotation=state.rotation.copy(),
+            centres=centres.copy(),
+        )
+
+
+class Recorder:
+    """Takes every step, keeps the snapshots that the record needs, and passes them on.
+
+    Two neighbouring snapshots are at most ``snapshot_rad`` of any hinge and ``snapshot_distance``
+    of any module apart (a single step may be more), and a frame halfway between them is not closer
+    to a collision than they are, as far as the steps allow.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        *,
+        snapshot_rad: float,
+        snapshot_distance: float,
+        size: float,
+        sink: Callable[[Frames], None] | None,
+    ) -> None:
+        self._chain = chain
+        self._snapshot_rad = snapshot_rad
+        self._snapshot_distance = snapshot_distance
+        self._size = size
+        self._sink = sink
+        self._waiting: list[Step] = []
+        self._kept: list[Frames] = []
+        self._last: Step | None = None
+
+    def __len__(self) -> int:
+        """Snapshots so far."""
+        return sum(len(part) for part in self._kept)
+
+    def add(self, step: Step) -> None:
+        """Takes a step that may still be taken back."""
+        self._waiting.append(step)
+
+    def take_back(self) -> None:
+        """Forgets the steps since the last ``commit``."""
+        self._waiting = []
+
+    def commit(self, *, end: bool = False) -> None:
+        """Makes the steps so far final and passes their snapshots on.
+
+        Args:
+            end: Keep the last step as a snapshot in any case.
+        """
+        waiting = self._waiting
+        chosen: list[Step] = []
+        first = 0
+        for k, step in enumerate(waiting):
+            if self._last is None:
+                pick = k
+            elif self._far(self._last, step):
+                pick = max(first, k - 1)
+            else:
+                continue
+            if self._last is not None:
+                chosen.extend(self._between(self._last, waiting[pick], waiting[first:pick]))
+            self._last = waiting[pick]
+            chosen.append(self._last)
+            first = pick + 1
+        if end and waiting[first:]:
+            chosen.append(waiting[-1])
+        self._waiting = [] if end else waiting[first:]
+        self._emit(chosen)
+
+    def append(self, frames: Frames) -> None:
+        """Adds frames that were made without a simulation."""
+        if len(frames):
+            self._kept.append(frames)
+            if self._sink is not None:
+                self._sink(frames)
+
+    def frames(self) -> Frames:
+        """All snapshots so far."""
+        return Frames.joined(self._kept)
+
+    def _emit(self, steps: list[Step]) -> None:
+        if not steps:
+            return
+        self.append(
+            Frames.of_phase(
+                "explosion",
+                time_s=np.array([s.time_s for s in steps]),
+                joint_angles_rad=np.array([s.angles for s in steps]),
+                root_position=np.array([s.position for s in steps]),
+                root_wxyz=wxyz_from_matrix(np.array([s.rotation for s in steps])),
+            )
+        )
+
+    def _far(self, a: Step, b: Step) -> bool:
+        if np.abs(a.angles - b.angles).max() >= self._snapshot_rad:
+            return True
+        moved = ((a.centres - b.centres) ** 2).sum(axis=1).max()
+        return bool(moved >= self._snapshot_distance**2)
+
+    def _between(self, a: Step, b: Step, steps: list[Step]) -> list[Step]:
+        if not steps:
+            return []
+        halfway = self._clearance(0.5 * (a.angles + b.angles))
+        if halfway >= CLOSE or halfway >= (
+            min(self._clearance(a.angles), self._clearance(b.angles)) - WORSE
+        ):
+            return []
+        middle = len(steps) // 2
+        return [
+            *self._between(a, steps[middle], steps[:middle]),
+            steps[middle],
+            *self._between(steps[middle], b, steps[middle + 1 :]),
+        ]
+
+    def _clearance(self, angles: Array) -> float:
+        poses = forward_kinematics(self._chain.module, angles, root=self._chain.root)
+        return closest(
+            self._chain.module, poses.positions, poses.rotations, size=self._size, enough=CLOSE
+        ).clearance

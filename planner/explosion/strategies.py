@@ -1,0 +1,160 @@
+"""Strategies: the ways in which a folded chain is let go.
+
+``simultaneous`` is the paper's: all modules at once. ``blocks`` lets rigid blocks come apart first.
+``peel`` lets one unit after the other go from the chain's far end, so its cost grows linearly.
+``auto`` takes what suits the chain. ``one-by-one`` is a baseline: one joint after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final, TypeVar
+
+import numpy as np
+
+from planner.chain.chain import Chain
+from planner.errors import InputError
+from planner.explosion.blocks import explode_blocks_first
+from planner.explosion.one_joint_at_a_time import unbend_one_by_one
+from planner.explosion.paper import explode_as_published
+from planner.explosion.peeling import peel
+from planner.explosion.simultaneous import explode
+from planner.motion.motion import Motion
+from planner.motion.record import Record
+from planner.progress import Cancelled, Report, never, silent
+from planner.simulation.parameters import (
+    AUTO,
+    STRATEGY_WISHES,
+    ExplosionParameters,
+    PaperExplosionParameters,
+    Parameters,
+    unknown_strategy,
+)
+from planner.simulation.peeling_parameters import PeelingParameters
+
+BASELINE: Final = "one-by-one"
+OFF_SQUARE: Final = 1e-4
+"""Right angles up to which a cube counts as folded square."""
+SIMULTANEOUS_UP_TO: Final = 600
+"""Modules above which ``auto`` peels what can be peeled: docs/decisions/0013-peeling.md."""
+BLOCKS_FROM: Final = 160
+BLOCKS_AT_MOST: Final = 1500
+"""Modules from which on blocks come apart first, and above which they don't do so in time."""
+
+GENTLE: Final = 0.5
+_Forces = TypeVar("_Forces", ExplosionParameters, PeelingParameters)
+
+
+def strategies_for(
+    chain: Chain, parameters: Parameters, *, refolds: bool = False
+) -> tuple[str, ...]:
+    """The strategies that a fold's wish leaves, the best first.
+
+    Args:
+        chain: The chain.
+        parameters: Of the fold, with its wish.
+        refolds: Whether the chain begins folded otherwise: its motion is then one simulation.
+
+    Raises:
+        InputError: ``unknown-strategy``, or ``strategy-differs`` for one that this chain, preset or
+            refold cannot have.
+    """
+    wished = parameters.strategy
+    if wished not in STRATEGY_WISHES:
+        raise unknown_strategy(wished)
+    possible = _possible(chain, parameters, refolds)
+    if wished == AUTO:
+        return tuple(name for name in _preferred(len(chain)) if name in possible) or possible[:1]
+    if wished not in possible:
+        raise InputError(
+            "strategy-differs",
+            f"got the strategy {wished} for {chain.module.name}s with the preset "
+            f"{parameters.preset}{' and a refold' if refolds else ''}, expected one of: auto, "
+            f"{', '.join(possible)}.",
+        )
+    return (wished,)
+
+
+def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str, ...]:
+    """What a chain can have at all."""
+    if not isinstance(parameters.explosion, ExplosionParameters):
+        return ("simultaneous",)  # as published, or nothing at all
+    names = ("simultaneous", "blocks", "peel") if on_lattice(chain) else ("simultaneous",)
+    return tuple(n for n in (*names, BASELINE) if not (refolds and windowed(n)))
+
+
+def _preferred(modules: int) -> tuple[str, ...]:
+    """What suits a number of modules, the best first."""
+    if modules > BLOCKS_AT_MOST:
+        return ("peel", BASELINE)
+    if modules > SIMULTANEOUS_UP_TO:
+        return ("peel", "blocks", BASELINE)
+    ways = ("simultaneous", "peel")
+    return (*ways, "blocks") if modules >= BLOCKS_FROM else ways
+
+
+def on_lattice(chain: Chain) -> bool:
+    """Whether a chain is of cubes that fold into cells."""
+    quarters = chain.folded_rad / (np.pi / 2)
+    square = bool((np.abs(quarters - np.rint(quarters)) < OFF_SQUARE).all())
+    return square and chain.module.fills_cell and chain.module.rigid_links == 1
+
+
+def let_go(
+    chain: Chain,
+    strategy: str,
+    parameters: Parameters,
+    *,
+    seed: int = 0,
+    gentle: bool = False,
+    sink: Callable[[Motion], None] | None = None,
+    progress: Report = silent,
+    cancelled: Cancelled = never,
+) -> Record:
+    """Lets a folded chain go by one of the strategies and records how it becomes straight.
+
+    Args:
+        chain: The chain, starting in its folded configuration.
+        strategy: One of ``STRATEGIES``.
+        parameters: Of the fold.
+        seed: What randomness starts from.
+        gentle: With half the tension, and steps that bring modules half as near.
+        sink: Gets the snapshots as they are made: ``Windows`` if ``windowed`` says so.
+        progress: Told how far it is, a few times a second.
+        cancelled: Asked now and then whether to stop.
+    """
+    how = parameters.explosion
+    if isinstance(how, PaperExplosionParameters):
+        return explode_as_published(chain, how, sink=sink, progress=progress, cancelled=cancelled)
+    if how is None:
+        raise InputError("no-explosion", f"the preset {parameters.preset!r} has no explosion.")
+    if strategy == BASELINE:
+        return unbend_one_by_one(chain, sink=sink)
+    if strategy == "peel":
+        finer = _suited(parameters.peeling, parameters.module_size, gentle)
+        return peel(chain, finer, seed=seed, sink=sink, progress=progress, cancelled=cancelled)
+    how = _suited(how, parameters.module_size, gentle)
+    if strategy == "blocks":
+        found = explode_blocks_first(
+            chain, how, seed=seed, sink=sink, progress=progress, cancelled=cancelled
+        )
+        return replace(found, strategy="blocks")
+    return explode(chain, how, seed=seed, sink=sink, progress=progress, cancelled=cancelled)
+
+
+def _suited(parameters: _Forces, module_size: float, gentle: bool) -> _Forces:
+    """The same, for the module size that the plan is verified at, with half the force if gentle."""
+    share = GENTLE if gentle else 1.0
+    return replace(
+        parameters,
+        verify_size=max(parameters.verify_size, module_size),
+        tension=share * parameters.tension,
+        pair_cap=share * parameters.pair_cap,
+        pair_cap_loose=share * parameters.pair_cap_loose,
+    )
+
+
+def windowed(strategy: str) -> bool:
+    """Whether a strategy's snapshots are ``Windows``."""
+    return strategy in ("peel", BASELINE)

@@ -1,0 +1,95 @@
+"""Frames: snapshots of a chain with all its angles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+
+Array = NDArray[np.float64]
+PHASES: Final = ("explosion", "playback", "unfolding")
+Phase = Literal["explosion", "playback", "unfolding"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frames:
+    """F snapshots in the order of time.
+
+    Attributes:
+        time_s: (F,) simulated time, rising through all phases.
+        phase: (F,) uint8 index into ``PHASES``.
+        joint_angles_rad: (F, J).
+        root_position: (F, 3) centre of the root module in pitches.
+        root_wxyz: (F, 4) its orientation.
+        joint_error_rad: (F, J) distance of each hinge from its reference; NaN where there is none.
+    """
+
+    time_s: Array
+    phase: NDArray[np.uint8]
+    joint_angles_rad: Array
+    root_position: Array
+    root_wxyz: Array
+    joint_error_rad: Array
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def __getitem__(self, index: slice | NDArray[np.integer[Any]]) -> Frames:
+        return Frames(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
+
+    def dense(self, chain: Chain, start: int = 0, stop: int | None = None) -> Frames:
+        """The snapshots ``start`` to ``stop``: as ``Windows.dense``."""
+        del chain
+        return self[start:stop]
+
+    def angles(self, chain: Chain, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
+        """(f, J) all angles of the snapshots ``start`` to ``stop``: as ``Windows.angles``."""
+        del chain
+        return self.joint_angles_rad[start:stop]
+
+    @classmethod
+    def none(cls, joints: int) -> Frames:
+        """No frame at all, of a chain with so many hinges."""
+        return cls(
+            time_s=np.zeros(0),
+            phase=np.zeros(0, dtype=np.uint8),
+            joint_angles_rad=np.zeros((0, joints)),
+            root_position=np.zeros((0, 3)),
+            root_wxyz=np.zeros((0, 4)),
+            joint_error_rad=np.zeros((0, joints)),
+        )
+
+    @classmethod
+    def of_phase(
+        cls,
+        phase: Phase,
+        *,
+        time_s: Array,
+        joint_angles_rad: Array,
+        root_position: Array,
+        root_wxyz: Array,
+        joint_error_rad: Array | None = None,
+    ) -> Frames:
+        """Frames that all belong to one phase; no error recorded when it is None."""
+        if joint_error_rad is None:
+            joint_error_rad = np.full_like(joint_angles_rad, np.nan)
+        return cls(
+            time_s=time_s,
+            phase=np.full(len(time_s), PHASES.index(phase), dtype=np.uint8),
+            joint_angles_rad=joint_angles_rad,
+            root_position=root_position,
+            root_wxyz=root_wxyz,
+            joint_error_rad=joint_error_rad,
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[Frames]) -> Frames:
+        """One after the other."""
+        return cls(
+            **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)}
+        )

@@ -1,0 +1,89 @@
+"""Inverse dynamics of a kinematic playback: the torques that its motion would take.
+
+It costs time in proportion to frames × modules, so of a long motion some frames are looked at,
+spread evenly; what lies between them may be more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.dynamics import floating_torques
+from planner.motion.motion import Motion
+
+Array = NDArray[np.float64]
+MOST_MODULES: Final = 2_000_000
+"""Frames times modules that are looked at."""
+MOST_ANGLES: Final = 2**18
+"""Angles side by side, three frames for each that is looked at."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Torques:
+    """The largest hinge torques at some frames of a motion.
+
+    Attributes:
+        frames: (K,) which ones, rising.
+        largest: (K,) in units of module mass · pitch² / s².
+        rms: Root mean square of them over time.
+    """
+
+    frames: NDArray[np.int64]
+    largest: Array
+    rms: float
+
+    @property
+    def peak(self) -> float:
+        """The largest of all; 0 when nothing was looked at."""
+        return float(self.largest.max(initial=0.0))
+
+
+def inverse_dynamics(chain: Chain, motion: Motion) -> Torques:
+    """Torques of a chain that floats freely, without gravity, momentum or contacts.
+
+    Speeds and accelerations at a frame are those of the parabola through it and its neighbours.
+
+    Args:
+        chain: The chain.
+        motion: At least three frames; neighbours at the same time count as no frame.
+    """
+    later = np.concatenate([[0], np.flatnonzero(np.diff(motion.time_s) > 0.0) + 1])
+    inner = len(later) - 2
+    if inner < 1:
+        return Torques(frames=np.zeros(0, np.int64), largest=np.zeros(0), rms=0.0)
+    count = min(inner, max(1, MOST_MODULES // len(chain)))
+    middle = 1 + np.unique(np.linspace(0, inner - 1, count).astype(np.int64))
+    largest = np.empty(len(middle))
+    step = max(1, MOST_ANGLES // len(chain.folded_rad))
+    for start in range(0, len(middle), step):
+        part = middle[start : start + step]
+        around = [motion[later[part + shift]] for shift in (-1, 0, 1)]
+        times = [frames.time_s for frames in around]
+        angles = [frames.angles(chain) for frames in around]
+        rates, accelerations = _parabolas(times, angles)
+        torques = floating_torques(chain.module, angles[1], rates, accelerations)
+        largest[start : start + step] = np.abs(torques).max(axis=1)
+    frames = later[middle]
+    weights = np.gradient(motion.time_s[frames]) if len(frames) > 1 else np.ones(1)
+    rms = float(np.sqrt(np.average(largest**2, weights=np.maximum(weights, 1e-12))))
+    return Torques(frames=frames, largest=largest, rms=rms)
+
+
+def _parabolas(times: list[Array], angles: list[Array]) -> tuple[Array, Array]:
+    """(K, J) first and second derivatives at the middle one of three frames each.
+
+    Args:
+        times: (K,) each, before, at and after.
+        angles: (K, J) each.
+    """
+    earlier = (times[1] - times[0])[:, None]
+    later = (times[2] - times[1])[:, None]
+    come = (angles[1] - angles[0]) / earlier
+    go = (angles[2] - angles[1]) / later
+    rates = (come * later + go * earlier) / (earlier + later)
+    return rates, 2.0 * (go - come) / (earlier + later)

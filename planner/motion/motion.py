@@ -1,0 +1,40 @@
+"""Motion: snapshots of a chain, with all of its angles or only with those of a window.
+
+Simultaneous explosions move everything at once; their snapshots are ``Frames``. What comes off
+piece by piece is kept as ``Windows``, whose size grows with what moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, cast
+
+from planner.motion.frames import Frames
+from planner.motion.windows import Windows
+
+Motion = Frames | Windows
+
+
+def joined(parts: Sequence[Motion]) -> Motion:
+    """One after the other; all of one kind.
+
+    Raises:
+        TypeError: When they are not.
+    """
+    kinds = {type(part) for part in parts}
+    if kinds == {Frames}:
+        return Frames.joined(cast("Sequence[Frames]", parts))
+    if kinds == {Windows}:
+        return Windows.joined(cast("Sequence[Windows]", parts))
+    raise TypeError(f"got parts of {sorted(kind.__name__ for kind in kinds)}, expected one kind")
+
+
+def motion_arrays(motion: Motion) -> dict[str, Any]:
+    """Its columns by name, to be written."""
+    return {name: getattr(motion, name) for name in type(motion).__dataclass_fields__}
+
+
+def motion_from_arrays(arrays: Any) -> Motion:
+    """From a mapping of its columns, whichever kind they are of."""
+    kind = Windows if "offsets" in arrays else Frames
+    return kind(**{name: arrays[name] for name in kind.__dataclass_fields__})

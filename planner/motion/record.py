@@ -1,0 +1,95 @@
+"""Record: what an explosion leaves behind, the paper's list of angle snapshots."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any, Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.motion.angle_steps import packed_frames, unpacked_frames
+from planner.motion.motion import Motion, motion_arrays, motion_from_arrays
+
+Array = NDArray[np.float64]
+RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Record:
+    """The outcome of an explosion. A failed one is data too.
+
+    Attributes:
+        status: ``straight`` when the chain came out, else why it did not.
+        reason: In plain words; empty when straight.
+        frames: Snapshots from folded on; the last one is straight if the status says so.
+        steps: Simulation steps.
+        seconds: Wall time.
+        strategy: How it was let go, see ``planner.explosion.strategies``.
+        snapshots_rad: (S, J) hinge angles of all snapshots, in whole steps, where these are more
+            than the frames: as published, which keeps one every few steps. Playback follows them.
+    """
+
+    status: RecordStatus
+    reason: str
+    frames: Motion
+    steps: int
+    seconds: float
+    strategy: str = "simultaneous"
+    snapshots_rad: Array | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """The figures without the frames."""
+        return {
+            "status": self.status,
+            "reason": self.reason,
+            "steps": self.steps,
+            "frames": len(self.frames),
+            "seconds": self.seconds,
+            "strategy": self.strategy,
+        }
+
+    def save(self, path: FilePath) -> None:
+        """Writes an ``.npz`` that is either whole or not there."""
+        save_npz(
+            path,
+            {
+                "status": np.array(self.status),
+                "reason": np.array(self.reason),
+                "steps": np.array(self.steps),
+                "seconds": np.array(self.seconds),
+                "strategy": np.array(self.strategy),
+                **motion_arrays(self.frames),
+                **(
+                    {}
+                    if self.snapshots_rad is None
+                    else packed_frames("snapshots_rad", self.snapshots_rad)
+                ),
+            },
+        )
+
+    @classmethod
+    def load(cls, path: FilePath) -> Record:
+        """Reads what ``save`` wrote."""
+        with np.load(path, allow_pickle=False) as file:
+            arrays = dict(file)
+            packed = any(name.startswith("snapshots_rad") for name in arrays)
+            return cls(
+                status=cast("RecordStatus", str(arrays["status"])),
+                reason=str(arrays["reason"]),
+                frames=motion_from_arrays(arrays),
+                steps=int(arrays["steps"]),
+                seconds=float(arrays["seconds"]),
+                strategy=str(arrays.get("strategy", "simultaneous")),
+                snapshots_rad=unpacked_frames(arrays, "snapshots_rad") if packed else None,
+            )
+
+
+def save_npz(path: FilePath, arrays: dict[str, Any]) -> None:
+    """Writes arrays aside and renames, so that the file is either whole or not there."""
+    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    with aside.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+    aside.replace(path)

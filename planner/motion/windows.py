@@ -1,0 +1,169 @@
+"""Windows: snapshots of a long chain of which one stretch is neither folded nor straight.
+
+Below its window a chain is folded, above it straight: a snapshot holds the angles in between. That
+is what makes the memory of a long fold grow with what moves and not with all that there is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.chain.rotations import wxyz_from_matrix
+from planner.motion.frames import Frames
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Windows:
+    """F snapshots in the order of time; (V,) angles of all their windows together.
+
+    Angles are single precision, and it is these very numbers that are verified.
+
+    Attributes:
+        time_s: (F,) time, rising.
+        phase: (F,) uint8 index into ``PHASES``.
+        first: (F,) hinge at which the window begins; all before it are folded.
+        offsets: (F + 1,) where each window begins in ``angles_rad``; all hinges after it are 0.
+        angles_rad: (V,) float32.
+        base_position: (F, 3) centre of module 0 in pitches.
+        base_wxyz: (F, 4) its orientation.
+    """
+
+    time_s: Array
+    phase: NDArray[np.uint8]
+    first: Ints
+    offsets: Ints
+    angles_rad: NDArray[np.float32]
+    base_position: Array
+    base_wxyz: Array
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def __getitem__(self, index: slice | NDArray[np.integer[Any]]) -> Windows:
+        """Some of the snapshots."""
+        numbers = np.arange(len(self))[index]
+        return Windows(
+            time_s=self.time_s[numbers],
+            phase=self.phase[numbers],
+            first=self.first[numbers],
+            offsets=np.concatenate([[0], np.cumsum(np.diff(self.offsets)[numbers])]),
+            angles_rad=np.concatenate(
+                [np.zeros(0, np.float32)]
+                + [self.angles_rad[self.offsets[k] : self.offsets[k + 1]] for k in numbers]
+            ),
+            base_position=self.base_position[numbers],
+            base_wxyz=self.base_wxyz[numbers],
+        )
+
+    @property
+    def last(self) -> Ints:
+        """(F,) the hinge behind each window: it and all that follow are straight."""
+        return self.first + np.diff(self.offsets)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Windows]) -> Windows:
+        """One after the other."""
+        lengths = np.concatenate([np.diff(part.offsets) for part in parts])
+        plain = ("time_s", "phase", "first", "angles_rad", "base_position", "base_wxyz")
+        return cls(
+            offsets=np.concatenate([[0], np.cumsum(lengths)]),
+            **{name: np.concatenate([getattr(p, name) for p in parts]) for name in plain},
+        )
+
+    @classmethod
+    def of(cls, chain: Chain, frames: Frames) -> Windows:
+        """Frames of all angles, with the shortest windows that hold the same to single precision.
+
+        Angles count as folded or straight when they are so in single precision.
+        """
+        angles = frames.joint_angles_rad.astype(np.float32)
+        moved = angles != chain.folded_rad.astype(np.float32)
+        first = np.where(moved.any(axis=1), moved.argmax(axis=1), angles.shape[1])
+        bent = angles != 0.0
+        last = np.where(bent.any(axis=1), angles.shape[1] - bent[:, ::-1].argmax(axis=1), 0)
+        last = np.maximum(last, first)
+        poses = chain.poses(angles.astype(np.float64), frames.root_position, frames.root_wxyz)
+        return cls(
+            time_s=frames.time_s,
+            phase=frames.phase,
+            first=first.astype(np.int64),
+            offsets=np.concatenate([[0], np.cumsum(last - first)]).astype(np.int64),
+            angles_rad=np.concatenate(
+                [np.zeros(0, np.float32)]
+                + [row[a:b] for row, a, b in zip(angles, first, last, strict=True)]
+            ),
+            base_position=poses.positions[:, 0],
+            base_wxyz=poses.wxyzs[:, 0],
+        )
+
+    def angles(self, chain: Chain, start: int = 0, stop: int | None = None) -> Array:
+        """(f, J) all angles of the snapshots ``start`` to ``stop``."""
+        numbers = range(len(self))[start:stop]
+        found = np.zeros((len(numbers), len(chain.folded_rad)))
+        for row, k in zip(found, numbers, strict=True):
+            a, b = int(self.first[k]), int(self.offsets[k + 1] - self.offsets[k])
+            row[:a] = chain.folded_rad[:a]
+            row[a : a + b] = self.angles_rad[self.offsets[k] : self.offsets[k + 1]]
+        return found
+
+    def passes_as(self, other: Windows) -> bool:
+        """Whether both pass exactly the same angles, whenever and wherever that is."""
+        return all(
+            np.array_equal(getattr(self, name), getattr(other, name))
+            for name in ("first", "offsets", "angles_rad")
+        )
+
+    def steps(self, chain: Chain, *, fraction: float = 0.0) -> tuple[Array, Ints]:
+        """What the hinges do from each snapshot to the next.
+
+        Args:
+            chain: The chain.
+            fraction: A hinge moves when its step is more than this share of the largest one.
+
+        Returns:
+            (F − 1,) the largest step in radians and (F − 1,) how many hinges move.
+        """
+        from planner.kernels.windows import window_steps  # a compiler: only for who computes
+
+        count = max(0, len(self) - 1)
+        largest, moving = np.zeros(count), np.zeros(count, dtype=np.int64)
+        window_steps(
+            self.first,
+            self.offsets,
+            self.angles_rad,
+            chain.folded_rad,
+            fraction,
+            largest,
+            moving,
+        )
+        return largest, moving
+
+    def dense(self, chain: Chain, start: int = 0, stop: int | None = None) -> Frames:
+        """The snapshots ``start`` to ``stop`` with all their angles; no error is recorded."""
+        part = slice(start, stop)
+        angles = self.angles(chain, start, stop)
+        poses = forward_kinematics(
+            chain.module,
+            angles,
+            root=0,
+            root_position=self.base_position[part],
+            root_wxyz=self.base_wxyz[part],
+        )
+        return Frames(
+            time_s=self.time_s[part],
+            phase=self.phase[part],
+            joint_angles_rad=angles,
+            root_position=poses.positions[:, chain.root],
+            root_wxyz=wxyz_from_matrix(poses.rotations[:, chain.root]),
+            joint_error_rad=np.full_like(angles, np.nan),
+        )

@@ -1,0 +1,279 @@
+"""Feasibility: can a chain fill a shape, why not, and which small change makes it possible."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.path import FEWEST_CELLS
+from planner.pathfinding import Cell
+from planner.pathfinding.blocks import halved
+from planner.pathfinding.exact import exact_path
+from planner.pathfinding.lattice import STEPS, colours, neighbours, parts
+from planner.pathfinding.obstacles import Problem, obstacles
+from planner.pathfinding.snake import is_box
+from planner.shapes.shape import Shape
+
+__all__ = ["Feasibility", "Problem", "Repair", "apply_repair", "feasibility"]
+
+Ints = NDArray[np.int64]
+Cells: TypeAlias = frozenset[Cell]
+
+TIME_LIMIT_S: Final = 2.0
+LARGEST_SEARCH: Final = 2_000
+"""Cells up to which a path is looked for to answer the question."""
+MOST_CHANGES: Final = 12
+MOST_CHANGED: Final = 0.1
+"""Cells that a repair adds or drops at most, or this part of them when that is more; what falls
+apart is not counted."""
+MOST_LOOKED_AT: Final = 60
+"""Cells that are weighed for each change."""
+CHECK_S: Final = 0.5
+"""Seconds for the search that shows a repair to work."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repair:
+    """A change that makes a path possible.
+
+    Attributes:
+        detail: One plain sentence.
+        add: Cells to add.
+        drop: Cells to drop.
+        doubled: Then make 2×2×2 cells of half the pitch of each cell.
+    """
+
+    detail: str
+    add: tuple[Cell, ...] = ()
+    drop: tuple[Cell, ...] = ()
+    doubled: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Feasibility:
+    """Whether a chain can fill a shape.
+
+    Attributes:
+        feasible: True and False are proved, None is neither.
+        problems: Why it can't.
+        repairs: The smallest one first; doubling, which always works, last.
+    """
+
+    feasible: bool | None
+    problems: tuple[Problem, ...] = ()
+    repairs: tuple[Repair, ...] = ()
+
+
+def feasibility(shape: Shape, *, seed: int = 0, time_limit_s: float = TIME_LIMIT_S) -> Feasibility:
+    """Looks for what keeps a shape from having a path, and for a path.
+
+    Args:
+        shape: The shape.
+        seed: Of the searches.
+        time_limit_s: Seconds for the search for a path, and as many for repairs.
+    """
+    problems = obstacles(shape.cells)
+    known: bool | None = None
+    if problems:
+        known = False
+    elif is_box(shape) or halved(shape) is not None:
+        known = True
+    elif len(shape) <= LARGEST_SEARCH:
+        search = exact_path(shape, time_limit_s=time_limit_s, seed=seed, eased=False)
+        known = {"found": True, "infeasible": False, "undecided": None}[search.status]
+        if known is False:
+            problems = (
+                Problem(code="no-path", detail="the solver proved that no path visits all cells."),
+            )
+    if known:
+        return Feasibility(feasible=True)
+    deadline = time.monotonic() + time_limit_s
+    repairs = tuple(_repairs(shape, problems, seed, deadline))
+    return Feasibility(feasible=known, problems=problems, repairs=repairs)
+
+
+def apply_repair(shape: Shape, repair: Repair) -> Shape:
+    """The shape with cells added and dropped, then doubled where the repair says so."""
+    cells = np.array(sorted((_set(shape.cells) | set(repair.add)) - set(repair.drop)))
+    pitch_m = shape.pitch_m
+    if repair.doubled:
+        corners = np.array(list(product((0, 1), repeat=3)))
+        cells = (2 * cells[:, None, :] + corners).reshape(-1, 3)
+        pitch_m /= 2
+    return Shape.from_cells(cells, name=shape.name, pitch_m=pitch_m)
+
+
+def _repairs(
+    shape: Shape, problems: tuple[Problem, ...], seed: int, deadline: float
+) -> Iterator[Repair]:
+    """Verified changes, the smallest first, then doubling."""
+    before = _set(shape.cells)
+    bases = [before]
+    if any(problem.code == "disconnected" for problem in problems):
+        bases = [_bridged(shape.cells), _largest_part(shape.cells)]
+    found = [
+        repair
+        for base in bases
+        if base is not None
+        for adding in (False, True)
+        if (repair := _mended(before, base, adding, seed, deadline)) is not None
+    ]
+    different = {(repair.add, repair.drop): repair for repair in found}
+    yield from sorted(different.values(), key=lambda r: (len(r.add) + len(r.drop), len(r.drop)))
+    whole = bases[0] if bases[0] is not None else bases[-1] or before
+    yield _doubling(before, whole)
+
+
+def _mended(before: Cells, base: Cells, adding: bool, seed: int, deadline: float) -> Repair | None:
+    """Adds cells, or drops them, one at a time, each time the one that helps most."""
+    now = base
+    for _ in range(max(MOST_CHANGES, int(MOST_CHANGED * len(base))) + 1):
+        problems = obstacles(_array(now))
+        if not problems:
+            if now != before and _has_path(now, seed):
+                return _repair(before, now)
+            if time.monotonic() > deadline:
+                return None
+        # A single change flips the balance of colours by one; without any problem left to guide,
+        # any cell is tried whose result has a path.
+        amount = sum(problem.amount for problem in problems)
+        best: tuple[int, int, Cell] | None = None
+        for rank, cell in enumerate(_choices(now, problems, adding)):
+            after = now | {cell} if adding else now - {cell}
+            left = sum(problem.amount for problem in obstacles(_array(after)))
+            if not problems:
+                if left == 0 and _has_path(after, seed):
+                    return _repair(before, after)
+            elif left < amount and (best is None or (left, rank, cell) < best):
+                best = left, rank, cell
+            if time.monotonic() > deadline:
+                break
+        if best is None:
+            return None
+        now = now | {best[2]} if adding else now - {best[2]}
+    return None
+
+
+def _choices(now: Cells, problems: tuple[Problem, ...], adding: bool) -> list[Cell]:
+    """Cells to add or to drop, those that change the shape's looks least first."""
+    cells = _array(now)
+    if adding:
+        around = {_plus(cell, step) for cell in now for step in STEPS} - now
+        candidates = _array(frozenset(around))
+        filled = np.array([sum(_plus(c, s) in now for s in STEPS) for c in _tuples(candidates)])
+        looks = -filled
+    else:
+        filled = (neighbours(cells) >= 0).sum(axis=1)
+        candidates, looks = cells[filled < 6], filled[filled < 6]
+    balance = int((1 - 2 * colours(cells)).sum())
+    if problems and all(problem.code == "parity" for problem in problems) and abs(balance) > 1:
+        more = 0 if balance > 0 else 1
+        wanted = 1 - more if adding else more
+        keep = colours(candidates) == wanted
+        candidates, looks = candidates[keep], looks[keep]
+        far = np.zeros(len(candidates))
+    else:
+        spots = np.array([cell for problem in problems for cell in problem.cells][:200])
+        far = (
+            np.abs(candidates[:, None, :] - spots[None]).sum(axis=2).min(axis=1)
+            if len(spots)
+            else np.zeros(len(candidates))
+        )
+        far = np.maximum(far - 2, 0)
+    order = np.lexsort((*candidates.T, looks, far))
+    return _tuples(candidates[order][:MOST_LOOKED_AT])
+
+
+def _has_path(cells: Cells, seed: int) -> bool:
+    shape = Shape.from_cells(_array(cells))
+    if is_box(shape) or halved(shape) is not None:
+        return True
+    return exact_path(shape, time_limit_s=CHECK_S, seed=seed, eased=False).status == "found"
+
+
+def _repair(before: Cells, after: Cells) -> Repair:
+    add, drop = sorted(after - before), sorted(before - after)
+    words = [
+        f"{word} {_count(len(cells), 'cell')}"
+        for word, cells in (("add", add), ("drop", drop))
+        if cells
+    ]
+    detail = " and ".join(words)
+    return Repair(detail=f"{detail[:1].upper()}{detail[1:]}.", add=tuple(add), drop=tuple(drop))
+
+
+def _doubling(before: Cells, whole: Cells) -> Repair:
+    add, drop = tuple(sorted(whole - before)), tuple(sorted(before - whole))
+    words = "Make 2×2×2 cells of each cell"
+    if add:
+        words = f"Add {_count(len(add), 'cell')} as a bridge, then make 2×2×2 cells of each"
+    elif drop:
+        words = f"Drop {_count(len(drop), 'cell')}, then make 2×2×2 cells of each"
+    return Repair(
+        detail=f"{words}: {8 * len(whole)} modules of half the size, which always have a path.",
+        add=add,
+        drop=drop,
+        doubled=True,
+    )
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}{'s' * (number != 1)}"
+
+
+def _largest_part(cells: Ints) -> Cells | None:
+    """The largest part, None when it is too small for a chain."""
+    _, labels = parts(cells)
+    kept = cells[labels == np.argmax(np.bincount(labels))]
+    return _set(kept) if len(kept) >= FEWEST_CELLS else None
+
+
+def _bridged(cells: Ints) -> Cells | None:
+    """All parts joined by the shortest straight or bent bridges; None when that takes too many."""
+    added = 0
+    while (found := parts(cells))[0] > 1:
+        labels = found[1]
+        largest = labels == np.argmax(np.bincount(labels))
+        inner, outer = cells[largest], cells[~largest]
+        if len(inner) * len(outer) > 4_000_000:
+            return None
+        gaps = np.abs(inner[:, None, :] - outer[None]).sum(axis=2)
+        a, b = np.unravel_index(int(gaps.argmin()), gaps.shape)
+        bridge = _between(inner[a], outer[b])
+        added += len(bridge)
+        if added > MOST_CHANGES:
+            return None
+        cells = np.concatenate([cells, bridge])
+    return _set(cells)
+
+
+def _between(a: Ints, b: Ints) -> Ints:
+    """Cells of a bent line strictly between two cells."""
+    at, line = a.copy(), list[Ints]()
+    for axis in range(3):
+        while at[axis] != b[axis]:
+            at[axis] += np.sign(b[axis] - at[axis])
+            line.append(at.copy())
+    return np.array(line[:-1], dtype=np.int64).reshape(-1, 3)
+
+
+def _plus(a: Cell, b: Cell) -> Cell:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _set(cells: Ints) -> Cells:
+    return frozenset(_tuples(cells))
+
+
+def _tuples(cells: Ints) -> list[Cell]:
+    return [(x, y, z) for x, y, z in cells.tolist()]
+
+
+def _array(cells: Cells) -> Ints:
+    return np.array(sorted(cells), dtype=np.int64).reshape(-1, 3)

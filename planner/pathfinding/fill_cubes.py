@@ -1,0 +1,180 @@
+"""Cells filled with cubes: one each, or eight of half the pitch, along a Hamiltonian path."""
+
+from __future__ import annotations
+
+import time
+from typing import Final
+
+import numpy as np
+
+from planner.chain.chain import Chain
+from planner.errors import InputError
+from planner.pathfinding.blocks import halved
+from planner.pathfinding.candidates import ASSEMBLY_FROM, PathSearch, find_paths
+from planner.pathfinding.feasibility import Feasibility, Repair, apply_repair, feasibility
+from planner.pathfinding.filled import Filled
+from planner.pathfinding.knots import knot_of
+from planner.pathfinding.lattice import parts
+from planner.pathfinding.options import DEFAULT_MODULES, Wishes
+from planner.shapes.shape import Shape
+
+BLOCK: Final = 8
+"""Cells of a doubled voxel."""
+DOUBLING_REACH: Final = 1.25
+"""Times the modules asked for that a repair by doubling may come to."""
+DOUBLED: Final = "Each voxel became 2×2×2 modules."
+FOR_A_PATH: Final = " So there is a path in any case."
+START_SHARE: Final = 0.7
+"""Part of the time for paths that begin where it is wished for."""
+
+
+class Cubes:
+    """See the module's description."""
+
+    def cells_for(self, wishes: Wishes) -> int:
+        """How many cells a solid should be voxelised into."""
+        modules = DEFAULT_MODULES if wishes.modules is None else wishes.modules
+        return max(1, round(modules / BLOCK)) if _in_blocks(wishes) else modules
+
+    def modules_of(self, shape: Shape, wishes: Wishes) -> int:
+        """How many modules given cells become, as far as that is known before there is a path."""
+        return BLOCK * len(shape) if wishes.method == "blocks" else len(shape)
+
+    def fill(
+        self, shape: Shape, wishes: Wishes, *, of_solid: bool, seed: int, time_limit_s: float
+    ) -> Filled:
+        """Finds chains through cells; see ``planner.pathfinding.filling.Filling``."""
+        notes: tuple[str, ...] = ()
+        was_doubled = False
+        given = len(shape)
+        method = wishes.method
+        if of_solid and _in_blocks(wishes):
+            shape = doubled(shape)
+            method = method if len(shape) >= ASSEMBLY_FROM else "blocks"
+        elif method == "blocks" and halved(shape) is None:
+            shape, was_doubled = doubled(shape), True
+        elif wishes.modules not in (None, given) and not wishes.repair and not of_solid:
+            notes = (f"Voxels are taken as they are: {given} modules.",)
+        scale = round((len(shape) / given) ** (1 / 3))
+        state = feasibility(shape)
+        if was_doubled:
+            notes = (DOUBLED if state.feasible is False else f"{DOUBLED}{FOR_A_PATH}",)
+        if state.feasible is False and wishes.repair and state.repairs:
+            repair = wished_repair(shape, state, wishes)
+            if repair is not None:
+                shape = apply_repair(shape, repair)
+                notes = (*notes, f"Repaired: {repair.detail}")
+                state = feasibility(shape)
+            else:
+                notes = (*notes, only_doubling(shape, state.repairs[0]))
+        search: PathSearch | None = None
+        not_started = ""
+        if state.feasible is not False:
+            search, not_started = _searched(shape, method, wishes, seed, time_limit_s)
+            notes = (*notes, *search.notes, *((search.reason,) if search.reason else ()))
+        paths = () if search is None else search.paths
+        return Filled(
+            chains=tuple(Chain.from_path(path) for path in paths),
+            shape=shape,
+            method=method if search is None else search.method,
+            feasibility=state,
+            cells=paths[0].cells if paths else shape.cells,
+            line=paths[0].cells.astype(np.float64) if paths else np.zeros((0, 3)),
+            knot=knot_of(paths[0].cells) if paths else None,
+            notes=notes,
+            not_started=not_started,
+            scale=float(scale),
+            shift=-0.5,
+            modules_per_cell=scale**3,
+        )
+
+    def check(self, shape: Shape, wishes: Wishes) -> None:
+        """Refuses given cells that have no path, for a reason that is quickly found."""
+        if wishes.method == "blocks":
+            if parts(shape.cells)[0] == 1:
+                return
+            shape = doubled(shape) if halved(shape) is None else shape
+        state = feasibility(shape)
+        if state.feasible is not False:
+            return
+        if wishes.repair and state.repairs:
+            if wished_repair(shape, state, wishes) is not None:
+                return
+            raise InputError("no-path", only_doubling(shape, state.repairs[0]))
+        why = " ".join(problem.detail for problem in state.problems)
+        ways: list[str] = []
+        if state.repairs:
+            ways.append(f"fold it with 'repair' ({state.repairs[0].detail})")
+        if not any(problem.code == "disconnected" for problem in state.problems):
+            ways.append(
+                "the method 'blocks' makes 2×2×2 modules of each cell, which always has a path"
+            )
+        raise InputError(
+            "no-path",
+            f"got cells without a path through them. {why} Expected others"
+            f"{'; ' if ways else ''}{', or '.join(ways)}.",
+        )
+
+
+def _in_blocks(wishes: Wishes) -> bool:
+    return wishes.method in ("auto", "blocks")
+
+
+def _searched(
+    shape: Shape, method: str, wishes: Wishes, seed: int, time_limit_s: float
+) -> tuple[PathSearch, str]:
+    """Paths that begin where it is wished for; others, and why, where there are none."""
+    begun = time.monotonic()
+    share = 1.0 if wishes.start is None else START_SHARE
+    search = find_paths(
+        shape,
+        method=method,
+        ends=wishes.ends,
+        start=wishes.start,
+        seed=seed,
+        time_limit_s=share * time_limit_s,
+    )
+    if wishes.start is None or search.paths:
+        return search, ""
+    why = f"No path that begins in the cell {wishes.start} was found. {search.reason}".strip()
+    left = time_limit_s - (time.monotonic() - begun)
+    return find_paths(
+        shape, method=method, ends=wishes.ends, seed=seed, time_limit_s=max(0.5, left)
+    ), why
+
+
+def wished_repair(shape: Shape, state: Feasibility, wishes: Wishes) -> Repair | None:
+    """The smallest repair; one that makes eight modules of each cell only where so many are wanted.
+
+    Returns:
+        None when nothing but that helps and it was not asked for.
+    """
+    repair = state.repairs[0]
+    count = modules_after(shape, repair)
+    wanted = wishes.modules is not None and count <= DOUBLING_REACH * wishes.modules
+    return repair if wanted or not repair.doubled else None
+
+
+def modules_after(shape: Shape, repair: Repair) -> int:
+    """How many modules a repair leaves."""
+    cells = len(shape) + len(repair.add) - len(repair.drop)
+    return BLOCK * cells if repair.doubled else cells
+
+
+def only_doubling(shape: Shape, repair: Repair) -> str:
+    """What to say where only doubling helps and was not asked for."""
+    count = modules_after(shape, repair)
+    return (
+        f"Only one repair was found, which makes {count} modules of {len(shape)} cells: "
+        f"{repair.detail} Ask for {count} modules with the repair, or for the method 'blocks'."
+    )
+
+
+def doubled(shape: Shape) -> Shape:
+    """Each cell as 2×2×2 cells of half the pitch."""
+    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    cells = (2 * shape.cells[:, None, :] + corners).reshape(-1, 3)
+    return Shape.from_cells(cells, name=shape.name, pitch_m=0.5 * shape.pitch_m)
+
+
+__all__ = ["Cubes", "doubled", "modules_after", "only_doubling", "wished_repair"]

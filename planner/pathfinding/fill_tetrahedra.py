@@ -1,0 +1,114 @@
+"""Cells filled with tetrahedra: a ring of twelve in each, along one Eulerian trail."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.chain.chain import Chain
+from planner.chain.honeycomb import RING, ring_of
+from planner.errors import InputError
+from planner.pathfinding.feasibility import Feasibility, Repair, apply_repair
+from planner.pathfinding.filled import Filled
+from planner.pathfinding.knots import knot_of
+from planner.pathfinding.lattice import parts
+from planner.pathfinding.obstacles import Problem
+from planner.pathfinding.options import DEFAULT_MODULES, Wishes
+from planner.pathfinding.tetrahedra import find_trails
+from planner.shapes.shape import Shape
+
+
+class Tetrahedra:
+    """See the module's description. There is a trail through any cells that hang together."""
+
+    def cells_for(self, wishes: Wishes) -> int:
+        """How many cells a solid should be voxelised into."""
+        modules = DEFAULT_MODULES if wishes.modules is None else wishes.modules
+        return max(1, round(modules / RING))
+
+    def modules_of(self, shape: Shape, wishes: Wishes) -> int:
+        """How many modules given cells become."""
+        del wishes
+        return RING * len(shape)
+
+    def fill(
+        self, shape: Shape, wishes: Wishes, *, of_solid: bool, seed: int, time_limit_s: float
+    ) -> Filled:
+        """Finds chains through cells; see ``planner.pathfinding.filling.Filling``."""
+        del time_limit_s
+        notes: tuple[str, ...] = ()
+        if not of_solid:
+            notes = (f"Each cell became a ring of {RING} tetrahedra.",)
+        state = _feasibility(shape)
+        if state.repairs and wishes.repair:
+            notes = (*notes, f"Repaired: {state.repairs[0].detail}")
+            shape = apply_repair(shape, state.repairs[0])
+            state = _feasibility(shape)
+        chains: tuple[Chain, ...] = ()
+        not_started = ""
+        knot = None
+        cells, line = shape.cells, np.zeros((0, 3))
+        if state.feasible:
+            try:
+                search = find_trails(shape, ends=wishes.ends, start=wishes.start, seed=seed)
+            except InputError as error:
+                if error.code != "no-start":
+                    raise
+                not_started = error.detail
+                search = find_trails(shape, ends=wishes.ends, seed=seed)
+            notes = (*notes, *search.notes)
+            chains = tuple(Chain.from_trail(trail) for trail in search.trails)
+            nodes = search.trails[0].nodes
+            knot = knot_of(nodes)
+            cells, line = shape.cells[ring_of(nodes, shape.cells)], nodes.astype(np.float64)
+        return Filled(
+            chains=chains,
+            shape=shape,
+            method="rings",
+            feasibility=state,
+            cells=cells,
+            line=line,
+            knot=knot,
+            notes=notes,
+            not_started=not_started,
+            scale=2.0,
+            shift=1.0,
+            modules_per_cell=RING,
+        )
+
+    def check(self, shape: Shape, wishes: Wishes) -> None:
+        """Refuses given cells that no trail goes through."""
+        state = _feasibility(shape)
+        if not state.feasible and not wishes.repair:
+            why = " ".join(problem.detail for problem in state.problems)
+            raise InputError(
+                "no-path",
+                f"got cells without a trail through them. {why} Expected cells that hang together; "
+                f"fold it with 'repair' ({state.repairs[0].detail})",
+            )
+
+
+def _feasibility(shape: Shape) -> Feasibility:
+    """Rings pass from cell to cell through the faces, so cells must hang together by them."""
+    count, labels = parts(shape.cells)
+    if count == 1:
+        return Feasibility(feasible=True)
+    sizes = np.bincount(labels)
+    loose = shape.cells[labels != np.argmax(sizes)]
+    cells = tuple((int(x), int(y), int(z)) for x, y, z in loose)
+    return Feasibility(
+        feasible=False,
+        problems=(
+            Problem(
+                code="disconnected",
+                detail=f"The cells are in {count} parts that share no face.",
+                cells=cells,
+            ),
+        ),
+        repairs=(
+            Repair(
+                detail=f"Keep the largest part and drop the other {len(cells)} "
+                f"cell{'' if len(cells) == 1 else 's'}.",
+                drop=cells,
+            ),
+        ),
+    )

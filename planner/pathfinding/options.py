@@ -1,0 +1,58 @@
+"""Wishes: what somebody wants a shape to become."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from planner.chain.module import CUBE, MODULES
+from planner.errors import InputError
+from planner.pathfinding import ENDS, METHODS, Cell
+
+DEFAULT_MODULES: Final = 160
+MODULE_COUNTS: Final = (8, 20_000)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wishes:
+    """How a shape is to become a chain.
+
+    Attributes:
+        module: The kind of module: ``cube`` or ``tetrahedron``. Chain files say so themselves.
+        modules: About how many modules; None for what the input has, or 160 for a mesh.
+        method: ``auto``, ``blocks``, ``exact`` or ``snake``.
+        repair: Whether cells may be added or dropped where there is no path otherwise.
+        ends: ``any``, or ``surface`` for both ends on the outside.
+        as_voxels: Read a list of cells as a shape, not as a path.
+        start: The cell that the chain begins in, as the preview counts cells; None for any.
+    """
+
+    module: str = CUBE.name
+    modules: int | None = None
+    method: str = "auto"
+    repair: bool = False
+    ends: str = "any"
+    as_voxels: bool = False
+    start: Cell | None = None
+
+    def check(self) -> None:
+        """Refuses what cannot be wished for.
+
+        Raises:
+            InputError: Naming the wish.
+        """
+        low, high = MODULE_COUNTS
+        if self.modules is not None and not low <= self.modules <= high:
+            raise InputError(
+                "bad-modules", f"got {self.modules} modules, expected {low} to {high}."
+            )
+        for name, value, known in (
+            ("module", self.module, tuple(MODULES)),
+            ("method", self.method, METHODS),
+            ("ends", self.ends, ENDS),
+        ):
+            if value not in known:
+                raise InputError(
+                    f"unknown-{name}",
+                    f"got the {name} {value!r}, expected one of: {', '.join(known)}.",
+                )

@@ -1,0 +1,309 @@
+"""Preparation: from the bytes of a file to the chains that may fold into what is in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.module import CUBE
+from planner.chain.path import Path
+from planner.errors import InputError
+from planner.pathfinding.duration import expected_seconds
+from planner.pathfinding.knots import Knot, knot_of
+from planner.pathfinding.options import Wishes
+from planner.pathfinding.starts import started
+from planner.readers import read
+from planner.shapes.shape import Shape
+
+# What reads meshes and fills cells is imported for those: a path or a chain needs none of it.
+if TYPE_CHECKING:
+    from planner.pathfinding.feasibility import Feasibility
+    from planner.pathfinding.filling import Filled
+    from planner.shapes.solid import Solid
+    from planner.shapes.voxelise import Voxels
+
+Array = NDArray[np.float64]
+LARGEST_MESH: Final = 20_000
+SEARCH_S: Final = 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Preparation:
+    """What became of an input.
+
+    Attributes:
+        kind: ``path``, ``chain``, ``voxels`` or ``mesh``: what the input was.
+        name: What people call it.
+        wishes: What was asked for.
+        chains: Candidates, best first; empty when no path was found.
+        solid, voxels: The mesh and how it was voxelised; None for other inputs.
+        shape: The cells that are filled; None for a chain file.
+        method: How the paths were found; empty for paths and chains.
+        feasibility: Whether the cells have a path at all; None for paths and chains.
+        knot: Of the first candidate; None without one.
+        notes: What people should know, in plain words.
+        not_started: Why no chain begins where it was wished for; empty when they do, or when
+            nothing of the kind was wished for.
+        filled: How cells became modules; None for paths and chains.
+        iou: Intersection over union of the modules with the solid; None without one.
+    """
+
+    kind: str
+    name: str
+    wishes: Wishes
+    chains: tuple[Chain, ...]
+    solid: Solid | None = None
+    voxels: Voxels | None = None
+    shape: Shape | None = None
+    method: str = ""
+    feasibility: Feasibility | None = None
+    knot: Knot | None = None
+    notes: tuple[str, ...] = field(default=())
+    not_started: str = ""
+    filled: Filled | None = None
+    iou: float | None = None
+
+    @property
+    def chain(self) -> Chain:
+        """The best candidate.
+
+        Raises:
+            InputError: ``no-path``, saying why there is none and what would help; ``no-start`` when
+                there are others than those that were wished for.
+        """
+        if self.not_started:
+            raise InputError("no-start", f"{self.not_started} Start elsewhere, or anywhere.")
+        if self.chains:
+            return self.chains[0]
+        problems = [] if self.feasibility is None else list(self.feasibility.problems)
+        why = " ".join(problem.detail for problem in problems) or " ".join(self.notes)
+        remedy = ""
+        if self.feasibility is not None and self.feasibility.repairs:
+            remedy = f" A repair is at hand: {self.feasibility.repairs[0].detail}"
+        raise InputError("no-path", f"no path through these cells was found. {why}{remedy}".strip())
+
+    def report(self, *, full: bool = True) -> dict[str, Any]:
+        """Everything a page shows of it, as plain JSON values; its mesh only when ``full``."""
+        voxels = self.voxels
+        cells = self.cells
+        return {
+            "kind": self.kind,
+            "name": self.name,
+            "modules": len(cells),
+            "asked": self.wishes.modules,
+            "below": None if voxels is None else self._scaled(voxels.below),
+            "above": None if voxels is None else self._scaled(voxels.above),
+            "iou": self.iou,
+            "pitch": None if voxels is None else voxels.pitch / self._scale,
+            "method": self.method,
+            "has_path": bool(self.chains),
+            "candidates": len(self.chains),
+            "cells": cells.tolist(),
+            "feasibility": None
+            if self.feasibility is None or self.shape is None
+            else _feasibility(self.feasibility, self.shape),
+            "knot": None
+            if self.knot is None
+            else {"verdict": self.knot.verdict, "determinant": self.knot.determinant},
+            "notes": list(self.notes),
+            "as_voxels": self.wishes.as_voxels,
+            "start": None if self.wishes.start is None else list(self.wishes.start),
+            "not_started": self.not_started,
+            "expected_s": expected_seconds(len(cells)),
+            "module": self.chains[0].module.name if self.chains else self.wishes.module,
+            "mesh": self._mesh() if full else None,
+            **(self._modules() if full else {}),
+        }
+
+    @property
+    def _scale(self) -> float:
+        return 1.0 if self.filled is None else self.filled.scale
+
+    def _scaled(self, count: int | None) -> int | None:
+        if count is None or self.filled is None:
+            return None
+        return count * self.filled.modules_per_cell
+
+    @property
+    def cells(self) -> NDArray[np.int64]:
+        """(n, 3) a cell for each module of the best chain; as they lie when there is none."""
+        if self.filled is not None:
+            return self.filled.cells
+        if self.chains:
+            return np.rint(self.chains[0].folded_poses.positions).astype(np.int64)
+        return np.zeros((0, 3), dtype=np.int64) if self.shape is None else self.shape.cells
+
+    def _modules(self) -> dict[str, Any]:
+        """Where the modules of the best chain are, and its course; nothing without a chain."""
+        if not self.chains:
+            return {"positions": None, "wxyzs": None, "line": None}
+        poses = self.chains[0].folded_poses
+        line = poses.positions if self.filled is None else self.filled.line
+        # Boxes look the same in all orientations of a lattice.
+        upright = self.chains[0].module.geom == "box"
+        return {
+            "positions": np.round(poses.positions, 4).tolist(),
+            "wxyzs": None if upright else np.round(poses.wxyzs, 5).tolist(),
+            "line": np.round(line, 4).tolist(),
+        }
+
+    def _mesh(self) -> dict[str, Any] | None:
+        """The solid in the folded chain's space."""
+        solid, voxels = self.solid, self.voxels
+        if solid is None or voxels is None or self.filled is None:
+            return None
+        from planner.shapes.decimation import decimated
+
+        vertices, faces = decimated(solid.vertices, solid.faces, most=LARGEST_MESH)
+        placed = vertices @ voxels.rotation.T / voxels.pitch + voxels.offset
+        return {
+            "vertices": np.round(self.filled.scale * placed + self.filled.shift, 4).tolist(),
+            "faces": faces.tolist(),
+        }
+
+
+def prepare(
+    data: bytes,
+    filename: str | None,
+    wishes: Wishes | None = None,
+    *,
+    seed: int = 0,
+    time_limit_s: float = SEARCH_S,
+) -> Preparation:
+    """Reads a file and finds the chains that may fold into what is in it.
+
+    Args:
+        data: The whole file.
+        filename: What it was called.
+        wishes: How a shape is to become a path.
+        seed: What randomness starts from.
+        time_limit_s: How long a path through exact cells may be searched for.
+
+    Returns:
+        The preparation, with no chains when there is no path: it then says why.
+
+    Raises:
+        InputError: When the file cannot be used, or a wish cannot be wished for.
+    """
+    wishes = Wishes() if wishes is None else wishes
+    wishes.check()
+    found = read(data, filename=filename, as_voxels=wishes.as_voxels)
+    if isinstance(found, Chain):
+        return _prepared_chain(found, wishes, "chain")
+    if isinstance(found, Path) and wishes.module == CUBE.name:
+        return _prepared_chain(Chain.from_path(found), wishes, "path")
+    if isinstance(found, Path):
+        # The cells of a path are a shape to other modules.
+        found = Shape.from_cells(found.cells, name=found.name, pitch_m=found.pitch_m)
+    if isinstance(found, Shape):
+        return _from_shape("voxels", found, wishes, seed, time_limit_s)
+    return _from_solid(found, wishes, seed, time_limit_s)
+
+
+def prepare_in_any_order(
+    data: bytes,
+    filename: str | None,
+    wishes: Wishes,
+    *,
+    seed: int = 0,
+    time_limit_s: float = SEARCH_S,
+) -> Preparation:
+    """As ``prepare``; a list of cells that is no path is a shape, and the first note says why.
+
+    Raises:
+        InputError: As ``prepare`` does.
+    """
+    try:
+        return prepare(data, filename, wishes, seed=seed, time_limit_s=time_limit_s)
+    except InputError as error:
+        if error.code != "not-adjacent":
+            raise
+        why = f"Read as voxels, since {error.where} are not neighbours."
+    wishes = replace(wishes, as_voxels=True)
+    made = prepare(data, filename, wishes, seed=seed, time_limit_s=time_limit_s)
+    return replace(made, notes=(why, *made.notes))
+
+
+def _prepared_chain(chain: Chain, wishes: Wishes, kind: str) -> Preparation:
+    notes = ()
+    if wishes.modules is not None and wishes.modules != len(chain):
+        notes = (f"A {kind} is folded as it is: it has {len(chain)} modules.",)
+    chain, not_started = started(chain, wishes.start)
+    return Preparation(
+        kind=kind,
+        name=chain.name,
+        wishes=wishes,
+        chains=(chain,),
+        knot=knot_of(chain.folded_poses.positions),
+        notes=notes,
+        not_started=not_started,
+    )
+
+
+def _from_shape(
+    kind: str, shape: Shape, wishes: Wishes, seed: int, time_limit_s: float
+) -> Preparation:
+    from planner.pathfinding.filling import FILLINGS
+
+    filled = FILLINGS[wishes.module].fill(
+        shape, wishes, of_solid=False, seed=seed, time_limit_s=time_limit_s
+    )
+    return _made(kind, shape.name, wishes, filled, filled.notes)
+
+
+def _from_solid(solid: Solid, wishes: Wishes, seed: int, time_limit_s: float) -> Preparation:
+    from planner.pathfinding.filling import FILLINGS
+    from planner.pathfinding.shape_kept import kept
+    from planner.shapes.voxelise import voxelise
+
+    filling = FILLINGS[wishes.module]
+    voxels = voxelise(solid, cells=filling.cells_for(wishes), seed=seed)
+    filled = filling.fill(voxels.shape, wishes, of_solid=True, seed=seed, time_limit_s=time_limit_s)
+    notes = (*solid.notes, *voxels.notes, *filled.notes)
+    iou = kept(solid, voxels, filled) if filled.chains else voxels.iou
+    return _made("mesh", solid.name, wishes, filled, notes, solid=solid, voxels=voxels, iou=iou)
+
+
+def _made(
+    kind: str, name: str, wishes: Wishes, filled: Filled, notes: tuple[str, ...], **more: Any
+) -> Preparation:
+    return Preparation(
+        kind=kind,
+        name=name,
+        wishes=wishes,
+        chains=filled.chains,
+        shape=filled.shape,
+        method=filled.method,
+        feasibility=filled.feasibility,
+        knot=filled.knot,
+        notes=notes,
+        not_started=filled.not_started,
+        filled=filled,
+        **more,
+    )
+
+
+def _feasibility(state: Feasibility, shape: Shape) -> dict[str, Any]:
+    from planner.pathfinding.fill_cubes import modules_after
+
+    return {
+        "feasible": state.feasible,
+        "problems": [
+            {"code": p.code, "detail": p.detail, "cells": [list(map(int, c)) for c in p.cells]}
+            for p in state.problems
+        ],
+        "repairs": [
+            {
+                "detail": r.detail,
+                "add": [list(map(int, c)) for c in r.add],
+                "drop": [list(map(int, c)) for c in r.drop],
+                "doubled": r.doubled,
+                "modules": modules_after(shape, r),
+            }
+            for r in state.repairs
+        ],
+    }

@@ -1,0 +1,73 @@
+"""Starts: the cell that a chain shall begin in."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.errors import InputError
+from planner.pathfinding import Cell
+from planner.pathfinding.lattice import index_of
+
+TEXT: Final = r"\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*"
+
+
+def cell_of(text: str) -> Cell:
+    """The cell that "x,y,z" names.
+
+    Raises:
+        InputError: ``bad-start`` for anything else.
+    """
+    if not re.fullmatch(TEXT, text, re.ASCII):
+        raise InputError(
+            "bad-start", f"got {text[:40]!r} to start with, expected a cell as x,y,z: 3,0,12."
+        )
+    x, y, z = (int(word) for word in text.split(","))
+    return x, y, z
+
+
+def started(chain: Chain, start: Cell | None) -> tuple[Chain, str]:
+    """A path given in its order, begun in a cell where that leaves its links as they are.
+
+    It can be run through from either end, and one whose ends touch is a ring that can be cut
+    anywhere.
+
+    Args:
+        chain: The chain.
+        start: The cell, None for any.
+
+    Returns:
+        The chain that begins there and an empty text, or the chain as it was and why.
+
+    Raises:
+        InputError: ``not-a-cell`` when the chain has no module there.
+    """
+    if start is None:
+        return chain, ""
+    if not chain.module.fills_cell:
+        return chain, "The order is given: this chain begins where it begins."
+    cells = np.rint(chain.folded_poses.positions).astype(np.int64)
+    at = index_of(cells, start)
+    if not at:
+        return chain, ""
+    if at == len(cells) - 1:
+        turned = cells[::-1]
+    elif int(np.abs(cells[0] - cells[-1]).sum()) == 1:
+        turned = np.roll(cells, -at, axis=0)
+    else:
+        return chain, (
+            f"The order is given: this path begins in {_words(cells[0])} or in "
+            f"{_words(cells[-1])}, not in {_words(cells[at])}; its ends do not touch. Take the "
+            "cells as voxels to look for other paths."
+        )
+    path = Path.from_cells(turned, name=chain.name, pitch_m=chain.pitch_m)
+    return Chain.from_path(path, module=chain.module), ""
+
+
+def _words(cell: NDArray[np.int64]) -> str:
+    return "({}, {}, {})".format(*cell.tolist())

@@ -1,0 +1,1 @@
+"""From an input to a plan: stages, attempts, and what is written on the way."""

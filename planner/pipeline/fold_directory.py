@@ -1,0 +1,73 @@
+"""What a fold's directory holds, as values: the request, the chain, what the stages have made."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+
+from planner.chain.chain import Chain
+from planner.files import write_json, write_whole
+from planner.motion.record import Record
+from planner.motion.timeline import chain_attributes, chain_from_attributes
+from planner.pipeline.request import Request
+from planner.plan.plan import Plan
+from planner.playback.playback import Playback
+from planner.playback.unfolding import START_CHAIN, START_PLAN, Unfolding
+from planner.robot.smoothing_ways import RECORDED_PLAN
+
+
+def write_request(directory: FilePath, request: Request, data: bytes) -> None:
+    """Puts a request and its input into a fold's directory."""
+    values = {name: getattr(request, name) for name in Request.__dataclass_fields__}
+    write_whole(directory / "input", data)
+    write_json(directory / "request.json", values)
+
+
+def read_request(directory: FilePath) -> Request:
+    """What was asked for."""
+    values = json.loads((directory / "request.json").read_bytes())
+    if values.get("start") is not None:
+        x, y, z = values["start"]
+        values["start"] = (int(x), int(y), int(z))
+    return Request(**values)
+
+
+def write_chain_folded(directory: FilePath, chain: Chain) -> None:
+    """Keeps the chain that is being folded."""
+    write_json(directory / "chain.json", chain_attributes(chain))
+
+
+def read_chain(directory: FilePath) -> Chain:
+    """The chain that is being folded: of the attempts, that of the last."""
+    return chain_from_attributes(json.loads((directory / "chain.json").read_bytes()))
+
+
+def read_record(directory: FilePath) -> Record | None:
+    """How it exploded, if it did."""
+    path = directory / "record.npz"
+    return Record.load(path) if path.exists() else None
+
+
+def read_playback(directory: FilePath) -> Playback | None:
+    """How it was played back, if it was."""
+    path = directory / "playback.npz"
+    return Playback.load(path) if path.exists() else None
+
+
+def read_start(directory: FilePath, request: Request) -> Chain | None:
+    """The chain as it is folded at the beginning of a refold; None for any other fold."""
+    if not request.refold:
+        return None
+    return chain_from_attributes(json.loads((directory / START_CHAIN).read_bytes()))
+
+
+def read_unfolding(directory: FilePath, request: Request) -> Unfolding | None:
+    """How a refold gets straight; None for any other fold."""
+    if not request.refold:
+        return None
+    return Plan.load(directory / START_PLAN).unfolding()
+
+
+def read_recorded(directory: FilePath) -> Plan:
+    """The plan that is smoothed."""
+    return Plan.load(directory / RECORDED_PLAN)

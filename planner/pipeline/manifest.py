@@ -1,0 +1,149 @@
+"""Manifest: SHA-256 of everything that a fold's directory holds, file by file and field by field.
+
+It is written last. A digest tells damage and slips by name, also in what nobody can work out anew:
+seeds, versions, wall times. It does not hold against somebody who writes it anew; what can be
+worked out anew ``planner.pipeline.verify`` works out.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from hashlib import sha256
+from pathlib import Path as FilePath
+from typing import Any, Final, cast
+
+import numpy as np
+
+from planner.errors import UNREADABLE
+from planner.files import write_json
+from planner.pipeline.candidates import FILE as CANDIDATES
+from planner.playback.unfolding import START_CHAIN, START_PLAN
+from planner.robot.smoothing_ways import RECORDED_PLAN
+
+FILE: Final = "manifest.json"
+FORMAT: Final = "foldback-manifest/1"
+FILES: Final = (
+    "input",
+    "request.json",
+    START_CHAIN,
+    START_PLAN,
+    RECORDED_PLAN,
+    CANDIDATES,
+    "chain.json",
+    "attempts.json",
+    "record.npz",
+    "playback.npz",
+    "certificate.json",
+    "timeline.zarr",
+    "plan.npz",
+    "plan.json",
+    "model.xml",
+    "figures.zarr",
+)
+"""What a fold's directory may hold that says something of its plan."""
+WHOLE: Final = "content"
+"""Field of a file that has no parts."""
+ROWS: Final = 1024
+Digests = dict[str, dict[str, str]]
+
+
+def digests_of(directory: FilePath) -> Digests:
+    """The digest of each field of each file that is there; of one that can't be read, of its bytes.
+
+    Fields of JSON files are their keys, of ``.npz`` and zarr files their arrays; ``plan.…`` are the
+    keys of the text in a plan's ``.npz`` file, ``attributes.…`` those of a zarr group.
+    """
+    found: Digests = {}
+    for name in FILES:
+        path = directory / name
+        if not path.exists():
+            continue
+        try:
+            found[name] = dict(_fields(path))
+        except UNREADABLE:
+            found[name] = {WHOLE: _of_bytes(path)}
+    return found
+
+
+def write_manifest(directory: FilePath) -> None:
+    """Writes the manifest of a directory."""
+    write_json(directory / FILE, {"format": FORMAT, "sha256": digests_of(directory)})
+
+
+def changed_fields(directory: FilePath) -> list[str] | None:
+    """What is not as the manifest has it, ``file: field``; None when there is no manifest."""
+    path = directory / FILE
+    if not path.exists():
+        return None
+    try:
+        values: Any = json.loads(path.read_bytes())
+        if set(values) != {"format", "sha256"} or values["format"] != FORMAT:
+            return [f"{FILE}: format"]
+        told: Digests = {str(k): dict(v) for k, v in values["sha256"].items()}
+    except UNREADABLE:
+        return [f"{FILE}: {WHOLE}"]
+    here = digests_of(directory)
+    found: list[str] = []
+    for name in dict.fromkeys((*told, *here)):
+        if name not in here:
+            found.append(f"{name}: it is not there")
+            continue
+        mine, theirs = here[name], told.get(name, {})
+        found += [
+            f"{name}: {field}"
+            for field in dict.fromkeys((*theirs, *mine))
+            if mine.get(field) != theirs.get(field)
+        ]
+    return found
+
+
+def _fields(path: FilePath) -> Iterator[tuple[str, str]]:
+    if path.suffix == ".json":
+        yield from _of_values(json.loads(path.read_bytes()))
+    elif path.suffix == ".npz":
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+            for name in file.files:
+                array = file[name]
+                if name == "plan":
+                    for key, digest in _of_values(json.loads(str(array))):
+                        yield f"plan.{key}", digest
+                else:
+                    yield name, _of_array(array)
+    elif path.suffix == ".zarr":
+        import zarr  # late: it takes a while, and many plans are told without their timeline
+
+        group = zarr.open_group(str(path), mode="r")
+        for key, digest in _of_values(group.attrs.asdict()):
+            yield f"attributes.{key}", digest
+        for name, array in sorted(group.arrays()):
+            yield name, _of_array(array)
+    else:
+        yield WHOLE, _of_bytes(path)
+
+
+def _of_values(values: Any) -> Iterator[tuple[str, str]]:
+    if not isinstance(values, dict):
+        values = {WHOLE: values}
+    for key, value in cast("dict[str, Any]", values).items():
+        text = json.dumps(value, sort_keys=True, separators=(",", ":"))
+        yield key, sha256(text.encode()).hexdigest()
+
+
+def _of_array(array: Any) -> str:
+    digest = sha256(
+        f"{array.dtype.str if isinstance(array, np.ndarray) else array.dtype} "
+        f"{array.shape}".encode()
+    )
+    if not array.shape:
+        digest.update(np.asarray(array[()]).tobytes())
+        return digest.hexdigest()
+    for start in range(0, array.shape[0], ROWS):
+        digest.update(np.ascontiguousarray(array[start : start + ROWS]).tobytes())
+    return digest.hexdigest()
+
+
+def _of_bytes(path: FilePath) -> str:
+    if path.is_dir():
+        return "unreadable"
+    return sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,332 @@
+"""Settings of the published method: what the paper names, what it gives, what is read into it.
+
+They are written as one text, ``damping=0.05, radial_gain=0.2``, on the command line, in the API and
+on the page. ``SETTINGS`` is what all of these offer and what docs/decisions/0002 explains.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+from planner.errors import InputError
+from planner.simulation.parameters import PaperExplosionParameters, Parameters
+
+LONGEST: Final = 500
+"""Characters of a text of settings."""
+NO_LIMIT: Final = "none"
+NUMBER: Final = re.compile(
+    r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?|[+-]?\.[0-9]+([eE][+-]?[0-9]+)?"
+)
+MOST_TURNED: Final = 1.0
+"""Share of what is left that a motor may turn in one step."""
+Source = Literal["published", "named", "ours"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """One number of the published method.
+
+    Attributes:
+        name: As written in a text of settings.
+        label: For people, with the paper's letter.
+        unit: Empty for a plain number.
+        source: ``published`` with this value, only ``named`` in the paper, or ``ours``.
+        meaning: In a line.
+        least, most: Its range.
+        whole: Whether it is a whole number.
+        explosion: The field of ``PaperExplosionParameters`` that it sets, if any.
+        playback: The field of ``PlaybackParameters`` that it sets, if any.
+        optional: Whether it may be ``none``.
+        direct: Whether servoing straight to the shape uses it too.
+    """
+
+    name: str
+    label: str
+    unit: str
+    source: Source
+    meaning: str
+    least: float
+    most: float
+    whole: bool = False
+    explosion: str | None = None
+    playback: str | None = None
+    optional: bool = False
+    direct: bool = False
+
+    def default(self, parameters: Parameters) -> float | None:
+        """What it is in the parameters of a preset that uses it."""
+        explosion = parameters.explosion
+        if self.explosion is not None and isinstance(explosion, PaperExplosionParameters):
+            return getattr(explosion, self.explosion)
+        assert self.playback is not None, f"{parameters.preset} does not use {self.name}"
+        return getattr(parameters.playback, self.playback)
+
+
+SETTINGS: Final = (
+    Setting(
+        name="radial_gain",
+        label="Radial force gain λ",
+        unit="dyn",
+        source="published",
+        meaning="λ of eq. 1; its d is read as the diameter of one module.",
+        least=0.0,
+        most=1e3,
+        explosion="radial_gain",
+    ),
+    Setting(
+        name="repulsion_gain",
+        label="Repulsion force gain γ",
+        unit="dyn·cm²",
+        source="published",
+        meaning="γ of eq. 3, between modules that are not linked.",
+        least=0.0,
+        most=1e3,
+        explosion="repulsion_gain",
+    ),
+    Setting(
+        name="threshold",
+        label="Maximum squared error",
+        unit="rad²",
+        source="published",
+        meaning="A snapshot is left when no hinge's squared error is larger.",
+        least=1e-6,
+        most=10.0,
+        playback="threshold_rad2",
+    ),
+    Setting(
+        name="damping",
+        label="Damping",
+        unit="of the speed, each step",
+        source="published",
+        meaning="Share of its velocity that the chain loses in a step, in playback too.",
+        least=0.0,
+        most=0.9,
+        explosion="damping",
+        playback="damping",
+        direct=True,
+    ),
+    Setting(
+        name="friction",
+        label="Friction",
+        unit="",
+        source="published",
+        meaning="Coulomb friction between modules.",
+        least=0.0,
+        most=2.0,
+        explosion="friction",
+        playback="friction",
+        direct=True,
+    ),
+    Setting(
+        name="motor_max_force",
+        label="Joint motor maximum force",
+        unit="module mass · pitch²/s²",
+        source="named",
+        meaning="Largest torque of a hinge's motor in playback; none for no limit.",
+        least=1e-3,
+        most=1e8,
+        playback="torque_limit",
+        optional=True,
+        direct=True,
+    ),
+    Setting(
+        name="step_s",
+        label="Step size",
+        unit="s",
+        source="published",
+        meaning="Time step of both simulations.",
+        least=1e-4,
+        most=0.02,
+        explosion="step_s",
+        playback="step_s",
+        direct=True,
+    ),
+    Setting(
+        name="pitch_cm",
+        label="Diameter of a module",
+        unit="cm",
+        source="published",
+        meaning="The length that the gains are read with.",
+        least=0.1,
+        most=100.0,
+        explosion="pitch_cm",
+    ),
+    Setting(
+        name="density_kg_m3",
+        label="Density",
+        unit="kg/m³",
+        source="published",
+        meaning="The mass that the gains are read with.",
+        least=1.0,
+        most=1e5,
+        explosion="density_kg_m3",
+        direct=True,
+    ),
+    Setting(
+        name="snapshot_interval",
+        label="Snapshot interval",
+        unit="steps",
+        source="named",
+        meaning="Steps of the explosion between two snapshots.",
+        least=1,
+        most=1000,
+        whole=True,
+        explosion="snapshot_interval",
+    ),
+    Setting(
+        name="steps_per_snapshot",
+        label="Steps for each snapshot",
+        unit="steps",
+        source="ours",
+        meaning="Servo steps for each snapshot at least; with 0 the threshold alone decides, but "
+        "for the first snapshot.",
+        least=0,
+        most=1000,
+        whole=True,
+        playback="least_steps",
+    ),
+    Setting(
+        name="motor_gain",
+        label="Servo gain",
+        unit="1/s",
+        source="named",
+        meaning="Rate at which a motor turns for each radian that is left.",
+        least=0.01,
+        most=100.0,
+        playback="gain",
+        direct=True,
+    ),
+    Setting(
+        name="repulsion_cutoff",
+        label="Repulsion cutoff",
+        unit="pitches",
+        source="named",
+        meaning="Modules farther apart don't repel.",
+        least=1.0,
+        most=10.0,
+        explosion="repulsion_cutoff",
+    ),
+    Setting(
+        name="spring",
+        label="Hinge spring",
+        unit="g·cm²/s²",
+        source="ours",
+        meaning="Towards straight; tension is up to a hundred times larger.",
+        least=0.0,
+        most=1e3,
+        explosion="spring",
+    ),
+    Setting(
+        name="stop_deg",
+        label="Hinge stops",
+        unit="°",
+        source="ours",
+        meaning="How far a hinge turns either way in the explosion.",
+        least=90.0,
+        most=92.0,
+        explosion="stop_deg",
+    ),
+)
+_BY_NAME: Final = {setting.name: setting for setting in SETTINGS}
+
+
+def read_settings(text: str) -> dict[str, float | None]:
+    """The numbers of a text such as ``damping=0.05, radial_gain=0.2``.
+
+    Raises:
+        InputError: ``bad-settings``.
+    """
+    found: dict[str, float | None] = {}
+    if len(text) > LONGEST:
+        raise _bad(f"got {len(text)} characters of settings, expected at most {LONGEST}.")
+    for part in filter(None, (part.strip() for part in text.split(","))):
+        name, equals, value = (word.strip() for word in part.partition("="))
+        setting = _BY_NAME.get(name)
+        if setting is None or not equals:
+            raise _bad(
+                f"got {part[:40]!r}, expected NAME=NUMBER with one of: {', '.join(_BY_NAME)}."
+            )
+        if name in found:
+            raise _bad(f"got {name} twice, expected it once.")
+        found[name] = _number(setting, value)
+    return found
+
+
+def settings_text(text: str, parameters: Parameters | None = None) -> str:
+    """The same settings, written in the one way that is compared: sorted, without spaces.
+
+    Args:
+        text: As it was typed.
+        parameters: Of the preset; settings that leave them as they are go.
+
+    Raises:
+        InputError: ``bad-settings``.
+    """
+    found = read_settings(text)
+    if parameters is not None:
+        found = {
+            name: value
+            for name, value in found.items()
+            if with_settings(parameters, {name: value}) != parameters
+        }
+    return ",".join(f"{name}={value_text(found[name])}" for name in sorted(found))
+
+
+def with_settings(parameters: Parameters, settings: Mapping[str, float | None]) -> Parameters:
+    """The parameters of ``paper`` or ``direct`` with other numbers.
+
+    Raises:
+        InputError: ``bad-settings`` for what the preset does not use.
+    """
+    explosion, playback, density = parameters.explosion, parameters.playback, None
+    for name, value in settings.items():
+        setting = _BY_NAME[name]
+        number = int(value) if setting.whole and value is not None else value
+        used = False
+        if setting.explosion is not None and isinstance(explosion, PaperExplosionParameters):
+            explosion, used = replace(explosion, **{setting.explosion: number}), True
+        if setting.playback is not None:
+            playback, used = replace(playback, **{setting.playback: number}), True
+        if name == "density_kg_m3":
+            density, used = value, True
+        if not used or (explosion is None and not setting.direct):
+            raise _bad(f"got {name} for the preset {parameters.preset}, which does not use it.")
+    turned = playback.gain * playback.step_s
+    if turned > MOST_TURNED:
+        raise _bad(
+            f"got motor_gain · step_s = {turned:g}, expected at most {MOST_TURNED:g}: above it a "
+            "motor turns past its target in each step."
+        )
+    return replace(
+        parameters,
+        explosion=explosion,
+        playback=playback,
+        density_kg_m3=parameters.density_kg_m3 if density is None else density,
+    )
+
+
+def value_text(value: float | None) -> str:
+    """A value as it is written in a text of settings."""
+    return NO_LIMIT if value is None else f"{value:.12g}"
+
+
+def _number(setting: Setting, text: str) -> float | None:
+    if setting.optional and text == NO_LIMIT:
+        return None
+    value = float(f"{float(text):.12g}") if NUMBER.fullmatch(text) else math.nan
+    if not setting.least <= value <= setting.most or (setting.whole and value != int(value)):
+        kind = "a whole number" if setting.whole else "a number"
+        none = f", or {NO_LIMIT}" if setting.optional else ""
+        raise _bad(
+            f"got {setting.name} = {text[:20]!r}, expected {kind} from {setting.least:g} to "
+            f"{setting.most:g}{none}."
+        )
+    return value
+
+
+def _bad(detail: str) -> InputError:
+    return InputError("bad-settings", detail)

@@ -1,0 +1,252 @@
+"""Tries: explosions of a fold, the next ones made beside the one at hand.
+
+What is tried, and in which order, is as if there were one process: ``Choice.after`` decides it.
+What may come next is begun early, each in a process of its own; what the order comes to is taken,
+and the rest is dropped. So a plan is the same whatever the number of workers.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, astuple
+from pathlib import Path as FilePath
+from shutil import rmtree
+from typing import Any, Final
+
+from planner.chain.chain import Chain
+from planner.explosion.strategies import let_go, windowed
+from planner.files import write_json
+from planner.motion.record import Record
+from planner.motion.timeline import TimelineWriter
+from planner.pipeline.attempts import Attempt, made
+from planner.pipeline.portfolio import MOST, Choice, Try
+from planner.progress import Cancelled, Progress, Report
+from planner.simulation.parameters import Parameters
+
+ASIDE: Final = ".foldback-tries"
+"""Folder in a fold's directory, with one for each try that is made beside."""
+STALLING: Final = 2
+"""Pushes in a row that moved nothing on, from which on the next tries are begun."""
+POLL_S: Final = 0.05
+GRACE_S: Final = 1.0
+"""How long a process that is told to stop may take to write down what it has."""
+Made = tuple[Record, Attempt]
+
+
+def make_try(
+    directory: FilePath,
+    parameters: Parameters,
+    chain: Chain,
+    todo: Try,
+    progress: Report,
+    cancelled: Cancelled,
+) -> Made:
+    """One explosion on a timeline of its own: its record, and what is told of it."""
+    writer = TimelineWriter.create(
+        directory / "timeline.zarr", chain, windowed=windowed(todo.strategy)
+    )
+    record = let_go(
+        chain,
+        todo.strategy,
+        parameters,
+        seed=todo.seed,
+        gentle=todo.gentle,
+        sink=writer.append,
+        progress=progress,
+        cancelled=cancelled,
+    )
+    writer.flush()
+    if record.status != "straight":
+        writer.close("failed")
+    return record, made(todo, chain, record)
+
+
+class Tries:
+    """Holds the processes that make what may come next.
+
+    Args:
+        directory: Of the fold; its input must have been read.
+        workers: Explosions that are made at once at most; with one there are no processes. More
+            than a fold may have would bring nothing.
+    """
+
+    def __init__(self, directory: FilePath, workers: int = 1) -> None:
+        self._directory = directory.resolve()
+        self._workers = min(workers, MOST)
+        self._beside: dict[Try, _Beside] = {}
+        self._ahead: Callable[[], list[Try]] = list
+        self._here: Try | None = None
+        self._eager = False
+        rmtree(self._directory / ASIDE, ignore_errors=True)
+
+    def __enter__(self) -> Tries:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends all processes and drops what they made."""
+        for beside in self._beside.values():
+            beside.end()
+        self._beside = {}
+        rmtree(self._directory / ASIDE, ignore_errors=True)
+
+    def rest(self) -> None:
+        """Ends what runs; what is made already is kept."""
+        self._keep([])
+
+    def come_to(self, choice: Choice, tried: Sequence[Attempt], here: Try) -> None:
+        """Says what is to be made now. After a failure the next ones are begun at once."""
+        before = tuple(tried)
+        self._here, self._eager = here, bool(tried)
+        self._ahead = lambda: choice.ahead(before, here, self._known())
+        self._keep(self._ahead())
+        if self._eager:
+            self._begin()
+
+    def watched(self, progress: Report) -> Report:
+        """A report that also has the next ones begun when the one at hand seems to be stuck."""
+
+        def told(now: Progress) -> None:
+            progress(now)
+            if self._eager or now.pushes >= STALLING:
+                self._begin()
+
+        return told if self._workers > 1 else progress
+
+    def take(self, progress: Report, cancelled: Cancelled) -> Made | None:
+        """What is to be made now, if it was begun beside: waits for it.
+
+        Its timeline becomes the fold's. None when it was not begun, or its process failed: whoever
+        makes it here comes to the same, or sees why it cannot be made.
+        """
+        if self._here not in self._beside:
+            return None
+        beside = self._beside[self._here]
+        while beside.running:
+            if cancelled():
+                beside.stop()
+                break
+            if (now := beside.progress()) is not None:
+                progress(now)
+            self._begin()
+            time.sleep(POLL_S)
+        del self._beside[self._here]
+        made = beside.made()
+        if made is not None:
+            timeline = self._directory / "timeline.zarr"
+            rmtree(timeline, ignore_errors=True)
+            (beside.place / "timeline.zarr").rename(timeline)
+        beside.end()
+        return made
+
+    def _known(self) -> dict[Try, Attempt]:
+        """What came of those that are made."""
+        found = {todo: beside.attempt() for todo, beside in self._beside.items()}
+        return {todo: attempt for todo, attempt in found.items() if attempt is not None}
+
+    def _keep(self, wanted: Sequence[Try]) -> None:
+        """Ends what runs and is not wanted, or is one too many, the least likely first."""
+        room = self._workers - (self._here not in self._beside)
+        running = [todo for todo, beside in self._beside.items() if beside.running]
+        kept = [todo for todo in (self._here, *wanted) if todo in running][:room]
+        for todo in running:
+            if todo not in kept:
+                self._beside.pop(todo).end()
+
+    def _begin(self) -> None:
+        """Begins what may come next, as many as there is room for."""
+        room = self._workers - (self._here not in self._beside)
+        room -= sum(beside.running for beside in self._beside.values())
+        if room <= 0:
+            return
+        fresh = [todo for todo in self._ahead() if todo not in self._beside]
+        for todo in fresh[:room]:
+            try:
+                self._beside[todo] = _Beside(self._directory, todo)
+            except OSError:  # no process or no room to be had: what is made here goes on alone
+                self._workers = 1
+                return
+
+
+class _Beside:
+    """One try in a process of its own (``planner/pipeline/parallel_process.py`` is its other side).
+
+    When its standard input ends, nobody wants it any more, or this process is gone.
+    """
+
+    def __init__(self, directory: FilePath, todo: Try) -> None:
+        self.place = directory / ASIDE / "-".join(map(str, astuple(todo)))
+        rmtree(self.place, ignore_errors=True)
+        self.place.mkdir(parents=True)
+        modules = [str(FilePath(__file__).parents[2]), *filter(None, [os.getenv("PYTHONPATH")])]
+        self._process = subprocess.Popen(
+            [
+                sys.executable,
+                "-P",
+                "-m",
+                "planner.pipeline.parallel_process",
+                json.dumps(asdict(todo)),
+            ],
+            cwd=self.place,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(modules)},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            # Ctrl-C is for this process, which then ends the other.
+            process_group=0,
+        )
+
+    @property
+    def running(self) -> bool:
+        """Whether it still computes."""
+        return self._process.poll() is None
+
+    def progress(self) -> Progress | None:
+        """How far it is; None before it has begun."""
+        told = _read(self.place / "progress.json")
+        return None if told is None else Progress(**told)
+
+    def attempt(self) -> Attempt | None:
+        """What is told of its record; None before that is made."""
+        return None if self.running else _read(self.place / "attempt.json")
+
+    def made(self) -> Made | None:
+        """What it came to; None when it failed."""
+        attempt = self.attempt()
+        return None if attempt is None else (Record.load(self.place / "record.npz"), attempt)
+
+    def stop(self) -> None:
+        """Has it write down what it has, and waits for that."""
+        self._hang_up()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(2.0 * GRACE_S)
+
+    def end(self) -> None:
+        """Ends it at once and drops what it made."""
+        self._process.kill()
+        self._process.wait()
+        self._hang_up()
+        rmtree(self.place, ignore_errors=True)
+
+    def _hang_up(self) -> None:
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+
+
+def _read(path: FilePath) -> dict[str, Any] | None:
+    return json.loads(path.read_bytes()) if path.exists() else None
+
+
+def write_made(place: FilePath, made: Made) -> None:
+    """Writes what a try came to; the attempt last, so that all is there when it is."""
+    record, attempt = made
+    record.save(place / "record.npz")
+    write_json(place / "attempt.json", attempt)

@@ -1,0 +1,51 @@
+"""Try process: makes one try beside the fold's own process, in the folder that it is started in.
+
+``planner.pipeline.parallel.Tries`` starts it. It ends when its standard input does: nobody wants it
+any more, or the fold's process is gone.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+import time
+from dataclasses import asdict
+from pathlib import Path as FilePath
+
+from planner.files import write_json
+from planner.pipeline.candidates import Candidates
+from planner.pipeline.fold_directory import read_request
+from planner.pipeline.parallel import GRACE_S, make_try, write_made
+from planner.pipeline.portfolio import Try
+from planner.progress import Progress
+
+
+def main() -> None:
+    """Makes the try that its argument says."""
+    unwanted = threading.Event()
+    threading.Thread(target=_listen, args=(unwanted,), daemon=True).start()
+    place = FilePath.cwd()
+    fold = place.parent.parent
+    todo = Try(**json.loads(sys.argv[1]))
+    request = read_request(fold)
+    chain = Candidates.load(fold).chain_of(todo)
+    write_made(place, make_try(place, request.parameters(), chain, todo, _tell, unwanted.is_set))
+
+
+def _tell(progress: Progress) -> None:
+    write_json(FilePath("progress.json"), asdict(progress))
+
+
+def _listen(unwanted: threading.Event) -> None:
+    # Not sys.stdin: a thread that reads that holds it when the process ends.
+    while os.read(0, 1):
+        pass
+    unwanted.set()
+    time.sleep(GRACE_S)
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,176 @@
+"""Request: what somebody asks of a fold, and the one check of it.
+
+The page, the API and the command line refuse what cannot be asked for in these words.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from planner.chain.module import CUBE
+from planner.errors import InputError
+from planner.pathfinding import Cell
+from planner.pathfinding.options import MODULE_COUNTS, Wishes
+from planner.pathfinding.starts import cell_of
+from planner.pipeline.paper_settings import read_settings, settings_text, with_settings
+from planner.simulation.parameters import (
+    AUTO,
+    STRATEGY_WISHES,
+    Parameters,
+    preset,
+    unknown_strategy,
+)
+
+MODULE_SIZES: Final = (0.1, 1.0)
+LARGEST_SEED: Final = 2**32 - 1
+SMOOTH_SPACING_RAD: Final = 0.06
+"""Of the curve through a smoothed motion, the spacing of its control points."""
+SET_PRESETS: Final = ("paper", "direct")
+SHORT_SEED: Final = 2**31
+"""Path searches take seeds below this."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What somebody asked for, apart from the shape.
+
+    Attributes:
+        filename: What the input was called, if anything.
+        preset: Name of a parameter set.
+        seed: What randomness starts from.
+        module_size: Size at which the plan is verified; None for the preset's.
+        settings: Other numbers for the preset ``paper`` or ``direct``, see
+            ``planner.pipeline.paper_settings``.
+        strategy: How the chain is let go: ``auto``, or one of ``planner.explosion.strategies``.
+        refold: Whether the chain begins folded as the plan beside it says, not straight.
+        smooth: Whether the plan beside it is smoothed, in place of an explosion.
+        module, modules, method, repair, ends, as_voxels, start: See
+            ``planner.pathfinding.options.Wishes``.
+    """
+
+    filename: str | None = None
+    preset: str = "default"
+    seed: int = 0
+    module_size: float | None = None
+    settings: str = ""
+    strategy: str = AUTO
+    module: str = CUBE.name
+    modules: int | None = None
+    method: str = "auto"
+    repair: bool = False
+    ends: str = "any"
+    as_voxels: bool = False
+    start: Cell | None = None
+    refold: bool = False
+    smooth: bool = False
+
+    @classmethod
+    def of(cls, **given: Any) -> Request:
+        """A request of what somebody typed: its numbers and its cell may still be texts.
+
+        Raises:
+            InputError: When one of them cannot be read.
+        """
+        read = dict(given)
+        for name, number in (("seed", int), ("modules", int), ("module_size", float)):
+            if isinstance(value := read.get(name), str):
+                try:
+                    read[name] = number(value)
+                except ValueError:
+                    raise _bad(name, repr(value[:40])) from None
+        if isinstance(start := read.get("start"), str):
+            try:
+                read["start"] = cell_of(start)
+            except InputError as error:
+                raise _placed(error) from None
+        return cls(**read)
+
+    def check(self) -> None:
+        """Refuses what cannot be asked for, in the same words wherever it was asked.
+
+        Raises:
+            InputError: Naming the parameter in ``where``.
+        """
+        try:
+            self.parameters()
+            self.wishes().check()
+            plain = Request()
+            for name in ("preset", "strategy") if self.smooth else ():
+                if getattr(self, name) != getattr(plain, name):
+                    raise InputError(
+                        f"smooth-{name}",
+                        f"got the {name} {getattr(self, name)} for a plan that is smoothed, "
+                        f"expected {getattr(plain, name)}; it is not recorded again.",
+                    )
+        except InputError as error:
+            raise _placed(error) from None
+
+    def canonical(self) -> Request:
+        """The same request, its settings in the one way that is compared.
+
+        Raises:
+            InputError: ``bad-settings``, or ``unknown-preset``.
+        """
+        if not self.settings:
+            return self
+        return replace(self, settings=settings_text(self.settings, preset(self.preset)))
+
+    def wishes(self) -> Wishes:
+        """How a shape is to become a path."""
+        return Wishes(
+            module=self.module,
+            modules=self.modules,
+            method=self.method,
+            repair=self.repair,
+            ends=self.ends,
+            as_voxels=self.as_voxels,
+            start=self.start,
+        )
+
+    def parameters(self) -> Parameters:
+        """The parameters it asks for.
+
+        Raises:
+            InputError: An unknown preset, or a seed or module size out of range.
+        """
+        found = preset(self.preset)
+        if self.settings:
+            if self.preset not in SET_PRESETS:
+                raise InputError(
+                    "bad-settings",
+                    f"got settings for the preset {self.preset}, expected one of: "
+                    f"{', '.join(SET_PRESETS)}.",
+                )
+            found = with_settings(found, read_settings(self.settings))
+        if not 0 <= self.seed <= LARGEST_SEED:
+            raise _bad("seed", str(self.seed))
+        if self.strategy not in STRATEGY_WISHES:
+            raise unknown_strategy(self.strategy)
+        found = replace(found, strategy=self.strategy)
+        if self.smooth:
+            # Frames are joined by straight lines: a finer curve would go round their corners.
+            found = replace(found, playback=replace(found.playback, spacing_rad=SMOOTH_SPACING_RAD))
+        if self.module_size is None:
+            return found
+        low, high = MODULE_SIZES
+        if not low <= self.module_size <= high:
+            raise _bad("module_size", f"{self.module_size:g}")
+        return replace(found, module_size=self.module_size)
+
+
+def _placed(error: InputError) -> InputError:
+    """The same refusal, saying which parameter it is about: codes end in its name."""
+    where = error.code.partition("-")[2].replace("-", "_")
+    return InputError(error.code, error.detail, where=where)
+
+
+def _bad(name: str, got: str) -> InputError:
+    """The refusal of a number."""
+    low, high = MODULE_SIZES
+    detail = {
+        "seed": f"got the seed {got}, expected a whole number from 0 to {LARGEST_SEED}.",
+        "modules": f"got {got} modules, expected {MODULE_COUNTS[0]} to {MODULE_COUNTS[1]}.",
+        "module_size": f"got the module size {got}, expected {low:g} to {high:g} of the pitch.",
+    }[name]
+    return InputError(f"bad-{name.replace('_', '-')}", detail, where=name)

@@ -1,0 +1,317 @@
+"""Stages of a fold, each restartable, over one directory.
+
+A stage reads the files of earlier stages and writes its own aside before renaming them, so that a
+file that is there is whole. The service runs each stage in a process of its own; the command line
+and the library run them one after the other.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+from planner.certificate.certificate import Certificate, certify
+from planner.certificate.measure import write_figures
+from planner.explosion.strategies import BASELINE, on_lattice, strategies_for
+from planner.exports import mjcf
+from planner.files import write_json, write_whole
+from planner.motion.frames import PHASES
+from planner.motion.timeline import TimelineWriter
+from planner.pathfinding.prepare import prepare
+from planner.pipeline import attempts, manifest, refused
+from planner.pipeline.candidates import Candidates
+from planner.pipeline.explode_stage import choice_of, explode_stage
+from planner.pipeline.fold_directory import (
+    read_chain,
+    read_playback,
+    read_record,
+    read_recorded,
+    read_request,
+    read_start,
+    read_unfolding,
+    write_chain_folded,
+)
+from planner.pipeline.parallel import Tries
+from planner.pipeline.request import SHORT_SEED
+from planner.plan.plan import Plan
+from planner.playback.playback import Playback, play_back
+from planner.playback.unfolding import check_fits
+from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.robot.smoothed import before_and_after, check_smoothable
+from planner.simulation.parameters import ExplosionParameters
+
+STAGES: Final = ("read", "explode", "play_back", "certify", "export")
+
+
+def run_stage(
+    stage: str,
+    directory: FilePath,
+    *,
+    progress: Report = silent,
+    cancelled: Cancelled = never,
+    tries: Tries | None = None,
+) -> dict[str, Any]:
+    """Runs one stage of the fold in a directory.
+
+    Args:
+        stage: One of ``STAGES``; the earlier ones must have run.
+        directory: Holds ``request.json`` and ``input``, and the files of the stages so far.
+        progress: Told how far it is.
+        cancelled: Asked now and then whether to stop.
+        tries: Makes what may be tried next beside; it must outlast all stages of the fold. None for
+            one explosion after the other.
+
+    Returns:
+        The stage's figures, as plain JSON values.
+
+    Raises:
+        InputError: From ``read``, when the input cannot be used.
+    """
+    (directory / manifest.FILE).unlink(missing_ok=True)  # of what is written now
+    if stage == "export" and tries is not None:
+        tries.rest()  # what is written now is the end
+    if stage == "explode":
+        result = explode_stage(directory, progress, cancelled, tries or Tries(directory))
+    else:
+        result = _STAGES[stage](directory, progress, cancelled)
+    progress(Progress(stage=stage, fraction=1.0, message="done"))
+    return result
+
+
+def next_stage(stage: str, result: dict[str, Any]) -> str | None:
+    """The stage after one that gave a result: an earlier one again, or None after the last."""
+    if result.get("again"):
+        return str(result["again"])
+    place = STAGES.index(stage) + 1
+    return STAGES[place] if place < len(STAGES) else None
+
+
+def run_stages(
+    directory: FilePath,
+    *,
+    progress: Report = silent,
+    cancelled: Cancelled = never,
+    workers: int = 1,
+) -> dict[str, Any]:
+    """Runs all stages, those again that a refused plan makes necessary; the last one's result.
+
+    Args:
+        directory: As for ``run_stage``.
+        progress, cancelled: As for ``run_stage``.
+        workers: Explosions that are made at once at most. The plan is the same for any number.
+
+    Raises:
+        InputError: When the input cannot be used.
+    """
+    stage: str | None = STAGES[0]
+    result: dict[str, Any] = {}
+    with Tries(directory, workers) as tries:
+        while stage is not None:
+            result = run_stage(
+                stage, directory, progress=progress, cancelled=cancelled, tries=tries
+            )
+            stage = next_stage(stage, result)
+    return result
+
+
+def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    del progress, cancelled
+    request = read_request(directory)
+    request.check()
+    if request.smooth:
+        plan = read_recorded(directory)
+        check_smoothable(plan)
+        only = Candidates((plan.chain,), two_ended=False)
+        return _noted(directory, only, kind="plan", method=None, notes=[], knot=None)
+    prepared = prepare(
+        (directory / "input").read_bytes(),
+        request.filename,
+        request.wishes(),
+        seed=request.seed % SHORT_SEED,
+    )
+    chain, chains = prepared.chain, prepared.chains
+    start = read_start(directory, request)
+    if start is not None:
+        check_fits(start, chain.module.name, len(chain))
+        # It is the same chain, whatever size the other shape was drawn in.
+        chains = tuple(replace(c, pitch_m=start.pitch_m) for c in chains if len(c) == len(start))
+        chain = chains[0]
+    strategies_for(chain, request.parameters(), refolds=request.refold)  # or it is refused
+    # A chain comes as it is wanted; what only shows cells may as well begin at their other end.
+    told = prepared.kind == "chain" or request.start is not None or request.refold
+    return _noted(
+        directory,
+        Candidates(chains, two_ended=not told and on_lattice(chain)),
+        kind=prepared.kind,
+        method=prepared.method,
+        notes=list(prepared.notes),
+        knot=None if prepared.knot is None else prepared.knot.verdict,
+    )
+
+
+def _noted(directory: FilePath, candidates: Candidates, **how: Any) -> dict[str, Any]:
+    """Keeps the chains that may be folded; what is said of how they were found."""
+    chain = candidates.chains[0]
+    (directory / attempts.FILE).unlink(missing_ok=True)  # of an earlier fold in this directory
+    candidates.save(directory)
+    write_chain_folded(directory, chain)
+    return {
+        **how,
+        "candidates": len(candidates.chains),
+        "name": chain.name,
+        "module": chain.module.name,
+        "modules": len(chain),
+        "joints": chain.joint_count,
+        "hinges": len(chain.folded_rad),
+        "pitch_m": chain.pitch_m,
+    }
+
+
+def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    request, chain, record = read_request(directory), read_chain(directory), read_record(directory)
+    (directory / "playback.npz").unlink(missing_ok=True)
+    parameters = request.parameters()
+    if record is not None and record.status != "straight":
+        return {
+            "status": "skipped",
+            "reason": "the explosion did not end straight",
+            "steps": 0,
+            "seconds": 0.0,
+            "rms_position_error": None,
+            "max_angle_error_rad": None,
+        }
+    unfolding = read_unfolding(directory, request)
+    start_s, frames = 0.0, 0
+    whole = unfolding is not None or request.smooth
+    if record is not None and not whole:
+        start_s, frames = float(record.frames.time_s[-1]), len(record.frames)
+    tried = attempts.before_playback(directory, choice_of(request, Candidates.load(directory)))
+    attempts.save(directory, tried)
+    timeline = directory / "timeline.zarr"
+    if whole:  # a refold's timeline goes from one shape to the other; a smoothed one only folds
+        TimelineWriter.create(timeline, chain)
+    with TimelineWriter.reopen(timeline, frames=frames) as writer:
+        playback = play_back(
+            chain,
+            record,
+            parameters.playback,
+            module_size=parameters.module_size,
+            sink=writer.append,
+            progress=progress,
+            cancelled=cancelled,
+            start_s=start_s,
+            finer=int(tried[-1].get("finer", 1)) if tried else 1,
+            unfolding=unfolding,
+        )
+    playback.save(directory / "playback.npz")
+    return playback.summary()
+
+
+def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    if refused.finish(directory):
+        return {**_certificate(directory).as_dict(), "again": None}
+    request, playback = read_request(directory), read_playback(directory)
+    parameters = request.parameters()
+    certificate = certify(
+        read_chain(directory),
+        read_record(directory),
+        playback,
+        parameters,
+        start=read_start(directory, request),
+        progress=progress,
+        cancelled=cancelled,
+    )
+    again = None
+    tried = attempts.load(directory)
+    if tried:
+        tried = attempts.judged(tried, certificate)
+        attempts.save(directory, tried)
+        # What was published, or is a baseline, is shown as it is, with what is wrong with it.
+        ours = isinstance(parameters.explosion, ExplosionParameters)
+        if ours and parameters.strategy != BASELINE and not cancelled():
+            again = attempts.following(tried, choice_of(request, Candidates.load(directory)))
+        if again == "explode" and _overlaps_unfolding(certificate, playback):
+            again = None  # which is the same whatever the other shape's path
+    write_json(directory / "certificate.json", certificate.as_dict())
+    if certificate.verified:
+        refused.drop(directory)
+    elif again is None and not cancelled() and refused.bring_back(directory, certificate):
+        certificate = _certificate(directory)
+    return {**certificate.as_dict(), "again": again}
+
+
+def _certificate(directory: FilePath) -> Certificate:
+    return Certificate.from_dict(json.loads((directory / "certificate.json").read_bytes()))
+
+
+def _overlaps_unfolding(certificate: Certificate, playback: Playback | None) -> bool:
+    """Whether a refold's closest place comes before it is straight."""
+    if playback is None:
+        return False
+    straight = int((playback.frames.phase == PHASES.index("unfolding")).sum())
+    return any(
+        clearance is not None and clearance < 0.0 and place is not None and place.frame < straight
+        for clearance, place in (
+            (certificate.min_clearance, certificate.min_clearance_at),
+            (certificate.min_clearance_playback, certificate.min_clearance_playback_at),
+        )
+    )
+
+
+def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    del progress, cancelled
+    request, chain = read_request(directory), read_chain(directory)
+    parameters = request.parameters()
+    certificate = _certificate(directory)
+    plan = Plan.assembled(
+        chain,
+        parameters,
+        request.seed,
+        read_record(directory),
+        read_playback(directory),
+        certificate,
+        tuple(attempts.load(directory)),
+        read_start(directory, request),
+    )
+    if request.smooth:
+        plan = replace(plan, smoothing=before_and_after(read_recorded(directory), plan))
+    write_whole(directory / "model.xml", mjcf.write(plan))
+    plan.save_npz(directory / "plan.npz")
+    plan.save_json(directory / "plan.json")
+    work_out_figures(directory)
+    refused.drop(directory)
+    manifest.write_manifest(directory)
+    return plan.summary()
+
+
+def work_out_figures(directory: FilePath) -> FilePath:
+    """Writes the figures of a fold's timeline, as far as it goes; where they are.
+
+    ``export`` does so for every fold that gets there, verified or not. Of a fold that was
+    cancelled, or is older than the figures, whoever wants them asks for them.
+
+    Raises:
+        TimelineError: When the fold has no timeline.
+    """
+    certificate = directory / "certificate.json"
+    known = json.loads(certificate.read_bytes()) if certificate.exists() else None
+    path = directory / "figures.zarr"
+    write_figures(
+        directory / "timeline.zarr",
+        path,
+        read_request(directory).parameters(),
+        certificate=known and Certificate.from_dict(known),
+    )
+    return path
+
+
+_Stage = Callable[[FilePath, Report, Cancelled], dict[str, Any]]
+_STAGES: Final[dict[str, _Stage]] = {
+    "read": _read,
+    "play_back": _play_back,
+    "certify": _certify,
+    "export": _export,
+}

@@ -1,0 +1,53 @@
+"""Warm-up of what reads shapes and finds paths: compiles its kernels into their cache."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.pathfinding.exact import exact_path
+from planner.pathfinding.knots import knot_of
+from planner.pathfinding.tetrahedra import find_trails
+from planner.shapes.shape import Shape
+from planner.shapes.solid import Solid
+from planner.shapes.voxelise import voxelise
+
+SMALL_SHAPE: Final = (
+    *((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)),
+    *((0, 1, 1), (1, 1, 1), (1, 0, 1)),
+)
+
+
+def warm_up_chains() -> Chain:
+    """Makes a small chain of a path."""
+    chain = Chain.from_path(Path.from_cells(list(SMALL_SHAPE), name="warm-up"))
+    _ = chain.folded_poses
+    return chain
+
+
+def warm_up_paths() -> None:
+    """Finds a path and a trail through a box and makes voxels of a tetrahedron."""
+    warm_up_chains()
+    box = Shape.from_cells(np.argwhere(np.ones((3, 3, 3), dtype=bool)))
+    found = exact_path(box)
+    if found.cells is not None:
+        knot_of(found.cells)
+    find_trails(box)
+    solid = _tetrahedron()
+    # One whose faces don't agree about what is outside is filled in another way, and arrays that
+    # are read-only are another type.
+    voxelise(solid, cells=8)
+    solid.faces.setflags(write=False)
+    voxelise(solid, cells=8)
+    voxelise(replace(solid, oriented=False), cells=8)
+
+
+def _tetrahedron() -> Solid:
+    """The simplest solid there is."""
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    return Solid(name="warm-up", vertices=corners, faces=faces, notes=())

@@ -1,0 +1,92 @@
+"""Model differences: where a robot model is not the one that a plan makes, by element.
+
+Both texts are compiled by MuJoCo and compared number by number, so that neither spaces nor the
+order of attributes count, and all that a simulation would notice does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.simulation.mujoco import mujoco
+
+RTOL: Final = 5e-7
+ATOL: Final = 2e-7
+"""MuJoCo writes six digits, which are the same wherever they come from the same chain."""
+KINDS: Final = {
+    "body": ("body", "nbody"),
+    "jnt": ("joint", "njnt"),
+    "geom": ("geom", "ngeom"),
+    "site": ("site", "nsite"),
+    "key": ("key", "nkey"),
+    "exclude": ("exclude", "nexclude"),
+    "eq": ("equality", "neq"),
+}
+"""By the beginnings of the names of MuJoCo's arrays: what they are of, and how many there are."""
+UNNAMED: Final = ("exclude", "equality")
+PRIVATE: Final = ("_", "name", "nnames", "text")
+"""Beginnings of names of what says nothing of its own."""
+
+
+def compiled(xml: str) -> Any:
+    """The model of a text.
+
+    Raises:
+        InputError: ``not-a-model``.
+    """
+    try:
+        return mujoco.MjModel.from_xml_string(xml)
+    except ValueError as error:
+        raise InputError("not-a-model", f"MuJoCo cannot load the model: {error}") from error
+
+
+def model_differences(text: str, expected: str) -> Iterator[str]:
+    """What of a model is not as expected; nothing when it is the same.
+
+    Args:
+        text, expected: Both as MJCF.
+
+    Raises:
+        InputError: ``not-a-model``.
+    """
+    if text == expected:
+        return
+    here, there = compiled(text), compiled(expected)
+    if here.names != there.names:
+        yield _renamed(here, there)
+    for part, of, other in (("", here, there), ("option ", here.opt, there.opt)):
+        for name in dir(there if not part else there.opt):
+            mine, theirs = getattr(of, name, None), getattr(other, name, None)
+            if isinstance(theirs, np.ndarray | int | float) and not name.startswith(PRIVATE):
+                yield from _difference(here, part, name, mine, theirs)
+
+
+def _difference(model: Any, part: str, name: str, mine: Any, theirs: Any) -> Iterator[str]:
+    got, expected = np.asarray(mine), np.asarray(theirs)
+    if got.shape != expected.shape:
+        yield f"{part}{name}: got {got.shape} numbers, expected {expected.shape}"
+        return
+    if got.dtype.kind not in "fiub":
+        return
+    off = ~np.isclose(got, expected, rtol=RTOL, atol=ATOL, equal_nan=True)
+    if not off.any():
+        return
+    place = tuple(int(k) for k in np.argwhere(off)[0])
+    where = ""
+    kind, count = KINDS.get(name.partition("_")[0], ("", ""))
+    if kind and place and len(got) == getattr(model, count):
+        called = "" if kind in UNNAMED else getattr(model, kind)(place[0]).name
+        where = f" of {kind} {called or place[0]}"
+    yield f"{part}{name}{where}: got {got[place].item():.9g}, expected {expected[place].item():.9g}"
+
+
+def _renamed(here: Any, there: Any) -> str:
+    mine, theirs = (bytes(model.names).split(b"\0") for model in (here, there))
+    for got, expected in zip(mine, theirs, strict=False):
+        if got != expected:
+            return f"names: got {got.decode(errors='replace')}, expected {expected.decode()}"
+    return f"names: got {len(mine)} of them, expected {len(theirs)}"

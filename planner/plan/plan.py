@@ -1,0 +1,501 @@
+"""Plan: chain, record, playback, certificate, and everything needed to repeat them."""
+
+from __future__ import annotations
+
+import json
+import platform
+import zlib
+from base64 import b64decode, b64encode
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.certificate.certificate import Certificate
+from planner.chain.chain import Chain
+from planner.clearance.sweep import check_windows
+from planner.errors import UNREADABLE, InputError, named
+from planner.explosion.diagnosis import stuck_of
+from planner.files import write_whole
+from planner.motion.angle_steps import (
+    MOST_PLAIN,
+    PLANES,
+    Planes,
+    frame_angles,
+    frame_planes,
+    told_of,
+    whole_steps,
+    window_angles,
+    window_planes,
+)
+from planner.motion.frames import PHASES, Frames
+from planner.motion.motion import Motion
+from planner.motion.record import Record, save_npz
+from planner.motion.timeline import chain_attributes, chain_from_attributes
+from planner.motion.windows import Windows
+from planner.playback.playback import Playback
+from planner.playback.unfolding import ENDS_WITHIN_RAD, Unfolding
+from planner.simulation.parameters import Parameters
+
+Array = NDArray[np.float64]
+FORMAT: Final = "foldback-plan/3"
+EARLIER: Final = {"foldback-plan/1": "frames", "foldback-plan/2": "windows"}
+"""Formats that are read as well, and the kind of motion that each held."""
+MOST_ANGLES: Final = 2**25
+"""Angles that are put side by side at once, a quarter of a gibibyte."""
+LEVEL: Final = 6
+"""Of deflate, where a plan is written as JSON."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plan:
+    """How a straight chain folds, frame by frame, and what was verified of it.
+
+    Attributes:
+        chain: The chain.
+        preset: Name of the parameter set.
+        parameters: All parameters, as plain values.
+        seed: What randomness started from.
+        versions: Of the programs that made it.
+        start: The chain as it is folded at the beginning of a refold; None when it is straight.
+        motion: F snapshots from straight to folded, of a refold from the start on: what the hinges
+            should be, the pose as simulated. Frames of all angles, or windows.
+        max_error_rad: (F,) largest joint error of the simulated playback; NaN, in JSON null, where
+            there was no simulation.
+        explosion: Status, reason, steps, frames and seconds of the explosion; None without one.
+        playback: Status, reason, steps, seconds and errors of the playback; None without one.
+        certificate: What was verified.
+        attempts: Every explosion that was tried, the last one is the record.
+        smoothing: What smoothing has changed, see ``planner.robot.smoothed``; None of a recorded
+            plan.
+    """
+
+    chain: Chain
+    preset: str
+    parameters: dict[str, Any]
+    seed: int
+    versions: dict[str, str]
+    motion: Motion
+    max_error_rad: Array
+    explosion: dict[str, Any] | None
+    playback: dict[str, Any] | None
+    certificate: Certificate
+    attempts: tuple[dict[str, Any], ...] = ()
+    start: Chain | None = None
+    smoothing: dict[str, Any] | None = None
+
+    @classmethod
+    def assembled(
+        cls,
+        chain: Chain,
+        parameters: Parameters,
+        seed: int,
+        record: Record | None,
+        playback: Playback | None,
+        certificate: Certificate,
+        attempts: tuple[dict[str, Any], ...] = (),
+        start: Chain | None = None,
+    ) -> Plan:
+        """A plan from the results of the stages."""
+        motion: Motion = Frames.none(len(chain.folded_rad))
+        errors = np.zeros(0)
+        if playback is not None:
+            motion = replace(
+                playback.frames, time_s=playback.frames.time_s - playback.frames.time_s[0]
+            )
+            errors = np.full(len(motion), np.nan)
+        if isinstance(motion, Frames) and playback is not None:
+            errors = motion.joint_error_rad.max(axis=1)
+            assert playback.reference_rad is not None
+            motion = replace(motion, joint_angles_rad=playback.reference_rad)
+        return cls(
+            chain=chain,
+            preset=parameters.preset,
+            parameters=parameters.as_dict(),
+            seed=seed,
+            versions=versions(),
+            motion=motion,
+            max_error_rad=errors,
+            explosion=None if record is None else record.summary(),
+            playback=None if playback is None else playback.summary(),
+            certificate=certificate,
+            attempts=attempts,
+            start=start,
+        )
+
+    @property
+    def time_s(self) -> Array:
+        """(F,) simulated time, from 0 on."""
+        return self.motion.time_s
+
+    @property
+    def phase(self) -> NDArray[np.uint8]:
+        """(F,) index into ``PHASES``: ``playback``, before a refold is straight ``unfolding``."""
+        return self.motion.phase
+
+    @property
+    def joint_angles_rad(self) -> Array:
+        """(F, J) what the hinges should be.
+
+        Raises:
+            InputError: ``plan-too-long`` when those of all frames together are too many.
+        """
+        return self.whole().joint_angles_rad
+
+    @property
+    def root_position(self) -> Array:
+        """(F, 3) centre of the root module in pitches."""
+        return self.whole().root_position
+
+    @property
+    def root_wxyz(self) -> Array:
+        """(F, 4) its orientation."""
+        return self.whole().root_wxyz
+
+    def part(self, start: int, stop: int) -> Frames:
+        """Some of its frames with all their angles."""
+        return self.motion.dense(self.chain, start, stop)
+
+    def whole(self) -> Frames:
+        """All of its frames with all their angles.
+
+        Raises:
+            InputError: ``plan-too-long`` when they are too many.
+        """
+        if isinstance(self.motion, Frames):
+            return self.motion
+        count = len(self.motion) * len(self.chain.folded_rad)
+        if count > MOST_ANGLES:
+            raise InputError(
+                "plan-too-long",
+                f"got {len(self.motion)} frames of {len(self.chain.folded_rad)} hinges, expected "
+                f"at most {MOST_ANGLES} angles at once; take the plan's own file (plan.npz), which "
+                "holds only those that are neither folded nor straight.",
+            )
+        return self.motion.dense(self.chain)
+
+    def unfolding(self) -> Unfolding:
+        """The way back; of a plan that is a refold itself, that of its second half.
+
+        Raises:
+            InputError: ``refold-not-folded`` when it does not lead from straight to folded.
+        """
+        folding = self.phase == PHASES.index("playback")
+        angles, times = self.joint_angles_rad[folding], self.time_s[folding]
+        if not (
+            len(angles) > 1
+            and np.isfinite(angles).all()
+            and np.isfinite(times).all()
+            and (np.diff(times) >= 0.0).all()
+            and np.abs(angles[0]).max() <= ENDS_WITHIN_RAD
+            and np.abs(angles[-1] - self.chain.folded_rad).max() <= ENDS_WITHIN_RAD
+        ):
+            raise InputError(
+                "refold-not-folded",
+                f"got a plan of {self.chain.name} that does not lead from straight to folded, "
+                "expected one that does; fold that shape again, with another seed or preset.",
+            )
+        return Unfolding(chain=self.chain, time_s=times - times[0], folding_rad=angles)
+
+    @property
+    def verified(self) -> bool:
+        """Whether the certificate says that the plan may be trusted."""
+        return self.certificate.verified
+
+    def summary(self) -> dict[str, Any]:
+        """The figures of the plan without its frames."""
+        nothing = {"steps": 0, "frames": 0, "seconds": 0.0}
+        return {
+            "status": "verified" if self.verified else "failed",
+            "reason": "" if self.verified else self.certificate.verdict.removeprefix("failed: "),
+            "name": self.chain.name,
+            "module": self.chain.module.name,
+            "modules": len(self.chain),
+            "joints": self.chain.joint_count,
+            "hinges": len(self.chain.folded_rad),
+            "preset": self.preset,
+            "seed": self.seed,
+            "refold": self._refold(),
+            "smoothing": self.smoothing,
+            "stuck": stuck_of(self.explosion, self.attempts),
+            "attempts": len(self.attempts),
+            "explosion": self.explosion or nothing,
+            "playback": self.playback,
+            "certificate": self.certificate.as_dict(),
+        }
+
+    def _refold(self) -> dict[str, Any] | None:
+        """Of a refold: what it begins folded as, and when it is straight."""
+        if self.start is None:
+            return None
+        straight = int((self.phase == PHASES.index("unfolding")).sum())
+        return {
+            "start": self.start.name,
+            "straight_frame": straight,
+            "straight_s": float(self.time_s[straight]) if straight < len(self.time_s) else None,
+            "frames": len(self.time_s),
+        }
+
+    def as_dict(self) -> dict[str, Any]:
+        """The plan as plain JSON values."""
+        columns, planes = self._columns()
+        values: dict[str, Any] = {**self.rest(), "joint_names": list(self.chain.joint_names)}
+        if planes is not None:
+            data = b64encode(zlib.compress(planes.tobytes(), LEVEL)).decode()
+            values["angles"]["data"] = data
+        return {**values, **{name: _listed(column) for name, column in columns.items()}}
+
+    def rest(self) -> dict[str, Any]:
+        """All but the joints' names and what there is of each frame, as plain JSON values."""
+        motion = self.motion
+        angles = motion.angles_rad if isinstance(motion, Windows) else motion.joint_angles_rad
+        return {
+            "format": FORMAT,
+            "motion": _kind(self.motion),
+            "chain": chain_attributes(self.chain),
+            "start": None if self.start is None else chain_attributes(self.start),
+            "preset": self.preset,
+            "parameters": self.parameters,
+            "seed": self.seed,
+            "versions": self.versions,
+            "attempts": list(self.attempts),
+            "smoothing": self.smoothing,
+            "explosion": self.explosion,
+            "playback": self.playback,
+            "certificate": self.certificate.as_dict(),
+            "root_module": self.chain.root,
+            "angles": (
+                None
+                if whole_steps(angles) is None
+                else told_of(angles.shape, windowed=isinstance(motion, Windows))
+            ),
+        }
+
+    def _columns(self) -> tuple[dict[str, NDArray[Any]], Planes | None]:
+        """What it holds of each frame, by name; the angles apart when they are in planes."""
+        motion = self.motion
+        names = _columns_of(_kind(motion))
+        columns = {
+            "phase": np.array([PHASES[index] for index in self.phase.tolist()], dtype="<U16"),
+            **{name: getattr(motion, name) for name in names},
+            "max_error_rad": self.max_error_rad,
+        }
+        angles = next(name for name in names if name.endswith("angles_rad"))
+        if columns[angles].size <= MOST_PLAIN:
+            return columns, None
+        if isinstance(motion, Windows):
+            planes = window_planes(
+                motion.first, motion.offsets, motion.angles_rad, self.chain.folded_rad
+            )
+        else:
+            planes = frame_planes(motion.joint_angles_rad)
+        if planes is not None:
+            del columns[angles]
+        return columns, planes
+
+    def save_json(self, path: FilePath) -> None:
+        """Writes the JSON form; the file is either whole or not there."""
+        write_whole(path, self.json_bytes())
+
+    def json_bytes(self) -> bytes:
+        """The JSON form as text."""
+        return json.dumps(self.as_dict(), separators=(",", ":")).encode()
+
+    def save_npz(self, path: FilePath) -> None:
+        """Writes the arrays, with all else as JSON text in ``plan``; needs no pickle to read."""
+        save_npz(path, self.npz_arrays())
+
+    def npz_arrays(self) -> dict[str, Any]:
+        """What the ``.npz`` form holds, by name."""
+        columns, planes = self._columns()
+        return {
+            "plan": np.array(json.dumps(self.rest())),
+            "joint_names": np.array(self.chain.joint_names),
+            **columns,
+            **({} if planes is None else {PLANES: planes}),
+        }
+
+    @classmethod
+    def load(cls, path: FilePath) -> Plan:
+        """Reads a plan from its JSON or ``.npz`` form.
+
+        Raises:
+            InputError: ``not-a-plan``, ``wrong-format``.
+        """
+        return cls.of_values(read_values(path), path.name)
+
+    @classmethod
+    def of_values(cls, values: dict[str, Any], name: str) -> Plan:
+        """The plan that a file holds.
+
+        Args:
+            values: From ``read_values``.
+            name: Of the file.
+
+        Raises:
+            InputError: ``not-a-plan``, ``wrong-format``.
+        """
+        try:
+            if values["format"] != FORMAT and values["format"] not in EARLIER:
+                raise InputError(
+                    "wrong-format",
+                    f"got the format {values['format']!r} in {name}, expected one of "
+                    f"{', '.join((FORMAT, *EARLIER))}.",
+                )
+            chain = chain_from_attributes(values["chain"])
+            motion, errors = _read_motion(values, chain)
+            return cls(
+                chain=chain,
+                motion=motion,
+                max_error_rad=errors,
+                certificate=Certificate.from_dict(values["certificate"], values["playback"]),
+                attempts=tuple(values.get("attempts", ())),
+                start=chain_from_attributes(start) if (start := values.get("start")) else None,
+                smoothing=values.get("smoothing"),
+                **{k: values[k] for k in _VALUES},
+            )
+        except InputError as error:
+            raise named(error, name) from None
+        except UNREADABLE as error:
+            raise _unreadable(name, error) from error
+
+
+def read_values(path: FilePath) -> dict[str, Any]:
+    """What a plan's file holds, by name: plain JSON values, of an ``.npz`` file arrays as well.
+
+    Raises:
+        InputError: ``not-a-plan``.
+    """
+    try:
+        if path.suffix == ".npz":
+            # NumPy leaves a file open that it opened itself and cannot read.
+            with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+                values = dict(json.loads(str(file["plan"])))
+                return values | {name: file[name] for name in file.files if name != "plan"}
+        return dict(json.loads(path.read_bytes()))
+    except UNREADABLE as error:
+        raise _unreadable(path.name, error) from error
+
+
+def _unreadable(name: str, error: Exception) -> InputError:
+    return InputError("not-a-plan", f"{name} holds no plan that can be read ({error}).")
+
+
+_VALUES: Final = (
+    "preset",
+    "parameters",
+    "seed",
+    "versions",
+    "explosion",
+    "playback",
+)
+
+
+def _kind(motion: Motion) -> str:
+    return "windows" if isinstance(motion, Windows) else "frames"
+
+
+def _columns_of(kind: str) -> dict[str, tuple[tuple[int, ...], Any]]:
+    """What is written of a motion beside the phase: shape behind the first axis, and type."""
+    if kind == "windows":
+        return {
+            "time_s": ((), np.float64),
+            "first": ((), np.int64),
+            "offsets": ((), np.int64),
+            "angles_rad": ((), np.float32),
+            "base_position": ((3,), np.float64),
+            "base_wxyz": ((4,), np.float64),
+        }
+    return {
+        "time_s": ((), np.float64),
+        "joint_angles_rad": ((-1,), np.float64),
+        "root_position": ((3,), np.float64),
+        "root_wxyz": ((4,), np.float64),
+    }
+
+
+def _unpacked(values: dict[str, Any], kind: str, chain: Chain) -> dict[str, Any]:
+    """A plan's values, those of angles that are in planes as plain numbers."""
+    told = values.get("angles") or {}
+    name = next(name for name in _columns_of(kind) if name.endswith("angles_rad"))
+    forms = [name in values, "data" in told, PLANES in values]
+    if sum(forms) != 1:
+        raise ValueError(
+            f"got its angles {sum(forms)} times, expected {name}, {PLANES} or angles.data alone"
+        )
+    if "data" in told:
+        planes = np.frombuffer(zlib.decompress(b64decode(told["data"])), np.uint8).reshape(4, -1)
+    elif PLANES in values:
+        planes = values[PLANES]
+    else:
+        return values
+    if kind == "frames":
+        return values | {name: frame_angles(planes, told)}
+    first, offsets = (np.asarray(values[each], np.int64) for each in ("first", "offsets"))
+    return values | {name: window_angles(planes, told, first, offsets, chain.folded_rad)}
+
+
+def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
+    """The motion and the largest errors among a plan's values."""
+    kind = EARLIER.get(values["format"]) or values["motion"]
+    windowed = kind == "windows"
+    if not windowed and kind != "frames":
+        raise ValueError(f"got a motion of {kind!r}, expected frames or windows")
+    values = _unpacked(values, kind, chain)
+    hinges = len(chain.folded_rad)
+    arrays: dict[str, Any] = {
+        name: np.asarray(values[name], dtype=of).reshape(
+            -1, *(hinges if length < 0 else length for length in tail)
+        )
+        for name, (tail, of) in _columns_of(kind).items()
+    }
+    arrays["phase"] = np.array(
+        [PHASES.index(str(name)) for name in values["phase"]], dtype=np.uint8
+    )
+    errors = np.asarray(values["max_error_rad"], dtype=np.float64).reshape(-1)
+    counts = {name: len(array) for name, array in arrays.items() if name != "angles_rad"}
+    counts["max_error_rad"] = len(errors)
+    if windowed:
+        counts["offsets"] -= 1
+    if len(set(counts.values())) > 1:
+        raise ValueError(f"its arrays differ in their numbers of frames: {counts}")
+    if windowed:
+        windows = Windows(**arrays)
+        try:
+            check_windows(chain, windows)
+        except InputError as error:
+            raise ValueError(error.detail) from error
+        return windows, errors
+    # What was simulated is not told apart from what should be, so there is no error of each hinge.
+    nothing = np.broadcast_to(np.nan, (len(errors), hinges))
+    return Frames(joint_error_rad=nothing, **arrays), errors
+
+
+def versions() -> dict[str, str]:
+    """Versions of what a plan depends on."""
+    return dict(_versions())
+
+
+@cache
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version()}
+    for package in ("foldback", "mujoco", "numpy", "numba", "scipy"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found
+
+
+def _listed(array: NDArray[Any]) -> Any:
+    """Plain JSON values that are read back as the same numbers."""
+    if array.dtype.kind != "f":
+        return array.tolist()
+    exact = array.astype(np.float64)
+    if array.ndim == 1 and np.isnan(exact).any():
+        return [None if np.isnan(value) else value for value in exact.tolist()]
+    return exact.tolist()

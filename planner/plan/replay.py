@@ -1,0 +1,167 @@
+"""Replay: a plan's angles set in plain MuJoCo from the exported model, as an outsider would.
+
+Nothing of foldback's own kinematics or collision is used here, so that the two can be compared.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.errors import InputError
+from planner.plan.plan import Plan
+from planner.simulation.mujoco import mujoco
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replay:
+    """What plain MuJoCo says of a plan.
+
+    Attributes:
+        frames: Configurations set, halfway ones included.
+        pose_difference: Largest distance of a site from where foldback's kinematics has the module.
+        overlap: Deepest contact, in pitches; 0 when nothing touches.
+        overlap_frame: Where that is; a half means between two frames.
+    """
+
+    frames: int
+    pose_difference: float
+    overlap: float
+    overlap_frame: float | None
+
+
+def replay(plan: Plan, xml: str, *, stride: int = 1) -> Replay:
+    """Sets every frame of a plan, and every halfway one, in a model and looks for contacts.
+
+    Args:
+        plan: The plan.
+        xml: The exported model, MJCF.
+        stride: Only every so many-th frame, and the halfway one after it, of a long plan.
+
+    Raises:
+        InputError: When the model is not one of this plan.
+    """
+    loaded = _Loaded.of(plan, xml)
+    difference, overlap, where = 0.0, 0.0, None
+    count = 0
+    for frame, angles, position, wxyz in _configurations(plan, stride):
+        loaded.place(angles, position, wxyz)
+        data = loaded.data
+        mujoco.mj_comPos(loaded.model, data)
+        mujoco.mj_collision(loaded.model, data)
+        poses = plan.chain.poses(angles, position, wxyz)
+        off = np.linalg.norm(data.site_xpos[loaded.sites] - poses.positions, axis=1)
+        difference = max(difference, float(off.max()))
+        if data.ncon and -float(data.contact.dist.min()) > overlap:
+            overlap, where = -float(data.contact.dist.min()), frame
+        count += 1
+    return Replay(frames=count, pose_difference=difference, overlap=overlap, overlap_frame=where)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Loaded:
+    """A model in plain MuJoCo, of one tree or of several that continue each other.
+
+    Attributes:
+        model, data: MuJoCo's.
+        hinges: Where the plan's angles are among the coordinates.
+        sites: Of the modules.
+        roots: For each tree, where the pose of its first body is among the coordinates.
+        bodies: For each tree, its first body.
+        ends: For each tree but the last, the body where the next one begins.
+        root: The body of the chain's root module.
+    """
+
+    model: Any
+    data: Any
+    hinges: list[int]
+    sites: list[int]
+    roots: list[int]
+    bodies: list[int]
+    ends: list[int]
+    root: int
+
+    @classmethod
+    def of(cls, plan: Plan, xml: str) -> _Loaded:
+        chain = plan.chain
+        model = _checked_model(xml, chain)
+        try:
+            free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+            bodies = [int(model.jnt_bodyid[joint]) for joint in free]
+            follow = [model.body(body).name.removeprefix("module_") for body in bodies[1:]]
+            return cls(
+                model=model,
+                data=mujoco.MjData(model),
+                hinges=[int(model.joint(name).qposadr[0]) for name in chain.joint_names],
+                sites=[int(model.site(f"module_{i}").id) for i in range(len(chain))],
+                roots=[int(model.jnt_qposadr[joint]) for joint in free],
+                bodies=bodies,
+                ends=[int(model.body(f"ghost_{start}").id) for start in follow],
+                root=int(model.body(f"module_{chain.root}").id),
+            )
+        except KeyError as error:
+            raise InputError(
+                "not-a-model", f"the model is not one of this plan: {error}"
+            ) from error
+
+    def place(self, angles: Array, position: Array, wxyz: Array) -> None:
+        """Sets a configuration: the hinges as they are, the trees one behind the other."""
+        data = self.data
+        data.qpos[self.hinges] = angles
+        for address in self.roots:
+            data.qpos[address : address + 7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+        mujoco.mj_kinematics(self.model, data)
+        places = [(np.zeros(3), np.eye(3))]
+        for end in self.ends:
+            places.append(_moved(places[-1], data.xpos[end], data.xmat[end].reshape(3, 3)))
+        tree = self.bodies.index(int(self.model.body_rootid[self.root]))
+        at, turn = _moved(places[tree], data.xpos[self.root], data.xmat[self.root].reshape(3, 3))
+        wanted = np.empty(9)
+        mujoco.mju_quat2Mat(wanted, np.asarray(wxyz, dtype=np.float64))
+        whole = wanted.reshape(3, 3) @ turn.T
+        for address, (origin, rotation) in zip(self.roots, places, strict=True):
+            data.qpos[address : address + 3] = position + whole @ (origin - at)
+            mujoco.mju_mat2Quat(data.qpos[address + 3 : address + 7], (whole @ rotation).ravel())
+        mujoco.mj_kinematics(self.model, data)
+
+
+def _checked_model(xml: str, chain: Chain) -> Any:
+    """The model, with all pairs of modules colliding that the module's data does not exempt.
+
+    What a model file excludes from collision, it can't excuse: two tetrahedra that share a hinge
+    are looked at, too.
+    """
+    exempt = {
+        frozenset((f"module_{i}", f"module_{j}")) for i, j in chain.module.exempt_pairs(len(chain))
+    }
+    try:
+        spec: Any = mujoco.MjSpec.from_string(xml)
+        for pair in list(spec.excludes):
+            if frozenset((pair.bodyname1, pair.bodyname2)) not in exempt:
+                spec.delete(pair)
+        model = spec.compile()
+    except ValueError as error:
+        raise InputError("not-a-model", f"MuJoCo cannot load the model: {error}") from error
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+    return model
+
+
+def _moved(place: tuple[Array, Array], position: Array, rotation: Array) -> tuple[Array, Array]:
+    """A pose that is told in the frame of another."""
+    return place[0] + place[1] @ position, place[1] @ rotation
+
+
+def _configurations(plan: Plan, stride: int) -> Any:
+    count = len(plan.motion)
+    for start in range(0, count, stride):
+        part = plan.part(start, min(start + 2, count))
+        angles, positions, wxyzs = part.joint_angles_rad, part.root_position, part.root_wxyz
+        yield float(start), angles[0], positions[0], wxyzs[0]
+        if len(angles) > 1:
+            yield start + 0.5, angles.mean(axis=0), positions.mean(axis=0), wxyzs[0]

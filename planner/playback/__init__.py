@@ -1,0 +1,1 @@
+"""Playback: the straight chain follows a record back into its folded state."""

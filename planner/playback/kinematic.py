@@ -1,0 +1,120 @@
+"""Kinematic playback: the reference itself, for chains too long to be simulated as one tree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.motion.angle_steps import snapped
+from planner.motion.frames import PHASES, Frames, Phase
+from planner.motion.windows import Windows
+from planner.playback.reference import clear_reference
+from planner.playback.time_law import smooth_law
+from planner.playback.unfolding import Unfolding
+from planner.simulation.parameters import PlaybackParameters
+
+Array = NDArray[np.float64]
+CHUNK: Final = 256
+LAW_STEPS: Final = 4096
+
+
+def kinematic_frames(
+    chain: Chain,
+    recorded: Frames,
+    parameters: PlaybackParameters,
+    *,
+    module_size: float,
+    start_s: float,
+    frame_rad: float,
+    unfolding: Unfolding | None,
+) -> Iterator[Frames]:
+    """The frames of a kinematic playback, some at a time; the centre of mass stays at rest.
+
+    Args:
+        chain: The chain.
+        recorded: The snapshots of the explosion to play in reverse.
+        parameters: Of the reference and its speed.
+        module_size: Size of the modules as a fraction of the pitch.
+        start_s: Time of the first frame.
+        frame_rad: Length of the record between two frames.
+        unfolding: How the chain becomes straight first; None when it is.
+    """
+    reference = clear_reference(
+        chain,
+        recorded.joint_angles_rad[::-1],
+        spacing_rad=parameters.spacing_rad,
+        distance_weight=parameters.distance_weight,
+        size=module_size,
+    )
+    count = max(2, int(np.ceil(reference.length_rad / frame_rad)))
+    law = smooth_law(steps=count, step_s=parameters.step_s * parameters.steps_per_rad * frame_rad)
+    if unfolding is None:
+        last = recorded[-1:]
+        first = last.joint_angles_rad[0]
+        position, wxyz = last.root_position[0], last.root_wxyz[0]
+    else:
+        first = unfolding.chain.folded_rad
+        position, wxyz = root_folded(unfolding.chain)
+    centre = chain.poses(first, position, wxyz).positions.mean(axis=0)
+
+    def at_rest(phase: Phase, times: Array, angles: Array) -> Frames:
+        free = chain.poses(angles, np.zeros(3), wxyz).positions.mean(axis=1)
+        return Frames.of_phase(
+            phase,
+            time_s=times,
+            joint_angles_rad=angles,
+            root_position=centre - free,
+            root_wxyz=np.broadcast_to(wxyz, (len(angles), 4)).copy(),
+        )
+
+    if unfolding is not None:
+        # Its last frame is straight, and so is the first one of what follows.
+        times = start_s + unfolding.time_s[-1] - unfolding.time_s[::-1]
+        yield at_rest("unfolding", times[:-1], snapped(unfolding.folding_rad[::-1][:-1]))
+        start_s = float(times[-1])
+    for start in range(0, count + 1, CHUNK):
+        part = slice(start, min(start + CHUNK, count + 1))
+        times = start_s + law.step_s * np.arange(count + 1.0)[part]
+        yield at_rest("playback", times, snapped(reference.spline(law.u[part])))
+
+
+def windowed_frames(
+    chain: Chain, record: Windows, parameters: PlaybackParameters, *, start_s: float
+) -> Windows:
+    """The frames of a kinematic playback of windows: those of the record, in reverse.
+
+    Between two frames the hinges run evenly, all motion at the speed that a smooth reference would
+    have on the same hinges; the folded end of the chain is held still.
+
+    Args:
+        chain: The chain.
+        record: What was recorded, from folded on.
+        parameters: Of the speed.
+        start_s: Time of the first frame.
+    """
+    reversed_record = record[::-1]
+    largest, _ = reversed_record.steps(chain)
+    lengths = np.concatenate([[0.0], np.cumsum(largest)])
+    total = float(lengths[-1])
+    duration_s = parameters.steps_per_rad * parameters.step_s * total
+    law = smooth_law(steps=LAW_STEPS, step_s=1.0 / LAW_STEPS)
+    shares = np.interp(lengths / max(total, 1e-12), law.u, np.linspace(0.0, 1.0, LAW_STEPS + 1))
+    # The stops of a simulated joint give a little.
+    angles = snapped(reversed_record.angles_rad, chain.module.angle_limit_rad)
+    return replace(
+        reversed_record,
+        angles_rad=angles.astype(np.float32),
+        time_s=start_s + duration_s * shares,
+        phase=np.full(len(record), PHASES.index("playback"), dtype=np.uint8),
+    )
+
+
+def root_folded(chain: Chain) -> tuple[Array, Array]:
+    """(3,) and (4,) the root's pose when folded."""
+    folded = chain.folded_poses
+    return folded.positions[chain.root], folded.wxyzs[chain.root]

@@ -1,0 +1,119 @@
+"""Reference: the smooth curve through configurations that a playback follows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.clearance.sweep import sweep
+
+Array = NDArray[np.float64]
+DEGREE: Final = 3
+CHUNK: Final = 64
+MOST_HALVINGS: Final = 2
+ROOM: Final = 0.01
+SAMPLE_RAD: Final = 0.02
+"""Distance of the places at which a reference is looked at for overlaps."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reference:
+    """A clamped cubic B-spline q(u), u from 0 (straight) to 1 (folded).
+
+    Attributes:
+        spline, first, second: q, dq/du, d²q/du².
+        length_rad: Length of the record along the curve, see ``record_lengths``.
+    """
+
+    spline: Any
+    first: Any
+    second: Any
+    length_rad: float
+
+    @classmethod
+    def through(
+        cls, chain: Chain, angles: Array, *, spacing_rad: float, distance_weight: float
+    ) -> Reference:
+        """The reference of a record.
+
+        Args:
+            chain: The chain.
+            angles: (F, J) configurations in the order of the playback.
+            spacing_rad: Distance of the control points along the record.
+            distance_weight: Radians that one pitch of displacement counts as.
+        """
+        lengths = record_lengths(chain, angles, distance_weight)
+        total = float(lengths[-1])
+        count = max(DEGREE + 1, int(np.ceil(total / spacing_rad)) + 1)
+        knots = np.concatenate(
+            [np.zeros(DEGREE), np.linspace(0.0, 1.0, count - DEGREE + 1), np.ones(DEGREE)]
+        )
+        # At the means of their knots, so that u runs evenly along the record at its ends too.
+        where = total * sliding_window_view(knots[1:-1], DEGREE).mean(axis=1)
+        right = np.clip(np.searchsorted(lengths, where), 1, len(lengths) - 1)
+        span = lengths[right] - lengths[right - 1]
+        part = np.where(span > 0, (where - lengths[right - 1]) / np.where(span > 0, span, 1), 1.0)
+        controls = (1.0 - part)[:, None] * angles[right - 1] + part[:, None] * angles[right]
+        controls[0], controls[-1] = angles[0], angles[-1]
+        # The stops of a simulated joint give a little. A B-spline stays within its control points.
+        limit = chain.module.angle_limit_rad
+        np.clip(controls, -limit, limit, out=controls)
+        from scipy.interpolate import BSpline  # late: who reads a plan draws no curve
+
+        spline = BSpline(knots, controls, DEGREE)
+        first = spline.derivative()
+        return cls(spline=spline, first=first, second=first.derivative(), length_rad=total)
+
+
+def clear_reference(
+    chain: Chain, angles: Array, *, spacing_rad: float, distance_weight: float, size: float
+) -> Reference:
+    """The reference of a record, with control points as dense as it takes to touch nothing.
+
+    A spline cuts corners between its control points. Where that makes modules overlap, the spacing
+    is halved, twice at most; the certificate has the last word.
+
+    Args:
+        chain: The chain.
+        angles: (F, J) configurations in the order of the playback.
+        spacing_rad: Distance of the control points along the record, at first.
+        distance_weight: Radians that one pitch of displacement counts as.
+        size: Module size as a fraction of the pitch.
+    """
+    # Some room is left for the playback's joint errors: a quarter of the gap between two cells.
+    room = min(ROOM, 0.25 * (1.0 - size))
+    for _ in range(MOST_HALVINGS):
+        reference = Reference.through(
+            chain, angles, spacing_rad=spacing_rad, distance_weight=distance_weight
+        )
+        count = max(2, int(np.ceil(reference.length_rad / SAMPLE_RAD)) + 1)
+        samples = reference.spline(np.linspace(0.0, 1.0, count))
+        if sweep(chain, samples, size=size).clearance > room:
+            return reference
+        spacing_rad *= 0.5
+    return Reference.through(
+        chain, angles, spacing_rad=spacing_rad, distance_weight=distance_weight
+    )
+
+
+def record_lengths(chain: Chain, angles: Array, distance_weight: float) -> Array:
+    """(F,) length of a record up to each configuration, in radians.
+
+    A step counts as its largest hinge motion, or as its largest displacement of a module (centre of
+    mass fixed) times the weight, whichever is more: a nearly straight chain whips.
+    """
+    steps = np.zeros(len(angles))
+    origin, upright = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    for start in range(0, len(angles) - 1, CHUNK):
+        part = angles[start : start + CHUNK + 1]
+        centres = chain.poses(part, origin, upright).positions
+        centres = centres - centres.mean(axis=1, keepdims=True)
+        moved = np.sqrt((np.diff(centres, axis=0) ** 2).sum(axis=2).max(axis=1))
+        turned = np.abs(np.diff(part, axis=0)).max(axis=1)
+        steps[start + 1 : start + len(part)] = np.maximum(turned, distance_weight * moved)
+    return np.cumsum(steps)

@@ -1,0 +1,161 @@
+"""Time law: how fast a playback runs along its reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.dynamics import floating_torques
+from planner.chain.module import Module
+from planner.playback.reference import Reference
+
+Array = NDArray[np.float64]
+FASTEST: Final = 2.0
+"""The bounded law nowhere runs faster than this times its mean."""
+SMOOTHING: Final = 8.0
+"""Width of the smoothing of the bounded law, in samples."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TimeLaw:
+    """u, du/dt and d²u/dt² at every step, from 0 to 1, at rest at both ends.
+
+    Attributes:
+        u, rate, acceleration: (S + 1,).
+        step_s: Time between two of them.
+    """
+
+    u: Array
+    rate: Array
+    acceleration: Array
+    step_s: float
+
+    def __len__(self) -> int:
+        """Number of steps S."""
+        return len(self.u) - 1
+
+    def backwards(self) -> TimeLaw:
+        """The law from 1 to 0 that asks for the same torques: ü stays as it is, u̇ changes sign."""
+        return TimeLaw(
+            u=self.u[::-1],
+            rate=-self.rate[::-1],
+            acceleration=self.acceleration[::-1],
+            step_s=self.step_s,
+        )
+
+
+def torque_bounded_law(
+    reference: Reference, module: Module, *, steps: int, step_s: float, samples: int
+) -> TimeLaw:
+    """The law that bounds the largest hinge torque of a freely floating chain.
+
+    Along the curve the torques are τ = a(u) ü + b(u) u̇². With z = u̇² and z' = 2ü, the largest z
+    that keeps every |τ| ≤ 1 at the curve's ends and in between is found by a forward and a backward
+    pass (Bobrow, Dubowsky, Gibson: Time-optimal control, 1985), then smoothed. The bound scales
+    with 1/T², so fixing the duration fixes it.
+
+    Args:
+        reference: The curve.
+        module: The kind of module that the chain is made of.
+        steps: S.
+        step_s: Time of a step.
+        samples: Places at which a and b are evaluated.
+    """
+    u = np.linspace(0.0, 1.0, samples)
+    where, first, second = reference.spline(u), reference.first(u), reference.second(u)
+    a = floating_torques(module, where, np.zeros_like(first), first)
+    b = floating_torques(module, where, first, second)
+    z = torque_bounded_profile(u, a, b)
+    return _law_from_profile(u, z, steps, step_s)
+
+
+def torque_bounded_profile(u: Array, a: Array, b: Array) -> Array:
+    """The z = u̇² of that law, its torques about 1.
+
+    Args:
+        u: (U,) even places.
+        a, b: (U, J) terms of the torques there.
+
+    Returns:
+        (U,) z, 0 at both ends.
+    """
+    ceiling = 1.0 / np.maximum(np.abs(b).max(axis=1), 1e-12)
+    z = ceiling
+    for _ in range(8):
+        z = _passes(u, a, b, ceiling)
+        mean = 1.0 / duration(u, z)
+        limit = (FASTEST * mean) ** 2
+        if z.max() <= 1.02 * limit:
+            break
+        ceiling = np.minimum(ceiling, limit)
+    return _smoothed(z)
+
+
+def _passes(u: Array, a: Array, b: Array, ceiling: Array) -> Array:
+    """The z at the samples: never above the ceiling, ü what the torques leave, 0 at the ends."""
+    step = u[1] - u[0]
+    z = ceiling.copy()
+    z[0] = z[-1] = 0.0
+    for order in (range(len(u) - 1), range(len(u) - 1, 0, -1)):
+        ahead = 1 if order.step > 0 else -1
+        for k in order:
+            left = 1.0 - np.abs(b[k]) * z[k]
+            most = float(np.min(np.maximum(left, 0.05) / np.maximum(np.abs(a[k]), 1e-12)))
+            z[k + ahead] = min(z[k + ahead], z[k] + 2.0 * most * step)
+    return z
+
+
+def _smoothed(z: Array) -> Array:
+    """A smooth profile that stays in the valleys of z and keeps its linear rise at both ends."""
+    from scipy.ndimage import gaussian_filter1d, minimum_filter1d  # late: not for who reads a plan
+
+    width = int(2 * SMOOTHING) + 1
+    low = minimum_filter1d(z, width, mode="nearest")
+    rise = np.arange(len(z)) < width
+    low = np.where(rise | rise[::-1], z, low)
+    odd = np.concatenate([-low[:0:-1], low, -low[-2::-1]])
+    smooth = gaussian_filter1d(odd, SMOOTHING)[len(z) - 1 : 2 * len(z) - 1]
+    smooth[0] = smooth[-1] = 0.0
+    return np.maximum(smooth, 0.0)
+
+
+def duration(u: Array, z: Array) -> float:
+    """The time from one end to the other."""
+    root = np.sqrt(z)
+    return float(np.sum(2.0 * np.diff(u) / np.maximum(root[1:] + root[:-1], 1e-12)))
+
+
+def _law_from_profile(u: Array, z: Array, steps: int, step_s: float) -> TimeLaw:
+    from scipy.interpolate import CubicSpline  # as above
+
+    root = np.sqrt(z)
+    times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(u) / (root[1:] + root[:-1]))])
+    total = steps * step_s
+    spline = CubicSpline(times * (total / times[-1]), u, bc_type="clamped")
+    t = np.linspace(0.0, total, steps + 1)
+    where = np.clip(spline(t), 0.0, 1.0)
+    rate = spline(t, 1)
+    acceleration = spline(t, 2)
+    if rate.min() < -0.05 / total:
+        return smooth_law(steps=steps, step_s=step_s)
+    return TimeLaw(u=where, rate=rate, acceleration=acceleration, step_s=step_s)
+
+
+def smooth_law(*, steps: int, step_s: float, ramp: float = 0.08) -> TimeLaw:
+    """Even speed with quintic ramps over a fraction of the time at both ends."""
+    x = np.linspace(0.0, 1.0, steps + 1)
+    top = 1.0 / (1.0 - ramp)
+    y = np.clip(np.minimum(x, 1.0 - x) / ramp, 0.0, 1.0)
+    rate = top * y**3 * (10.0 - 15.0 * y + 6.0 * y**2)
+    slope = top / ramp * 30.0 * (y * (1.0 - y)) ** 2 * np.where(x < 0.5, 1.0, -1.0)
+    risen = top * ramp * y**4 * (2.5 - 3.0 * y + y**2)
+    u = np.where(
+        x < ramp,
+        risen,
+        np.where(x > 1.0 - ramp, 1.0 - risen, top * (x - 0.5 * ramp)),
+    )
+    total = steps * step_s
+    return TimeLaw(u=u, rate=rate / total, acceleration=slope / total**2, step_s=step_s)

@@ -1,0 +1,1 @@
+"""For robots: motions made smoother, times that joints can keep, trajectories and motors."""

@@ -1,0 +1,229 @@
+"""Motors: the torques that a retimed plan asks of each hinge, and whether given motors would do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.errors import InputError
+from planner.robot.trajectory import Trajectory
+from planner.simulation.model import Material
+from planner.simulation.tree import Tree
+
+Array = NDArray[np.float64]
+STANDARD_GRAVITY_M_S2: Final = 9.81
+MOST_STRETCHES: Final = 4
+"""Stretches of the motion looked at from one frame to the next."""
+LARGEST_WORK: Final = 1_000_000
+"""Stretches times modules; a long plan is looked at in fewer places."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Build:
+    """What a robot's chain is built of.
+
+    Attributes:
+        module_mass_kg: Mass of a module with its motors, spread evenly over its hull.
+        pitch_m: Distance of neighbouring modules.
+        gravity_m_s2: Gravity, in each hinge's worst direction; 0 for none.
+        held: Whether the root module is held still. Otherwise the chain floats, without gravity.
+    """
+
+    module_mass_kg: float
+    pitch_m: float
+    gravity_m_s2: float = STANDARD_GRAVITY_M_S2
+    held: bool = True
+
+    def check(self) -> None:
+        """Refuses what cannot be built.
+
+        Raises:
+            InputError: ``bad-build``.
+        """
+        for name, value, least, most in (
+            ("module_mass", self.module_mass_kg, 1e-9, 1e6),
+            ("pitch", self.pitch_m, 1e-9, 1e3),
+            ("gravity", self.gravity_m_s2, 0.0, 1e3),
+        ):
+            if not least <= value <= most:
+                raise InputError(
+                    "bad-build",
+                    f"got a {name.replace('_', ' ')} of {value:g}, expected {least:g} to {most:g}.",
+                    where=name,
+                )
+        if not self.held and self.gravity_m_s2 > 0.0:
+            raise InputError(
+                "bad-build",
+                f"got gravity of {self.gravity_m_s2:g} m/s² for a floating chain, which would "
+                "fall; set it to 0, or hold the chain.",
+                where="gravity",
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MotorTable:
+    """The torques of every hinge over a trajectory.
+
+    Attributes:
+        build: What they were computed for.
+        joint_names: (J,) names of the hinges.
+        peak_torque_nm: (J,) largest torque.
+        peak_time_s: (J,) when that is.
+        peak_frame: (J,) where that is in the plan, as a frame number.
+        rms_torque_nm: (J,) root mean square over time, which is what warms a motor.
+        motor_torque_nm: What every motor can give, or None when nobody said.
+    """
+
+    build: Build
+    joint_names: tuple[str, ...]
+    peak_torque_nm: Array
+    peak_time_s: Array
+    peak_frame: Array
+    rms_torque_nm: Array
+    motor_torque_nm: float | None
+
+    @property
+    def neediest(self) -> int:
+        """Number of the hinge with the largest torque."""
+        return int(np.argmax(self.peak_torque_nm))
+
+    @property
+    def would_do(self) -> bool | None:
+        """Whether the motors are strong enough for every hinge; None when nobody said theirs."""
+        if self.motor_torque_nm is None:
+            return None
+        return bool(self.peak_torque_nm.max() <= self.motor_torque_nm)
+
+    @property
+    def verdict(self) -> str:
+        """The answer in one sentence."""
+        k = self.neediest
+        need = (
+            f"{self.joint_names[k]} needs {self.peak_torque_nm[k]:.3g} N·m "
+            f"at frame {self.peak_frame[k]:.0f}"
+        )
+        if self.would_do is None:
+            return f"{need}, the most of all"
+        if self.would_do:
+            return f"would do: {need}, the most of all, and has {self.motor_torque_nm:g} N·m"
+        short = int((self.peak_torque_nm > (self.motor_torque_nm or 0.0)).sum())
+        return (
+            f"would not do: {need}, and has {self.motor_torque_nm:g} N·m; too weak for {short} of "
+            f"{len(self.joint_names)} hinges"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values; ``margin`` is the motor's torque over the peak, None for no load."""
+        return {
+            "verdict": self.verdict,
+            "would_do": self.would_do,
+            "motor_torque_nm": self.motor_torque_nm,
+            "module_mass_kg": self.build.module_mass_kg,
+            "pitch_m": self.build.pitch_m,
+            "gravity_m_s2": self.build.gravity_m_s2,
+            "root": "held" if self.build.held else "floating",
+            "joints": [self._row(k) for k in range(len(self.joint_names))],
+        }
+
+    def as_csv(self) -> str:
+        """A line for each hinge, after one with the names of the columns."""
+        rows = [self._row(k) for k in range(len(self.joint_names))]
+        lines = [",".join(rows[0])]
+        for row in rows:
+            lines.append(",".join("" if value is None else str(value) for value in row.values()))
+        return "\n".join(lines) + "\n"
+
+    def _row(self, k: int) -> dict[str, Any]:
+        peak, motor = float(self.peak_torque_nm[k]), self.motor_torque_nm
+        return {
+            "name": self.joint_names[k],
+            "peak_torque_nm": _short(peak),
+            "peak_time_s": _short(float(self.peak_time_s[k])),
+            "peak_frame": round(float(self.peak_frame[k]), 2),
+            "rms_torque_nm": _short(float(self.rms_torque_nm[k])),
+            "margin": None if motor is None or peak <= 0.0 else _short(motor / peak),
+            "would_do": None if motor is None else peak <= motor,
+        }
+
+
+def motor_table(
+    chain: Chain, trajectory: Trajectory, build: Build, *, motor_torque_nm: float | None = None
+) -> MotorTable:
+    """The torques of a motion, by inverse dynamics of the chain as one tree.
+
+    A held chain's torque is that of the motion alone plus that of gravity in the direction which
+    is worst for the hinge at that moment: what is enough is enough however the robot is held.
+    Friction, motor inertia and contacts are left out.
+
+    Args:
+        chain: The chain.
+        trajectory: Of this chain.
+        build: Masses and lengths.
+        motor_torque_nm: What every motor can give.
+
+    Raises:
+        InputError: ``bad-build``.
+    """
+    build.check()
+    if motor_torque_nm is not None and not 0.0 < motor_torque_nm < np.inf:
+        raise InputError(
+            "bad-build",
+            f"got a motor torque of {motor_torque_nm:g} N·m, expected more than 0.",
+            where="motor_torque",
+        )
+    starts, ends = _stretches(trajectory, len(chain))
+    tree = Tree(chain, Material(), step_s=0.01)
+    joints = len(trajectory.joint_names)
+    peak = np.full(joints, -1.0)
+    peak_time = np.zeros(joints)
+    square = np.zeros(joints)
+    # Accelerations jump from one stretch to the next, so each is looked at from its inside.
+    inside = 1e-9 * (ends - starts)
+    for begin, end, nudge in zip(starts, ends, inside, strict=True):
+        times = np.array([begin + nudge, end - nudge])
+        angles, rates, accelerations = trajectory.at(times)
+        for k in range(2):
+            torque = _torque(tree, build, angles[k], rates[k], accelerations[k])
+            square += 0.5 * (end - begin) * torque**2
+            higher = torque > peak
+            peak[higher], peak_time[higher] = torque[higher], times[k]
+    return MotorTable(
+        build=build,
+        joint_names=trajectory.joint_names,
+        peak_torque_nm=peak,
+        peak_time_s=peak_time,
+        peak_frame=trajectory.frame_at(peak_time),
+        rms_torque_nm=np.sqrt(square / trajectory.duration_s),
+        motor_torque_nm=motor_torque_nm,
+    )
+
+
+def _stretches(trajectory: Trajectory, modules: int) -> tuple[Array, Array]:
+    """Where they begin and end: cells of the trajectory, evenly many left out between two."""
+    knots = trajectory.knot_times_s
+    wanted = min(MOST_STRETCHES * len(trajectory.path.lengths), max(64, LARGEST_WORK // modules))
+    stride = max(1, round((len(knots) - 1) / wanted))
+    chosen = np.unique(np.append(np.arange(0, len(knots), stride), len(knots) - 1))
+    return knots[chosen[:-1]], knots[chosen[1:]]
+
+
+def _torque(tree: Tree, build: Build, angles: Array, rates: Array, accelerations: Array) -> Array:
+    """(J,) size of the hinge torques in N·m."""
+    unit = build.module_mass_kg * build.pitch_m**2
+    if not build.held:
+        tree.evaluate(angles, rates)
+        return unit * np.abs(tree.torques_for(accelerations))
+    moved = unit * np.abs(tree.held_torques(angles, rates, accelerations))
+    if build.gravity_m_s2 == 0.0:
+        return moved
+    weight = build.module_mass_kg * build.pitch_m * build.gravity_m_s2
+    return moved + weight * tree.gravity_torques()
+
+
+def _short(value: float) -> float:
+    """A number as nobody can measure it better."""
+    return float(f"{value:.6g}")

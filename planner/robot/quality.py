@@ -1,0 +1,87 @@
+"""Quality: how a plan's motion goes, apart from whether it is verified."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.plan.plan import Plan
+from planner.playback.reference import record_lengths
+from planner.robot.smoothing import DISTANCE_WEIGHT
+
+Array = NDArray[np.float64]
+CHUNK: Final = 64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quality:
+    """How a plan's motion goes. Speeds and torques are those of a fold that takes a given time.
+
+    Attributes:
+        frames: How many.
+        fold_time_s: Time that it takes at the certificate's bound of joint speed.
+        length_rad: Length of the motion, see ``planner.playback.reference.record_lengths``.
+        hinges_moving_mean, hinges_moving_most: Hinges that move at the same time.
+        peak_speed_rad_s: Fastest that a hinge turns.
+        peak_torque_nm: Largest torque of a hinge, floating, without gravity.
+        tail_way: The way of that end of the chain which goes farther, in pitches; the centre of
+            mass and the root's orientation are held still.
+        tail_speed: Fastest that an end goes, in pitches a second.
+        clearance: Least clearance at the certificate's module size, in pitches.
+    """
+
+    frames: int
+    fold_time_s: float
+    length_rad: float
+    hinges_moving_mean: float
+    hinges_moving_most: int
+    peak_speed_rad_s: float
+    peak_torque_nm: float
+    tail_way: float
+    tail_speed: float
+    clearance: float
+
+    @classmethod
+    def of(cls, plan: Plan, seconds: float) -> Quality:
+        """The quality of a plan with a playback, when it takes so many seconds."""
+        told = plan.certificate
+        assert told.fold_time_s is not None
+        assert told.peak_torque_nm is not None
+        assert told.hinges_moving_mean is not None
+        assert told.hinges_moving_most is not None
+        assert told.min_clearance is not None
+        angles = plan.joint_angles_rad
+        times = plan.time_s * (seconds / max(float(plan.time_s[-1]), 1e-12))
+        ways = _tail_ways(plan.chain, angles)
+        moments = np.maximum(np.diff(times), 1e-12)[:, None]
+        return cls(
+            frames=len(angles),
+            fold_time_s=told.fold_time_s,
+            length_rad=float(record_lengths(plan.chain, angles, DISTANCE_WEIGHT)[-1]),
+            hinges_moving_mean=told.hinges_moving_mean,
+            hinges_moving_most=told.hinges_moving_most,
+            peak_speed_rad_s=told.joint_speed_limit_rad_s * told.fold_time_s / seconds,
+            peak_torque_nm=told.peak_torque_nm * (told.fold_time_s / seconds) ** 2,
+            tail_way=float(ways.sum(axis=0).max()),
+            tail_speed=float((ways / moments).max()),
+            clearance=told.min_clearance,
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return asdict(self)
+
+
+def _tail_ways(chain: Chain, angles: Array) -> Array:
+    """(F − 1, 2) how far both ends go from frame to frame."""
+    ways: list[Array] = []
+    origin, upright = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    for start in range(0, len(angles) - 1, CHUNK):
+        centres = chain.poses(angles[start : start + CHUNK + 1], origin, upright).positions
+        ends = centres[:, [0, -1]] - centres.mean(axis=1, keepdims=True)
+        ways.append(np.linalg.norm(np.diff(ends, axis=0), axis=2))
+    return np.concatenate(ways)

@@ -1,0 +1,124 @@
+"""Retiming: the time stamps at which a robot with given joints passes along a plan.
+
+The path is the plan's own, straight from frame to frame, with its corners cut, for at a corner no
+finite acceleration would do: on either side of a frame, up to the middle of the shorter of its two
+steps, a parabola takes the place of the two straight lines. It is farthest from them at the frame;
+``Trajectory.deviation_rad`` says how far.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.clearance.sweep import Sweep, sweep
+from planner.errors import InputError
+from planner.kernels.retiming import fastest_profile
+from planner.plan.plan import Plan
+from planner.robot.trajectory import CutPath, Trajectory
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+STILL_RAD: Final = 1e-6
+"""Frames between which no hinge turns more than this count as one."""
+BOUNDS: Final = (1e-6, 1e6)
+"""What speeds and accelerations may be, in rad/s and rad/s²."""
+
+
+def retime(plan: Plan, max_speed_rad_s: float, max_acceleration_rad_s2: float) -> Trajectory:
+    """The fastest way along a plan within bounds on every hinge's speed and acceleration.
+
+    Args:
+        plan: A plan with frames.
+        max_speed_rad_s: Bound of every hinge's |speed|.
+        max_acceleration_rad_s2: Bound of every hinge's |acceleration|.
+
+    Raises:
+        InputError: ``bad-bound`` for a bound that is no positive number, ``no-motion`` for a plan
+            in which nothing moves.
+    """
+    return retimed(
+        plan.joint_angles_rad, plan.chain.joint_names, max_speed_rad_s, max_acceleration_rad_s2
+    )
+
+
+def retimed(
+    frames: Array,
+    joint_names: tuple[str, ...],
+    max_speed_rad_s: float,
+    max_acceleration_rad_s2: float,
+) -> Trajectory:
+    """The same for (F, J) frames of angles; see ``retime``."""
+    for name, unit, value in (
+        ("speed", "rad/s", max_speed_rad_s),
+        ("acceleration", "rad/s²", max_acceleration_rad_s2),
+    ):
+        if not BOUNDS[0] <= value <= BOUNDS[1]:
+            raise InputError(
+                "bad-bound",
+                f"got a largest {name} of {value:g} {unit}, expected {BOUNDS[0]:g} to "
+                f"{BOUNDS[1]:g}.",
+                where=f"max_{name}",
+            )
+    kept = _moving(frames)
+    if len(kept) < 2:
+        raise InputError("no-motion", "the plan has no two frames between which a hinge turns.")
+    corners = np.ascontiguousarray(frames[kept])
+    corners[-1] = frames[-1]  # so that the end is exact
+    path = CutPath.through(corners)
+    lengths = np.diff(path.knots)
+    middle = path.places[path.frame]
+    ends = np.stack([path.knots[:-1] - middle, path.knots[1:] - middle], axis=1)
+    x = fastest_profile(
+        path.slopes,
+        path.left,
+        path.right,
+        0.5 + 0.5 * ends / path.reach[:, None],
+        lengths,
+        float(max_speed_rad_s),
+        float(max_acceleration_rad_s2),
+    )
+    rates = np.sqrt(x)
+    times = np.concatenate([[0.0], np.cumsum(2.0 * lengths / (rates[1:] + rates[:-1]))])
+    # Frames that were left out are passed at the same moment as those before them.
+    owner = np.searchsorted(kept, np.arange(len(frames)), side="right") - 1
+    last = np.append(kept[1:], len(frames)) - 1
+    passed = np.interp(path.places, path.knots, times)[owner]
+    return Trajectory(
+        joint_names=joint_names,
+        time_s=passed,
+        max_speed_rad_s=float(max_speed_rad_s),
+        max_acceleration_rad_s2=float(max_acceleration_rad_s2),
+        deviation_rad=path.deviation() + (len(kept) < len(frames)) * STILL_RAD,
+        path=path,
+        knot_times_s=times,
+        knot_rates=rates,
+        frame_numbers=np.stack([kept, last], axis=1).ravel().astype(np.float64),
+    )
+
+
+def clearance(trajectory: Trajectory, chain: Chain, *, size: float) -> Sweep:
+    """The closest place along a trajectory, and what clearance is proved by a sweep.
+
+    It is looked at at each frame and where its corners begin and end. Straight lines between those
+    places are within a quarter of ``deviation_rad`` of the path.
+
+    Args:
+        trajectory: Of this chain.
+        chain: The chain.
+        size: Module size as a fraction of the pitch.
+    """
+    path = trajectory.path
+    return sweep(chain, path.at_knots()[:: path.cells], size=size)
+
+
+def _moving(frames: Array) -> Indices:
+    """(K,) numbers of the first frame, and of those that differ from the one kept before."""
+    kept: list[int] = []
+    for k in range(len(frames)):
+        if not kept or np.abs(frames[k] - frames[kept[-1]]).max() > STILL_RAD:
+            kept.append(k)
+    return np.array(kept, dtype=np.int64)

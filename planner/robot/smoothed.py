@@ -1,0 +1,142 @@
+"""Smoothed: a plan that is made from a verified one, with a shorter and quieter motion.
+
+Its record is a smoothed motion in place of an explosion. What follows is the same as for any fold:
+it is played back along a smooth curve, and the certificate judges that.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.clearance.sweep import sweep
+from planner.errors import InputError
+from planner.motion.frames import Frames
+from planner.motion.record import Record
+from planner.plan.plan import Plan
+from planner.playback.reference import record_lengths
+from planner.progress import Cancelled, never
+from planner.robot.quality import Quality
+from planner.robot.smoothing import DISTANCE_WEIGHT, LOOKS, smooth, spacing_of
+from planner.robot.smoothing_ways import MOST_ANGLES, RECORDED, SMOOTHED
+
+Array = NDArray[np.float64]
+FEW_LOOKS: Final = LOOKS // 4
+
+
+def check_smoothable(plan: Plan) -> None:
+    """Refuses a plan that cannot be smoothed.
+
+    Raises:
+        InputError: ``smooth-refold``, ``smooth-not-verified``, ``smooth-no-motion``,
+            ``smooth-no-torques`` or ``smooth-too-long``.
+    """
+    name = plan.chain.name
+    if plan.start is not None:
+        raise InputError(
+            "smooth-refold",
+            f"got {name} as a refold, expected a fold that begins straight; smooth that one.",
+        )
+    if not plan.verified:
+        raise InputError(
+            "smooth-not-verified",
+            f"got a plan of {name} that is not verified, expected one that is; fold it again, with "
+            "another seed or preset.",
+        )
+    if not plan.certificate.fold_time_s:
+        raise InputError(
+            "smooth-no-motion", f"got a plan of {name} in which nothing moves, expected a motion."
+        )
+    if plan.certificate.peak_torque_nm is None:
+        raise InputError(
+            "smooth-no-torques",
+            f"got a plan of {name} that tells no torques, as earlier versions made; fold it again.",
+        )
+    hinges, frames = len(plan.chain.folded_rad), len(plan.motion)
+    if frames * hinges <= MOST_ANGLES:
+        length = record_lengths(plan.chain, plan.joint_angles_rad, DISTANCE_WEIGHT)[-1]
+        frames = max(frames, int(length / spacing_of(length)))
+    if frames * hinges > MOST_ANGLES:
+        raise InputError(
+            "smooth-too-long",
+            f"got a motion that takes {frames} frames of {hinges} hinges, expected at most "
+            f"{MOST_ANGLES} angles in all; `foldback retime` bounds the speed of longer ones.",
+        )
+
+
+def smoothed_record(
+    plan: Plan,
+    way: str,
+    *,
+    size: float,
+    seed: int,
+    told: Callable[[float], None] | None = None,
+    cancelled: Cancelled = never,
+) -> Record:
+    """What takes the place of an explosion: a plan's motion smoothed, from folded to straight.
+
+    Args:
+        plan: A plan that may be smoothed.
+        way: One of ``WAYS``.
+        size: Module size that it is to be verified at, as a fraction of the pitch.
+        seed: What randomness starts from.
+        told: Is told which part of it is done, now and then.
+        cancelled: Asked now and then whether to stop; what there is by then is taken.
+    """
+    begun = time.perf_counter()
+    whole = plan.whole()
+    angles = whole.joint_angles_rad
+    if way != RECORDED:
+        looks = LOOKS if way == SMOOTHED else FEW_LOOKS
+        angles = smooth(
+            plan.chain, angles, size=size, seed=seed, looks=looks, told=told, cancelled=cancelled
+        ).angles
+    count = len(angles)
+    stopped = cancelled()
+    return Record(
+        status="cancelled" if stopped else "straight",
+        reason="it was cancelled" if stopped else "",
+        frames=Frames.of_phase(
+            "explosion",
+            time_s=np.linspace(0.0, float(whole.time_s[-1]), count),
+            joint_angles_rad=angles[::-1],
+            root_position=np.repeat(whole.root_position[:1], count, axis=0),
+            root_wxyz=np.repeat(whole.root_wxyz[:1], count, axis=0),
+        ),
+        steps=0,
+        seconds=time.perf_counter() - begun,
+        strategy=way,
+    )
+
+
+def before_and_after(recorded: Plan, smoothed: Plan) -> dict[str, Any]:
+    """What smoothing has changed, both plans taking as long as the recorded one; plain values.
+
+    Args:
+        recorded: The plan that was smoothed.
+        smoothed: What came of it; without a playback there is nothing to compare.
+    """
+    seconds = recorded.certificate.fold_time_s
+    assert seconds is not None
+    after = None
+    if smoothed.certificate.peak_torque_nm is not None:
+        after = Quality.of(smoothed, seconds).as_dict()
+    # Clearances are comparable at one module size only.
+    size = smoothed.certificate.module_size
+    before = Quality.of(recorded, seconds)
+    if recorded.certificate.module_size != size:
+        motion = recorded.motion
+        way = motion.joint_angles_rad if isinstance(motion, Frames) else motion
+        clearance = sweep(recorded.chain, way, size=size).clearance
+        before = replace(before, clearance=clearance)
+    return {
+        "way": (smoothed.explosion or {}).get("strategy"),
+        "seconds": seconds,
+        "before": before.as_dict(),
+        "after": after,
+    }

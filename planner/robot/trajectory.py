@@ -1,0 +1,257 @@
+"""Trajectory: a plan's path with time stamps, and the way along straight lines that it follows.
+
+``planner.robot.retiming`` makes them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+FRAMES: Final = "frames.npy"
+REST: Final = "rest.npz"
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+CELLS: Final = 2
+"""Cells of the grid on either side of a frame, and on the straight line between two; with more of
+them a motion gets faster by a fraction of a per cent."""
+FEWEST_CELLS: Final = 200
+"""About as many cells has a path of few frames."""
+TINY: Final = 1e-6
+"""Straight pieces that are no longer than this part of their step are left out."""
+AT_ONCE: Final = 256
+"""Corners whose cuts are compared at once: all of a long chain's would take a gibibyte."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trajectory:
+    """A plan's path with times, at rest at both ends.
+
+    Attributes:
+        joint_names: (J,) names of the hinges.
+        time_s: (F,) when the path passes each frame of the plan.
+        max_speed_rad_s, max_acceleration_rad_s2: The bounds that were given.
+        deviation_rad: The farthest that any hinge is from the plan's own motion.
+        path: Where it leads.
+        knot_times_s: (N + 1,) when it passes the path's knots; s̈ is constant between two.
+        knot_rates: (N + 1,) ṡ at the knots.
+        frame_numbers: (2 K,) for each of the K corners of the path the first and the last of the
+            plan's frames that are there.
+    """
+
+    joint_names: tuple[str, ...]
+    time_s: Array
+    max_speed_rad_s: float
+    max_acceleration_rad_s2: float
+    deviation_rad: float
+    path: CutPath
+    knot_times_s: Array
+    knot_rates: Array
+    frame_numbers: Array
+
+    @property
+    def duration_s(self) -> float:
+        """Time from straight to folded."""
+        return float(self.knot_times_s[-1])
+
+    @property
+    def joint_angles_rad(self) -> Array:
+        """(F, J) where the hinges are at each frame of the plan; worked out at every call."""
+        return self._at_frames()[0]
+
+    @property
+    def joint_speeds_rad_s(self) -> Array:
+        """(F, J) how fast they turn then; worked out at every call."""
+        return self._at_frames()[1]
+
+    def _at_frames(self) -> tuple[Array, Array]:
+        path = self.path
+        cell = np.clip(np.searchsorted(path.knots, path.places) - 1, 0, len(path.knots) - 2)
+        angles, slopes, _ = path.at(cell, path.places)
+        speeds = slopes * np.interp(path.places, path.knots, self.knot_rates)[:, None]
+        counts = np.diff(self.frame_numbers.reshape(-1, 2), axis=1).ravel().astype(int) + 1
+        return np.repeat(angles, counts, axis=0), np.repeat(speeds, counts, axis=0)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its arrays, those of the path too."""
+        own = (getattr(self, name) for name in _OWN)
+        return sum(a.nbytes for a in own) + sum(getattr(self.path, n).nbytes for n in _OF_PATH)
+
+    def save(self, directory: FilePath) -> None:
+        """Writes it to a directory that is there."""
+        np.save(directory / FRAMES, self.path.frames)
+        np.savez(
+            directory / REST,
+            joint_names=np.array(self.joint_names),
+            numbers=np.array(
+                [self.max_speed_rad_s, self.max_acceleration_rad_s2, self.deviation_rad]
+            ),
+            cells=self.path.cells,
+            **{name: getattr(self, name) for name in _OWN},
+            **{name: getattr(self.path, name) for name in _OF_PATH if name != "frames"},
+        )
+
+    @classmethod
+    def load(cls, directory: FilePath) -> Trajectory:
+        """Reads what ``save`` wrote. The corners of the path stay in their file until asked for."""
+        frames = np.load(directory / FRAMES, mmap_mode="r", allow_pickle=False)
+        with np.load(directory / REST, allow_pickle=False) as rest:
+            speed, acceleration, deviation = rest["numbers"].tolist()
+            of_path = {name: rest[name] for name in _OF_PATH if name != "frames"}
+            return cls(
+                joint_names=tuple(rest["joint_names"].tolist()),
+                max_speed_rad_s=speed,
+                max_acceleration_rad_s2=acceleration,
+                deviation_rad=deviation,
+                path=CutPath(frames=np.asarray(frames), cells=int(rest["cells"]), **of_path),
+                **{name: rest[name] for name in _OWN},
+            )
+
+    def at(self, time_s: Array) -> tuple[Array, Array, Array]:
+        """Angles, speeds and accelerations at (T,) times, each (T, J).
+
+        Before the beginning and after the end the chain rests. At a knot, where accelerations may
+        jump, that of the following cell is given.
+        """
+        times = np.asarray(time_s, dtype=np.float64)
+        cell, s, rate, change = self._along(times)
+        moving = (times >= 0.0) & (times <= self.duration_s)
+        rate, change = np.where(moving, rate, 0.0)[:, None], np.where(moving, change, 0.0)[:, None]
+        angles, slope, bend = self.path.at(cell, s)
+        return angles, slope * rate, slope * change + bend * rate**2
+
+    def frame_at(self, time_s: Array) -> Array:
+        """(T,) place in the plan at (T,) times, as a frame number; 0.5 is between two.
+
+        Of frames in which nothing moves it is the last, but 0 in the beginning.
+        """
+        _, s, _, _ = self._along(np.asarray(time_s, dtype=np.float64))
+        found = np.interp(s, np.repeat(self.path.places, 2), self.frame_numbers)
+        return np.where(s > 0.0, found, 0.0)
+
+    def _along(self, times: Array) -> tuple[Indices, Array, Array, Array]:
+        """Cell, s, ṡ and s̈, the last of which is constant within a cell."""
+        knots, rates, ends = self.knot_times_s, self.knot_rates, self.path.knots
+        clipped = np.clip(times, 0.0, knots[-1])
+        cell = np.clip(np.searchsorted(knots, clipped, side="right") - 1, 0, len(knots) - 2)
+        elapsed = clipped - knots[cell]
+        change = 0.5 * (rates[cell + 1] ** 2 - rates[cell] ** 2) / (ends[cell + 1] - ends[cell])
+        s = ends[cell] + elapsed * (rates[cell] + 0.5 * change * elapsed)
+        s = np.clip(s, ends[cell], ends[cell + 1])
+        return cell, s, np.maximum(rates[cell] + change * elapsed, 0.0), change
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CutPath:
+    """A way along straight lines with its corners cut.
+
+    s is the way from frame to frame, a step counting as its largest hinge motion. With σ = s − s_k,
+    k being the frame of a cell, r the reach of its cut, and a, b the slopes before and after::
+
+        q(s) = q_k + a σ + (b − a) (σ + r)² / 4r
+
+    Attributes:
+        frames: (K, J) the corners.
+        places: (K,) s of the corners.
+        lengths: (K − 1,) of the steps between them.
+        knots: (N + 1,) s of the ends of all cells.
+        frame, left, right: (N,) frame of each cell, and which slopes are before and after it; twice
+            the same on a straight line.
+        reach: (N,) r of each cell.
+        cells: Cells to a piece.
+    """
+
+    frames: Array
+    places: Array
+    lengths: Array
+    knots: Array
+    frame: Indices
+    left: Indices
+    right: Indices
+    reach: Array
+    cells: int
+
+    @classmethod
+    def through(cls, frames: Array) -> CutPath:
+        """The path through (K, J) frames, no two neighbours of which are the same."""
+        lengths = np.array(
+            [np.abs(b - a).max() for a, b in zip(frames[:-1], frames[1:], strict=True)]
+        )
+        places = np.concatenate([[0.0], np.cumsum(lengths)])
+        count = max(CELLS, -(-FEWEST_CELLS // len(lengths)))
+        reach = np.zeros(len(frames))
+        reach[1:-1] = 0.5 * np.minimum(lengths[1:], lengths[:-1])
+        ends: list[Array] = [np.zeros(1)]
+        cells: list[tuple[int, int, int, float]] = []
+
+        def piece(step: float, to: float, *cell: float) -> None:
+            if to - ends[-1][-1] > TINY * step:
+                ends.append(np.linspace(ends[-1][-1], to, count + 1)[1:])
+                cells.extend([cell] * count)  # pyright: ignore[reportArgumentType]
+
+        for k in range(len(lengths)):
+            piece(lengths[k], places[k] + reach[k], k, k - 1, k, reach[k])
+            piece(lengths[k], places[k + 1] - reach[k + 1], k, k, k, 1.0)
+            piece(lengths[k], places[k + 1], k + 1, k, k + 1, reach[k + 1])
+        indices = np.array([cell[:3] for cell in cells], dtype=np.int64)
+        return cls(
+            frames=frames,
+            places=places,
+            lengths=lengths,
+            knots=np.concatenate(ends),
+            frame=indices[:, 0],
+            left=indices[:, 1],
+            right=indices[:, 2],
+            reach=np.array([cell[3] for cell in cells]),
+            cells=count,
+        )
+
+    @property
+    def slopes(self) -> Array:
+        """(K − 1, J) dq/ds between the corners; worked out at every call."""
+        return self._slopes(np.arange(len(self.lengths)))
+
+    def _slopes(self, steps: Indices) -> Array:
+        """(T, J) dq/ds on (T,) steps; a path that is kept in a file is read there alone."""
+        return (self.frames[steps + 1] - self.frames[steps]) / self.lengths[steps][:, None]
+
+    def at(self, cell: Indices, s: Array) -> tuple[Array, Array, Array]:
+        """q, q' and q'' at (T,) places in (T,) cells, each (T, J)."""
+        along = (s - self.places[self.frame[cell]])[:, None]
+        reach = self.reach[cell][:, None]
+        before = self._slopes(self.left[cell])
+        turn = self._slopes(self.right[cell]) - before
+        angles = (
+            self.frames[self.frame[cell]]
+            + before * along
+            + turn * (along + reach) ** 2 / (4.0 * reach)
+        )
+        return angles, before + turn * (along + reach) / (2.0 * reach), turn / (2.0 * reach)
+
+    def at_knots(self) -> Array:
+        """(N + 1, J) q at all knots."""
+        cells = np.arange(len(self.knots) - 1)
+        last = self.at(cells[-1:], self.knots[-1:])[0]
+        return np.concatenate([self.at(cells, self.knots[:-1])[0], last])
+
+    def deviation(self) -> float:
+        """The farthest that any hinge is from the straight lines, at a corner: r (b − a) / 4."""
+        cut = self.left != self.right
+        corners, first = np.unique(self.frame[cut], return_index=True)
+        largest = 0.0
+        for start in range(0, len(corners), AT_ONCE):
+            part = slice(start, start + AT_ONCE)
+            turns = np.abs(self._slopes(corners[part]) - self._slopes(corners[part] - 1))
+            largest = max(largest, (self.reach[cut][first[part]] * turns.max(axis=1)).max())
+        return float(largest / 4.0)
+
+
+_OWN: Final = ("time_s", "knot_times_s", "knot_rates", "frame_numbers")
+"""Arrays of a trajectory."""
+_OF_PATH: Final = ("frames", "places", "lengths", "knots", "frame", "left", "right", "reach")
+"""Arrays of its path."""

@@ -1,0 +1,1 @@
+"""Shapes and solids: cells, meshes, and cells that stand for a mesh."""

@@ -1,0 +1,76 @@
+"""Orientations in which a solid may be laid on the lattice."""
+
+from __future__ import annotations
+
+from itertools import permutations, product
+from typing import Any, Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.shapes.solid import Solid
+
+RANDOM: Final = 3
+SAME: Final = 0.05
+MOST_LOOKED_AT: Final = 20_000
+
+Floats = NDArray[np.float64]
+
+
+def candidates(solid: Solid, rng: np.random.Generator) -> tuple[Floats, ...]:
+    """Rotations to try: as it is, along its main axes, by an eighth of a turn, and random ones.
+
+    Rotations that differ by a symmetry of the lattice count as the same.
+    """
+    found: list[Floats] = [np.eye(3)]
+    wanted = [_main_axes(solid)]
+    wanted += [_about(axis, np.pi / 4) for axis in (2, 0, 1)]
+    wanted += [_random(rng) for _ in range(RANDOM)]
+    for rotation in wanted:
+        nearest = _nearest_to_upright(rotation)
+        if all(_apart(nearest, other) > SAME for other in found):
+            found.append(nearest)
+    return tuple(found)
+
+
+def _main_axes(solid: Solid) -> Floats:
+    points = solid.vertices[:: max(1, len(solid.vertices) // MOST_LOOKED_AT)]
+    spread = np.cov((points - points.mean(axis=0)).T / solid.extents.max())
+    _, axes = np.linalg.eigh(spread)
+    rotation = axes.T
+    return rotation if np.linalg.det(rotation) > 0 else -rotation
+
+
+def _about(axis: int, angle_rad: float) -> Floats:
+    rotation = np.eye(3)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    rotation[i, i] = rotation[j, j] = np.cos(angle_rad)
+    rotation[i, j], rotation[j, i] = -np.sin(angle_rad), np.sin(angle_rad)
+    return rotation
+
+
+def _random(rng: np.random.Generator) -> Floats:
+    matrix, triangular = np.linalg.qr(rng.normal(size=(3, 3)))
+    matrix = cast("Floats", matrix * np.sign(np.diag(triangular)))
+    return matrix if np.linalg.det(matrix) > 0 else -matrix
+
+
+def _symmetries() -> list[Floats]:
+    found: list[Floats] = []
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        matrix: Any = np.zeros((3, 3))
+        matrix[range(3), order] = signs
+        if np.linalg.det(matrix) > 0:
+            found.append(matrix)
+    return found
+
+
+def _nearest_to_upright(rotation: Floats) -> Floats:
+    """Of the rotations that lay the solid equally on the lattice, the smallest."""
+    return max((s @ rotation for s in _symmetries()), key=lambda r: float(np.trace(r)))
+
+
+def _apart(a: Floats, b: Floats) -> float:
+    """Angle between two rotations, over all symmetries of the lattice."""
+    trace = max(float(np.trace(s @ a @ b.T)) for s in _symmetries())
+    return float(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))

@@ -1,0 +1,254 @@
+"""Solids: surface meshes that bound a volume, cleaned of what is safe to clean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from planner.errors import InputError
+from planner.shapes.seams import closed_holes, edges_of, is_surface, welded
+
+MOST_TRIANGLES: Final = 2_000_000
+LARGEST_LENGTH: Final = 1e9
+FLATTEST: Final = 1e-6
+LEAST_FILLED: Final = 1e-9
+LOOSE: Final = 1e-5
+MOST_LOOSE: Final = 200_000
+CHUNK: Final = 1 << 17
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solid:
+    """A surface mesh that bounds a volume.
+
+    Attributes:
+        name: What people call it.
+        vertices: (V, 3) float64, read-only, in the units of the file.
+        faces: (F, 3) int64, read-only: triangles as rows of ``vertices``.
+        closed: Whether every edge is shared by an even number of triangles.
+        oriented: Whether neighbours agree about what is outside; then it is outside.
+        notes: What was repaired, in plain words.
+    """
+
+    name: str
+    vertices: Floats
+    faces: Ints
+    closed: bool = True
+    oriented: bool = True
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def from_triangles(
+        cls,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        *,
+        name: str = "solid",
+        notes: Sequence[str] = (),
+        most_triangles: int = MOST_TRIANGLES,
+    ) -> Solid:
+        """Checks triangles, cleans them, closes holes and makes a solid of them.
+
+        Args:
+            vertices: (V, 3) lengths in any unit.
+            faces: (F, 3) rows of ``vertices``, counter-clockwise seen from outside.
+            name: What people call it.
+            notes: What its reader has to say of the file.
+            most_triangles: More are refused.
+
+        Raises:
+            InputError: For numbers that are no lengths, for meshes without triangles, and for
+                flat ones and those without volume.
+        """
+        points = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
+        corners = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
+        said = list(notes)
+        check_triangles(len(corners), most_triangles)
+        _check_corners(corners, len(points))
+        points, corners = _used(points, corners)
+        _check_lengths(points)
+        corners = _without_slivers(points, corners, said)
+        points, corners = _used(points, corners)
+        _check_extents(points, len(corners))
+        solid = _sewn(cls(name=name, vertices=points, faces=corners), said)
+        solid = _outside_out(solid, said)
+        for array in (solid.vertices, solid.faces):
+            array.setflags(write=False)
+        return replace(solid, notes=tuple(said))
+
+    @property
+    def extents(self) -> Floats:
+        """(3,) size of the bounding box."""
+        return np.ptp(self.vertices, axis=0)
+
+    def __len__(self) -> int:
+        return len(self.faces)
+
+
+def check_triangles(found: int, most: int) -> None:
+    """Refuses meshes of none and of too many triangles.
+
+    Raises:
+        InputError: ``no-triangles`` or ``too-many-triangles``.
+    """
+    if found == 0:
+        raise InputError("no-triangles", "got a mesh without triangles, expected a closed surface.")
+    if found > most:
+        raise InputError(
+            "too-many-triangles",
+            f"got {found} triangles, expected at most {most}; simplify the mesh.",
+        )
+
+
+def signed_volume(vertices: Floats, faces: Ints) -> float:
+    """What a closed mesh encloses; negative when it is inside out."""
+    a, b, c = (vertices[faces[:, i]] - vertices.mean(axis=0) for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
+def _check_corners(corners: Ints, points: int) -> None:
+    bad = (corners < 0) | (corners >= points)
+    if bad.any():
+        row, column = (int(i) for i in np.argwhere(bad)[0])
+        raise InputError(
+            "bad-index",
+            f"got vertex {corners[row, column]} of {points}; every corner of a triangle must be "
+            "a vertex of the file.",
+            where=f"triangle {row}",
+        )
+
+
+def _check_lengths(points: Floats) -> None:
+    for bad, code, expected in (
+        (~np.isfinite(points), "not-finite", "a finite length"),
+        (
+            np.abs(points) > LARGEST_LENGTH,
+            "too-far",
+            f"at most {LARGEST_LENGTH:g} in size; scale the mesh and move it to the origin",
+        ),
+    ):
+        if bad.any():
+            row, column = (int(i) for i in np.argwhere(bad)[0])
+            raise InputError(
+                code,
+                f"got {points[row, column]:g} for {'xyz'[column]}, expected {expected}.",
+                where=f"vertex {row}",
+            )
+
+
+def _used(points: Floats, corners: Ints) -> tuple[Floats, Ints]:
+    """Without the vertices that belong to no triangle."""
+    used = np.zeros(len(points), dtype=bool)
+    used[corners.ravel()] = True
+    if used.all():
+        return points, corners
+    return points[used], (np.cumsum(used) - 1)[corners]
+
+
+def _without_slivers(points: Floats, corners: Ints, said: list[str]) -> Ints:
+    longest = max(float(np.ptp(points, axis=0).max()), np.finfo(float).tiny)
+    good = np.empty(len(corners), dtype=bool)
+    for start in range(0, len(corners), CHUNK):
+        some = slice(start, start + CHUNK)
+        a, b, c = (points[corners[some, i]] for i in range(3))
+        normals = np.cross(b - a, c - a)
+        good[some] = np.linalg.norm(normals, axis=1) > 1e-14 * longest * longest
+    dropped = len(corners) - int(good.sum())
+    if dropped == len(corners):
+        raise InputError(
+            "degenerate",
+            f"all {dropped} triangles have no area; expected a closed surface.",
+        )
+    if dropped:
+        said.append(f"{dropped} triangles without area were left out.")
+    return corners[good] if dropped else corners
+
+
+def _check_extents(points: Floats, triangles: int) -> None:
+    extents = np.ptp(points, axis=0)
+    normal = np.linalg.svd(
+        (points - points.mean(axis=0))[:: max(1, len(points) // 1000)], compute_uv=False
+    )
+    if extents.min() <= FLATTEST * extents.max() or normal[-1] <= FLATTEST * normal[0]:
+        size = " × ".join(f"{e:g}" for e in extents)
+        what = "one triangle encloses" if triangles == 1 else f"{triangles} flat triangles enclose"
+        raise InputError(
+            "flat",
+            f"got a mesh of {size} whose {what} no volume, expected a closed surface: give it some "
+            "thickness.",
+        )
+
+
+def _sewn(solid: Solid, said: list[str]) -> Solid:
+    """The solid with equal vertices made one, and its holes closed."""
+    if len(solid.faces) > MOST_LOOSE and not is_surface(solid.vertices, solid.faces):
+        raise _no_surface(len(solid.faces))
+    points, corners = welded(solid.vertices, solid.faces, tolerance=0.0)
+    if not len(corners):
+        raise InputError(
+            "degenerate", "the triangles collapse onto each other; expected a closed surface."
+        )
+    edges = edges_of(corners)
+    if edges.open and (len(corners) <= MOST_LOOSE or not edges.scattered):
+        loose_points, loose_corners = welded(
+            points, corners, tolerance=LOOSE * float(solid.extents.max())
+        )
+        loose = edges_of(loose_corners) if len(loose_corners) else edges
+        if loose.open < edges.open:
+            said.append("vertices that almost meet were sewn together.")
+            points, corners, edges = loose_points, loose_corners, loose
+    if edges.scattered:
+        raise _no_surface(len(corners))
+    if edges.open:
+        closed = closed_holes(points, corners, edges)
+        if closed.holes:
+            word = "hole was" if closed.holes == 1 else "holes were"
+            share = f", {100 * closed.share:.0f} % of the surface" if closed.share > 0.05 else ""
+            said.append(f"the mesh is open: {closed.holes} {word} closed{share}.")
+            points, corners = closed.vertices, closed.faces
+            edges = edges_of(corners)
+    if edges.open:
+        said.append(
+            f"the mesh is open along {edges.open} edges; what is inside was decided by vote."
+        )
+    return replace(
+        solid,
+        vertices=points,
+        faces=corners,
+        closed=edges.open == 0,
+        oriented=edges.open == 0 and edges.oriented,
+    )
+
+
+def _no_surface(triangles: int) -> InputError:
+    return InputError(
+        "not-a-surface",
+        f"the edges of these {triangles} triangles are hardly shared by two of them each; expected "
+        "a closed surface.",
+    )
+
+
+def _outside_out(solid: Solid, said: list[str]) -> Solid:
+    if not solid.closed:
+        return solid
+    if not solid.oriented:
+        said.append("its triangles do not agree about what is outside; crossings were counted.")
+        return solid
+    volume = signed_volume(solid.vertices, solid.faces)
+    if abs(volume) <= LEAST_FILLED * float(np.prod(solid.extents)):
+        raise InputError(
+            "no-volume",
+            "got a closed mesh that encloses nothing, expected a solid: its walls lie on each "
+            "other or cancel out.",
+        )
+    if volume > 0:
+        return solid
+    said.append("the mesh was inside out and was turned.")
+    return replace(solid, faces=np.ascontiguousarray(solid.faces[:, ::-1]))

@@ -1,0 +1,145 @@
+"""Voxeliser: a solid becomes a shape of about as many cells as are asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.shapes.lattice_fits import MANY_SAMPLES, Grid, Ladder, Made, overlap
+from planner.shapes.orientations import candidates
+from planner.shapes.shape import Shape
+from planner.shapes.solid import Solid
+from planner.shapes.voxel_choice import Chooser
+
+MOST_CELLS: Final = 200_000
+POOR: Final = 0.5
+MUCH_BETTER: Final = 0.1
+MUCH_LOST: Final = 0.7
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Voxels:
+    """A solid as cells.
+
+    Attributes:
+        shape: Its cells, in one piece; the smallest coordinates are 0.
+        iou: Intersection over union of the cells with the solid (its largest body).
+        pitch: Edge of a cell in the solid's units.
+        rotation: (3, 3) how the solid was turned.
+        offset: (3,) in cells: a point x of the solid lies in ``floor(R x / pitch + offset)``.
+        asked: How many cells were asked for.
+        below: The nearest smaller count than that of the shape that asking for it gives, or None.
+        above: The nearest larger one, or None.
+        bodies: How many bodies the solid has; the largest was kept.
+        notes: What was lost, joined or left out, in plain words.
+    """
+
+    shape: Shape
+    iou: float
+    pitch: float
+    rotation: Floats
+    offset: Floats
+    asked: int
+    below: int | None
+    above: int | None
+    bodies: int
+    notes: tuple[str, ...] = ()
+
+
+def voxelise(
+    solid: Solid, *, cells: int, seed: int = 0, upright: bool = False, most_cells: int = MOST_CELLS
+) -> Voxels:
+    """Makes about ``cells`` solid cells of a solid.
+
+    What comes within a tenth of the count and keeps the most of the shape is taken; where nothing
+    does, the nearest count. The counts offered next to it are those that asking for them gives.
+
+    Args:
+        solid: What to make cells of.
+        cells: How many are asked for.
+        seed: Of the orientations that are tried besides the plain ones.
+        upright: Keep the solid's orientation.
+        most_cells: More are refused.
+
+    Raises:
+        InputError: For counts out of range, and for solids without an inside.
+    """
+    if not 1 <= cells <= most_cells:
+        raise InputError(
+            "wrong-count", f"got {cells} cells asked for, expected 1 to {most_cells} of them."
+        )
+    turns = candidates(solid, np.random.default_rng(seed))[: 1 if upright else None]
+    ladder = Ladder(solid, turns)
+    chooser = Chooser(ladder)
+    made = chooser.choose(cells).made
+    below, above = chooser.offers(cells)
+    fine = ladder.grid(
+        made.turn, made.pitch, ladder.finer(made.turn, made.pitch, 2 * MANY_SAMPLES), exact=True
+    )
+    found = np.argwhere(made.joined.cells)
+    at = np.array(made.place[:3]) * (fine.size // fine.split)
+    iou = overlap(fine, made.place, made.joined.cells)
+    better = below is not None and chooser.choose(below).made.iou > iou + MUCH_BETTER
+    return Voxels(
+        shape=Shape.from_cells(found - found.min(axis=0), name=solid.name),
+        iou=iou,
+        pitch=made.pitch,
+        rotation=ladder.turns[made.turn],
+        offset=(fine.offset - at) / fine.size - found.min(axis=0),
+        asked=cells,
+        below=below,
+        above=above,
+        bodies=ladder.bodies,
+        notes=tuple(_notes(ladder, fine, made, iou, better=better)),
+    )
+
+
+def _notes(ladder: Ladder, fine: Grid, made: Made, iou: float, *, better: bool) -> list[str]:
+    notes: list[str] = []
+    if ladder.bodies > 1:
+        notes.append(
+            f"got {ladder.bodies} separate bodies and kept the largest, "
+            f"{100 * ladder.share:.0f} % of the volume; join them, or fold them one by one."
+        )
+    if fine.crossed > 0.001:
+        notes.append("the surface crosses itself; what it goes around was taken as inside.")
+    joined = made.joined
+    if joined.added:
+        word = "cell was" if joined.added == 1 else "cells were"
+        notes.append(f"{joined.added} {word} added to keep thin parts connected.")
+    if joined.dropped:
+        word = "cell" if joined.dropped == 1 else "cells"
+        notes.append(f"{joined.dropped} loose {word} at thin parts left out.")
+    filled = fine.fill(made.place).astype(np.float64)
+    kept = float(filled[joined.cells].sum() / max(filled.sum(), np.finfo(float).tiny))
+    lost = _lost(joined.cells, filled)
+    if lost > 0.005:
+        notes.append(
+            f"{100 * lost:.1f} % of the volume is thinner than a cell and is lost; "
+            "ask for more modules to keep it."
+        )
+    if iou < POOR and kept < MUCH_LOST:
+        notes.append(f"only {100 * kept:.0f} % of the shape is kept; ask for more modules.")
+    elif iou < POOR:
+        notes.append(
+            f"the shape is thinner than the cells, which match it by only {100 * iou:.0f} %; "
+            "ask for more modules."
+        )
+    if better:
+        notes.append("the next smaller count keeps more of the shape.")
+    return notes
+
+
+def _lost(cells: NDArray[np.bool_], filled: Floats) -> float:
+    """Share of the volume in cells that are left out and touch none that is kept."""
+    near = np.pad(cells, 1)
+    for axis in range(3):
+        near = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)
+    far = filled * ~near[1:-1, 1:-1, 1:-1]
+    return float(far.sum() / max(filled.sum(), np.finfo(float).tiny))

@@ -1,0 +1,1 @@
+"""Simulation: chains as MuJoCo models, and the numbers that govern them."""

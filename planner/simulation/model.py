@@ -1,0 +1,385 @@
+"""MuJoCo models of a chain, built through MjSpec: the single tree and the segments.
+
+Lengths are in pitches and a module has mass 1. Bodies and geoms are named ``module_<i>``, hinges as
+in ``Chain.joint_names``. In both models every hinge coordinate of MuJoCo *is* the hinge angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.module import Module
+from planner.chain.rotations import wxyz_from_matrix
+from planner.simulation.mujoco import mujoco
+
+Array = NDArray[np.float64]
+SEGMENT_MODULES: Final = 8
+"""Modules of a segment: 5 to 12 cost about the same, 32 ten times as much."""
+
+
+STIFF: Final = ([0.02, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0])
+"""MuJoCo's ``solref`` and ``solimp`` of constraints that give hardly at all."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Material:
+    """What the joints and surfaces of a simulated chain are like (pitch 1, module mass 1).
+
+    Attributes:
+        geom_size: Collision hull as a fraction of the full module.
+        stiffness: Hinge spring towards straight.
+        armature: Rotor inertia added to every hinge.
+        damping: Hinge damping; leave 0 in segments, it would break their welds.
+        friction: Sliding friction of contacts; 0 makes them frictionless.
+        contact_time_constant: ``solref[0]`` of contacts.
+        stop_rad: Where the hinges' stops begin; None for the module's limit.
+        stiff_stops: Whether the stops give hardly at all, as the welds between segments.
+    """
+
+    geom_size: float = 0.99
+    stiffness: float = 0.0
+    armature: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
+    contact_time_constant: float = 0.03
+    stop_rad: float | None = None
+    stiff_stops: bool = False
+
+    def stop_of(self, module: Module) -> float:
+        """Where the stops of a module's hinges begin, in rad."""
+        return module.angle_limit_rad if self.stop_rad is None else self.stop_rad
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Base:
+    """What a chain's first module is fixed to, in the world.
+
+    Attributes:
+        position: (3,) centre of module 0 in pitches.
+        rotation: (3, 3) its orientation.
+        centres: (B, 3) centres of boxes along the world's axes that the chain must not touch.
+            Module 0 lies in one of them.
+        halves: (B, 3) half their sides.
+    """
+
+    position: Array
+    rotation: Array
+    centres: Array
+    halves: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rod:
+    """Straight modules beyond the last one, as one rigid body.
+
+    Attributes:
+        modules: How many.
+        most_modules: Its mass and inertia are at most those of so many: what is far away shall
+            not slow the simulation down.
+    """
+
+    modules: int
+    most_modules: int = 16
+
+
+def base_spec() -> Any:
+    """An empty spec with the options that both models share: no gravity, no automatic reset."""
+    spec = mujoco.MjSpec()
+    spec.option.gravity = [0.0, 0.0, 0.0]
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    # Modules 0 and 1 of a cube chain are one rigid piece, and the filter would drop contacts of
+    # what hangs on either of them. Consecutive modules are exempted one by one instead.
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+    spec.compiler.autolimits = True
+    spec.compiler.degree = False
+    return spec
+
+
+def compiled(spec: Any) -> Any:
+    """The model of a spec, without MuJoCo's habit of logging warnings to the working directory.
+
+    Who steps a model checks the warnings in its data instead.
+    """
+    mujoco.set_mju_user_warning(_ignore)
+    return spec.compile()
+
+
+def _ignore(warning: str) -> None:
+    del warning
+
+
+def add_module_mesh(spec: Any, module: Module, size: float) -> None:
+    """Adds the hull of a module that is not a box, at the given size, as the mesh ``module``."""
+    if module.geom == "mesh":
+        mesh = spec.add_mesh()
+        mesh.name = "module"
+        mesh.uservert = (module.vertices * size).ravel().tolist()
+
+
+def add_module_geom(body: Any, module: Module, index: int, material: Material) -> None:
+    """Gives a body the collision hull of module ``index``; its mass is set apart."""
+    options: dict[str, Any] = {
+        "name": f"module_{index}",
+        "mass": 0.0,
+        "condim": 3 if material.friction > 0 else 1,
+        "friction": [max(material.friction, 1e-5), 0.0, 0.0],
+        "solref": [material.contact_time_constant, 1.0],
+        "solimp": [0.95, 0.99, 0.005, 0.5, 2.0],
+        "margin": 0.0,
+    }
+    if module.geom == "box":
+        half = float(np.abs(module.vertices).max()) * material.geom_size
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[half] * 3, **options)
+    else:
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="module", **options)
+
+
+def set_inertia(body: Any, module: Module, mass: float) -> None:
+    """Gives a body the inertia of a module of that mass."""
+    body.explicitinertial = True
+    body.mass = mass
+    body.ipos = [0.0, 0.0, 0.0]
+    body.inertia = (module.inertia * mass).tolist()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Link:
+    """A body in the frame of its neighbour, and its hinges in its own, as MuJoCo takes them."""
+
+    position: list[float]
+    wxyz: list[float]
+    hinge_position: list[float]
+    axes: list[list[float]]
+
+
+@cache
+def _to_next(module: Module) -> _Link:
+    return _Link(
+        position=(module.anchor + module.turn @ module.offset).tolist(),
+        wxyz=wxyz_from_matrix(module.turn).tolist(),
+        hinge_position=(-module.offset).tolist(),
+        axes=(module.axes @ module.turn).tolist(),
+    )
+
+
+@cache
+def _to_previous(module: Module) -> _Link:
+    return _Link(
+        position=(-module.offset - module.turn.T @ module.anchor).tolist(),
+        wxyz=wxyz_from_matrix(module.turn.T).tolist(),
+        hinge_position=module.anchor.tolist(),
+        axes=(-module.axes[::-1]).tolist(),
+    )
+
+
+def add_next_body(parent: Any, chain: Chain, index: int, name: str, material: Material) -> Any:
+    """Adds the body of module ``index`` to that of module ``index − 1``, with its hinges."""
+    hinges = hinge_names(chain, index - 1)
+    return _add_linked(parent, name, hinges, _to_next(chain.module), chain.module, material)
+
+
+def add_previous_body(parent: Any, chain: Chain, index: int, name: str, material: Material) -> Any:
+    """Adds the body of module ``index`` to that of module ``index + 1``, with its hinges."""
+    hinges = hinge_names(chain, index)[::-1]
+    return _add_linked(parent, name, hinges, _to_previous(chain.module), chain.module, material)
+
+
+def _add_linked(
+    parent: Any, name: str, hinges: tuple[str, ...], link: _Link, module: Module, material: Material
+) -> Any:
+    body = parent.add_body()
+    body.name = name
+    body.pos = link.position
+    body.quat = link.wxyz
+    stop = material.stop_of(module)
+    for hinge_name, axis in zip(hinges, link.axes, strict=False):
+        hinge = body.add_joint()
+        hinge.name = hinge_name
+        hinge.type = mujoco.mjtJoint.mjJNT_HINGE
+        hinge.pos = link.hinge_position
+        hinge.axis = axis
+        hinge.range = [-stop, stop]
+        if material.stiff_stops:
+            hinge.solref_limit, hinge.solimp_limit = STIFF
+        hinge.stiffness[0] = material.stiffness
+        hinge.armature = material.armature
+        hinge.damping[0] = material.damping
+    return body
+
+
+def hinge_names(chain: Chain, index: int) -> tuple[str, ...]:
+    """Names of the hinges between modules ``index`` and ``index + 1``; none on a rigid link."""
+    module = chain.module
+    if index < module.rigid_links:
+        return ()
+    return tuple(f"joint_{index}_{h}" if h else f"joint_{index}" for h in module.hinge_names)
+
+
+def exclude(spec: Any, names: list[str], pairs: Iterable[tuple[int, int]]) -> None:
+    """Exempts pairs of modules from contact."""
+    for first, second in pairs:
+        spec.add_exclude(bodyname1=names[first], bodyname2=names[second])
+
+
+def tree_spec(
+    chain: Chain, material: Material, *, exempt: Iterable[tuple[int, int]] | None = None
+) -> Any:
+    """The single tree: rooted at the chain's root module with a free joint.
+
+    Recorded angles are exact by construction. The mass matrix is dense along the chain, so a step's
+    cost grows with the cube of its length: for some hundreds of modules.
+
+    Args:
+        chain: The chain.
+        material: Of the modules.
+        exempt: Pairs of modules that don't collide; all consecutive ones when None.
+    """
+    spec = base_spec()
+    spec.modelname = "foldback"
+    module = chain.module
+    n = len(chain)
+    add_module_mesh(spec, module, material.geom_size)
+    names = [f"module_{i}" for i in range(n)]
+    root = spec.worldbody.add_body()
+    root.name = names[chain.root]
+    root.add_freejoint().name = "root"
+    bodies: dict[int, Any] = {chain.root: root}
+    for i in range(chain.root + 1, n):
+        bodies[i] = add_next_body(bodies[i - 1], chain, i, names[i], material)
+    for i in range(chain.root - 1, -1, -1):
+        bodies[i] = add_previous_body(bodies[i + 1], chain, i, names[i], material)
+    for i, body in bodies.items():
+        set_inertia(body, module, 1.0)
+        add_module_geom(body, module, i, material)
+        site = body.add_site()
+        site.name = names[i]
+        site.size = [0.02, 0.02, 0.02]
+        site.group = 4
+    exclude(spec, names, pairwise(range(n)) if exempt is None else exempt)
+    return spec
+
+
+def segment_starts(
+    chain: Chain, modules: int = SEGMENT_MODULES, *, root: int | None = None
+) -> list[int]:
+    """First modules of the segments; the root, the chain's own by default, is one of them."""
+    root = chain.root if root is None else root
+    starts = list(range(root % modules, len(chain), modules))
+    shortest = chain.module.rigid_links + 2
+    if not starts or starts[0] != 0:
+        starts = [0, *starts]
+    if len(starts) > 1 and starts[1] < shortest and starts[1] != root:
+        del starts[1]
+    return starts
+
+
+def segment_spec(
+    chain: Chain,
+    material: Material,
+    starts: list[int],
+    *,
+    base: Base | None = None,
+    rod: Rod | None = None,
+) -> Any:
+    """The chain cut into free trees that are welded end to end.
+
+    The last body of a segment, ``ghost_<i>``, is a half-mass copy without geometry of the next
+    segment's first module, which has the other half. Every hinge lives in one segment only, so all
+    hinge angles and one root's pose are the full state; ``planner.simulation.segments`` keeps the
+    rest on it.
+
+    Args:
+        chain: The chain.
+        material: Of its joints and surfaces.
+        starts: First modules of the segments.
+        base: What module 0 is fixed to; None for a free chain.
+        rod: What is fixed to the last module; None for nothing.
+    """
+    spec = base_spec()
+    module = chain.module
+    n = len(chain)
+    add_module_mesh(spec, module, material.geom_size)
+    names = [f"module_{i}" for i in range(n)]
+    if base is not None:
+        _add_boxes(spec, base, material)
+    for k, start in enumerate(starts):
+        stop = starts[k + 1] if k + 1 < len(starts) else n
+        root = spec.worldbody.add_body()
+        root.name = names[start]
+        body = root
+        set_inertia(root, module, 1.0 if k == 0 else 0.5)
+        if k == 0 and base is not None:
+            root.pos = base.position.tolist()
+            root.quat = wxyz_from_matrix(base.rotation).tolist()
+        else:
+            root.add_freejoint().name = f"root_{start}"
+            add_module_geom(root, module, start, material)
+        for i in range(start + 1, stop):
+            body = add_next_body(body, chain, i, names[i], material)
+            set_inertia(body, module, 1.0)
+            add_module_geom(body, module, i, material)
+        if stop < n:
+            ghost = add_next_body(body, chain, stop, f"ghost_{stop}", material)
+            set_inertia(ghost, module, 0.5)
+            weld = spec.add_equality()
+            weld.type = mujoco.mjtEq.mjEQ_WELD
+            weld.objtype = mujoco.mjtObj.mjOBJ_BODY
+            weld.name1 = f"ghost_{stop}"
+            weld.name2 = names[stop]
+            weld.data[:11] = [0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1]
+            weld.solref, weld.solimp = STIFF
+        elif rod is not None:
+            _add_rod(body, rod, material)
+    exclude(spec, names, pairwise(range(n)))
+    return spec
+
+
+def _add_boxes(spec: Any, base: Base, material: Material) -> None:
+    """Adds the boxes of a base to the world, each as much smaller as a module's hull is."""
+    shrink = 0.5 * (1.0 - material.geom_size)
+    for centre, half in zip(base.centres, base.halves, strict=True):
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=centre.tolist(),
+            size=(half - shrink).tolist(),
+            condim=3 if material.friction > 0 else 1,
+            friction=[max(material.friction, 1e-5), 0.0, 0.0],
+            solref=[material.contact_time_constant, 1.0],
+            solimp=[0.95, 0.99, 0.005, 0.5, 2.0],
+            margin=0.0,
+        )
+
+
+def _add_rod(parent: Any, rod: Rod, material: Material) -> None:
+    """Adds a rod of cubes to the body of the last module, along its x axis."""
+    body = parent.add_body()
+    body.name = "rod"
+    mass = float(min(rod.modules, rod.most_modules))
+    body.pos = [0.5, 0.0, 0.0]
+    body.explicitinertial = True
+    body.mass = mass
+    body.ipos = [0.5 * mass, 0.0, 0.0]
+    across = mass * (1.0 + mass**2) / 12.0
+    body.inertia = [mass / 6.0, across, across]
+    half = 0.5 * material.geom_size
+    shrink = 0.5 * (1.0 - material.geom_size)
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        name="rod",
+        pos=[0.5 * rod.modules, 0.0, 0.0],
+        size=[0.5 * rod.modules - shrink, half, half],
+        mass=0.0,
+        condim=3 if material.friction > 0 else 1,
+        friction=[max(material.friction, 1e-5), 0.0, 0.0],
+        solref=[material.contact_time_constant, 1.0],
+        solimp=[0.95, 0.99, 0.005, 0.5, 2.0],
+        margin=0.0,
+    )

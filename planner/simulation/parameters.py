@@ -1,0 +1,223 @@
+"""Parameters of a fold, and the presets.
+
+``default`` is ours, ``paper`` is as published, ``direct`` is the baseline that servoes straight to
+the target without a record.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Final
+
+from planner.chain.module import Module
+from planner.errors import InputError
+from planner.simulation.peeling_parameters import PeelingParameters
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplosionParameters:
+    """How the chain is let go.
+
+    Lengths in pitches, module mass 1. The time unit is the simulation's own.
+
+    Attributes:
+        repulsion_gain: γ of eq. 3.
+        repulsion_cutoff: Modules farther apart don't repel.
+        spring: Hinge spring towards straight.
+        armature: Rotor inertia of a hinge.
+        tension: λ of eq. 1 is set so that the largest force that adds up along the chain is this
+            many times the spring.
+        geom_size: Size of the collision hull.
+        step_s, step_in_contact_s: Smallest and largest time step; largest one in contact.
+        drag: Smallest and largest uniform drag α.
+        joint_cap_rad: No hinge turns more in one step.
+        pair_cap, pair_cap_loose: No two near modules move more against each other in one step,
+            until the chain is loose and after. It decides how deep contacts go.
+        body_cap: No module moves more in one step.
+        loose_rad: A chain is loose when every hinge is below this.
+        snapshot_rad, snapshot_distance: A snapshot is kept when a hinge has turned or a module has
+            moved this much.
+        finish_rad: Below this the chain may be straightened kinematically, if that is clear.
+        verify_size: Module size at which that and the snapshots are checked; contacts are no deeper
+            than it allows.
+        max_steps: Give up after so many steps.
+    """
+
+    repulsion_gain: float = 1.0
+    repulsion_cutoff: float = 2.5
+    spring: float = 3.0
+    armature: float = 10.0
+    tension: float = 25.0
+    geom_size: float = 0.9995
+    step_s: tuple[float, float] = (0.004, 0.1)
+    step_in_contact_s: float = 0.06
+    drag: tuple[float, float] = (0.1, 2.0)
+    joint_cap_rad: float = 0.02
+    pair_cap: float = 0.025
+    pair_cap_loose: float = 0.05
+    body_cap: float = 0.4
+    loose_rad: float = 1.2
+    snapshot_rad: float = 0.015
+    snapshot_distance: float = 0.7
+    finish_rad: float = 0.6
+    verify_size: float = 0.95
+    max_steps: int = 30_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperExplosionParameters:
+    """The published explosion: constant gains, fixed step, fixed snapshot interval.
+
+    The paper's figures have no units; read as centimetres, grams and seconds they fit together.
+    Which of them the paper gives, names, or does not have:
+        ``planner.pipeline.paper_settings.SETTINGS``.
+
+    Attributes:
+        radial_gain: λ of eq. 1; its d is the diameter of one module, a pitch.
+        repulsion_gain: γ of eq. 3.
+        damping: Share of its speed that the whole chain loses in each step.
+        friction: Of contacts.
+        step_s: Time step.
+        pitch_cm: Distance of neighbouring modules, the paper's "diameter".
+        density_kg_m3: Of a solid module.
+        snapshot_interval: Steps between two snapshots.
+        repulsion_cutoff: Modules farther apart (in pitches) don't repel.
+        spring: Hinge spring towards straight, in g·cm²/s².
+        stop_deg: Where the hinges' stops are.
+        geom_size: Size of the collision hull.
+        max_steps: Give up after so many steps.
+    """
+
+    radial_gain: float = 0.1
+    repulsion_gain: float = 1.0
+    damping: float = 0.1
+    friction: float = 0.1
+    step_s: float = 0.01
+    pitch_cm: float = 1.0
+    density_kg_m3: float = 2700.0
+    snapshot_interval: int = 10
+    repulsion_cutoff: float = 2.5
+    spring: float = 1.0
+    stop_deg: float = 90.0
+    geom_size: float = 0.99
+    max_steps: int = 400_000
+
+    def module_mass_g(self, module: Module) -> float:
+        """What a module weighs in grams."""
+        return 1e-3 * self.density_kg_m3 * module.volume * self.pitch_cm**3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaybackParameters:
+    """How the straight chain is folded again.
+
+    Attributes:
+        controller: ``computed-torque``, ``servo`` (feed-forward, motor limits), ``paper`` (the
+            threshold rule) or ``direct`` (straight to the target: the baseline that fails).
+        spacing_rad: Distance of the reference's control points along the record.
+        distance_weight: Radians that a displacement of one pitch counts as, along the record.
+        steps_per_rad: Simulation steps for one radian of the record's length.
+        step_s: Time step.
+        bandwidth: w of computed torque, in 1/s.
+        stiffness: Servo gain kp.
+        friction: Of contacts.
+        torque_limit: Largest torque of a motor in module masses · pitch² / s²; None for no limit.
+            ``paper`` and ``direct`` then have motors as constraints, as ODE has.
+        gain: Of a servo, in 1/s: the motors' rate for one radian that is left, kp / kv.
+        damping: Share of its velocity that the chain loses in each step.
+        least_steps: The paper's rule: each snapshot is the target for so many steps at least.
+        direct_steps: Steps in which the baseline's target goes from straight to folded.
+        threshold_rad2: The paper's rule: next snapshot below this squared error.
+        dynamic_up_to: Longer chains are not simulated: the playback is kinematic.
+        max_steps: Give up after so many steps.
+    """
+
+    controller: str = "computed-torque"
+    spacing_rad: float = 0.03
+    distance_weight: float = 0.03
+    steps_per_rad: float = 200.0
+    step_s: float = 0.02
+    bandwidth: float = 30.0
+    stiffness: float = 1e7
+    friction: float = 0.0
+    torque_limit: float | None = None
+    threshold_rad2: float = 0.15
+    gain: float = 30.0
+    damping: float = 0.0
+    least_steps: int = 1
+    direct_steps: int = 4000
+    dynamic_up_to: int = 500
+    max_steps: int = 200_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameters:
+    """Everything a fold depends on apart from its chain and seed.
+
+    Attributes:
+        preset: Name of the set.
+        explosion: How the chain is let go; None for direct servoing.
+        playback: How it is folded again.
+        peeling: How it is let go where the strategy is to peel it.
+        strategy: Wish for how it is let go, see ``planner.explosion.strategies``.
+        module_size: Size at which the plan is verified, as a fraction of the pitch.
+        density_kg_m3: Of a solid module, for torques in newton-metres.
+        joint_speed_limit_rad_s: Sets the fold time in the certificate.
+    """
+
+    preset: str = "default"
+    explosion: ExplosionParameters | PaperExplosionParameters | None = field(
+        default_factory=ExplosionParameters
+    )
+    playback: PlaybackParameters = field(default_factory=PlaybackParameters)
+    peeling: PeelingParameters = field(default_factory=PeelingParameters)
+    strategy: str = "auto"
+    module_size: float = 0.95
+    density_kg_m3: float = 2700.0
+    joint_speed_limit_rad_s: float = 1.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values, nested as the parameters are."""
+        return asdict(self)
+
+
+PUBLISHED_PLAYBACK: Final = PlaybackParameters(
+    controller="paper", step_s=0.01, friction=0.1, damping=0.1, gain=60.0, dynamic_up_to=600
+)
+PRESETS: Final = ("default", "paper", "direct")
+STRATEGIES: Final = ("simultaneous", "blocks", "peel", "one-by-one")
+AUTO: Final = "auto"
+STRATEGY_WISHES: Final = (AUTO, *STRATEGIES)
+
+
+def unknown_strategy(name: str) -> InputError:
+    """The refusal of a strategy that is none."""
+    return InputError(
+        "unknown-strategy",
+        f"got the strategy {name!r}, expected one of: {', '.join(STRATEGY_WISHES)}.",
+    )
+
+
+def preset(name: str) -> Parameters:
+    """The parameters of that name.
+
+    Raises:
+        InputError: ``unknown-preset``.
+    """
+    if name == "default":
+        return Parameters()
+    if name == "paper":
+        return Parameters(
+            preset="paper",
+            explosion=PaperExplosionParameters(),
+            playback=PUBLISHED_PLAYBACK,
+        )
+    if name == "direct":
+        return Parameters(
+            preset="direct",
+            explosion=None,
+            playback=replace(PUBLISHED_PLAYBACK, controller="direct", max_steps=20_000),
+        )
+    raise InputError(
+        "unknown-preset", f"got the preset {name!r}, expected one of: {', '.join(PRESETS)}."
+    )

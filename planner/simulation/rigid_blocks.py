@@ -1,0 +1,264 @@
+"""Blocks: a chain in MuJoCo of which only the joints between rigid blocks of modules are free.
+
+A tree of few bodies, rooted at the block of the chain's middle module. The modules at both ends of
+a joint between blocks are bodies of their own, without a joint, so that this one pair can be exempt
+from contact: all others of two blocks do collide.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.rotations import wxyz_from_matrix
+from planner.errors import InputError, SimulationError
+from planner.kernels.core import box_cover
+from planner.kernels.kinematics import chain_poses
+from planner.kernels.velocities import chain_velocities
+from planner.simulation.model import Material, add_next_body, add_previous_body, base_spec, compiled
+from planner.simulation.mujoco import mujoco
+from planner.simulation.segments import Acceleration, State
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+WILD: Final = 1e10
+
+
+class Blocks:
+    """A chain as rigid blocks, used as ``Segments`` are. Holds a model and its data.
+
+    The state is that of all hinges; those within a block have no velocity and get none.
+
+    Args:
+        chain: Of cubes.
+        material: Of its joints and surfaces.
+        starts: First modules of the blocks, rising from 0.
+
+    Raises:
+        InputError: ``no-blocks`` for modules that don't fill cells, or a chain off the lattice.
+    """
+
+    def __init__(self, chain: Chain, material: Material, starts: Ints) -> None:
+        self.chain = chain
+        self.starts = np.asarray(starts, dtype=np.int64)
+        n = len(chain)
+        folded = chain.folded_poses
+        if not chain.module.fills_cell:
+            raise InputError(
+                "no-blocks",
+                f"got a chain of the module {chain.module.name}, expected cubes; take another "
+                "strategy.",
+            )
+        stops = np.append(self.starts[1:], n)
+        spec = base_spec()
+        first = int(np.searchsorted(self.starts, chain.root, side="right")) - 1
+        parts = _Parts(spec, chain, material, folded.positions, folded.rotations)
+        blocks = list(zip(self.starts.tolist(), stops.tolist(), strict=True))
+        inner: dict[int, Any] = {}
+        roots: list[tuple[int, int]] = []
+        for k in [*range(first, len(blocks)), *range(first - 1, -1, -1)]:
+            start, stop = blocks[k]
+            if k == first:
+                module = chain.root
+                body = spec.worldbody.add_body()
+                body.name = f"module_{module}"
+                body.add_freejoint().name = "root"
+            elif k > first:
+                module = start
+                body = add_next_body(inner[start - 1], chain, start, f"module_{start}", material)
+            else:
+                module = stop - 1
+                body = add_previous_body(inner[stop], chain, stop - 1, f"module_{module}", material)
+            ends = [start] * (start > 0) + [stop - 1] * (stop < n)
+            inner.update(parts.fill(body, module, start, stop, ends))
+            roots.append((k, module))
+        for start in self.starts[1:].tolist():
+            spec.add_exclude(bodyname1=inner[start - 1].name, bodyname2=inner[start].name)
+        self.model: Any = compiled(spec)
+        self._set_options()
+        self.data: Any = mujoco.MjData(self.model)
+        rigid, each = chain.module.rigid_links, chain.module.hinges_per_joint
+        links = self.starts[1:] - 1 - rigid
+        links = links[links >= 0]
+        self.free = (links[:, None] * each + np.arange(each)).ravel()
+        joints = [self.model.joint(chain.joint_names[h]) for h in self.free.tolist()]
+        self._qpos = np.array([j.qposadr[0] for j in joints], dtype=np.int64)
+        self._dofs = np.array([j.dofadr[0] for j in joints], dtype=np.int64)
+        self._block = np.repeat(np.arange(len(blocks)), stops - self.starts)
+        of_block = dict(roots)
+        names = [f"module_{of_block[k]}" for k in range(len(blocks))]
+        self._bodies = np.array([self.model.body(name).id for name in names])
+        self.positions = np.empty((n, 3))
+        self.rotations = np.empty((n, 3, 3))
+        self.velocities = np.empty((n, 3))
+        self.spins = np.empty((n, 3))
+
+    def _set_options(self) -> None:
+        option = self.model.opt
+        option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+        option.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+        option.iterations = 15
+        option.tolerance = 1e-6
+        option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
+
+    def set_contact_time_constant(self, seconds: float) -> None:
+        """How fast contacts push back: ``solref[0]`` of every geom."""
+        self.model.geom_solref[:, 0] = seconds
+
+    def place(self, state: State) -> None:
+        """Writes poses and velocities of all modules for a state, see the attributes."""
+        module = self.chain.module
+        joint = (module.rigid_links, module.anchor, module.axes)
+        chain_poses(
+            state.angles,
+            *joint,
+            module.turn,
+            module.offset,
+            self.chain.root,
+            state.position,
+            state.rotation,
+            self.positions,
+            self.rotations,
+        )
+        chain_velocities(
+            state.angles,
+            state.rates,
+            *joint,
+            self.chain.root,
+            state.velocity,
+            state.rotation @ state.spin,
+            self.positions,
+            self.rotations,
+            self.velocities,
+            self.spins,
+        )
+
+    def accelerations(self, state: State, forces: Array) -> Acceleration:
+        """The acceleration of a state under forces on the modules.
+
+        ``place`` must have been called for the same state.
+
+        Args:
+            state: The reduced state.
+            forces: (n, 3) at the modules' centres, in the world.
+
+        Raises:
+            SimulationError: When the numbers are no longer finite.
+        """
+        model, data = self.model, self.data
+        data.qpos[:3] = state.position
+        data.qpos[3:7] = wxyz_from_matrix(state.rotation)
+        data.qpos[self._qpos] = state.angles[self.free]
+        data.qvel[:3] = state.velocity
+        data.qvel[3:6] = state.spin
+        data.qvel[self._dofs] = state.rates[self.free]
+        mujoco.mj_fwdPosition(model, data)
+        arms = self.positions - data.xipos[self._bodies][self._block]
+        data.xfrc_applied[self._bodies, :3] = np.add.reduceat(forces, self.starts, axis=0)
+        torques = np.cross(arms, forces)
+        data.xfrc_applied[self._bodies, 3:] = np.add.reduceat(torques, self.starts, axis=0)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        mujoco.mj_fwdAcceleration(model, data)
+        mujoco.mj_fwdConstraint(model, data)
+        acceleration = data.qacc
+        if not np.isfinite(acceleration).all() or np.abs(acceleration).max() > WILD:
+            raise SimulationError("the accelerations are no longer finite.")
+        hinges = np.zeros_like(state.angles)
+        hinges[self.free] = acceleration[self._dofs]
+        return Acceleration(
+            hinges=hinges,
+            linear=acceleration[:3].copy(),
+            angular=acceleration[3:6].copy(),
+            contacts=int(data.ncon),
+            depth=max(0.0, -float(data.contact.dist.min())) if data.ncon else 0.0,
+        )
+
+
+class _Parts:
+    """Fills bodies with the modules of their blocks."""
+
+    def __init__(
+        self, spec: Any, chain: Chain, material: Material, positions: Array, rotations: Array
+    ) -> None:
+        self.spec = spec
+        self.chain = chain
+        self.material = material
+        self.positions = positions
+        self.rotations = rotations
+
+    def fill(
+        self, body: Any, module: int, start: int, stop: int, ends: list[int]
+    ) -> dict[int, Any]:
+        """Gives a body, placed as one of its modules, those from ``start`` to ``stop``.
+
+        Returns:
+            A body for each of the ``ends``, which collides apart.
+        """
+        frame = self.rotations[module]
+        places = (self.positions[start:stop] - self.positions[module]) @ frame
+        cells = np.rint(places).astype(np.int64)
+        if np.abs(places - cells).max() > 1e-3:
+            raise InputError(
+                "no-blocks",
+                "got a folded chain whose modules are off the cubic lattice, expected angles of 0 "
+                "or ±90°; take another strategy.",
+            )
+        _set_inertia(body, places, float(self.chain.module.inertia[0]))
+        inside = np.ones(stop - start, dtype=np.bool_)
+        found: dict[int, Any] = {}
+        for end in dict.fromkeys(ends):
+            inside[end - start] = False
+            part = body.add_body()
+            part.name = f"end_{end}"
+            part.pos = places[end - start].tolist()
+            part.quat = wxyz_from_matrix(frame.T @ self.rotations[end]).tolist()
+            part.explicitinertial = True
+            part.mass = 1e-6
+            part.inertia = [1e-6] * 3
+            self._add_box(part, np.zeros(3), np.full(3, 0.5))
+            found[end] = part
+        for centre, half in zip(*_boxes(cells[inside]), strict=True):
+            self._add_box(body, centre, half)
+        return found
+
+    def _add_box(self, body: Any, centre: Array, half: Array) -> None:
+        shrink = 0.5 * (1.0 - self.material.geom_size)
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=centre.tolist(),
+            size=(half - shrink).tolist(),
+            mass=0.0,
+            condim=1,
+            solref=[self.material.contact_time_constant, 1.0],
+            solimp=[0.95, 0.99, 0.005, 0.5, 2.0],
+            margin=0.0,
+        )
+
+
+def _boxes(cells: Ints) -> tuple[Array, Array]:
+    """(B, 3) centres and half sides of boxes that hold the cells."""
+    if not len(cells):
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    low = cells.min(axis=0)
+    grid = np.full(cells.max(axis=0) - low + 1, -1, dtype=np.int32)
+    grid[tuple((cells - low).T)] = 0
+    out = np.empty((len(cells), 6), dtype=np.int64)
+    found = out[: box_cover(grid, 0, out)].astype(np.float64)
+    half = 0.5 * found[:, 3:]
+    return found[:, :3] + low - 0.5 + half, half
+
+
+def _set_inertia(body: Any, places: Array, each: float) -> None:
+    """Gives a body the inertia of cubes of mass 1 at (m, 3) places."""
+    centre = places.mean(axis=0)
+    arms = places - centre
+    squares = (arms**2).sum()
+    tensor = (squares + each * len(places)) * np.eye(3) - arms.T @ arms
+    body.explicitinertial = True
+    body.mass = float(len(places))
+    body.ipos = centre.tolist()
+    body.fullinertia = [tensor[a, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]

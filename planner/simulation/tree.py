@@ -1,0 +1,282 @@
+"""Tree: the single middle-rooted MuJoCo model of a chain, with what playback asks of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.errors import SimulationError
+from planner.simulation.model import STIFF, Material, compiled, tree_spec
+from planner.simulation.mujoco import mujoco
+
+Array = NDArray[np.float64]
+ROOT_DOFS: Final = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Servos:
+    """Position actuators: kp (target − angle) − kv rate.
+
+    Attributes:
+        stiffness: kp.
+        damping: kv.
+        torque_limit: Largest torque; None for no limit.
+    """
+
+    stiffness: float
+    damping: float
+    torque_limit: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RateMotors:
+    """Motors as constraints: a hinge turns at the wanted rate as long as its torque suffices.
+
+    So ODE's motors work. In MuJoCo it is a row of dry friction, whose bound is the torque, that
+    brings the rate to the wanted one in place of zero.
+
+    Attributes:
+        torque_limit: Largest torque.
+    """
+
+    torque_limit: float
+
+
+class Tree:
+    """A chain as one MuJoCo tree. Holds a model and its data.
+
+    Args:
+        chain: The chain.
+        material: Joints and surfaces.
+        step_s: Time step.
+        motors: Of every hinge; None for a chain without.
+        damping: Share of its velocity that the chain loses in each step: the generalised force
+            −(damping / step) M q̇, which is the same for every way to write the chain.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        material: Material,
+        *,
+        step_s: float,
+        motors: Servos | RateMotors | None = None,
+        damping: float = 0.0,
+    ) -> None:
+        self.chain = chain
+        self.motors = motors
+        self._drag = damping / step_s
+        spec = tree_spec(chain, material)
+        if isinstance(motors, Servos):
+            _add_servos(spec, chain, motors)
+        elif isinstance(motors, RateMotors):
+            _add_rate_motors(spec, chain, motors)
+        self.model: Any = compiled(spec)
+        self.model.opt.timestep = step_s
+        self.model.opt.integrator = (
+            mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+            if isinstance(motors, Servos)
+            else mujoco.mjtIntegrator.mjINT_EULER
+        )
+        self.data: Any = mujoco.MjData(self.model)
+        joints = [self.model.joint(name) for name in chain.joint_names]
+        self._qpos = np.array([j.qposadr[0] for j in joints], dtype=np.int64)
+        self._dofs = np.array([j.dofadr[0] for j in joints], dtype=np.int64)
+        self._joints = np.array([j.id for j in joints], dtype=np.int64)
+        self._bodies = np.array([self.model.body(f"module_{i}").id for i in range(len(chain))])
+        self._work = np.empty(self.model.nv)
+        self._passive = np.zeros(self.model.nv)
+        if isinstance(motors, Servos):
+            self._actuators = np.array([self.model.actuator(n).id for n in chain.joint_names])
+        self._hinge_of_dof = np.zeros(self.model.nv, dtype=np.int64)
+        self._hinge_of_dof[self._dofs] = np.arange(len(self._dofs))
+        self._rows = self._hinge_of_row = np.zeros(0, dtype=np.int64)
+        starts = [int(start) for start in self.model.M_rowadr[:ROOT_DOFS]]
+        self._root_rows = [slice(start, start + r + 1) for r, start in enumerate(starts)]
+
+    @property
+    def angles(self) -> Array:
+        """(J,) a copy of the hinge angles."""
+        return self.data.qpos[self._qpos]
+
+    @property
+    def rates(self) -> Array:
+        """(J,) a copy of the hinge velocities."""
+        return self.data.qvel[self._dofs]
+
+    @property
+    def centres(self) -> Array:
+        """(n, 3) a copy of the modules' centres, as of ``begin_step``, from their mean."""
+        centres = self.data.xpos[self._bodies]
+        return centres - centres.mean(axis=0)
+
+    @property
+    def root_position(self) -> Array:
+        """(3,) a copy of the root's centre."""
+        return self.data.qpos[:3].copy()
+
+    @property
+    def root_wxyz(self) -> Array:
+        """(4,) a copy of the root's orientation."""
+        return self.data.qpos[3:7].copy()
+
+    @property
+    def motor_torques(self) -> Array:
+        """(J,) what motors and applied torques did in the last step."""
+        data = self.data
+        torques = (data.qfrc_actuator + data.qfrc_applied - self._passive)[self._dofs]
+        if isinstance(self.motors, RateMotors):
+            torques[self._hinge_of_row] += data.efc_force[self._rows]
+        return torques
+
+    def place(self, angles: Array, root_position: Array, root_wxyz: Array) -> None:
+        """Sets a configuration at rest."""
+        self.data.qpos[:3] = root_position
+        self.data.qpos[3:7] = root_wxyz
+        self.data.qpos[self._qpos] = angles
+        self.data.qvel[:] = 0.0
+
+    def begin_step(self) -> None:
+        """Everything of a step that depends on positions and velocities."""
+        data = self.data
+        mujoco.mj_step1(self.model, data)
+        if self._drag:
+            mujoco.mj_mulM(self.model, data, self._passive, data.qvel)
+            self._passive *= -self._drag
+            data.qfrc_applied[:] = self._passive
+
+    def end_step(self) -> None:
+        """The rest of a step.
+
+        Raises:
+            SimulationError: When MuJoCo warns of bad numbers.
+        """
+        mujoco.mj_step2(self.model, self.data)
+        warnings = self.data.warning
+        for kind in (
+            mujoco.mjtWarning.mjWARN_BADQPOS,
+            mujoco.mjtWarning.mjWARN_BADQVEL,
+            mujoco.mjtWarning.mjWARN_BADQACC,
+        ):
+            if warnings[int(kind)].number:
+                raise SimulationError("the state is no longer finite.")
+
+    def stop_drifting(self) -> None:
+        """Takes away the momentum that integration has added since the chain was at rest.
+
+        A free chain that began at rest has none: its root's velocity is −M_rr⁻¹ M_rj q̇. What is
+        left of a turn about its length would make a chain spin ever faster as it becomes straight.
+        """
+        data = self.data
+        mujoco.mj_mulM(self.model, data, self._work, data.qvel)
+        data.qvel[:ROOT_DOFS] -= np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
+
+    def apply_torques(self, torques: Array) -> None:
+        """Sets (J,) torques on the hinges for the coming step."""
+        self.data.qfrc_applied[self._dofs] = self._passive[self._dofs] + torques
+
+    def set_rates(self, rates: Array) -> None:
+        """Sets (J,) rates that rate motors turn at in the coming step, after ``begin_step``."""
+        data = self.data
+        rows = np.flatnonzero(data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF))
+        self._rows, self._hinge_of_row = rows, self._hinge_of_dof[data.efc_id[rows]]
+        # A row's reference acceleration is −b (J q̇): that of a rate w is −b (J q̇ − w).
+        data.efc_aref[rows] += data.efc_KBIP[rows, 1] * rates[self._hinge_of_row]
+
+    def set_servo_targets(self, targets: Array) -> None:
+        """Sets (J,) target angles of the position actuators for the coming step."""
+        self.data.ctrl[self._actuators] = targets
+
+    def torques_for(self, accelerations: Array) -> Array:
+        """(J,) hinge torques that give hinge accelerations, the root floating freely.
+
+        The root's acceleration is the one that needs no force on it:
+        a_root = −M_rr⁻¹ r, with r the root's residual of the inverse dynamics for a_root = 0.
+        ``begin_step`` or ``evaluate`` must have been called for the state.
+        """
+        data, model = self.data, self.model
+        kept = data.qacc.copy()
+        data.qacc[:ROOT_DOFS] = 0.0
+        data.qacc[self._dofs] = accelerations
+        mujoco.mj_rne(model, data, 1, self._work)
+        data.qacc[:ROOT_DOFS] = -np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
+        mujoco.mj_rne(model, data, 1, self._work)
+        data.qacc[:] = kept
+        return self._work[self._dofs]
+
+    def evaluate(self, angles: Array, rates: Array) -> None:
+        """Positions and velocities at a configuration of a free chain without momentum.
+
+        The root stands at the origin; its velocity is −M_rr⁻¹ M_rj q̇.
+        """
+        data, model = self.data, self.model
+        data.qpos[:7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+        data.qpos[self._qpos] = angles
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        data.qvel[:] = 0.0
+        data.qvel[self._dofs] = rates
+        mujoco.mj_mulM(model, data, self._work, data.qvel)
+        data.qvel[:ROOT_DOFS] = -np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
+        mujoco.mj_comVel(model, data)
+
+    def held_torques(self, angles: Array, rates: Array, accelerations: Array) -> Array:
+        """(J,) hinge torques of a motion while the root is held still, without gravity."""
+        data, model = self.data, self.model
+        data.qpos[:7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+        data.qpos[self._qpos] = angles
+        for values, given in ((data.qvel, rates), (data.qacc, accelerations)):
+            values[:] = 0.0
+            values[self._dofs] = given
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_rne(model, data, 1, self._work)
+        return self._work[self._dofs]
+
+    def gravity_torques(self) -> Array:
+        """(J,) hinge torques under gravity 1 in each hinge's worst direction, the root held.
+
+        A hinge with axis a carries the modules beyond it, of mass m and with their centre at r from
+        it: m |a × r|. For the configuration that was evaluated last.
+        """
+        data, model = self.data, self.model
+        bodies = model.jnt_bodyid[self._joints]
+        arms = data.subtree_com[bodies] - data.xanchor[self._joints]
+        lengths = np.linalg.norm(np.cross(data.xaxis[self._joints], arms), axis=1)
+        return model.body_subtreemass[bodies] * lengths
+
+    def _root_inertia(self) -> Array:
+        """(6, 6) the root's block of the mass matrix: the whole chain as one rigid body."""
+        lower = np.zeros((ROOT_DOFS, ROOT_DOFS))
+        for r, row in enumerate(self._root_rows):
+            lower[r, : r + 1] = self.data.M[row]
+        return lower + np.tril(lower, -1).T
+
+
+def _add_servos(spec: Any, chain: Chain, servos: Servos) -> None:
+    limit = servos.torque_limit
+    for name in chain.joint_names:
+        motor = spec.add_actuator()
+        motor.name = name
+        motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        motor.target = name
+        motor.gaintype = mujoco.mjtGain.mjGAIN_FIXED
+        motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        motor.gainprm[0] = servos.stiffness
+        motor.biasprm[:3] = [0.0, -servos.stiffness, -servos.damping]
+        if limit is not None:
+            motor.forcelimited = True
+            motor.forcerange = [-limit, limit]
+
+
+def _add_rate_motors(spec: Any, chain: Chain, motors: RateMotors) -> None:
+    for name in chain.joint_names:
+        hinge = spec.joint(name)
+        hinge.frictionloss = motors.torque_limit
+        hinge.solref_friction, hinge.solimp_friction = STIFF
