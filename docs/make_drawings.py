@@ -16,7 +16,7 @@ sys.path.insert(0, str(ROOT))
 from planner.chain.chain import Chain  # noqa: E402
 from planner.chain.path import Path as CellPath  # noqa: E402
 from planner.readers import read  # noqa: E402
-from web.isometric_modules import chain_svg  # noqa: E402
+from web.pictures.isometric_modules import chain_svg  # noqa: E402
 
 PICTURES = (
     ("wrench-cubes.svg", "wrench-128", "A wrench of 128 cubes"),

@@ -46,7 +46,7 @@ BARE = (
 @contextmanager
 def player(directory: Path) -> Iterator[str]:
     """The address of a fold's page while it is served."""
-    command = [sys.executable, "-m", "server.command_line"]
+    command = [sys.executable, "-m", "server.cli.command_line"]
     subprocess.run([*command, "fold", "wrench-160", "--out", str(directory)], check=True, cwd=ROOT)
     serving = subprocess.Popen(
         [*command, "play", str(directory), "--no-browser"], stdout=subprocess.PIPE, text=True

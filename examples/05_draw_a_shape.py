@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.readers import read
-from web.isometric_modules import chain_svg
+from web.pictures.isometric_modules import chain_svg
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
-from web.film import Film
-from web.reel import thinned
+from web.timeline.frame_batch import thinned
+from web.timeline.view import Film
 
 SHAPE = Path(__file__).parent / "shapes" / "wrench-160.json"
 REEL = Path(__file__).parents[1] / "web" / "featured.reel"

@@ -13,43 +13,20 @@ from typing import Final
 
 from fastapi import FastAPI, Request, Response
 
-from server import problems
-from server.access import Access
-from server.census import Census
-from server.children import Pool, Reader
-from server.context import Context
-from server.exports import Exports
-from server.fork_server import ForkServer
-from server.gallery import Gallery
-from server.gates import Gate
-from server.jobs import Jobs
-from server.lately import Lately
-from server.leases import Leases
-from server.limits import READERS, ChildLimits
-from server.metrics import Metrics
-from server.movies import Movies, NoSuchMovieError
-from server.preview_scenes import PreviewScenes
-from server.previews import NoSuchPreviewError, Previews
-from server.problems import Problem
-from server.rates import RequestRate
-from server.readiness import Readiness
-from server.routes import (
-    artifacts,
-    films,
-    folds,
-    gallery,
-    health,
-    movies,
-    pages,
-    paper,
-    pictures,
-    previews,
-    robot,
-    shapes,
-    sharing,
-)
-from server.scratch import Scratch
-from server.security import (
+from server.api import artifacts, folds, frames, health, movies, robot, shapes
+from server.api.context import Context
+from server.api.fold_states import Watch
+from server.files.exports import Exports
+from server.files.preview_scenes import PreviewScenes
+from server.files.previews import NoSuchPreviewError, Previews
+from server.files.trajectories import Trajectories
+from server.files.workshop import Workshop
+from server.http import problems
+from server.http.access_log import Access
+from server.http.problems import Problem
+from server.http.request_rate import RequestRate
+from server.http.response_cache import Lately
+from server.http.security import (
     AllowedHosts,
     BodyLimit,
     PrintingAddresses,
@@ -57,15 +34,25 @@ from server.security import (
     SecurityHeaders,
     hosts_of,
 )
+from server.http.streams import Streams
+from server.http.uploads import Uploads, UploadsAtOnce
+from server.jobs.movies import Movies, NoSuchMovieError
+from server.jobs.queue import Jobs
+from server.ops.metrics import Metrics
+from server.ops.readiness import Readiness
+from server.pages import gallery, landing, paper, pictures, preview, share
+from server.processes.children import Pool, Reader
+from server.processes.fork_server import ForkServer
+from server.processes.gate import Gate
+from server.processes.limits import READERS, ChildLimits
+from server.processes.scratch import Scratch
 from server.settings import Settings
-from server.storage import StorageError
-from server.store import NoSuchFoldError, Store
-from server.streams import Streams
-from server.trajectories import Trajectories
-from server.uploads import Uploads, UploadsAtOnce
-from server.watch import Watch
-from server.workshop import Workshop
-from web.films import Films
+from server.store.folds import NoSuchFoldError, Store
+from server.store.gallery import Gallery
+from server.store.leases import Leases
+from server.store.object_store import StorageError
+from server.store.stats import Census
+from web.timeline.views import Films
 
 WARM_AFTER_S: Final = 1.5
 READING_PATIENCE_S: Final = 60.0
@@ -78,13 +65,13 @@ ROUTERS: Final = (
     movies,
     shapes,
     health,
-    pages,
+    landing,
     paper,
     gallery,
-    films,
-    sharing,
+    frames,
+    share,
     pictures,
-    previews,
+    preview,
     robot,
 )
 
@@ -131,11 +118,11 @@ def create_app(
         description="Plans how a straight chain of modules folds into a solid.",
         lifespan=lifespan,
         openapi_url="/api/openapi.json",
-        # FastAPI's own pages load scripts from elsewhere; ours is in server/routes/pages.py.
+        # FastAPI's own pages load scripts from elsewhere; ours is in server/pages/landing.py.
         docs_url=None,
         redoc_url=None,
     )
-    problems.install(app, pages.problem_page)
+    problems.install(app, landing.problem_page)
 
     async def on_no_such_fold(request: Request, error: Exception) -> Response:
         return problems.no_such_fold().response()
@@ -190,7 +177,7 @@ async def _warm_up(context: Context) -> None:
     if context.fork_server is not None:
         await asyncio.to_thread(context.fork_server.start)
     await asyncio.sleep(WARM_AFTER_S)  # the service has come to rest
-    await asyncio.to_thread(pages.warm_up, context.gallery)
+    await asyncio.to_thread(landing.warm_up, context.gallery)
 
 
 def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Context:

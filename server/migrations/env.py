@@ -1,10 +1,10 @@
-"""Runs migrations on the connection that ``server.database.migrate`` hands over."""
+"""Runs migrations on the connection that ``server.store.tables.migrate`` hands over."""
 
 from __future__ import annotations
 
 from alembic import context
 
-from server.database import Base
+from server.store.tables import Base
 
 context.configure(
     connection=context.config.attributes["connection"],

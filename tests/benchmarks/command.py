@@ -43,7 +43,7 @@ def fold(shape: str, *options: str, out: Path | None = None) -> Run:
     """Folds an example shape or a file in a process of its own, and keeps the plan in ``out``."""
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as directory:
         command = [
-            *(sys.executable, "-m", "server.command_line", "fold", shape),
+            *(sys.executable, "-m", "server.cli.command_line", "fold", shape),
             *("--out", str(out or Path(directory) / "fold"), "--json", *options),
         ]
         begun = time.perf_counter()
@@ -79,7 +79,7 @@ def _watch(pid: int, seen: list[int]) -> None:
 def playing(directory: Path) -> Iterator[str]:
     """``foldback play`` on a directory; the address of its page."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "server.command_line", "play", str(directory), "--no-browser"],
+        [sys.executable, "-m", "server.cli.command_line", "play", str(directory), "--no-browser"],
         stdout=subprocess.PIPE,
         text=True,
     )

@@ -202,7 +202,7 @@ def _large(section: Section) -> None:
         file, out = Path(directory) / "torus.stl", Path(directory) / "path.json"
         file.write_bytes(fine.export(file_type="stl"))
         command = [
-            *(sys.executable, "-m", "server.command_line", "shape", str(file)),
+            *(sys.executable, "-m", "server.cli.command_line", "shape", str(file)),
             *("--modules", str(MODULES), "--method", "blocks", "--out", str(out), "--json"),
         ]
         begun = time.perf_counter()

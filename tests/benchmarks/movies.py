@@ -27,7 +27,7 @@ def movies(reference_seconds: float) -> Section:
     del reference_seconds
     section = Section(name="movies")
     backend = OPENGL.get()
-    command = [sys.executable, "-m", "server.command_line"]
+    command = [sys.executable, "-m", "server.cli.command_line"]
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder:
         directory = Path(folder) / "fold"
         subprocess.run([*command, "fold", SHAPE, "--out", str(directory)], check=True)
@@ -49,7 +49,7 @@ def movies(reference_seconds: float) -> Section:
 
 
 def _picture(section: Section, directory: Path) -> None:
-    from web.social_picture import social_picture
+    from web.pictures.social_picture import social_picture
 
     chain = Timeline.open(directory / "timeline.zarr").chain
     social_picture(chain)  # compiles and loads what it needs

@@ -17,7 +17,7 @@ from planner.chain.path import Path as CellPath
 from planner.motion.frames import Frames
 from planner.motion.timeline import TimelineWriter
 from planner.pathfinding.snake import snake_path
-from server.gallery import Gallery
+from server.store.gallery import Gallery
 from tests.benchmarks.command import playing
 from tests.benchmarks.tables import Section
 from tests.browser.conftest import FLAGS

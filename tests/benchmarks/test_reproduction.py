@@ -20,7 +20,7 @@ from tests.benchmarks.reproduction.experiments import STATEMENTS, Experiment, ex
 from tests.benchmarks.reproduction.reproduce import reproduce, tell
 from tests.benchmarks.reproduction.runs import stored_runs
 from tests.benchmarks.reproduction.telling import figure, told
-from web.colours import STUCK
+from web.pictures.colours import STUCK
 
 pytestmark = pytest.mark.slow
 

@@ -19,7 +19,7 @@ from planner.pathfinding.trails import circuit
 from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
 from planner.shapes.shape import Shape
-from server.gallery import gallery
+from server.store.gallery import gallery
 from tests.benchmarks.command import Run, fold
 from tests.benchmarks.tables import Section
 

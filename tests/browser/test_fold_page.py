@@ -16,8 +16,8 @@ from planner.motion.timeline import Timeline
 from planner.progress import COMPILING
 from tests.browser.conftest import PATIENCE_MS, keep, picture, shot
 from tests.server.service import STAIRS, Service
-from web.colours import error_scale, module_errors
-from web.film import Film
+from web.pictures.colours import error_scale, module_errors
+from web.timeline.view import Film
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]

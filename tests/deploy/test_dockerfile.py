@@ -65,7 +65,7 @@ def test_it_runs_as_nobody_special() -> None:
 
 
 def test_it_has_what_movies_need() -> None:
-    from server.filming import NO_GL
+    from server.processes.movie_task import NO_GL
 
     named = re.search(r"apt-get install ([\w -]+)'", NO_GL)
     assert named

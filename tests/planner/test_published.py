@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from planner.clearance.sweep import sweep
+from planner.explosion import paper
 from planner.explosion.paper import STILL_STEPS, explode_as_published
-from planner.explosion import paper as published
 from planner.motion.angle_steps import STEP_RAD
 from planner.motion.frames import Frames
 from planner.simulation.parameters import PaperExplosionParameters
@@ -87,7 +87,7 @@ def test_what_nothing_moves_is_given_up() -> None:
 
 
 def test_snapshots_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(published, "MOST_ANGLES", 1000)
+    monkeypatch.setattr(paper, "MOST_ANGLES", 1000)
     record = explode_as_published(coil(12), replace(PAPER, snapshot_interval=1))
     assert record.status == "timeout"
     assert record.steps < 60

@@ -16,7 +16,7 @@ from planner.chain.module import Module
 from planner.chain.path import Path
 from planner.errors import InputError, TimelineError
 from planner.pathfinding.assembly import layered_snake
-from planner.pipeline import verify as verification
+from planner.pipeline import verify
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.manifest import Digests, digests_of
 from planner.pipeline.refold import refold
@@ -50,7 +50,7 @@ def once() -> Iterator[None]:
     """What is worked out of the same numbers is worked out once: most changes are elsewhere."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("certify", "replay"):
-            patch.setattr(verification, name, remembered(getattr(verification, name)))
+            patch.setattr(verify, name, remembered(getattr(verify, name)))
         yield
 
 
@@ -88,7 +88,7 @@ def digestible(value: Any) -> Iterator[object]:
 
 def told(directory: FilePath) -> list[str]:
     try:
-        return list(verification.verify(directory).problems)
+        return list(verify.verify(directory).problems)
     except (InputError, TimelineError) as error:
         return [str(error)]
     except Exception as error:  # so that it is shown with the change that it came of

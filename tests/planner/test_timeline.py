@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.errors import TimelineError
-from planner.motion.frames import PHASES, Frames, Phase
 from planner.motion import timeline as timeline_module
+from planner.motion.frames import PHASES, Frames, Phase
 from planner.motion.timeline import Timeline, TimelineWriter, chain_attributes
 
 COLUMNS = ("time_s", "joint_angles_rad", "root_position", "root_wxyz")

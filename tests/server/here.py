@@ -15,9 +15,9 @@ import httpx
 import psutil
 import uvicorn
 
-from server.commands.serve import server_of
-from server.fork_server import ForkServer
-from server.logs import TextLines
+from server.cli.serve import server_of
+from server.ops.logs import TextLines
+from server.processes.fork_server import ForkServer
 from server.settings import PREFIX, Settings
 from tests.server.service import PATIENCE_S, Service
 

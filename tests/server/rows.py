@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from server.database import FoldRow, MovieRow
+from server.store.tables import FoldRow, MovieRow
 
 
 def a_fold(fold_id: str, **values: Any) -> FoldRow:

@@ -66,7 +66,7 @@ class Service:
     def start(self, *arguments: str) -> Service:
         with open(self.log, "a") as log:
             self.process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "server.command_line", "serve", *arguments],
+                [sys.executable, "-P", "-m", "server.cli.command_line", "serve", *arguments],
                 env=self.environment,
                 stdout=subprocess.PIPE,
                 stderr=log,
@@ -109,7 +109,7 @@ class Service:
         """A worker that nobody looks after."""
         with open(self.log, "a") as log:
             worker = subprocess.Popen(
-                [sys.executable, "-P", "-m", "server.command_line", "worker"],
+                [sys.executable, "-P", "-m", "server.cli.command_line", "worker"],
                 env=self.environment,
                 stderr=log,
             )

@@ -12,13 +12,13 @@ import sqlalchemy as sa
 from click.testing import Result
 from typer.testing import CliRunner
 
-from server.cancelled import sweep_cancelled
-from server.commands.admin import admin
-from server.database import FoldRow, MovieRow
-from server.jobs import prepare
+from server.cli.admin import admin
+from server.cli.upkeep import Upkeep, UpkeepError
+from server.files.cancelled import sweep_cancelled
+from server.jobs.queue import prepare
 from server.settings import Settings
-from server.store import Store, hash_of
-from server.upkeep import Upkeep, UpkeepError
+from server.store.folds import Store, hash_of
+from server.store.tables import FoldRow, MovieRow
 from tests.server.rows import a_fold, a_movie
 from tests.server.service import SNAKE, Service, over, owner
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import httpx
 import pytest
 
-from server.addresses import address_of
+from server.http.client_address import address_of
 from tests.server.service import SNAKE, Service
 
 ServiceWith = Callable[..., Service]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from server.settings import Settings
-from server.storage import open_storage
+from server.store.object_store import open_storage
 from tests.server.bucket import Bucket
 
 

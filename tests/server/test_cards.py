@@ -4,9 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from server.cards import KINDS, SELECTED, Card, Sieve, Standing, cards, kinds, selected, standings
-from server.gallery import Gallery
-from server.store import Store
+from server.pages.cards import (
+    KINDS,
+    SELECTED,
+    Card,
+    Sieve,
+    Standing,
+    cards,
+    kinds,
+    selected,
+    standings,
+)
+from server.store.folds import Store
+from server.store.gallery import Gallery
 from tests.server.test_store import row
 from tests.server.test_store import store as store
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from server import certificate_words
-from server.certificate_words import clearance, headline, linked, record, rows, torque
+from server.pages import certificate_words
+from server.pages.certificate_words import clearance, headline, linked, record, rows, torque
 
 EXEMPT = {
     "apart": 2,

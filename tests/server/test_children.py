@@ -17,12 +17,12 @@ import pytest
 
 from planner.errors import InputError
 from planner.progress import COMPILING
-from server import children
-from server.children import EVENTS, Child, ChildError, Pool, Reader
-from server.fork_server import ForkServer
-from server.gates import Gate
-from server.limits import ChildLimits
-from server.runner import STAGES
+from server.jobs.runner import STAGES
+from server.processes import children
+from server.processes.children import EVENTS, Child, ChildError, Pool, Reader
+from server.processes.fork_server import ForkServer
+from server.processes.gate import Gate
+from server.processes.limits import ChildLimits
 from tests.server.here import FORKS
 from tests.server.service import SNAKE
 
@@ -198,10 +198,10 @@ def overrun(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
     """Forks readers that do what an upload says with each of their open files ``n``."""
     place = tmp_path_factory.mktemp("code")
     (place / "sitecustomize.py").write_text(
-        "import sys\nif 'server.forking' in sys.orig_argv:\n    import attack\n"
+        "import sys\nif 'server.processes.forking' in sys.orig_argv:\n    import attack\n"
     )
     (place / "attack.py").write_text(
-        "import contextlib, os, time\nimport server.reading as it\n"
+        "import contextlib, os, time\nimport server.processes.read_task as it\n"
         "def check(place):\n    does = compile((place / 'input').read_text(), 'input', 'exec')\n"
         "    for n in range(3, 64):\n        with contextlib.suppress(OSError):\n"
         "            exec(does, {'n': n, 'os': os})\n    time.sleep(30)\n    os._exit(3)\n"
@@ -295,7 +295,14 @@ def test_a_slow_upload_of_one_visitor_does_not_hold_up_another(
 
 def test_a_child_ends_with_its_parent() -> None:
     child = subprocess.Popen(
-        [sys.executable, "-P", "-m", "server.child", "reader", json.dumps(asdict(LIMITS))],
+        [
+            sys.executable,
+            "-P",
+            "-m",
+            "server.processes.child",
+            "reader",
+            json.dumps(asdict(LIMITS)),
+        ],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
     )

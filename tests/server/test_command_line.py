@@ -13,11 +13,12 @@ import pytest
 from numba import njit
 from typer.testing import CliRunner
 
-from server.command_line import COMMANDS, application
-from server.commands import fold
-from server.gallery import Gallery
+from server.cli import fold
+from server.cli.command_line import COMMANDS, application
+from server.store.gallery import Gallery
 
-COMMANDS_DIR = Path(__file__).parents[2] / "server" / "commands"
+COMMANDS_DIR = Path(__file__).parents[2] / "server" / "cli"
+SHARED = {"__init__", "command_line", "inputs", "options", "upkeep"}
 
 
 def foldback(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -29,7 +30,7 @@ def foldback(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_every_command_is_offered() -> None:
-    files = {path.stem for path in COMMANDS_DIR.glob("*.py")} - {"__init__"}
+    files = {path.stem for path in COMMANDS_DIR.glob("*.py")} - SHARED
     assert set(COMMANDS) == files
     listed = foldback("--help")
     assert listed.returncode == 0
@@ -104,7 +105,7 @@ def test_an_unknown_command_is_an_error() -> None:
 def imported(*arguments: str) -> set[str]:
     """The packages and modules that a run of ``foldback`` imports; it must end with 0."""
     answer = subprocess.run(
-        [sys.executable, "-P", "-X", "importtime", "-m", "server.command_line", *arguments],
+        [sys.executable, "-P", "-X", "importtime", "-m", "server.cli.command_line", *arguments],
         capture_output=True,
         text=True,
         check=False,
@@ -160,16 +161,16 @@ SHOWING = {"PIL", "trimesh", "viser"}
     "processes",
     [
         {
-            "server.worker": {*COMPUTING, *SHOWING, "fastapi"},
+            "server.jobs.worker": {*COMPUTING, *SHOWING, "fastapi"},
             "server.app": {*COMPUTING, *SHOWING},
         },
         {
-            "server.reading": {*COMPUTING, *WEB, *SHOWING},
+            "server.processes.read_task": {*COMPUTING, *WEB, *SHOWING},
             "planner.pipeline.stages": {
                 *("mujoco", "scipy.interpolate", "scipy.sparse", "zarr", *WEB, *SHOWING),
             },
-            "server.retiming": {"mujoco", "scipy.interpolate", "zarr", *WEB, *SHOWING},
-            "web.filming": {"mujoco", "zarr", *WEB, *SHOWING},
+            "server.processes.retime_task": {"mujoco", "scipy.interpolate", "zarr", *WEB, *SHOWING},
+            "web.movies.filming": {"mujoco", "zarr", *WEB, *SHOWING},
         },
     ],
     ids=["serving", "computing"],
@@ -196,9 +197,9 @@ def test_each_process_starts_without_what_others_compute_with(
 
 def test_the_first_shape_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("keep_secrets", "set_up_logs", "signal"):  # of the process: the tests are in it
-        monkeypatch.setattr(f"server.commands.serve.{name}", MagicMock())
+        monkeypatch.setattr(f"server.cli.serve.{name}", MagicMock())
     run = MagicMock()
-    monkeypatch.setattr("server.commands.serve._run", run)
+    monkeypatch.setattr("server.cli.serve._run", run)
     place = ("--data-dir", str(tmp_path))
     assert foldback("serve", "--workers", "0", "--first-shape", "cross", *place).returncode == 0
     ((settings, shape), _) = run.call_args
@@ -210,7 +211,7 @@ def test_a_port_that_is_taken_is_a_clear_failure(
 ) -> None:
     # What it changes of its process, which is that of the tests.
     for name in ("keep_secrets", "set_up_logs", "_allow_files", "signal", "sys"):
-        monkeypatch.setattr(f"server.commands.serve.{name}", MagicMock())
+        monkeypatch.setattr(f"server.cli.serve.{name}", MagicMock())
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         place = ("--data-dir", str(tmp_path))

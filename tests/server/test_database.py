@@ -13,11 +13,11 @@ from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 
-from server.commands.serve import server_of
-from server.database import STATUSES, Base, engine_for, migrate
-from server.schema import NewerSchemaError, Schema, config
+from server.cli.serve import server_of
 from server.settings import Settings
-from server.store import Store, hash_of
+from server.store.folds import Store, hash_of
+from server.store.schema_version import NewerSchemaError, Schema, config
+from server.store.tables import STATUSES, Base, engine_for, migrate
 from tests.server.postgres import DATABASES
 from tests.server.rows import a_fold
 

@@ -21,13 +21,13 @@ import sqlalchemy as sa
 from alembic import command
 from sqlalchemy.orm import Session
 
-from server.checks import data, drawing, machine
-from server.checks.finding import Finding, examine
-from server.database import engine_for, migrate
-from server.doctor import CHECKS
-from server.filming import GL_SETTING
-from server.schema import config
+from server.doctor import data, drawing, machine
+from server.doctor.doctor import CHECKS
+from server.doctor.finding import Finding, examine
+from server.processes.movie_task import GL_SETTING
 from server.settings import Settings
+from server.store.schema_version import config
+from server.store.tables import engine_for, migrate
 from tests.server.postgres import DATABASES, Postgres
 from tests.server.rows import a_fold
 from tests.server.service import Service
@@ -49,7 +49,7 @@ def alone(check: str, *prefix: str, **values: Any) -> Finding:
     """What a check finds in a process of its own, started by another program."""
     code = (
         "import json\nfrom dataclasses import asdict\n"
-        "from server.checks import data, drawing\nfrom server.settings import Settings\n"
+        "from server.doctor import data, drawing\nfrom server.settings import Settings\n"
         f"print(json.dumps(asdict({check}(Settings(**json.loads({json.dumps(values)!r}))))))"
     )
     done = subprocess.run(
@@ -82,9 +82,9 @@ def test_a_problem_is_told_in_a_line_and_by_the_exit_code(
 ) -> None:
     import typer
 
-    from server.commands.doctor import doctor
+    from server.cli.doctor import doctor
 
-    monkeypatch.setattr("server.doctor.CHECKS", (("database", data.database),))
+    monkeypatch.setattr("server.doctor.doctor.CHECKS", (("database", data.database),))
     (tmp_path / "foldback.db").write_bytes(b"garbage\n" * 1000)
     with pytest.raises(typer.Exit) as ended:
         doctor(data_dir=tmp_path)

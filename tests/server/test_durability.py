@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from planner.motion.timeline import Timeline
-from server.runner import STAGES, Runner
-from server.store import Store, new_token
+from server.jobs.runner import STAGES, Runner
+from server.store.folds import Store, new_token
 from tests.server.here import FORKS, ServiceHere
 from tests.server.service import SNAKE, STAIRS, Service, owner
 
@@ -34,11 +34,11 @@ def test_a_worker_killed_in_mid_explosion(service_with) -> None:
     fold_id = service.fold(shape="wrench-160")["id"]
     waiting = service.fold(SNAKE)["id"]
     assert service.wait_exploding(fold_id)["status"] == "running"
-    (worker,) = service.processes("server.worker")
+    (worker,) = service.processes("server.jobs.worker")
     worker.kill()
     check_finished(service, fold_id)
     check_finished(service, waiting)
-    (successor,) = service.processes("server.worker")
+    (successor,) = service.processes("server.jobs.worker")
     assert successor.pid != worker.pid
 
 

@@ -23,16 +23,16 @@ from mcap.reader import make_reader
 
 from planner.exports import EXPORTS, Export, export_named
 from planner.plan.plan import Plan
-from server import exports as exports_module
-from server.database import FoldRow
-from server.exports import Exports
-from server.folders import EXPORTS_DIR
-from server.problems import Problem
-from server.routes.facts import fold_facts
-from server.routes.finding import Found
+from server.api.finding import Found
+from server.files import exports as exports_module
+from server.files.exports import Exports
+from server.files.workshop import AT_ONCE, MOST_WAITING, Workshop
+from server.http.problems import Problem
+from server.pages.facts import fold_facts
 from server.settings import Settings
-from server.store import NoSuchFoldError, Store, new_token
-from server.workshop import AT_ONCE, MOST_WAITING, Workshop
+from server.store.fold_files import EXPORTS_DIR
+from server.store.folds import NoSuchFoldError, Store, new_token
+from server.store.tables import FoldRow
 from tests.server.service import SNAKE, Service
 from tests.server.test_command_line import foldback
 from tests.server.test_store import row

@@ -23,15 +23,15 @@ from planner.simulation.parameters import (
     PlaybackParameters,
     preset,
 )
-from server import quantities
-from server.leases import Leases
-from server.quantities import length_m, number, parameters, quantity
-from server.routes.facts import fold_facts
-from server.routes.finding import Found
-from server.schemas import Fold
+from server.api.finding import Found
+from server.api.schemas import Fold
+from server.pages import quantities
+from server.pages.facts import fold_facts
+from server.pages.quantities import length_m, number, parameters, quantity
 from server.settings import Settings
-from server.slots import Slots
-from server.store import Store
+from server.store.folds import Store
+from server.store.leases import Leases
+from server.store.worker_identity import Slots
 from tests.server.rows import a_fold
 from tests.server.service import SNAKE, Service
 from tests.web.conftest import unfolding

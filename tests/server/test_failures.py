@@ -7,7 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from server.routes.failures import attempts, failure
+from server.pages.failures import attempts, failure
 
 KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted."}
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from server import folders
-from server.database import FoldRow
-from server.folders import IN_USE_S, Folders
 from server.settings import Settings
+from server.store import fold_files
+from server.store.fold_files import IN_USE_S, Folders
+from server.store.tables import FoldRow
 from tests.server.bucket import Bucket
 
 FOLD = "a1"
@@ -54,7 +54,7 @@ def test_what_is_kept_under_an_epoch_is_shown_elsewhere(
     (work / "frames").write_bytes(b"more")
     here.keep(FOLD, 1)
     assert (there.shown(row(1)) / "frames").read_bytes() == b"one"
-    monkeypatch.setattr(folders, "LOOK_EVERY_S", 0.0)
+    monkeypatch.setattr(fold_files, "LOOK_EVERY_S", 0.0)
     assert (there.shown(row(1, "verified")) / "frames").read_bytes() == b"more"
     (work / "frames").write_bytes(b"changed")
     here.keep(FOLD, 1)
@@ -99,6 +99,6 @@ def test_copies_that_nobody_has_looked_at_make_room(
     for copy, age in zip(copies, (3.0, 2.0, 1.0), strict=True):
         long_ago = copy.stat().st_mtime - age * IN_USE_S
         os.utime(copy, (long_ago, long_ago))
-    monkeypatch.setattr(folders, "TIDY_EVERY_S", 0.0)
+    monkeypatch.setattr(fold_files, "TIDY_EVERY_S", 0.0)
     there.shown(row(3, "verified"))
     assert [copy.is_dir() for copy in copies] == [False, True, True]

@@ -15,9 +15,9 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.motion.timeline import Timeline
-from server.cancelled import KEPT_S, sweep_cancelled
+from server.files.cancelled import KEPT_S, sweep_cancelled
 from server.settings import Settings
-from server.store import Store
+from server.store.folds import Store
 from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, STAIRS, Service, owner
 

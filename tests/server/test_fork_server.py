@@ -15,10 +15,10 @@ import psutil
 import pytest
 
 from planner.progress import COMPILING
-from server import children
-from server.children import Child, ChildError
-from server.fork_server import ForkServer
-from server.limits import ChildLimits
+from server.processes import children
+from server.processes.children import Child, ChildError
+from server.processes.fork_server import ForkServer
+from server.processes.limits import ChildLimits
 from tests.server.here import FORKS
 from tests.server.service import PATIENCE_S, SNAKE
 from tests.server.test_children import WITHOUT_LIBRARIES
@@ -159,9 +159,9 @@ def test_that_it_compiles_is_told_to_whoever_waits(tmp_path: Path, directory: Pa
 PARENT = """
 import json, sys, time
 from pathlib import Path
-from server.children import Child
-from server.fork_server import ForkServer
-from server.limits import ChildLimits
+from server.processes.children import Child
+from server.processes.fork_server import ForkServer
+from server.processes.limits import ChildLimits
 server = ForkServer(["reader"], warm=False)
 limits = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
 child = Child("reader", limits, fork_server=server)

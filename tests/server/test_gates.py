@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from server.gates import Gate
-from server.problems import Problem
+from server.files.workshop import Workshop
+from server.http.problems import Problem
+from server.processes.gate import Gate
 from server.settings import Settings
-from server.store import Store
-from server.workshop import Workshop
+from server.store.folds import Store
 
 
 def test_one_visitor_cannot_take_all_places() -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from dbos import DBOSClient
 
-from server.jobs import Jobs
+from server.jobs.queue import Jobs
 from server.settings import Settings
 
 

@@ -8,11 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from server.kept_previews import UPLOAD, HeldPreview, KeptPreviews, superfluous, visitor_noted
-from server.previews import NoSuchPreviewError, Previews, ShapeWishes
+from server.files.previews import NoSuchPreviewError, Previews, ShapeWishes
+from server.files.stored_previews import (
+    UPLOAD,
+    HeldPreview,
+    KeptPreviews,
+    superfluous,
+    visitor_noted,
+)
+from server.http.uploads import Uploads
 from server.settings import Settings
-from server.storage import open_storage
-from server.uploads import Uploads
+from server.store.object_store import open_storage
 from tests.server.bucket import Bucket
 
 

@@ -10,7 +10,7 @@ import pytest
 from fastapi import FastAPI, Request
 from fastapi.responses import Response
 
-from server.lately import KEPT_S, Lately, mark
+from server.http.response_cache import KEPT_S, Lately, mark
 from tests.server.service import SNAKE, Service, owner
 
 

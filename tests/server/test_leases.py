@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from server.leases import Leases
 from server.settings import Settings
-from server.slots import Slots
-from server.store import Store
+from server.store.folds import Store
+from server.store.leases import Leases
+from server.store.worker_identity import Slots
 
 LEASE_S = 15.0
 

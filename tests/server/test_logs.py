@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from server.logs import JsonLines, TextLines, about, escaped
+from server.ops.logs import JsonLines, TextLines, about, escaped
 from tests.server.service import PATIENCE_S, STAIRS, Service
 
 FORGED = 'x\n{"level": "error", "message": "forged"}\r\x1b[2K\u2028\x85'
@@ -233,7 +233,7 @@ def test_text_lines_show_the_fold(desk: Service) -> None:
 @pytest.mark.processes
 def test_what_is_below_the_level_is_not_told() -> None:
     code = (
-        "import logging; from server.logs import set_up_logs; "
+        "import logging; from server.ops.logs import set_up_logs; "
         "from server.settings import Settings; set_up_logs(Settings()); "
         "logging.getLogger('foldback.access').info('small'); "
         "logging.getLogger('foldback').error('big'); logging.getLogger('dbos').warning('alien')"

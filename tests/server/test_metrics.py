@@ -12,11 +12,11 @@ import sqlalchemy as sa
 from prometheus_client.parser import text_string_to_metric_families
 from sqlalchemy.orm import Session
 
-from server.census import Census
-from server.database import WorkerRow, engine_for
-from server.leases import Leases
 from server.settings import Settings
-from server.store import Store
+from server.store.folds import Store
+from server.store.leases import Leases
+from server.store.stats import Census
+from server.store.tables import WorkerRow, engine_for
 from tests.server.postgres import DATABASES
 from tests.server.rows import a_fold
 from tests.server.service import SNAKE, Service

@@ -12,16 +12,16 @@ from typing import Any
 
 import pytest
 
-from server import movie_jobs, news
-from server.database import FoldRow, MovieRow
-from server.jobs import Jobs
-from server.movie_jobs import MovieJobs
-from server.movies import Movies, MovieState, NoSuchMovieError
-from server.problems import Problem
+from server.http.problems import Problem
+from server.jobs import movie_runner, progress
+from server.jobs.movie_runner import MovieJobs
+from server.jobs.movies import Movies, MovieState, NoSuchMovieError
+from server.jobs.queue import Jobs
 from server.settings import Settings
-from server.store import Store, new_token
+from server.store.folds import Store, new_token
+from server.store.tables import FoldRow, MovieRow
 from tests.server.rows import a_fold
-from web.movie import Movie
+from web.movies.movie import Movie
 
 MOVIES = [Movie.of({"seconds": seconds}) for seconds in (1, 2, 3, 4)]
 
@@ -85,8 +85,8 @@ def filming(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], None]]:
         (place / request["part"]).write_bytes(b"a movie")
         return not cancelled()
 
-    monkeypatch.setattr(movie_jobs, "film", film)
-    monkeypatch.setattr(news, "REPORT_EVERY_S", 0.0)
+    monkeypatch.setattr(movie_runner, "film", film)
+    monkeypatch.setattr(progress, "REPORT_EVERY_S", 0.0)
     return acts
 
 
@@ -250,7 +250,7 @@ def test_what_a_dead_worker_left_is_swept(tmp_path: Path) -> None:
     halfway = settings.scratch_dir / "halfway"
     halfway.mkdir(parents=True)
     (halfway / "movie").write_bytes(b"half")
-    living = movie_jobs.Scratch(settings.scratch_dir)
+    living = movie_runner.Scratch(settings.scratch_dir)
     with living.directory() as used:
         MovieJobs(settings, store)
         assert (used.exists(), halfway.exists()) == (True, False)

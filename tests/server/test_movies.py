@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from server.command_line import application
+from server.cli.command_line import application
 from tests.server.service import PATIENCE_S, SNAKE, Service, owner
 from tests.tools import OPENGL
 

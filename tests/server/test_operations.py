@@ -10,11 +10,11 @@ from types import ModuleType
 
 import pytest
 
-from server.command_line import COMMANDS
-from server.commands.admin import admin
-from server.metrics import Metrics
+from server.cli.admin import admin
+from server.cli.command_line import COMMANDS
+from server.ops.metrics import Metrics
 from server.settings import Settings
-from server.store import Store
+from server.store.folds import Store
 from tests.server.rows import a_fold
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from server.pace import LONGEST_STEP_S, Pace
+from server.api.robot_clock import LONGEST_STEP_S, Pace
 
 TICK = 0.01
 

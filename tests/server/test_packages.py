@@ -87,7 +87,7 @@ def test_the_installed_gallery_is_that_of_the_checkout(tmp_path: Path, wheel: Pa
     """The gallery is found without a checkout around the packages."""
     unpacked = tmp_path / "installed"
     zipfile.ZipFile(wheel).extractall(unpacked)
-    code = "from server.gallery import gallery; print(*(s.name for s in gallery()))"
+    code = "from server.store.gallery import gallery; print(*(s.name for s in gallery()))"
     names = subprocess.run(
         [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(unpacked)!r}); {code}"],
         cwd=tmp_path,

@@ -8,12 +8,12 @@ import re
 import httpx
 from fastapi import FastAPI
 
-from server.routes import pages
+from server.pages import landing
 
 
 def get(path: str) -> httpx.Response:
     app = FastAPI()
-    app.include_router(pages.router)
+    app.include_router(landing.router)
 
     async def ask() -> httpx.Response:
         transport = httpx.ASGITransport(app=app)

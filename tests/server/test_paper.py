@@ -11,15 +11,15 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from server.routes import pages, paper
+from server.pages import landing, paper
 from tests.benchmarks.reproduction.experiments import STATEMENTS
-from web.columns import decode
+from web.timeline.columns import decode
 
 
 @cache
 def application() -> FastAPI:
     app = FastAPI()
-    app.include_router(pages.router)
+    app.include_router(landing.router)
     app.include_router(paper.router)
     return app
 

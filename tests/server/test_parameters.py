@@ -14,7 +14,7 @@ from planner.pathfinding.options import MODULE_COUNTS
 from planner.pipeline.paper_settings import LONGEST, SETTINGS
 from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
 from planner.simulation.parameters import PRESETS, STRATEGY_WISHES
-from server.command_line import application
+from server.cli.command_line import application
 from tests.server.service import SPIRAL, Service
 
 BAD = [

@@ -16,13 +16,13 @@ from fastapi import FastAPI
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import chain_attributes
-from server.folders import EXPORTS_DIR
-from server.routes import pictures
+from server.files.workshop import Workshop
+from server.pages import pictures
 from server.settings import Settings
-from server.store import Store, new_token
-from server.workshop import Workshop
+from server.store.fold_files import EXPORTS_DIR
+from server.store.folds import Store, new_token
 from tests.server.test_store import row
-from web import social_picture
+from web.pictures import social_picture
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ import pytest
 
 from planner.motion.frames import Frames
 from planner.motion.timeline import TimelineWriter
-from server.commands.play import row_of
-from server.routes.failures import failure
+from server.cli.play import row_of
+from server.pages.failures import failure
 from tests.planner.peels import snake
 
 CHAIN = snake((2, 2, 3))

@@ -16,15 +16,15 @@ import httpx
 import numpy as np
 import pytest
 
-from server.preview_scenes import AT_ONCE, MOST_WAITING, PreviewScenes
-from server.previews import NoSuchPreviewError, Previews
-from server.problems import Problem
+from server.files.preview_scenes import AT_ONCE, MOST_WAITING, PreviewScenes
+from server.files.previews import NoSuchPreviewError, Previews
+from server.http.problems import Problem
+from server.http.uploads import Uploads
 from server.settings import Settings
-from server.store import new_token
-from server.uploads import Uploads
+from server.store.folds import new_token
 from tests.server.service import SNAKE, Service
-from web.columns import decode
-from web.isometric import isometric_svg
+from web.pictures.isometric import isometric_svg
+from web.timeline.columns import decode
 
 CROSS = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 2, 0]]
 
@@ -208,7 +208,7 @@ def test_scenes_are_made_a_few_at_once_and_each_once(
         assert go_on.wait(30)
         return json.dumps(report).encode()
 
-    monkeypatch.setattr("server.preview_scenes.preview_scene_of", draw)
+    monkeypatch.setattr("server.files.preview_scenes.preview_scene_of", draw)
 
     async def ask() -> None:
         async with asyncio.TaskGroup() as group:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import httpx
 
-from server.census import Census
-from server.leases import Leases
-from server.readiness import Readiness
+from server.ops.readiness import Readiness
 from server.settings import Settings
-from server.store import Store
+from server.store.folds import Store
+from server.store.leases import Leases
+from server.store.stats import Census
 from tests.server.here import ServiceHere
 from tests.server.postgres import Postgres
 from tests.server.service import Service

@@ -14,8 +14,8 @@ from websockets.sync.client import connect
 
 from planner.pipeline.verify import verify
 from planner.plan.plan import Plan
-from server.command_line import application
-from server.gallery import Gallery
+from server.cli.command_line import application
+from server.store.gallery import Gallery
 from tests.planner.plans import changed
 from tests.server.service import SNAKE, SPIRAL, Service, bearer, owner
 

@@ -20,8 +20,8 @@ from websockets import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from planner.plan.plan import Plan
-from server.command_line import application
-from server.trajectories import STREAMS_OF_ADDRESS
+from server.cli.command_line import application
+from server.files.trajectories import STREAMS_OF_ADDRESS
 from tests.server.here import ServiceHere
 from tests.server.service import PATIENCE_S, SNAKE, Service
 from tests.server.test_command_line import foldback

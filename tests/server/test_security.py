@@ -7,7 +7,7 @@ import asyncio
 import pytest
 import websockets
 
-from server.security import AllowedHosts, SameOrigin, hosts_of
+from server.http.security import AllowedHosts, SameOrigin, hosts_of
 from tests.server.service import SNAKE, Service
 
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from server.checks import machine
-from server.command_line import application
-from server.doctor import examined
+from server.cli.command_line import application
+from server.doctor import machine
+from server.doctor.doctor import examined
+from server.ops.starting import settings_of, warn_of_unknown_names
 from server.settings import Settings, unknown_names
-from server.starting import settings_of, warn_of_unknown_names
 
 
 @pytest.mark.parametrize("name", ["origins", "embed_origins", "allowed_hosts", "trusted_proxies"])
@@ -101,7 +101,7 @@ def test_every_command_says_so(
     command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for module in ("serve", "worker"):  # this process keeps none
-        monkeypatch.setattr(f"server.commands.{module}.keep_secrets", lambda: None)
+        monkeypatch.setattr(f"server.cli.{module}.keep_secrets", lambda: None)
     monkeypatch.setenv("FOLDBACK_DATA_DIR", str(tmp_path))
     monkeypatch.setenv("FOLDBACK_TRUSTED_PROXIES", "proxy")
     done = CliRunner().invoke(application(), command)

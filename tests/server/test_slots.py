@@ -9,13 +9,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from server.settings import Settings
-from server.slots import Slots
+from server.store.worker_identity import Slots
 
 PROBE = """
 import sys
 from pathlib import Path
 from server.settings import Settings
-from server.slots import Slots
+from server.store.worker_identity import Slots
 slots = Slots(Settings(data_dir=Path(sys.argv[1])))
 print("begun", flush=True)
 while True:
@@ -25,7 +25,7 @@ HOLD = """
 import sys
 from pathlib import Path
 from server.settings import Settings
-from server.slots import Slots
+from server.store.worker_identity import Slots
 slot = Slots(Settings(data_dir=Path(sys.argv[1]))).take()
 print(slot.name, flush=True)
 sys.stdin.read()

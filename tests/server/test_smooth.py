@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 
 from planner.pipeline.verify import verify
 from planner.plan.plan import Plan
-from server.command_line import application
+from server.cli.command_line import application
+from server.cli.upkeep import Upkeep
 from server.settings import Settings
-from server.upkeep import Upkeep
 from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, Service, owner
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from server import worker
-from server.commands import serve
-from server.commands import worker as worker_command
-from server.commands.serve import server_of
+from server.cli import serve
+from server.cli import worker as worker_command
+from server.cli.serve import server_of
+from server.jobs import worker
 from server.settings import Settings
 from tests.server.test_command_line import foldback
 

@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from server.database import FoldRow
 from server.settings import Settings
-from server.store import NoSuchFoldError, Store, new_id, new_token
-from server.turns import wait_s
+from server.store.fair_queue import wait_s
+from server.store.folds import NoSuchFoldError, Store, new_id, new_token
+from server.store.tables import FoldRow
 from tests.server.postgres import DATABASES
 
 TOKEN = new_token()

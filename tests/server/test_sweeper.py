@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
-from server.cancelled import KEPT_S, sweep_cancelled
-from server.database import FoldRow
-from server.derived import FRESH_S
-from server.folders import EXPORTS_DIR
+from server.files.cancelled import KEPT_S, sweep_cancelled
+from server.files.derived import FRESH_S
+from server.jobs.janitor import DAY_S, ORPHAN_AGE_S, Sweeper
 from server.settings import Settings
-from server.store import NoSuchFoldError, Store, new_id, new_token
-from server.sweeper import DAY_S, ORPHAN_AGE_S, Sweeper
+from server.store.fold_files import EXPORTS_DIR
+from server.store.folds import NoSuchFoldError, Store, new_id, new_token
+from server.store.tables import FoldRow
 from tests.server.bucket import Bucket
 from tests.server.rows import a_movie
 

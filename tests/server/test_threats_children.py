@@ -19,13 +19,13 @@ from typing import Any
 
 import pytest
 
-from server.children import Child
-from server.confinement import confined, landlock, seccomp
-from server.confinement.landlock import Allowed
-from server.fork_server import ForkServer, Kind
-from server.limits import ChildLimits
+from server.processes import confined, landlock, seccomp
+from server.processes.children import Child
+from server.processes.fork_server import ForkServer, Kind
+from server.processes.landlock import Allowed
+from server.processes.limits import ChildLimits
 from server.settings import Settings
-from web.movie import Movie
+from web.movies.movie import Movie
 
 LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
 ATTACK = """
@@ -100,24 +100,24 @@ def attack(directory):
 WITH_A_THREAD = """
 import sys, threading, time
 from pathlib import Path
-from server.confinement import confined
+from server.processes import confined
 confined.ENDING_S = 0.1
 threading.Thread(target=lambda: time.sleep(60), daemon=True).start()
 confined.confine(confined.Allowed(writable=(Path(sys.argv[1]),)))
 """
 FORKED = """
-import planner.pipeline.stages, server.reading, server.retiming
-server.reading.check = server.retiming.retime = attack
+import planner.pipeline.stages, server.processes.read_task, server.processes.retime_task
+server.processes.read_task.check = server.processes.retime_task.retime = attack
 planner.pipeline.stages.run_stage = lambda task, place, **_: attack(place)
 """
 SPAWNED = """
-import web.filming
-from web.encoding import EncodingError
+import web.movies.filming
+from web.movies.encoding import EncodingError
 
 def error(found):
     raise EncodingError(json.dumps(found))
 
-web.filming.film_movie = lambda line, movie, out, **_: error(attack(out.parent))
+web.movies.filming.film_movie = lambda line, movie, out, **_: error(attack(out.parent))
 """
 """Where each kind begins to read what is not its own."""
 AWAITED: tuple[Kind, ...] = ("reader", "preparer", "retimer")
@@ -173,7 +173,9 @@ def overrun(code: Path, process: str, places: str) -> dict[str, str]:
 @pytest.fixture(scope="module")
 def forks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
     """Forks children of all kinds that the attack runs in."""
-    environment = overrun(tmp_path_factory.mktemp("forks") / "code", "server.forking", FORKED)
+    environment = overrun(
+        tmp_path_factory.mktemp("forks") / "code", "server.processes.forking", FORKED
+    )
     server = ForkServer([*AWAITED, "stages"], warm=False, environment=environment)
     yield server
     server.close()
@@ -183,7 +185,7 @@ def attacked(
     kind: Kind, tmp_path: Path, aim: dict[str, Any], forks: ForkServer | None
 ) -> dict[str, Any]:
     """What the attack finds that runs in a child of a kind, forked or started by itself."""
-    environment = {} if forks else overrun(tmp_path / "code", "server.child", SPAWNED)
+    environment = {} if forks else overrun(tmp_path / "code", "server.processes.child", SPAWNED)
     settings = Settings(data_dir=tmp_path / "data")
     place = {
         "stages": settings.folds_dir / "mine",

@@ -11,7 +11,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from server.rates import Buckets
+from server.http.request_rate import Buckets
 from server.settings import Settings
 from tests.server.service import Service
 from tests.server.test_bounds import from_address

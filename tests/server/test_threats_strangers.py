@@ -11,9 +11,9 @@ from xml.etree import ElementTree
 
 import pytest
 
-from server.routes.pages import script_json
+from server.pages.landing import script_json
 from server.settings import Settings
-from server.store import new_id, new_token
+from server.store.folds import new_id, new_token
 from tests.server.service import SNAKE, Service, owner
 
 ServiceWith = Callable[..., Service]

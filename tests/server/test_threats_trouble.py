@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 from sqlalchemy import exc
 
-from server.children import Child
-from server.limits import ChildLimits, environment_of_child
-from server.problems import of_trouble
-from server.store import new_token
+from server.http.problems import of_trouble
+from server.processes.children import Child
+from server.processes.limits import ChildLimits, environment_of_child
+from server.store.folds import new_token
 from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, Service, bearer
 
@@ -215,7 +215,8 @@ def test_a_computing_process_has_limits_and_no_secrets(
 def test_nobody_looks_into_the_service() -> None:
     """A process that a parser has taken over finds no keys in its parent's environment."""
     words = (
-        "import ctypes, server.limits as l; get = lambda: ctypes.CDLL(None).prctl(3, 0, 0, 0, 0);"
+        "import ctypes, server.processes.limits as l;"
+        "get = lambda: ctypes.CDLL(None).prctl(3, 0, 0, 0, 0);"
         "before = get(); l.keep_secrets(); print(before, get())"
     )
     found = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True)

@@ -20,11 +20,11 @@ import psutil
 import pytest
 import sqlalchemy as sa
 
-from server import cancelled
-from server.database import FoldRow
+from server.files import cancelled
+from server.http.uploads import Uploads
 from server.settings import Settings
-from server.store import Store
-from server.uploads import Uploads
+from server.store.folds import Store
+from server.store.tables import FoldRow
 from tests.server.here import ServiceHere
 from tests.server.service import PATIENCE_S, SNAKE, Service, owner
 
@@ -166,7 +166,7 @@ def _until(what: Callable[[], bool]) -> None:
 def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """A service that waits for nobody."""
     patience = pytest.MonkeyPatch()
-    patience.setattr("server.security.LISTENED_S", 0.5)
+    patience.setattr("server.http.security.LISTENED_S", 0.5)
     service = ServiceHere(
         tmp_path_factory.mktemp("hasty") / "data",
         upload_idle_s=0.5,

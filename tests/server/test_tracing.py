@@ -12,15 +12,15 @@ from pathlib import Path
 import pytest
 from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTraceServiceRequest
 
+from server.ops.tracing import NoTracingError, tracing
 from server.settings import Settings
-from server.tracing import NoTracingError, tracing
 
 CODE = """
 import os, sys
 from dbos import DBOS
-from server.jobs import WORKFLOW
+from server.jobs.queue import WORKFLOW
 from server.settings import Settings
-from server.tracing import send_rest, tracing
+from server.ops.tracing import send_rest, tracing
 settings = Settings()
 DBOS(config={"name": "foldback", "system_database_url": settings.queue_url, **tracing(settings)})
 def fold(fold_id):
@@ -99,6 +99,6 @@ def test_nothing_is_traced_unless_told_so() -> None:
 
 
 def test_missing_packages_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.tracing.NEEDED", ("opentelemetry.nowhere.sdk",))
+    monkeypatch.setattr("server.ops.tracing.NEEDED", ("opentelemetry.nowhere.sdk",))
     with pytest.raises(NoTracingError, match=r"foldback\[otel\]"):
         tracing(Settings(otlp_endpoint="http://127.0.0.1:4318/v1/traces"))

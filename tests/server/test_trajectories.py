@@ -21,11 +21,7 @@ from planner.pipeline.stages import run_stages
 from planner.plan.plan import Plan
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.trajectory import FRAMES, REST
-from server.children import Pool
-from server.problems import Problem
-from server.retiming import motors, retime
-from server.scratch import Scratch
-from server.trajectories import (
+from server.files.trajectories import (
     MOTORS,
     PLAN,
     STREAMS_OF_ADDRESS,
@@ -33,6 +29,10 @@ from server.trajectories import (
     Trajectories,
     Wanted,
 )
+from server.http.problems import Problem
+from server.processes.children import Pool
+from server.processes.retime_task import motors, retime
+from server.processes.scratch import Scratch
 from tests.compiled_later import compiled_later
 from tests.server.service import SNAKE
 
@@ -40,7 +40,7 @@ IMPORTS = """
 import shutil
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from server.retiming import motors, retime, warm_up
+from server.processes.retime_task import motors, retime, warm_up
 """
 WORK = """
 request = {"max_speed": 1.0, "max_acceleration": 2.0, "module_mass_kg": 0.1, "pitch_m": None,

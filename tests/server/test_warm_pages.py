@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from server.gallery import Gallery
-from server.routes import pages
+from server.pages import landing
+from server.store.gallery import Gallery
 
 
 def test_what_pages_need_is_there() -> None:
-    pages.warm_up(Gallery())
+    landing.warm_up(Gallery())

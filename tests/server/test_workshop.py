@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from server.database import FoldRow
-from server.folders import EXPORTS_DIR
+from server.files.workshop import AT_ONCE, MOST_WAITING, Workshop
 from server.settings import Settings
-from server.store import Store, new_token
-from server.workshop import AT_ONCE, MOST_WAITING, Workshop
+from server.store.fold_files import EXPORTS_DIR
+from server.store.folds import Store, new_token
+from server.store.tables import FoldRow
 from tests.server.test_store import row
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from web.camera import FIELD_OF_VIEW_RAD, View, distance_needed, framing
+from web.pictures.camera import FIELD_OF_VIEW_RAD, View, distance_needed, framing
 
 RADIUS = 0.87
 

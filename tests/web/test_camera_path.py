@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from web.camera import distance_needed
-from web.camera_path import CameraPath, camera_path
+from web.pictures.camera import distance_needed
+from web.pictures.camera_path import CameraPath, camera_path
 
 FPS = 30.0
 ASPECT = 16 / 9

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from web.colours import (
+from web.pictures.colours import (
     ERROR,
     NEUTRAL,
     UNKNOWN,

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from web.columns import decode, encode
+from web.timeline.columns import decode, encode
 
 
 def test_what_goes_in_comes_out() -> None:

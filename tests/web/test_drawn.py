@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planner.chain.module import CUBE, TETRAHEDRON
-from web.drawn import MOST_DRAWN, drawn_modules
+from web.pictures.drawn import MOST_DRAWN, drawn_modules
 
 BOX = np.stack(np.meshgrid(*[np.arange(20.0)] * 3), axis=-1).reshape(-1, 3)
 

@@ -13,7 +13,7 @@ from planner.motion.windows import Windows
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import ERROR_AT_END, unfolding
-from web.film import Film
+from web.timeline.view import Film
 
 Growing = tuple[Path, TimelineWriter, Callable[[int], None]]
 
@@ -70,7 +70,7 @@ def test_many_frames_are_shown_with_little_memory(
 ) -> None:
     whole = Film(timeline_path)
     expected = [whole.snapshot(f).positions.copy() for f in range(200)]
-    monkeypatch.setattr("web.film.CHUNK_BYTES", 1)
+    monkeypatch.setattr("web.timeline.view.CHUNK_BYTES", 1)
     film = Film(timeline_path)
     for frame in range(199, -1, -1):
         assert np.array_equal(film.snapshot(frame).positions, expected[frame])

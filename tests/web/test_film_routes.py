@@ -15,8 +15,8 @@ import pytest
 from planner.motion.timeline import Timeline
 from tests.server.service import SNAKE, Service
 from tests.web.blog import Blog
-from web.columns import decode
-from web.scenery import opened_scene
+from web.timeline.columns import decode
+from web.viser.scene_bundle import opened_scene
 
 
 @pytest.fixture(scope="module")
@@ -152,7 +152,15 @@ def test_comparing_names_both(service: Service, fold: str) -> None:
 def test_play_shows_a_directory(tmp_path: Path, service: Service, fold: str) -> None:
     directory = service.directory(fold)
     process = subprocess.Popen(
-        [sys.executable, "-P", "-m", "server.command_line", "play", str(directory), "--no-browser"],
+        [
+            sys.executable,
+            "-P",
+            "-m",
+            "server.cli.command_line",
+            "play",
+            str(directory),
+            "--no-browser",
+        ],
         stdout=subprocess.PIPE,
         text=True,
     )

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from web import films
-from web.film import Film
-from web.films import Films
+from web.timeline import views
+from web.timeline.view import Film
+from web.timeline.views import Films
 
 
 def copies(timeline: Path, place: Path, count: int) -> list[Path]:
@@ -24,7 +24,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         found.append(path)
         return Film(path)
 
-    monkeypatch.setattr(films, "Film", counting)
+    monkeypatch.setattr(views, "Film", counting)
     return found
 
 
@@ -41,7 +41,7 @@ def test_films_beyond_the_bound_are_let_go(
     timeline_path: Path, tmp_path: Path, opened: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shared, paths = Films(), copies(timeline_path, tmp_path, 3)
-    monkeypatch.setattr(films, "MOST_BYTES", 2 * Film(paths[0]).nbytes)
+    monkeypatch.setattr(views, "MOST_BYTES", 2 * Film(paths[0]).nbytes)
     for path in (*paths, paths[2], paths[1], paths[0]):
         shared.get(path)
     assert [Path(path).stem for path in opened] == ["0", "1", "2", "0"]
@@ -61,7 +61,7 @@ def test_one_that_is_slow_to_open_keeps_nobody_from_another(
             assert may_end.wait(30.0)
         return Film(path)
 
-    monkeypatch.setattr(films, "Film", slow)
+    monkeypatch.setattr(views, "Film", slow)
     both = [threading.Thread(target=shared.get, args=(paths[0],)) for _ in range(2)]
     other = threading.Thread(target=shared.get, args=(paths[1],))
     for thread in both:

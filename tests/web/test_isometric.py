@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from web.isometric import isometric_svg
+from web.pictures.isometric import isometric_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
 

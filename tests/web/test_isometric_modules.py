@@ -9,8 +9,8 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.readers.angle_strings import read_angle_string
-from web.isometric import isometric_svg
-from web.isometric_modules import chain_svg
+from web.pictures.isometric import isometric_svg
+from web.pictures.isometric_modules import chain_svg
 
 RING = "- - - + - - - + - - -"
 SVG = "{http://www.w3.org/2000/svg}"

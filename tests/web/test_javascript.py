@@ -1,7 +1,7 @@
 """The pages' scripts under node: what they compute is what Python computes.
 
 The tests themselves are in ``js/``, one file for a script or two. What Python computes is handed to
-them in a file of JSON; arrays in it are messages of ``web.columns``, as pages get them.
+them in a file of JSON; arrays in it are messages of ``web.timeline.columns``, as pages get them.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from planner.chain.rotations import matrix_from_wxyz
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
-from web.camera import distance_needed, framing
-from web.colours import error_colours, error_scale, module_errors
-from web.columns import encode
-from web.film import Film
-from web.reel import reel_of
-from web.scenery import scenery_of
-from web.window_columns import PLANES, window_columns, windows_of
+from web.pictures.camera import distance_needed, framing
+from web.pictures.colours import error_colours, error_scale, module_errors
+from web.timeline.columns import encode
+from web.timeline.frame_batch import reel_of
+from web.timeline.view import Film
+from web.timeline.window_columns import PLANES, window_columns, windows_of
+from web.viser.scene_bundle import scenery_of
 
 ROOT = Path(__file__).parents[2]
 STATIC = ROOT / "web" / "static"
@@ -329,11 +329,10 @@ def test_every_test_is_of_a_file(cases: list[Case]) -> None:
 
 
 def test_no_script_is_left_unused() -> None:
-    folders = (STATIC, ROOT / "web" / "templates", ROOT / "web", ROOT / "server" / "routes")
     named = "".join(
         path.read_text(encoding="utf-8")
-        for folder in folders
-        for path in sorted(folder.iterdir())
+        for folder in (ROOT / "web", ROOT / "server" / "pages")
+        for path in sorted(folder.rglob("*"))
         if path.suffix in {".js", ".html", ".py"}
     )
     assert [path.name for path in STATIC.glob("*.js") if path.name not in named] == []

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from web.kept import Kept
+from web.timeline.cache import Kept
 
 
 def test_what_was_not_asked_for_goes_first() -> None:

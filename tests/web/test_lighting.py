@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from web.camera import View
-from web.ground_shadow import SHARPEST, WIDTH, ground_shadow
-from web.lighting import THEMES, fill_light, key_light, shade_colours
-from web.occlusion import FAR, face_light
+from web.pictures.camera import View
+from web.pictures.ground_shadow import SHARPEST, WIDTH, ground_shadow
+from web.pictures.lighting import THEMES, fill_light, key_light, shade_colours
+from web.pictures.occlusion import FAR, face_light
 
 VIEW = View(target=np.zeros(3), azimuth_rad=0.7, elevation_rad=0.4, distance=9.0)
 UPWARDS = np.array([0.0, 0.0, 1.0])

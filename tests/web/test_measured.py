@@ -19,8 +19,8 @@ from planner.simulation.parameters import Parameters
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
-from web.columns import decode
-from web.measured import curves_of, stretch_of
+from web.timeline.columns import decode
+from web.timeline.metrics import curves_of, stretch_of
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planner.chain.module import CUBE
-from web.meshes import BEVEL, SHOWN_SIZE, Mesh, module_mesh, stud_mesh
+from web.pictures.meshes import BEVEL, SHOWN_SIZE, Mesh, module_mesh, stud_mesh
 
 
 def volume(mesh: Mesh) -> float:

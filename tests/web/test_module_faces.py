@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from planner.chain.module import CUBE, TETRAHEDRON, Module
-from web.meshes import SHOWN_SIZE, module_mesh
-from web.module_faces import Piece, module_faces
+from web.pictures.meshes import SHOWN_SIZE, module_mesh
+from web.pictures.module_faces import Piece, module_faces
 
 
 def volume(vertices: np.ndarray, triangles: np.ndarray) -> float:

@@ -13,12 +13,12 @@ from imageio_ffmpeg import get_ffmpeg_exe
 
 from planner.chain.chain import Chain
 from planner.errors import InputError
-from web.encoding import Encoder, EncodingError
-from web.film import Film
-from web.filming import film_movie, frame_numbers
-from web.lighting import THEMES
-from web.movie import Movie
-from web.stage import NoGLError, Stage
+from web.movies.encoding import Encoder, EncodingError
+from web.movies.filming import film_movie, frame_numbers
+from web.movies.movie import Movie
+from web.movies.renderer import NoGLError, Stage
+from web.pictures.lighting import THEMES
+from web.timeline.view import Film
 
 SMALL = {"width": 320, "height": 180, "seconds": 0.8, "fps": 10}
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from planner.pathfinding.options import Wishes
 from planner.pathfinding.prepare import prepare
-from web.isometric import isometric_svg
-from web.preview_drawing import LARGEST_DRAWING, preview_svg
+from web.pictures.isometric import isometric_svg
+from web.pictures.preview_drawing import LARGEST_DRAWING, preview_svg
 
 CROSS = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 2, 0]]
 

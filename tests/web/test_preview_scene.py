@@ -9,10 +9,10 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
 from tests.web.test_scenery import refused
-from web.camera import framing
-from web.colours import ERROR, NEUTRAL
-from web.columns import decode
-from web.preview_scene import SIZE, preview_scene_of
+from web.pictures.camera import framing
+from web.pictures.colours import ERROR, NEUTRAL
+from web.timeline.columns import decode
+from web.viser.preview_scene import SIZE, preview_scene_of
 
 ROW = [[x, 0, 0] for x in range(4)]
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from web.rasteriser import draw_triangles
+from web.pictures.rasteriser import draw_triangles
 
 RED, BLUE = (250.0, 10.0, 10.0), (10.0, 10.0, 250.0)
 

@@ -9,10 +9,10 @@ import pytest
 from planner.motion.timeline import Timeline, TimelineWriter
 from tests.planner import peels
 from tests.web import long_folds
-from web.columns import decode
-from web.film import Film
-from web.reel import chosen, kept_reel, reel_of, thinned
-from web.window_columns import windows_of
+from web.timeline.columns import decode
+from web.timeline.frame_batch import chosen, kept_reel, reel_of, thinned
+from web.timeline.view import Film
+from web.timeline.window_columns import windows_of
 
 
 def test_a_reel_holds_what_was_recorded(timeline_path: Path) -> None:

@@ -10,10 +10,10 @@ from viser import _messages as messages
 
 from planner.chain.chain import Chain
 from planner.chain.rotations import matrix_from_wxyz
-from web.camera import framing
-from web.colours import UNKNOWN, instance_colours
-from web.film import Film
-from web.scene import Scene
+from web.pictures.camera import framing
+from web.pictures.colours import UNKNOWN, instance_colours
+from web.timeline.view import Film
+from web.viser.scene import Scene
 
 
 @pytest.fixture

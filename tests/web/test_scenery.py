@@ -13,8 +13,8 @@ from viser import _messages as messages
 import web
 from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
-from web.columns import decode
-from web.scenery import scenery_of, viser_scene
+from web.timeline.columns import decode
+from web.viser.scene_bundle import scenery_of, viser_scene
 
 
 def test_the_scene_is_what_viser_would_send(chain: Chain) -> None:

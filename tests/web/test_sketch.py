@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from planner.chain.module import MODULES
-from web.camera import FIELD_OF_VIEW_RAD
-from web.meshes import SHOWN_SIZE
-from web.sketch import sketch_outline
+from web.pictures.camera import FIELD_OF_VIEW_RAD
+from web.pictures.meshes import SHOWN_SIZE
+from web.pictures.sketch import sketch_outline
 
 
 @pytest.mark.parametrize("name", sorted(MODULES))

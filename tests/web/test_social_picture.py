@@ -9,9 +9,9 @@ from PIL import Image
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.readers import read
-from server.gallery import Gallery
-from web.lighting import THEMES
-from web.social_picture import SIZE, social_picture
+from server.store.gallery import Gallery
+from web.pictures.lighting import THEMES
+from web.pictures.social_picture import SIZE, social_picture
 
 
 def pixels(chain: Chain) -> np.ndarray:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from planner.chain.module import CUBE, MODULES, Module
-from web.camera import AZIMUTH_RAD, ELEVATION_RAD
-from web.colours import ERROR, NEUTRAL, STUCK
-from web.still import still
+from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD
+from web.pictures.colours import ERROR, NEUTRAL, STUCK
+from web.pictures.still import still
 
 POSITIONS = np.array([(x, 0.0, 0.0) for x in range(6)])
 UPRIGHT = np.tile([1.0, 0.0, 0.0, 0.0], (6, 1))

@@ -8,8 +8,8 @@ import pytest
 from planner.motion.windows import Windows
 from tests.planner import peels
 from tests.web import long_folds
-from web.columns import decode, encode
-from web.window_columns import ANGLE_STEP_RAD, PLANES, window_columns, windows_of
+from web.timeline.columns import decode, encode
+from web.timeline.window_columns import ANGLE_STEP_RAD, PLANES, window_columns, windows_of
 
 CHAIN = peels.snake((4, 4, 6))
 

@@ -1,5 +1,5 @@
 // A camera that keeps the whole chain in view, smoothly, until a visitor takes hold of it.
-// `web/camera.py` frames movies by the same equations.
+// `web/pictures/camera.py` frames movies by the same equations.
 const MOST_POINTS = 600;
 /** @type {Vector[]} */
 const WAYS = [

@@ -1,4 +1,4 @@
-// Arrays and a few words about them from one binary message; web/columns.py tells its form.
+// Arrays and a few words about them from one binary message; web/timeline/columns.py tells its form.
 const TYPES = {
   "<f8": Float64Array, "<f4": Float32Array, "|u1": Uint8Array, "<u2": Uint16Array, "<u4": Uint32Array, "<i4": Int32Array,
 };

@@ -410,7 +410,7 @@ export class Film extends Teller {
     };
   }
 
-  // How many modules, from the first on, a camera should have in view; as web/camera.py tells.
+  // How many modules, from the first on, a camera should have in view; as web/pictures/camera.py tells.
   /** @param {WindowPoses} poses */
   framed({ rod = Infinity }) { return Math.min(this.chain.modules, rod + 1 + (this.scenery.header.camera?.stretch ?? Infinity)); }
 

@@ -1,5 +1,5 @@
 // Rows of reels: what is told of one frame. Ordinary folds tell all angles, long ones those of a
-// window; web/reel.py and web/window_columns.py tell the columns.
+// window; web/timeline/frame_batch.py and web/timeline/window_columns.py tell the columns.
 
 /**
  * @param {Numbers} a

@@ -1,5 +1,5 @@
 // The 3D scene of a preview: layers that come and go, and one module that stands out; see
-// web/preview_scene.py.
+// web/viser/preview_scene.py.
 import { framing, positionOf } from "./camera.js";
 import { decode } from "./columns.js";
 import { picked } from "./kinematics.js";

@@ -1,4 +1,4 @@
-// A 3D scene: viser's client in a frame, shown what the page says; see bridge.js and web/scenery.py.
+// A 3D scene: viser's client in a frame, shown what the page says; see bridge.js and web/viser/scene_bundle.py.
 // The frame is no part of the page, and what it says is looked at before it is believed.
 const FARTHEST = 1e9;
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;

@@ -17,10 +17,10 @@ from PIL import Image
 
 from planner.files import write_json
 from planner.motion.timeline import chain_attributes
-from web.colours import STUCK, error_colours
-from web.film import Film, Snapshot
-from web.reel import chosen
-from web.still import SIZE, still
+from web.pictures.colours import STUCK, error_colours
+from web.pictures.still import SIZE, still
+from web.timeline.frame_batch import chosen
+from web.timeline.view import Film, Snapshot
 
 Ints = NDArray[np.int64]
 FRAMES: Final = 120

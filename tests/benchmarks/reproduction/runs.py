@@ -28,7 +28,7 @@ from tests.benchmarks.machine import processor, reference_seconds
 from tests.benchmarks.reproduction.experiments import Experiment, experiments
 from tests.benchmarks.reproduction.pictures import Moment, keep_pictures
 from tests.benchmarks.stored import version_of
-from web.film import Film
+from web.timeline.view import Film
 
 STARTS: Final = Path(__file__).parents[3] / "out" / "reproduction"
 """Where plans are kept that other experiments begin from."""

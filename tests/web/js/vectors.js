@@ -8,7 +8,7 @@ const path = process.env.FOLDBACK_VECTORS;
 if (!path) throw new Error("FOLDBACK_VECTORS names no file: run these by `pytest tests/web/test_javascript.py`");
 export const vectors = JSON.parse(readFileSync(path, "utf8"));
 
-// A message of web/columns.py from its base64 text.
+// A message of web/timeline/columns.py from its base64 text.
 export const unpack = (text) => decode(new Uint8Array(Buffer.from(text, "base64")).buffer);
 
 export function close(found, expected, { atol = 1e-6, rtol = 0 } = {}) {

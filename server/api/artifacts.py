@@ -1,0 +1,212 @@
+"""Routes of what comes out of a fold: frames of its timeline, and files to take away."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import FileResponse, Response
+
+from planner.errors import InputError
+from planner.exports import EXPORTS, export_named, exports_of
+from server.api.context import Context
+from server.api.finding import has_motion
+from server.api.folds import Here, problems
+from server.api.schemas import ExportBody, ExportList, FramesBody
+from server.http.client_address import address_of
+from server.http.problems import Problem
+from server.store.folds import FoldRow
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
+SMALL_ANSWER: Final = 100_000
+"""Numbers in an answer that is made at once, without waiting for one's turn."""
+MEDIA_TYPES: Final = {
+    "plan.json": "application/json",
+    "plan.npz": "application/octet-stream",
+    "model.xml": "application/xml",
+    "certificate.json": "application/json",
+}
+
+
+@router.get(
+    "/frames",
+    summary="Frames of the timeline",
+    response_model=FramesBody,
+    responses=problems(404, 409, 422, 429, 503),
+)
+def get_frames(
+    request: Request,
+    fold_id: str,
+    context: Here,
+    start: Annotated[int, Query(alias="from", ge=0, description="First frame.")] = 0,
+    stop: Annotated[int | None, Query(alias="to", ge=0, description="Past the last one.")] = None,
+    stride: Annotated[int, Query(ge=1, le=1_000_000, description="Every so many-th.")] = 1,
+    poses: Annotated[bool, Query(description="Also where every module is.")] = False,
+) -> Response:
+    """Frames that are there, while it still computes too; `next` leads to the rest."""
+    # The timeline brings compiled kernels along, which the start of the server need not wait for.
+    from planner.errors import TimelineError
+    from planner.motion.frames import PHASES
+    from planner.motion.timeline import Timeline
+
+    row = context.store.fold(fold_id)
+    try:
+        timeline = Timeline.open(context.store.directory(fold_id) / "timeline.zarr")
+    except (TimelineError, OSError, KeyError) as error:  # or it is just being made anew
+        raise not_there(row, "timeline") from error
+    total, chain = len(timeline), timeline.chain
+    end = total if stop is None else min(stop, total)
+    if start > end:
+        raise Problem(
+            422,
+            "no-such-frames",
+            f"got frames {start} to {end}, expected a stretch of the {total} there are.",
+            where="query.from",
+        )
+    numbers = 2 * len(chain.joint_names) + (7 * len(chain) if poses else 0)
+    settings = context.settings
+    most = max(1, min(settings.frames_per_answer, settings.numbers_per_answer // numbers))
+    until = min(end, start + most * stride)
+    rest = f"/api/folds/{fold_id}/frames?from={until}&to={end}&stride={stride}"
+    if poses:
+        rest += "&poses=true"
+    large = numbers * ((until - start) // stride) > SMALL_ANSWER
+    with context.answers.passed(address_of(request)) if large else nullcontext():
+        frames = timeline.frames(start, until, stride)
+        positions = wxyzs = None
+        if poses:
+            found = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
+            positions, wxyzs = _short(found.positions), _short(found.wxyzs)
+        body = FramesBody(
+            status=timeline.status,
+            total=total,
+            start=start,
+            stop=until,
+            stride=stride,
+            next=rest if until < end else None,
+            phases=list(PHASES),
+            joint_names=list(chain.joint_names),
+            time_s=_short(frames.time_s),
+            phase=frames.phase.tolist(),
+            joint_angles_rad=_short(frames.joint_angles_rad),
+            root_position=_short(frames.root_position),
+            root_wxyz=_short(frames.root_wxyz),
+            max_error_rad=_largest(frames.joint_error_rad),
+            positions=positions,
+            wxyzs=wxyzs,
+        )
+        data = body.model_dump_json(by_alias=True)
+    return Response(data, media_type="application/json")
+
+
+@router.get(
+    "/exports",
+    summary="What a finished fold can be taken away as",
+    responses=problems(404, 409),
+)
+def get_exports(fold_id: str, context: Here) -> ExportList:
+    """Formats of other programs, in the order in which they are offered."""
+    row = _finished(context, fold_id)
+    moving = has_motion(row.summary)
+    return ExportList(
+        exports=[ExportBody.of(fold_id, export) for export in exports_of(moving=moving)]
+    )
+
+
+@router.get(
+    "/exports/{name}",
+    summary="Take it away in one of these formats",
+    response_class=FileResponse,
+    responses={
+        200: {
+            "description": "The file; made when it is first asked for.",
+            "content": {export.media_type: {} for export in EXPORTS},
+        },
+        **problems(404, 409, 413, 429, 503, 507),
+    },
+)
+async def get_export(request: Request, fold_id: str, name: str, context: Here) -> FileResponse:
+    """A file in one of the formats that the list names."""
+    row = await asyncio.to_thread(_finished, context, fold_id)
+    try:
+        export = export_named(name)
+    except InputError as error:
+        raise Problem(404, "no-such-export", error.detail) from error
+    path = await context.exports.file(fold_id, export, visitor=address_of(request))
+    return FileResponse(
+        path,
+        media_type=export.media_type,
+        filename=export.filename if export.shared else _download(row, export.filename),
+    )
+
+
+def _file(name: str) -> None:
+    @router.get(
+        f"/{name}",
+        summary=f"Take away {name}",
+        response_class=FileResponse,
+        responses={
+            200: {"description": "The file", "content": {MEDIA_TYPES[name]: {}}},
+            **problems(404, 409),
+        },
+        name=name,
+        operation_id=f"get_{name.replace('.', '_')}",
+    )
+    def get_file(fold_id: str, context: Here) -> FileResponse:
+        row = context.store.fold(fold_id)
+        path = context.store.directory(fold_id) / name
+        if not row.over or not path.is_file():
+            raise not_there(row, name)
+        return FileResponse(path, media_type=MEDIA_TYPES[name], filename=_download(row, name))
+
+
+for _name in MEDIA_TYPES:
+    _file(_name)
+
+
+def _finished(context: Context, fold_id: str) -> FoldRow:
+    """The row of a fold that has a plan."""
+    row = context.store.fold(fold_id)
+    context.store.looked(row)
+    if not row.over or not (context.store.directory(fold_id) / "plan.npz").is_file():
+        raise not_there(row, "plan")
+    return row
+
+
+def _download(row: FoldRow, name: str) -> str:
+    """What a file of a fold is called where it is saved."""
+    stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in row.name).strip("-")
+    return f"{stem[:60] or 'fold'}-{name}"
+
+
+def not_there(row: FoldRow, what: str) -> Problem:
+    """The problem that a fold has not made something, or not yet."""
+    if row.over:
+        reason = f" ({row.error['detail']})" if row.error else ""
+        return Problem(404, "no-such-artifact", f"This fold ended without its {what}{reason}.")
+    return Problem(
+        409,
+        "not-ready",
+        f"The {what} is not there yet: the fold is {row.status}. Follow its events.",
+        headers={"Retry-After": "1"},
+    )
+
+
+def _short(values: NDArray[Any]) -> Any:
+    """Values as JSON numbers, to a precision that nobody can see or measure."""
+    return values.round(9).tolist()
+
+
+def _largest(errors: NDArray[Any]) -> list[float | None]:
+    import numpy as np
+
+    recorded = np.asarray(~np.isnan(errors).all(axis=1))
+    largest = np.zeros(len(errors))
+    largest[recorded] = np.nanmax(np.abs(errors[recorded]), axis=1, initial=0.0)
+    pairs = zip(_short(largest), recorded.tolist(), strict=True)
+    return [value if there else None for value, there in pairs]

@@ -1,0 +1,72 @@
+"""Context: what the routes of one running service share."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from fastapi import Request
+
+from server.api.fold_states import Watch
+from server.files.exports import Exports
+from server.files.preview_scenes import PreviewScenes
+from server.files.previews import Previews
+from server.files.trajectories import Trajectories
+from server.files.workshop import Workshop
+from server.http.client_address import address_of
+from server.http.streams import Streams
+from server.http.uploads import Uploads
+from server.jobs.movies import Movies
+from server.jobs.queue import Jobs
+from server.ops.metrics import Metrics
+from server.processes.children import Reader
+from server.processes.fork_server import ForkServer
+from server.processes.gate import Gate
+from server.settings import Settings
+from server.store.folds import Store
+from server.store.gallery import Gallery
+from server.store.leases import Leases
+
+if TYPE_CHECKING:
+    from web.timeline.views import Films
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Context:
+    """Everything with a lifetime that a request may need."""
+
+    settings: Settings
+    store: Store
+    jobs: Jobs
+    films: Films
+    fork_server: ForkServer | None
+    reader: Reader
+    preparer: Reader
+    previews: Previews
+    preview_scenes: PreviewScenes
+    workshop: Workshop
+    exports: Exports
+    movies: Movies
+    gallery: Gallery
+    watch: Watch
+    streams: Streams
+    robots: Streams
+    trajectories: Trajectories
+    answers: Gate
+    uploads: Uploads
+    metrics: Metrics
+    leases: Leases
+    secret: bytes
+
+    def visitor(self, request: Request) -> str:
+        """A name for who asks, which does not give the address away."""
+        address = address_of(request)
+        return hmac.new(self.secret, address.encode(), hashlib.sha256).hexdigest()[:32]
+
+
+def context_of(request: Request) -> Context:
+    """The context of the application that a request is for."""
+    context: Context = request.app.state.context
+    return context

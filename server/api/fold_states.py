@@ -1,0 +1,78 @@
+"""Watch: the state of folds as it changes, read once for all who look at the same fold."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import time
+from collections.abc import AsyncIterator
+from typing import Any, Final
+
+from server.api.schemas import progress_of
+from server.store.folds import NoSuchFoldError, Store
+from server.store.leases import Leases
+
+LOOK_EVERY_S: Final = 0.15
+ALIVE_EVERY_S: Final = 15.0
+MOST_KEPT: Final = 1024
+
+
+class Watch:
+    """Keeps each looked-at state for a moment."""
+
+    def __init__(self, store: Store, leases: Leases) -> None:
+        self._store = store
+        self._leases = leases
+        self._looks: dict[str, tuple[float, asyncio.Task[dict[str, Any]]]] = {}
+        self._ending = asyncio.Event()
+
+    def end(self) -> None:
+        """Lets all who follow go, so that the service can end; browsers come back by themselves."""
+        self._ending.set()
+
+    async def state(self, fold_id: str) -> dict[str, Any]:
+        """The fold's progress, at most ``LOOK_EVERY_S`` old.
+
+        Raises:
+            NoSuchFoldError: When there is no such fold.
+        """
+        now = time.monotonic()
+        known = self._looks.get(fold_id)
+        if known is None or now - known[0] >= LOOK_EVERY_S:
+            if len(self._looks) >= MOST_KEPT:
+                self._looks = {
+                    key: look for key, look in self._looks.items() if now - look[0] < LOOK_EVERY_S
+                }
+            task = asyncio.create_task(asyncio.to_thread(self._look, fold_id))
+            known = self._looks[fold_id] = (now, task)
+        return await asyncio.shield(known[1])
+
+    async def events(self, fold_id: str) -> AsyncIterator[bytes]:
+        """Server-sent events ``progress`` until the fold is over, then ``done``."""
+        last: dict[str, Any] | None = None
+        told_at = time.monotonic()
+        while not self._ending.is_set():
+            try:
+                state = await self.state(fold_id)
+            except NoSuchFoldError:
+                yield _event("done", {"status": "deleted"})
+                return
+            if state != last:
+                yield _event("progress", state)
+                last, told_at = state, time.monotonic()
+                if state["status"] not in ("queued", "running"):
+                    yield _event("done", state)
+                    return
+            elif time.monotonic() - told_at > ALIVE_EVERY_S:
+                yield b": still here\n\n"
+                told_at = time.monotonic()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._ending.wait(), LOOK_EVERY_S)
+
+    def _look(self, fold_id: str) -> dict[str, Any]:
+        return progress_of(self._store.fold(fold_id), self._store, self._leases)
+
+
+def _event(name: str, data: dict[str, Any]) -> bytes:
+    return f"event: {name}\ndata: {json.dumps(data)}\n\n".encode()

@@ -1,0 +1,407 @@
+"""Routes of folds: ask for one, follow it, take its plan, stop it, delete it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from io import BytesIO
+from typing import Annotated, Any, BinaryIO, Final, Literal
+
+from fastapi import APIRouter, Depends, File, Form, Request, UploadFile
+from fastapi.responses import Response, StreamingResponse
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+
+from planner.errors import InputError
+from planner.pathfinding.options import MODULE_COUNTS
+from planner.pathfinding.starts import TEXT as START
+from planner.pathfinding.starts import cell_of
+from planner.pipeline.paper_settings import LONGEST, SETTINGS
+from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
+from planner.pipeline.request import Request as Asked
+from planner.readers.limits import quote
+from server.api.base_folds import beginning_noted, beginning_of
+from server.api.context import Context, context_of
+from server.api.schemas import Accepted, Fold, Folds, Links, ProblemBody, Shape, Shapes
+from server.api.submit import Submission, input_noted, noted, submit
+from server.files.cancelled import sweep_cancelled
+from server.files.previews import ShapeWishes
+from server.http.client_address import address_of
+from server.http.problems import Problem
+from server.http.response_cache import mark
+from server.http.uploads import FormRoute
+from server.store.folds import new_token
+
+router = APIRouter(prefix="/api/folds", tags=["folds"], route_class=FormRoute)
+ID: Final = "^[A-Za-z0-9_-]*$"
+LISTED_SETTINGS: Final = ", ".join(
+    f"`{each.name}`{f' ({each.unit})' if each.unit else ''}" for each in SETTINGS
+)
+bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
+
+Here = Annotated[Context, Depends(context_of)]
+Bearer = Annotated[HTTPAuthorizationCredentials | None, Depends(bearer)]
+
+
+def _wishes(
+    module: Annotated[
+        Literal["cube", "tetrahedron"],
+        Form(description="What meshes, voxels and cells become; chains say so themselves."),
+    ] = "cube",
+    modules: Annotated[
+        int | None,
+        Form(
+            ge=MODULE_COUNTS[0],
+            le=MODULE_COUNTS[1],
+            description="About how many modules; meshes get 160 if not said.",
+        ),
+    ] = None,
+    method: Annotated[
+        Literal["auto", "blocks", "exact", "snake"],
+        Form(description="How a path is found: `blocks` makes 2×2×2 modules of each voxel."),
+    ] = "auto",
+    repair: Annotated[
+        bool, Form(description="Add or drop cells where there is no path otherwise.")
+    ] = False,
+    ends: Annotated[
+        Literal["any", "surface"], Form(description="`surface`: both ends on the outside.")
+    ] = "any",
+    as_voxels: Annotated[
+        bool, Form(description="Take a list of cells as a shape, not as a path.")
+    ] = False,
+    start: Annotated[
+        str | None,
+        Form(
+            pattern=rf"^{START}$",
+            description="The cell that the chain begins in, as `x,y,z` of a preview's `cells`.",
+        ),
+    ] = None,
+) -> ShapeWishes:
+    return ShapeWishes(
+        module=module,
+        modules=modules,
+        method=method,
+        repair=repair,
+        ends=ends,
+        as_voxels=as_voxels,
+        start=cell_of(start) if start else None,
+    )
+
+
+Wishes = Annotated[ShapeWishes, Depends(_wishes)]
+
+
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """How OpenAPI says which problems a route answers with."""
+    content = {"application/problem+json": {"schema": ProblemBody.model_json_schema()}}
+    return {status: {"description": "A problem", "content": content} for status in statuses}
+
+
+@router.post(
+    "",
+    status_code=202,
+    summary="Fold an upload or a shape of the gallery",
+    responses=problems(404, 409, 413, 422, 429, 503, 507),
+)
+def post_fold(
+    request: Request,
+    context: Here,
+    credentials: Bearer,
+    wishes: Wishes,
+    file: Annotated[
+        UploadFile | None, File(description="A mesh, voxels, a path or a chain.")
+    ] = None,
+    shape: Annotated[str | None, Form(description="Or the name of a gallery shape.")] = None,
+    preview: Annotated[
+        str | None, Form(max_length=64, pattern=ID, description="Or the id of a preview.")
+    ] = None,
+    fold: Annotated[
+        str | None,
+        Form(
+            max_length=64,
+            pattern=ID,
+            description="Or the id of a fold: its input once more, and its wishes for the shape.",
+        ),
+    ] = None,
+    refold: Annotated[
+        str | None,
+        Form(
+            max_length=64,
+            pattern=ID,
+            description="The id of a finished fold: its chain goes from there over straight to the "
+            "shape, which must have as many modules of the same kind.",
+        ),
+    ] = None,
+    smooth: Annotated[
+        str | None,
+        Form(
+            max_length=64,
+            pattern=ID,
+            description="Or the id of a verified fold: its motion, made shorter and quieter, as a "
+            "fold of its own. It is not recorded again, so preset and strategy stay as usual.",
+        ),
+    ] = None,
+    preset: Annotated[
+        Literal["default", "paper", "direct"],
+        Form(description="`direct` servoes straight to the shape: the baseline that fails."),
+    ] = "default",
+    settings: Annotated[
+        str,
+        Form(
+            # Longer ones are refused in the planner's words.
+            json_schema_extra={"maxLength": LONGEST},
+            description="Other numbers for the presets `paper` and `direct`, as "
+            f"`damping=0.05,radial_gain=0.2`. There are: {LISTED_SETTINGS}.",
+        ),
+    ] = "",
+    seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
+    module_size: Annotated[
+        float | None,
+        Form(ge=MODULE_SIZES[0], le=MODULE_SIZES[1], description="Edge of a module in pitches."),
+    ] = None,
+    strategy: Annotated[
+        Literal["auto", "simultaneous", "blocks", "peel", "one-by-one"],
+        Form(
+            description="How the chain is let go: all at once, rigid blocks first, or unit by unit "
+            "from its far end, which `auto` takes for long ones; `one-by-one` bends one joint "
+            "after the other, a baseline."
+        ),
+    ] = "auto",
+) -> Accepted:
+    """Accepts it and puts it into the queue. The same again with the same token is the same fold.
+
+    So is a shape of the gallery, as it is usually folded, for everybody.
+    """
+    try:
+        asked = Asked(preset=preset, settings=settings)
+        asked.check()
+    except InputError as error:
+        raise Problem.of_input(error) from None
+    source, filename = input_of(context, file, shape, preview, fold, smooth)
+    if smooth is not None and refold is not None:
+        source.close()
+        raise Problem(
+            422, "smooth-or-refold", "got the form fields 'smooth' and 'refold', expected one."
+        )
+    with source:
+        cells = _previewed(context, preview, replace(wishes, seed=seed))
+        again = smooth if fold is None else fold
+        row = None
+        if again is not None:
+            row = context.store.fold(again)
+            shape = row.shape
+            wishes, cells = noted(context.store.directory(again))
+            if smooth is not None and module_size is None:
+                module_size = row.module_size
+        beginning = None
+        if smooth is not None:
+            beginning = beginning_of(context, smooth, "smooth")
+        elif refold is not None:
+            beginning = beginning_of(context, refold, "refold")
+            if file is not None or preview is not None:  # others know what they are made of
+                modules = wishes.modules or beginning.modules
+                wishes = replace(wishes, module=beginning.module, modules=modules)
+        elif fold is not None and row is not None:
+            beginning = beginning_noted(context.store.directory(fold), row)
+        with context.uploads.kept(source, filename) as upload:
+            receipt = submit(
+                context,
+                Submission(
+                    upload=upload,
+                    shape=shape,
+                    preset=preset,
+                    settings=asked.canonical().settings,
+                    seed=seed,
+                    module_size=module_size,
+                    visitor=context.visitor(request),
+                    token=token_of(credentials) or new_token(),
+                    wishes=wishes,
+                    cells=cells,
+                    beginning=beginning,
+                    strategy=strategy,
+                    again=None if fold is None else row,
+                ),
+            )
+    return Accepted(
+        id=receipt.row.id,
+        owner_token=receipt.token,
+        existing=receipt.existing,
+        links=Links.of(receipt.row.id),
+    )
+
+
+@router.get("", summary="Folds of the gallery, and one's own")
+def get_folds(context: Here, credentials: Bearer) -> Folds:
+    """Others' folds are never listed; their links are for who was given them."""
+    rows = {row.id: row for row in context.store.list_public()}
+    if (token := token_of(credentials)) is not None:
+        rows.update({row.id: row for row in context.store.list_owned(token)})
+    newest_first = sorted(rows.values(), key=lambda row: row.created_at, reverse=True)
+    return Folds(folds=[Fold.of(row, context.store, context.leases) for row in newest_first])
+
+
+@router.get("/{fold_id}", summary="The state of a fold", responses=problems(404))
+def get_fold(request: Request, fold_id: str, context: Here) -> Fold:
+    """What is known of it now."""
+    row = context.store.fold(fold_id)
+    context.store.looked(row)
+    mark(request, row)
+    return Fold.of(row, context.store, context.leases)
+
+
+@router.get(
+    "/{fold_id}/events",
+    summary="Follow a fold",
+    response_class=StreamingResponse,
+    responses={
+        200: {
+            "description": "Server-sent events: `progress` as it changes, `done` at the end.",
+            "content": {"text/event-stream": {"schema": {"type": "string"}}},
+        },
+        **problems(404, 429),
+    },
+)
+async def get_events(request: Request, fold_id: str, context: Here) -> StreamingResponse:
+    """Server-sent events until the fold is over."""
+    await context.watch.state(fold_id)
+    return context.streams.answer(context.watch.events(fold_id), address_of(request))
+
+
+@router.get(
+    "/{fold_id}/refolds",
+    summary="Shapes of the gallery that a fold can be refolded into",
+    responses=problems(404),
+)
+def get_refolds(fold_id: str, context: Here) -> Shapes:
+    """Those with as many modules of the same kind, without its own."""
+    row = context.store.fold(fold_id)
+    fitting = context.gallery.fitting(row.module, row.modules)
+    return Shapes(shapes=[Shape.of(shape) for shape in fitting if shape.name != row.shape])
+
+
+@router.post(
+    "/{fold_id}/cancel", status_code=202, summary="Stop a fold", responses=problems(401, 403, 404)
+)
+def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
+    """Stops it. One of the gallery that others have asked for too goes on.
+
+    Its input stays for an hour, if not much of the same visitor does, for another try.
+    """
+    store = context.store
+    before = store.fold(fold_id)
+    if not store.cancel(fold_id, _needed(credentials)):
+        raise _not_owner()
+    row = store.fold(fold_id)
+    if not before.over:
+        context.jobs.forget(fold_id)
+        sweep_cancelled(store, time.time(), visitor=row.visitor)
+    return Fold.of(row, store, context.leases)
+
+
+@router.delete(
+    "/{fold_id}", status_code=204, summary="Delete a fold", responses=problems(401, 403, 404)
+)
+def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
+    """Deletes it for good. Those of the gallery are everybody's: nobody deletes them."""
+    store = context.store
+    row, token = store.fold(fold_id), _needed(credentials)
+    if row.public:
+        raise Problem(
+            403, "public", "This fold belongs to the gallery, which everybody sees; it stays."
+        )
+    if not store.delete(fold_id, token):
+        raise _not_owner()
+    context.jobs.forget(fold_id)
+    store.folders.remove(fold_id)
+    return Response(status_code=204)
+
+
+def input_of(
+    context: Context,
+    file: UploadFile | None,
+    shape: str | None,
+    preview: str | None,
+    fold: str | None = None,
+    smooth: str | None = None,
+) -> tuple[BinaryIO, str | None]:
+    """What a form brings, open, and its name: a file, or what the service has already.
+
+    Raises:
+        NoSuchFoldError: When there is no such fold.
+        NoSuchPreviewError: When the preview is not there any more.
+        Problem: When it is none of them, or several.
+    """
+    given = [
+        name
+        for name, value in (
+            ("file", file),
+            ("shape", shape),
+            ("preview", preview),
+            ("fold", fold),
+            ("smooth", smooth),
+        )
+        if value is not None
+    ]
+    if len(given) != 1:
+        raise Problem(
+            422,
+            "file-or-shape",
+            f"got {' and '.join(given) or 'none'} of the form fields 'file', 'shape', "
+            "'preview', 'fold' and 'smooth', expected one of them.",
+        )
+    if file is not None:
+        return file.file, clean_filename(file.filename)
+    if preview is not None:
+        return context.previews.upload(preview)
+    if (again := smooth if fold is None else fold) is not None:
+        context.store.fold(again)
+        return input_noted(context.store.directory(again))
+    found = context.gallery.shape(shape or "")
+    if found is None:
+        raise Problem(
+            422,
+            "no-such-shape",
+            f"got the shape {quote(shape)!r}, expected one of "
+            f"{context.gallery.nearest((shape or '')[:100])}; GET /api/shapes lists them.",
+        )
+    return BytesIO(found.data), found.filename
+
+
+def _previewed(
+    context: Context, preview: str | None, wishes: ShapeWishes
+) -> list[list[int]] | None:
+    """The cells that a preview has found, so that the fold's page can draw them at once."""
+    return None if preview is None else context.previews.cells(preview, wishes)
+
+
+def clean_filename(name: str | None) -> str | None:
+    """The last part of what an upload was called, without anything that does not print."""
+    base = (name or "").replace("\\", "/").rpartition("/")[2]
+    return "".join(c for c in base if c.isprintable())[:200] or None
+
+
+def token_of(credentials: HTTPAuthorizationCredentials | None) -> str | None:
+    """The token, if there is one; a short one is none, for it could be guessed."""
+    if credentials is None or not 24 <= len(credentials.credentials) <= 200:
+        return None
+    return credentials.credentials
+
+
+def _needed(credentials: HTTPAuthorizationCredentials | None) -> str:
+    if (token := token_of(credentials)) is not None:
+        return token
+    raise Problem(
+        401,
+        "no-owner-token",
+        "This needs the owner token that came with the answer to the upload, as "
+        "'Authorization: Bearer …'.",
+        headers={"WWW-Authenticate": "Bearer"},
+    )
+
+
+def _not_owner() -> Problem:
+    return Problem(
+        403,
+        "not-owner",
+        "This token is not that of the fold's owner; a fold of the gallery has none once several "
+        "have asked for it.",
+    )

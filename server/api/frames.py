@@ -1,0 +1,154 @@
+"""Films: what a browser shows of a fold, taken from its timeline.
+
+``/view`` is viser's client, the same for every fold, so that a browser keeps it. The page that
+frames it hands it the fold's scenery (``web.viser.scene_bundle``) and, frame by frame, what is in
+the fold's reels (``web.timeline.frame_batch``): a visitor far away scrubs as quickly as one next
+door.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+from typing import Annotated, Final
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import Response
+
+from planner.errors import TimelineError
+from server.api.finding import RUNNING, find_now
+from server.http.response_cache import mark
+from server.store.folds import NoSuchFoldError
+from web.timeline.frame_batch import kept_reel
+from web.timeline.metrics import kept_figures
+from web.timeline.view import Film
+from web.viser.client import client
+from web.viser.scene_bundle import scenery_of
+
+router = APIRouter(include_in_schema=False)
+
+LOOK_EVERY_S: Final = 0.1
+LONGEST_WAIT_S: Final = 2.0
+BINARY: Final = "application/octet-stream"
+
+
+@router.get("/view")
+async def view(request: Request) -> Response:
+    """Viser's client, to be framed by a page of ours."""
+    page = await asyncio.to_thread(client)
+    headers = {
+        "Content-Security-Policy": page.policy,
+        "Cache-Control": "no-cache",
+        "ETag": page.etag,
+        "X-Frame-Options": "SAMEORIGIN",
+    }
+    if request.headers.get("if-none-match") == page.etag:
+        return Response(status_code=304, headers=headers)
+    return Response(page.html, media_type="text/html", headers=headers)
+
+
+@router.get("/folds/{fold_id}/scenery")
+async def scenery(request: Request, fold_id: str) -> Response:
+    """What is known of a fold's chain and its scene; the id is that of the timeline."""
+
+    def answer() -> Response:
+        film = _film(request, fold_id)
+        return _nothing() if film is None else _scenery(request, film)
+
+    return await asyncio.to_thread(answer)
+
+
+@router.get("/folds/{fold_id}/reel")
+async def reel(
+    request: Request,
+    fold_id: str,
+    start: Annotated[int, Query(alias="from", ge=0)] = 0,
+    stop: Annotated[int | None, Query(alias="to", ge=0)] = None,
+    stride: Annotated[int, Query(ge=1, le=1_000_000)] = 1,
+    wait: Annotated[float, Query(ge=0, le=LONGEST_WAIT_S)] = 0.0,
+) -> Response:
+    """Frames of a fold's timeline; with ``wait``, seconds, not before there are any from there."""
+
+    def answer(film: Film | None = None) -> Response | Film:
+        """In one go, for threads are few and a slider asks often; the film, where one waits."""
+        waited = film is not None
+        film = film or _film(request, fold_id)
+        if film is None:
+            return _nothing()
+        if wait and not waited and start >= len(film) and film.growing:
+            return film
+        try:
+            return _binary(request, kept_reel(film, start, stop, stride), film)
+        except TimelineError:
+            return _nothing()  # it is being replaced just now
+
+    found = await asyncio.to_thread(answer)
+    if isinstance(found, Response):
+        return found
+    loop = asyncio.get_running_loop()
+    until = loop.time() + wait
+    while start >= len(found) and found.growing and loop.time() < until:
+        await asyncio.sleep(LOOK_EVERY_S)
+        await asyncio.to_thread(found.refresh)
+    made = await asyncio.to_thread(answer, found)
+    assert isinstance(made, Response)
+    return made
+
+
+@router.get("/folds/{fold_id}/figures")
+async def figures(
+    request: Request,
+    fold_id: str,
+    part: Annotated[int | None, Query(ge=0, le=1_000_000)] = None,
+) -> Response:
+    """Figures of a fold that is over: curves of all frames, or everything of one stretch."""
+
+    def answer() -> Response:
+        found = find_now(request.app, fold_id)
+        if found is None:
+            raise NoSuchFoldError(fold_id)
+        if found.row.status in RUNNING:
+            return _nothing()
+        mark(request, found.row)
+        try:
+            return _kept(request, kept_figures(found.directory, part))
+        except (TimelineError, OSError):
+            return _nothing()
+
+    return await asyncio.to_thread(answer)
+
+
+def _scenery(request: Request, film: Film) -> Response:
+    return _binary(request, scenery_of(film.chain, film.stretch), film)
+
+
+def _binary(request: Request, data: bytes, film: Film) -> Response:
+    if film.growing:
+        return Response(data, media_type=BINARY, headers={"Cache-Control": "no-store"})
+    return _kept(request, data)
+
+
+def _kept(request: Request, data: bytes) -> Response:
+    """What browsers keep, and ask whether it is still the same."""
+    headers = {
+        "Cache-Control": "private, no-cache",
+        "ETag": f'"{hashlib.sha256(data).hexdigest()[:20]}"',
+    }
+    if request.headers.get("if-none-match") == headers["ETag"]:
+        return Response(status_code=304, headers=headers)
+    return Response(data, media_type=BINARY, headers=headers)
+
+
+def _nothing() -> Response:
+    """There is nothing to see yet."""
+    return Response(status_code=204, headers={"Cache-Control": "no-store"})
+
+
+def _film(request: Request, fold_id: str) -> Film | None:
+    found = find_now(request.app, fold_id)
+    if found is None:
+        raise NoSuchFoldError(fold_id)
+    film = request.app.state.context.films.get(found.directory / "timeline.zarr")
+    if film is not None and not film.growing:
+        mark(request, found.row)
+    return film if film is not None and len(film) else None

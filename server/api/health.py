@@ -1,0 +1,79 @@
+"""Routes for operators: is it alive, is it ready, what are its figures."""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+
+from fastapi import APIRouter, Request
+from fastapi.responses import JSONResponse, PlainTextResponse, Response
+from sqlalchemy.exc import SQLAlchemyError
+
+from server.api.folds import Here, problems
+from server.http.problems import Problem
+from server.ops.metrics import MEDIA_TYPE
+from server.ops.readiness import Readiness
+from server.store.stats import Census
+
+router = APIRouter(tags=["operation"])
+PASSED_ON = ("forwarded", "x-forwarded-for", "x-real-ip", "via")
+
+
+@router.get("/health", summary="Is it alive?")
+async def get_health() -> dict[str, str]:
+    """Answers whenever the web process runs."""
+    return {"status": "ok"}
+
+
+@router.get("/ready", summary="Can it take folds?")
+def get_ready(request: Request) -> JSONResponse:
+    """503 with reasons while database, disk or storage fail, no worker lives, or it is ending."""
+    readiness: Readiness = request.app.state.readiness
+    found = readiness.state()
+    return JSONResponse(
+        {
+            "ready": found.ready,
+            "database": found.database,
+            "disk": found.disk,
+            "storage": found.storage,
+            "workers": found.workers,
+            "reasons": list(found.reasons),
+        },
+        status_code=200 if found.ready else 503,
+        headers={"Cache-Control": "no-store"},
+    )
+
+
+@router.get(
+    "/metrics",
+    summary="Figures for Prometheus",
+    response_class=PlainTextResponse,
+    responses=problems(403),
+)
+async def get_metrics(request: Request, context: Here) -> Response:
+    """Figures in Prometheus' text format, for this machine alone unless `metrics_public` is set."""
+    if not (context.settings.metrics_public or _from_here(request)):
+        raise Problem(
+            403,
+            "not-public",
+            "The figures are for this machine alone; an operator opens them with "
+            "FOLDBACK_METRICS_PUBLIC=true.",
+        )
+    census: Census = request.app.state.census
+    streams, robots = len(context.streams), len(context.robots)
+    try:
+        figures = await asyncio.to_thread(census.figures)
+    except SQLAlchemyError:
+        figures = None
+    text = context.metrics.text(figures, streams=streams, robots=robots)
+    return Response(text, media_type=MEDIA_TYPE)
+
+
+def _from_here(request: Request) -> bool:
+    """Whether a program of this machine asks, and no proxy for somebody else."""
+    if request.client is None or any(name in request.headers for name in PASSED_ON):
+        return False
+    try:
+        return ipaddress.ip_address(request.client.host).is_loopback
+    except ValueError:
+        return False

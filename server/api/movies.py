@@ -1,0 +1,182 @@
+"""Routes of movies: ask for one, see how far it is, take it away, stop it."""
+
+from __future__ import annotations
+
+from typing import Any, Final, Literal
+
+from fastapi import APIRouter, Request
+from fastapi.responses import FileResponse, Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from planner.errors import InputError
+from server.api.folds import Bearer, Here, problems, token_of
+from server.api.schemas import Fault
+from server.http.problems import Problem
+from server.jobs.movies import MovieState
+from web.movies.movie import Movie
+
+router = APIRouter(prefix="/api/folds/{fold_id}/movies", tags=["movies"])
+MEDIA_TYPES: Final = {"mp4": "video/mp4", "gif": "image/gif"}
+
+
+class MovieWishes(BaseModel):
+    """What a movie is to be; what is not said is as plain for its format."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    format: Literal["mp4", "gif"] = "mp4"
+    width: int | None = Field(default=None, description="Pixels, even; at most 1920 (GIF: 960).")
+    height: int | None = Field(default=None, description="Pixels, even.")
+    fps: int | None = Field(default=None, description="Pictures a second; at most 60 (GIF: 25).")
+    seconds: float | None = Field(default=None, description="At most 60 (GIF: 20).")
+    azimuth_deg: float | None = Field(
+        default=None, description="Direction that the end is seen from; chosen if not said."
+    )
+    elevation_deg: float | None = Field(default=None, description="Camera above the ground.")
+    turn_deg: float | None = Field(default=None, description="How far the camera goes around.")
+    theme: Literal["light", "dark"] | None = None
+    first_frame: int | None = Field(
+        default=None, description="Of the timeline; the first one of the playback if not said."
+    )
+    last_frame: int | None = Field(
+        default=None, description="The timeline's last if not said; before the first: backwards."
+    )
+
+
+class MovieLinks(BaseModel):
+    """Where the parts of a movie are."""
+
+    self: str
+    file: str
+    fold: str
+
+
+class MovieBody(BaseModel):
+    """A movie as it is now."""
+
+    id: str
+    status: Literal["queued", "running", "ready", "failed"]
+    frames_done: int
+    frames_total: int
+    format: Literal["mp4", "gif"]
+    width: int
+    height: int
+    fps: int
+    seconds: float
+    problem: Fault | None
+    token: str | None = Field(
+        default=None, description="Told once, to who asked first; deleting asks for it."
+    )
+    links: MovieLinks
+
+    @classmethod
+    def of(cls, fold_id: str, state: MovieState, token: str | None = None) -> MovieBody:
+        """What the API shows of it."""
+        here = f"/api/folds/{fold_id}/movies/{state.id}"
+        movie = state.movie
+        return cls(
+            id=state.id,
+            status=state.status,
+            frames_done=state.frames_done,
+            frames_total=movie.count,
+            format=movie.format,
+            width=movie.width,
+            height=movie.height,
+            fps=movie.fps,
+            seconds=movie.seconds,
+            problem=Fault.model_validate(state.problem) if state.problem else None,
+            token=token,
+            links=MovieLinks(self=here, file=f"{here}/file", fold=f"/api/folds/{fold_id}"),
+        )
+
+
+@router.post(
+    "",
+    status_code=202,
+    summary="Have a movie made",
+    responses=problems(404, 409, 422, 429, 503, 507),
+)
+def post_movie(
+    request: Request,
+    response: Response,
+    fold_id: str,
+    context: Here,
+    credentials: Bearer,
+    wishes: MovieWishes,
+) -> MovieBody:
+    """Puts it into the queue. The same wishes again give the same movie.
+
+    Movies that the fold's owner asks for, with his token, stay when others ask for theirs.
+    """
+    try:
+        movie = Movie.of(wishes.model_dump())
+    except InputError as error:
+        raise Problem.of_input(error) from None
+    token = token_of(credentials)
+    of_owner = token is not None and context.store.owns(fold_id, token)
+    visitor = context.visitor(request)
+    body = MovieBody.of(fold_id, *context.movies.ask(fold_id, movie, visitor, of_owner=of_owner))
+    response.headers["Location"] = body.links.self
+    _again(response, body)
+    return body
+
+
+@router.get("/{movie_id}", summary="How far a movie is", responses=problems(404))
+def get_movie(response: Response, fold_id: str, movie_id: str, context: Here) -> MovieBody:
+    """Ask again after `Retry-After` seconds, until it is `ready` or `failed`."""
+    context.store.fold(fold_id)
+    body = MovieBody.of(fold_id, context.movies.state(fold_id, movie_id))
+    _again(response, body)
+    return body
+
+
+@router.get(
+    "/{movie_id}/file",
+    summary="Take a movie away",
+    response_class=FileResponse,
+    responses={
+        200: {"description": "The file", "content": {kind: {} for kind in MEDIA_TYPES.values()}},
+        **problems(404, 409),
+    },
+)
+def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
+    """The MP4 or GIF file."""
+    row = context.store.fold(fold_id)
+    path = context.movies.file(fold_id, movie_id)
+    if path is None:
+        raise Problem(409, "not-ready", "The movie is not there yet.", headers={"Retry-After": "1"})
+    stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in row.name).strip("-")
+    return FileResponse(
+        path,
+        media_type=MEDIA_TYPES[path.suffix[1:]],
+        filename=f"{stem[:60] or 'fold'}{path.suffix}",
+    )
+
+
+@router.delete(
+    "/{movie_id}",
+    status_code=204,
+    summary="Stop making a movie, or delete it",
+    responses=problems(403, 404),
+)
+def delete_movie(fold_id: str, movie_id: str, context: Here, credentials: Bearer) -> Response:
+    """For who has the token that came with the answer to the wish, and for the fold's owner."""
+    context.store.fold(fold_id)
+    state = context.movies.state(fold_id, movie_id)
+    token = credentials.credentials if credentials else ""
+    if not state.owned_by(token) and not context.store.owns(fold_id, token):
+        raise Problem(
+            403,
+            "not-owner",
+            "This needs the token that came with the answer to the wish, or that of the fold's "
+            "owner, as 'Authorization: Bearer …'.",
+        )
+    context.movies.delete(fold_id, movie_id)
+    return Response(status_code=204)
+
+
+def _again(response: Response, body: MovieBody) -> None:
+    headers: dict[str, Any] = {"Cache-Control": "no-store"}
+    if body.status in ("queued", "running"):
+        headers["Retry-After"] = "1"
+    response.headers.update(headers)

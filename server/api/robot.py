@@ -1,0 +1,501 @@
+"""Routes for robots: trajectories, the torques they need, and a motion in real time."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
+
+import msgspec
+from fastapi import APIRouter, Query, Request, WebSocket, WebSocketDisconnect
+from fastapi.responses import Response, StreamingResponse
+
+from planner.errors import InputError
+from server.api.artifacts import not_there
+from server.api.context import Context
+from server.api.finding import FOLD_ID
+from server.api.folds import Here, problems
+from server.api.robot_clock import Pace, Reason
+from server.api.robot_messages import (
+    DECODER,
+    ENCODER,
+    FORMAT,
+    Ask,
+    Begin,
+    End,
+    Going,
+    Outgoing,
+    Pause,
+    Report,
+    Resume,
+    Stop,
+    Target,
+    Waiting,
+    Wrong,
+    schema,
+)
+from server.files.trajectories import MotorsWanted, Retimed, Wanted
+from server.http.client_address import address_of
+from server.http.problems import Problem
+from server.store.folds import FoldRow, NoSuchFoldError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from starlette.types import Receive, Scope, Send
+
+router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
+schemas = APIRouter(prefix="/api", tags=["robots"])
+LARGEST_ANSWER: Final = 5_000_000
+"""Numbers in a trajectory."""
+LONGEST_ANSWER_S: Final = 300.0
+"""How long it may take to send one."""
+MOST_MODULES: Final = 1000
+"""Of a chain whose torques are computed here."""
+MEDIA_TYPES: Final = {"csv": "text/csv; charset=utf-8", "json": "application/json"}
+REFUSED, TRY_LATER, DONE = 1008, 1013, 1000
+MOST_MESSAGES_A_SECOND: Final = 400
+BYTES_A_JOINT: Final = 32
+GONE_S: Final = 60.0
+"""A robot that says nothing for so long, or takes nothing, is gone."""
+ALIVE_S: Final = 1.0
+"""How often a silent robot is told its target again."""
+LEAVE_S: Final = 5.0
+"""How long a robot may take to hang up after the end."""
+AHEAD_S: Final = 0.25
+"""How far targets run ahead of the reports on them."""
+REMEMBERED: Final = 64
+"""Targets that a report may speak of; more than are ever ahead."""
+
+Speed = Annotated[float, Query(ge=1e-3, le=1e3, description="Largest speed of a joint, in rad/s.")]
+Acceleration = Annotated[
+    float, Query(ge=1e-3, le=1e4, description="Largest acceleration of a joint, in rad/s².")
+]
+Form = Literal["csv", "json"]
+
+
+@router.get(
+    "/trajectory",
+    summary="The plan with time stamps for a robot",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "foldback-trajectory/1, or a table",
+            "content": {"application/json": {}, "text/csv": {}},
+        },
+        **problems(404, 409, 413, 422, 429, 503),
+    },
+)
+async def get_trajectory(
+    request: Request,
+    fold_id: str,
+    context: Here,
+    max_speed: Speed = 1.0,
+    max_acceleration: Acceleration = 2.0,
+    form: Annotated[Form, Query(alias="format")] = "json",
+    rate: Annotated[
+        float | None,
+        Query(gt=0, le=1e4, description="Moments in a second; else those of the plan's frames."),
+    ] = None,
+) -> StreamingResponse:
+    """The fastest motion along the plan within the bounds, at rest at both ends."""
+    from planner.exports.trajectory import export
+
+    found = await _retimed(context, fold_id, max_speed, max_acceleration, address_of(request))
+    trajectory = found.trajectory
+    moments = len(trajectory.time_s) if rate is None else rate * trajectory.duration_s + 2
+    numbers = 2.0 * moments * len(trajectory.joint_names)
+    if numbers > LARGEST_ANSWER:
+        raise Problem(
+            413,
+            "too-large",
+            f"got {numbers:.3g} numbers, expected at most {LARGEST_ANSWER:.3g}; lower the rate, or "
+            "use `foldback retime`.",
+            where="query.rate",
+        )
+    try:
+        parts = export(
+            trajectory, form, name=found.name, plan_verified=found.verified, rate_hz=rate
+        )
+    except InputError as error:
+        raise Problem.of_input(error) from error
+    return _Stream(
+        parts,
+        media_type=MEDIA_TYPES[form],
+        headers={"Content-Disposition": f'attachment; filename="trajectory.{form}"'},
+        ends=context.trajectories.stream(address_of(request)),
+    )
+
+
+@router.get(
+    "/motors",
+    summary="The torques that the plan needs",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "A row for each joint, and whether given motors would do",
+            "content": {"application/json": {}, "text/csv": {}},
+        },
+        **problems(404, 409, 413, 422, 429, 503),
+    },
+)
+async def get_motors(
+    request: Request,
+    fold_id: str,
+    context: Here,
+    module_mass: Annotated[float, Query(gt=0, le=1e6, description="Of a module, in kg.")],
+    max_speed: Speed = 1.0,
+    max_acceleration: Acceleration = 2.0,
+    pitch: Annotated[
+        float | None, Query(gt=0, le=1e3, description="Distance of modules in m, else the plan's.")
+    ] = None,
+    gravity: Annotated[
+        float, Query(ge=0, le=1e3, description="In m/s², the worst way for each joint.")
+    ] = 9.81,
+    floating: Annotated[
+        bool, Query(description="Float without gravity, instead of being held at the root.")
+    ] = False,
+    motor_torque: Annotated[
+        float | None, Query(gt=0, le=1e9, description="What a motor can give, in N·m.")
+    ] = None,
+    form: Annotated[Form, Query(alias="format")] = "json",
+) -> Response:
+    """By inverse dynamics over the motion that `trajectory` gives for the same bounds."""
+    row, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
+    if row.modules > MOST_MODULES:
+        raise Problem(
+            413,
+            "too-large",
+            f"got {row.modules} modules, expected at most {MOST_MODULES}; use `foldback retime`.",
+        )
+    motors = MotorsWanted(
+        module_mass_kg=module_mass,
+        pitch_m=pitch,
+        gravity_m_s2=gravity,
+        held=not floating,
+        motor_torque_nm=motor_torque,
+        form=form,
+    )
+    try:
+        data = await context.trajectories.motors(wanted, motors, address_of(request))
+    except InputError as error:
+        raise Problem.of_input(error) from error
+    headers = {"Content-Disposition": 'attachment; filename="motors.csv"'} if form == "csv" else {}
+    return Response(data, media_type=MEDIA_TYPES[form], headers=headers)
+
+
+@router.get("/play", include_in_schema=False)
+def get_play(fold_id: str) -> Response:
+    """Says that this is a websocket."""
+    del fold_id
+    raise Problem(
+        426,
+        "websocket",
+        "Motions are played over a websocket; docs/robot.md and /api/play-schema describe it.",
+        headers={"Upgrade": "websocket"},
+    )
+
+
+@schemas.get("/play-schema", summary="JSON Schema of what a robot and the service say")
+def get_play_schema() -> dict[str, Any]:
+    """Of the websocket at `/api/folds/{fold_id}/play`."""
+    return schema()
+
+
+@router.websocket("/play")
+async def play(websocket: WebSocket, fold_id: str) -> None:
+    """Tells a robot where its joints should be, in real time, as far as it follows."""
+    context = cast("Context", websocket.app.state.context)
+    await websocket.accept()
+    try:
+        ask = msgspec.convert(dict(websocket.query_params), Ask, strict=False)
+        visitor = address_of(websocket)
+        with context.robots.opened(visitor):
+            found = await _playable(context, fold_id, ask, visitor)
+            await _Hand(websocket, found, ask, fold_id).play()
+            await _close(websocket, DONE)
+    except msgspec.ValidationError as error:
+        await _refuse(websocket, REFUSED, "bad-request", f"{error}.")
+    except Problem as problem:
+        code = TRY_LATER if problem.status in (429, 503) else REFUSED
+        await _refuse(websocket, code, problem.code, problem.detail)
+
+
+class _Stream(StreamingResponse):
+    """An answer that is computed as it is sent, within the time that it may take."""
+
+    def __init__(
+        self,
+        parts: Iterator[bytes],
+        *,
+        media_type: str,
+        headers: dict[str, str],
+        ends: Callable[[], None],
+    ) -> None:
+        super().__init__(parts, media_type=media_type, headers=headers)
+        self._ends = ends
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            # Who takes it too slowly is hung up on; not to send the end does that.
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(LONGEST_ANSWER_S):
+                    await super().__call__(scope, receive, send)
+        finally:
+            self._ends()
+
+
+def _wanted(
+    context: Context, fold_id: str, max_speed: float, max_acceleration: float
+) -> tuple[FoldRow, Wanted]:
+    """The row of a finished fold, and which trajectory of its plan is wanted."""
+    row = context.store.fold(fold_id)
+    path = context.store.directory(fold_id) / "plan.npz"
+    try:
+        if row.over:
+            return row, Wanted.of(path, max_speed, max_acceleration)
+    except OSError:
+        pass
+    raise not_there(row, "plan")
+
+
+async def _retimed(
+    context: Context, fold_id: str, max_speed: float, max_acceleration: float, visitor: str
+) -> Retimed:
+    """The plan of a finished fold, retimed."""
+    _, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
+    try:
+        return await context.trajectories.of(wanted, visitor)
+    except InputError as error:
+        raise Problem.of_input(error) from error
+
+
+async def _playable(context: Context, fold_id: str, ask: Ask, visitor: str) -> Retimed:
+    """The same for a robot, which gets verified plans alone."""
+    try:
+        if not FOLD_ID.fullmatch(fold_id):
+            raise NoSuchFoldError(fold_id)
+        found = await _retimed(context, fold_id, ask.max_speed, ask.max_acceleration, visitor)
+    except NoSuchFoldError:
+        raise Problem(404, "no-such-fold", "There is no fold at this address.") from None
+    if not found.verified:
+        raise Problem(
+            409, "not-verified", "This plan is not verified, so no robot is driven along it."
+        )
+    return found
+
+
+class _Hand:
+    """One robot being driven."""
+
+    def __init__(self, websocket: WebSocket, found: Retimed, ask: Ask, fold_id: str) -> None:
+        self._websocket = websocket
+        self._trajectory = found.trajectory
+        self._ask = ask
+        self._fold_id = fold_id
+        self._clock = asyncio.get_running_loop().time
+        # Before there is a target, the robot is to be where the motion begins.
+        first = found.trajectory.path.frames[0]
+        self._sent: deque[tuple[int, NDArray[Any]]] = deque([(0, first)], maxlen=REMEMBERED)
+        self._there = False
+        self._number = 0
+        self._answered: int | None = None
+        self._ahead = max(2, round(AHEAD_S * ask.rate_hz))
+        self._heard = self._clock()
+        self._pace = Pace(
+            self._trajectory.duration_s,
+            speed=ask.speed,
+            # A clock that stops at top speed must not ask for more than the largest acceleration.
+            ramp_s=ask.max_speed / ask.max_acceleration / ask.speed,
+            threshold_rad=ask.threshold_rad,
+            silence_s=ask.silence_s,
+            now=self._heard,
+        )
+
+    async def play(self) -> None:
+        """Until the end, a stop, or the robot's leaving."""
+        ask, trajectory = self._ask, self._trajectory
+        await self._send(
+            Begin(
+                schema=FORMAT,
+                fold=self._fold_id,
+                joint_names=trajectory.joint_names,
+                frames=len(trajectory.time_s),
+                duration_s=trajectory.duration_s,
+                deviation_rad=trajectory.deviation_rad,
+                joint_angles_rad=trajectory.path.frames[0].round(6).tolist(),
+                **{name: getattr(ask, name) for name in _TOLD},
+            )
+        )
+        works = [asyncio.ensure_future(work) for work in (self._listen(), self._speak())]
+        try:
+            done, _ = await asyncio.wait(works, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for work in works:
+                work.cancel()
+            await asyncio.gather(*works, return_exceptions=True)
+        try:
+            for work in done:
+                work.result()
+            # What is on its way may still come, and the end is read before this side hangs up.
+            async with asyncio.timeout(LEAVE_S):
+                while True:
+                    await self._receive()
+        except (WebSocketDisconnect, RuntimeError, TimeoutError):
+            return
+
+    async def _speak(self) -> None:
+        """Sends a target at every tick, once the robot is where the motion begins.
+
+        One that is late is left out, not sent afterwards.
+        """
+        pace, told = self._pace, -ALIVE_S
+        said: Reason | Literal["nothing"] | None = "nothing"
+        period = 1.0 / self._ask.rate_hz
+        due = self._clock()
+        while True:
+            now = self._clock()
+            if self._answered is not None:
+                pace.behind = self._number - self._answered >= self._ahead
+            pace.advance(now)
+            if now - self._heard > GONE_S:
+                raise Problem(408, "gone", f"Nothing was heard for {GONE_S:g} s.")
+            reason = pace.waiting(now)
+            if reason != said:
+                said = reason
+                if reason is None:
+                    await self._send(Going(time_s=pace.time_s))
+                else:
+                    await self._send(
+                        Waiting(because=reason, time_s=pace.time_s, error_rad=pace.error_rad)
+                    )
+            # Whoever does not answer is not sent more than it takes to remind it.
+            if self._there and (reason not in ("silence", "behind") or now - told >= ALIVE_S):
+                told = now
+                await self._send_target()
+            if pace.over(now):
+                await self._end("folded")
+                return
+            due = max(due + period, self._clock())
+            await asyncio.sleep(due - self._clock())
+
+    async def _send_target(self) -> None:
+        import numpy as np
+
+        moment = np.array([self._pace.time_s])
+        angles, speeds, _ = self._trajectory.at(moment)
+        rates: Any = msgspec.UNSET
+        if self._ask.speeds:
+            rates = (speeds[0] * self._pace.rate).round(6).tolist()
+        self._number += 1
+        self._sent.append((self._number, angles[0]))
+        await self._send(
+            Target(
+                number=self._number,
+                time_s=round(self._pace.time_s, 6),
+                frame=round(float(self._trajectory.frame_at(moment)[0]), 3),
+                joint_angles_rad=angles[0].round(6).tolist(),
+                joint_speeds_rad_s=rates,
+            )
+        )
+
+    async def _listen(self) -> None:
+        """Does what the robot says."""
+        joints = len(self._trajectory.joint_names)
+        window, count = 0, 0
+        while True:
+            data = await self._receive()
+            second = int(self._clock())
+            window, count = second, (count + 1 if second == window else 1)
+            if count > MOST_MESSAGES_A_SECOND:
+                raise Problem(
+                    429, "too-fast", f"More than {MOST_MESSAGES_A_SECOND} messages in a second."
+                )
+            if len(data) > 4096 + BYTES_A_JOINT * joints:
+                raise Problem(413, "too-large", f"A message of {len(data)} bytes is too large.")
+            try:
+                message = DECODER.decode(data)
+                self._heard = self._clock()
+                if isinstance(message, Stop):
+                    await self._end("stop")
+                    return
+                if isinstance(message, Report):
+                    error = self._error_of(message)
+                    self._pace.report(error, self._heard)
+                    self._there = self._there or error <= self._ask.threshold_rad
+                    if not isinstance(message.number, msgspec.UnsetType):
+                        self._answered = min(message.number, self._number)
+                elif isinstance(message, Pause | Resume):
+                    self._pace.paused = isinstance(message, Pause)
+            except (msgspec.DecodeError, InputError) as error:
+                await self._send(Wrong(code="bad-message", detail=f"{error}."))
+
+    async def _receive(self) -> str | bytes:
+        message = await self._websocket.receive()
+        if message["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect
+        return message.get("text") or message.get("bytes") or b""
+
+    def _error_of(self, report: Report) -> float:
+        """The largest joint error that a report tells of."""
+        import numpy as np
+
+        measured = report.joint_angles_rad
+        if isinstance(measured, msgspec.UnsetType) is isinstance(
+            report.error_rad, msgspec.UnsetType
+        ):
+            raise InputError("bad-report", "a report needs either error_rad or joint_angles_rad")
+        if isinstance(measured, msgspec.UnsetType):
+            return float(cast("float", report.error_rad))
+        joints = len(self._trajectory.joint_names)
+        if len(measured) != joints:
+            raise InputError(
+                "bad-report", f"got {len(measured)} angles, expected {joints}, one for each joint"
+            )
+        number = self._number if isinstance(report.number, msgspec.UnsetType) else report.number
+        wanted = next((angles for n, angles in self._sent if n >= number), self._sent[-1][1])
+        return float(np.abs(np.asarray(measured) - wanted).max())
+
+    async def _end(self, because: Literal["folded", "stop"]) -> None:
+        error = self._pace.error_rad
+        await self._send(End(because=because, time_s=self._pace.time_s, error_rad=error))
+
+    async def _send(self, message: Outgoing) -> None:
+        try:
+            # Not wait_for, which may lose a cancellation before Python 3.12.
+            async with asyncio.timeout(GONE_S):
+                await self._websocket.send_text(ENCODER.encode(message).decode())
+        except TimeoutError:
+            raise Problem(408, "gone", f"Nothing was taken for {GONE_S:g} s.") from None
+
+
+_TOLD: Final = (
+    "speed",
+    "max_speed",
+    "max_acceleration",
+    "threshold_rad",
+    "rate_hz",
+    "silence_s",
+)
+
+
+async def _refuse(websocket: WebSocket, code: int, word: str, detail: str) -> None:
+    """Says what is wrong, and closes."""
+    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+        await websocket.send_text(ENCODER.encode(Wrong(code=word, detail=detail)).decode())
+    await _close(websocket, code, word)
+
+
+async def _close(websocket: WebSocket, code: int, reason: str = "") -> None:
+    """Closes a socket that may be closed already; what still comes in must not hold that up."""
+
+    async def drain() -> None:
+        while (await websocket.receive())["type"] != "websocket.disconnect":
+            pass
+
+    draining = asyncio.ensure_future(drain())
+    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+        await websocket.close(code, reason)
+    draining.cancel()
+    await asyncio.gather(draining, return_exceptions=True)

@@ -1,0 +1,147 @@
+"""Messages between the service and the program that drives a robot, as JSON on a websocket.
+
+What comes in says ``do``, what goes out says ``is``. ``schema`` describes both; docs/robot.md tells
+how they are used.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Final, Literal
+
+import msgspec
+from msgspec import UNSET, Meta, Struct, UnsetType
+
+from server.api.robot_clock import Reason
+
+FORMAT: Final = "foldback-play/1"
+Error = Annotated[float, Meta(ge=0.0)]
+
+
+class Ask(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How a fold is to be played: what stands after the question mark.
+
+    Attributes:
+        speed: How fast the clock runs; 1 keeps within the bounds below.
+        max_speed: Bound of every joint's speed, in rad/s.
+        max_acceleration: Bound of every joint's acceleration, in rad/s².
+        threshold_rad: Joint error above which the clock stands.
+        rate_hz: Targets in a second.
+        silence_s: How long the clock runs on without a report.
+        speeds: Whether targets also tell joint speeds.
+    """
+
+    speed: Annotated[float, Meta(ge=0.01, le=100.0)] = 1.0
+    max_speed: Annotated[float, Meta(ge=1e-3, le=1e3)] = 1.0
+    max_acceleration: Annotated[float, Meta(ge=1e-3, le=1e4)] = 2.0
+    threshold_rad: Annotated[float, Meta(ge=1e-4, le=3.2)] = 0.05
+    rate_hz: Annotated[float, Meta(ge=1.0, le=100.0)] = 50.0
+    silence_s: Annotated[float, Meta(ge=0.1, le=30.0)] = 1.0
+    speeds: bool = False
+
+
+class Report(Struct, tag_field="do", tag="report", frozen=True, forbid_unknown_fields=True):
+    """How well the robot follows: its largest joint error, or where its joints are.
+
+    ``number`` is that of the target which it speaks of. Whoever tells it is never sent more than a
+    few targets ahead; without it, angles are compared with the last target, and before there is one
+    with those of ``begin``.
+    """
+
+    error_rad: Error | UnsetType = UNSET
+    joint_angles_rad: list[float] | UnsetType = UNSET
+    number: Annotated[int, Meta(ge=0)] | UnsetType = UNSET
+
+
+class Pause(Struct, tag_field="do", tag="pause", frozen=True, forbid_unknown_fields=True):
+    """Stand until ``resume``."""
+
+
+class Resume(Struct, tag_field="do", tag="resume", frozen=True, forbid_unknown_fields=True):
+    """Go on after ``pause``."""
+
+
+class Stop(Struct, tag_field="do", tag="stop", frozen=True, forbid_unknown_fields=True):
+    """End here."""
+
+
+Incoming = Report | Pause | Resume | Stop
+
+
+class Begin(Struct, tag_field="is", tag="begin", frozen=True, kw_only=True):
+    """Comes first: what is going to be played.
+
+    The robot brings its joints to ``joint_angles_rad`` and reports; targets come once it is there.
+    """
+
+    schema: str
+    fold: str
+    joint_names: tuple[str, ...]
+    frames: int
+    duration_s: float
+    deviation_rad: float
+    joint_angles_rad: list[float]
+    speed: float
+    max_speed: float
+    max_acceleration: float
+    threshold_rad: float
+    rate_hz: float
+    silence_s: float
+
+
+class Target(Struct, tag_field="is", tag="target", frozen=True, kw_only=True):
+    """Where the joints should be now; ``frame`` is the place in the plan."""
+
+    number: int
+    time_s: float
+    frame: float
+    joint_angles_rad: list[float]
+    joint_speeds_rad_s: list[float] | UnsetType = UNSET
+
+
+class Waiting(Struct, tag_field="is", tag="waiting", frozen=True, kw_only=True):
+    """The clock stands, or slows down to stand."""
+
+    because: Reason
+    time_s: float
+    error_rad: float | None
+
+
+class Going(Struct, tag_field="is", tag="going", frozen=True, kw_only=True):
+    """The clock runs."""
+
+    time_s: float
+
+
+class Wrong(Struct, tag_field="is", tag="problem", frozen=True, kw_only=True):
+    """Something that was asked for cannot be done."""
+
+    code: str
+    detail: str
+
+
+class End(Struct, tag_field="is", tag="end", frozen=True, kw_only=True):
+    """Comes last: the robot has folded, or was stopped."""
+
+    because: Literal["folded", "stop"]
+    time_s: float
+    error_rad: float | None
+
+
+Outgoing = Begin | Target | Waiting | Going | Wrong | End
+DECODER: Final = msgspec.json.Decoder(Incoming)
+ENCODER: Final = msgspec.json.Encoder()
+
+
+def schema() -> dict[str, Any]:
+    """JSON Schema of the question and of the messages of both directions."""
+    kinds = (Ask, Incoming, Outgoing)
+    (ask, incoming, outgoing), found = msgspec.json.schema_components(
+        kinds, ref_template="#/$defs/{name}"
+    )
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": FORMAT,
+        "type": "object",
+        "properties": {"query": ask, "to_service": incoming, "to_robot": outgoing},
+        "$defs": found,
+    }

@@ -1,0 +1,369 @@
+"""Schemas: what the API takes and gives, as JSON."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any, Literal
+
+from pydantic import BaseModel, Field
+
+from planner.certificate.verdict import summary_told_honestly
+from planner.exports import Export
+from planner.pathfinding.duration import expected_seconds
+from server.store.fair_queue import wait_s
+from server.store.folds import FoldRow, Store
+from server.store.gallery import GalleryShape
+from server.store.leases import Leases
+
+Status = Literal["queued", "running", "verified", "failed", "cancelled"]
+Stage = Literal["read", "explode", "play_back", "certify", "export"]
+
+
+class ProblemBody(BaseModel):
+    """A problem, as RFC 9457 has it."""
+
+    type: str
+    title: str
+    status: int
+    code: str = Field(description="Short stable word for programs.")
+    detail: str = Field(description="What was found, what was expected, what to do.")
+    where: str | None = Field(description="Where in the input, if it is about one.")
+
+
+class Links(BaseModel):
+    """Where the parts of a fold are."""
+
+    self: str
+    page: str
+    events: str
+    frames: str
+    cancel: str
+    refolds: str
+    plan_json: str
+    plan_npz: str
+    model: str
+    exports: str
+
+    @classmethod
+    def of(cls, fold_id: str) -> Links:
+        """The links of a fold."""
+        here = f"/api/folds/{fold_id}"
+        return cls(
+            self=here,
+            page=f"/folds/{fold_id}",
+            events=f"{here}/events",
+            frames=f"{here}/frames",
+            cancel=f"{here}/cancel",
+            refolds=f"{here}/refolds",
+            plan_json=f"{here}/plan.json",
+            plan_npz=f"{here}/plan.npz",
+            model=f"{here}/model.xml",
+            exports=f"{here}/exports",
+        )
+
+
+class ExportBody(BaseModel):
+    """A file that a finished fold can be taken away in."""
+
+    name: str
+    label: str
+    hint: str
+    media_type: str
+    filename: str
+    href: str
+
+    @classmethod
+    def of(cls, fold_id: str, export: Export) -> ExportBody:
+        """What the API shows of an export."""
+        return cls(
+            name=export.name,
+            label=export.label,
+            hint=export.hint,
+            media_type=export.media_type,
+            filename=export.filename,
+            href=export_href(fold_id, export),
+        )
+
+
+class ExportList(BaseModel):
+    """All such files of one fold."""
+
+    exports: list[ExportBody]
+
+
+def export_href(fold_id: str, export: Export) -> str:
+    """The address of an export."""
+    return f"/api/folds/{fold_id}/exports/{export.name}"
+
+
+class Accepted(BaseModel):
+    """A fold that was accepted."""
+
+    id: str
+    owner_token: str | None = Field(
+        description="Proves what cancel and delete ask for: the token that one has sent, or a new "
+        "one. Null for a fold that is another's, or the gallery's and everybody's: it can be "
+        "looked at."
+    )
+    existing: bool = Field(description="The same had been asked before: this is that fold.")
+    links: Links
+
+
+class Progress(BaseModel):
+    """How far a fold has come; the data of the event ``progress``."""
+
+    status: Status
+    stage: Stage | None
+    fraction: float = Field(description="0 to 1, of the stage.")
+    steps: int
+    steps_per_second: float
+    simulated_s: float = Field(description="Simulated time of the stage; 0 where none is told.")
+    message: str
+    modules: int
+    queue_position: int = Field(description="1 is next; 0 when it does not wait.")
+    frames: int = Field(description="Frames that can be seen so far.")
+    wait_s: float | None = Field(
+        description="About how long it will wait; null when it does not, or when no worker runs."
+    )
+
+
+class Fault(BaseModel):
+    """Why a fold did not end as a verified plan."""
+
+    code: str
+    detail: str
+    where: str | None = None
+
+
+class Fold(BaseModel):
+    """A fold."""
+
+    id: str
+    name: str
+    status: Status
+    stage: Stage | None
+    created_at: datetime
+    modules: int
+    module: str
+    shape: str | None = Field(description="The gallery shape it was started from.")
+    refold: str | None = Field(
+        description="The shape that a refold begins as; null when the chain begins straight."
+    )
+    smooths: str | None = Field(
+        description="The id of the fold whose plan it smooths; null when it is recorded."
+    )
+    preset: str
+    settings: str = Field(
+        description="Where they differ from the preset's: `damping=0.05,step_s=0.005`."
+    )
+    seed: int
+    module_size: float | None
+    strategy: str = Field(description="How its chain is let go: `auto` is what suits it.")
+    progress: Progress
+    summary: dict[str, Any] = Field(
+        description="Figures of the plan; empty until it is over. `stuck` tells why and at which "
+        "modules it failed, where that is known."
+    )
+    error: Fault | None
+    links: Links
+
+    @classmethod
+    def of(cls, row: FoldRow, store: Store, leases: Leases) -> Fold:
+        """What the API shows of a row."""
+        return cls(
+            id=row.id,
+            name=row.name,
+            status=row.status,  # pyright: ignore[reportArgumentType]
+            stage=row.stage,  # pyright: ignore[reportArgumentType]
+            created_at=row.created,
+            modules=row.modules,
+            module=row.module,
+            shape=row.shape,
+            refold=row.refold,
+            smooths=row.smooths,
+            preset=row.preset,
+            settings=row.settings,
+            seed=row.seed,
+            module_size=row.module_size,
+            strategy=row.strategy,
+            progress=Progress.model_validate(progress_of(row, store, leases)),
+            summary=summary_told_honestly(row.summary or {}),
+            error=Fault.model_validate(row.error) if row.error else None,
+            links=Links.of(row.id),
+        )
+
+
+class Folds(BaseModel):
+    """A list of folds, newest first."""
+
+    folds: list[Fold]
+
+
+class Shape(BaseModel):
+    """A shape of the gallery."""
+
+    name: str
+    title: str
+    module: str = Field(description="`cube` or `tetrahedron`.")
+    modules: int
+    tags: list[str] = Field(description="What kind of shape it is.")
+
+    @classmethod
+    def of(cls, shape: GalleryShape) -> Shape:
+        """What the API shows of one."""
+        return cls(
+            name=shape.name,
+            title=shape.title,
+            module=shape.module,
+            modules=shape.modules,
+            tags=list(shape.tags),
+        )
+
+
+class Shapes(BaseModel):
+    """The gallery, shortest chain first."""
+
+    shapes: list[Shape]
+
+
+class Trouble(BaseModel):
+    """Why there is no path through cells."""
+
+    code: str
+    detail: str
+    cells: list[list[int]] = Field(description="Where.")
+
+
+class Repair(BaseModel):
+    """What to change so that there is a path."""
+
+    detail: str
+    add: list[list[int]]
+    drop: list[list[int]]
+    doubled: bool = Field(description="Then 2×2×2 modules are made of each cell.")
+    modules: int = Field(description="How many there are afterwards; ask for so many to double.")
+
+
+class Feasibility(BaseModel):
+    """Whether there can be a path through cells."""
+
+    feasible: bool | None = Field(description="null when nobody knows.")
+    problems: list[Trouble]
+    repairs: list[Repair] = Field(description="The smallest first; `repair` applies that one.")
+
+
+class Knot(BaseModel):
+    """Whether the folded chain is knotted, its ends closed far away."""
+
+    verdict: Literal["unknot", "knotted", "undecided"]
+    determinant: int | None
+
+
+class PlacedMesh(BaseModel):
+    """The solid, where the cells are: the centre of a cell has whole coordinates."""
+
+    vertices: list[list[float]]
+    faces: list[list[int]]
+
+
+class PreviewLinks(BaseModel):
+    """Where to go from a preview."""
+
+    page: str
+    folds: str = Field(description="POST the id here, as `preview`, with the same wishes.")
+
+
+class Preview(BaseModel):
+    """What would come of a shape."""
+
+    id: str
+    key: str = Field(description="Stands for the wishes.")
+    kind: Literal["path", "chain", "voxels", "mesh"]
+    name: str
+    module: Literal["cube", "tetrahedron"]
+    modules: int
+    asked: int | None
+    below: int | None = Field(description="The nearest reachable number of modules below.")
+    above: int | None = Field(description="The nearest reachable number of modules above.")
+    iou: float | None = Field(description="Intersection of cells and solid by their union.")
+    pitch: float | None = Field(description="Distance of modules in the solid's own units.")
+    method: str
+    has_path: bool
+    candidates: int = Field(description="Paths that a fold will try, one after the other.")
+    cells: list[list[int]] = Field(description="In the order of the path, if there is one.")
+    feasibility: Feasibility | None
+    knot: Knot | None
+    notes: list[str]
+    as_voxels: bool = Field(
+        description="Whether a list of cells was taken as a shape; a fold has to be told so too."
+    )
+    start: list[int] | None = Field(description="The cell that was asked for to begin in.")
+    not_started: str = Field(
+        description="Why no path begins there; the path is another one then. Empty when one does."
+    )
+    expected_s: float = Field(description="About how long the fold will take.")
+    expected_as_published_s: float = Field(description="The same with the preset `paper`.")
+    positions: list[list[float]] | None = Field(
+        description="Of the folded chain's modules; None without a chain."
+    )
+    wxyzs: list[list[float]] | None = Field(description="Their orientations; None for cubes.")
+    line: list[list[float]] | None = Field(description="The folded chain's course.")
+    mesh: PlacedMesh | None = Field(description="The solid, in the folded chain's space.")
+    links: PreviewLinks
+
+    @classmethod
+    def of(cls, preview_id: str, key: str, report: dict[str, Any], *, full: bool) -> Preview:
+        """The report of a preview; without what is large unless ``full``."""
+        without = {"cells": [], "mesh": None, "positions": None, "wxyzs": None, "line": None}
+        large = {} if full else without
+        more = {
+            "id": preview_id,
+            "key": key,
+            "expected_as_published_s": expected_seconds(report["modules"], "paper"),
+            "links": PreviewLinks(page=f"/previews/{preview_id}", folds="/api/folds"),
+        }
+        return cls.model_validate({**report, **large, **more})
+
+
+class FramesBody(BaseModel):
+    """A stretch of a fold's timeline. Lengths are in pitches, angles in radians."""
+
+    status: str = Field(description="`growing`, `complete` or `failed`.")
+    total: int = Field(description="Frames there are.")
+    start: int = Field(serialization_alias="from")
+    stop: int = Field(serialization_alias="to")
+    stride: int
+    next: str | None = Field(description="Where the rest is, when it was too much for one answer.")
+    phases: list[str] = Field(description="What the numbers in `phase` stand for.")
+    joint_names: list[str]
+    time_s: list[float]
+    phase: list[int]
+    joint_angles_rad: list[list[float]] = Field(description="(F, J)")
+    root_position: list[list[float]] = Field(description="(F, 3)")
+    root_wxyz: list[list[float]] = Field(description="(F, 4)")
+    max_error_rad: list[float | None] = Field(description="(F,), null where none is recorded.")
+    positions: list[list[list[float]]] | None = Field(description="(F, n, 3), with poses=true.")
+    wxyzs: list[list[list[float]]] | None = Field(description="(F, n, 4), with poses=true.")
+
+
+def progress_of(row: FoldRow, store: Store, leases: Leases) -> dict[str, Any]:
+    """The progress of a fold, as its events tell it."""
+    told = row.progress
+    place, wait = 0, None
+    if row.status == "queued":
+        place, ahead_s, running_s = store.ahead(row)
+        wait = wait_s(ahead_s=ahead_s, running_s=running_s, at_once=leases.at_once())
+        wait = None if wait is None else round(wait, 1)
+    return {
+        "status": row.status,
+        "stage": row.stage,
+        "fraction": 1.0 if row.over else float(told.get("fraction", 0.0)),
+        "steps": int(told.get("steps", 0)),
+        "steps_per_second": float(told.get("steps_per_second", 0.0)),
+        "simulated_s": float(told.get("simulated_s", 0.0)),
+        "message": str(told.get("message", "")),
+        "modules": row.modules,
+        "queue_position": place,
+        "frames": int(told.get("frames", 0)),
+        "wait_s": wait,
+    }

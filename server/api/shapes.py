@@ -1,0 +1,116 @@
+"""Routes of shapes: the gallery, and what would come of a shape before it is folded."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import AsyncGenerator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, File, Form, Request, UploadFile
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import Response
+
+from planner.pipeline.request import LARGEST_SEED
+from server.api.folds import ID, Here, Wishes, input_of, problems
+from server.api.schemas import Preview, Shape, Shapes
+from server.http.problems import Problem
+from server.http.uploads import FormRoute
+
+router = APIRouter(prefix="/api/shapes", tags=["shapes"], route_class=FormRoute)
+LOOK_EVERY_S: Final = 0.1
+
+
+@router.get("", summary="The gallery")
+def get_shapes(context: Here) -> Shapes:
+    """Example shapes that `POST /api/folds` takes by name."""
+    return Shapes(shapes=[Shape.of(shape) for shape in context.gallery.shapes()])
+
+
+@router.post(
+    "/preview",
+    summary="What would come of a shape, before folding it",
+    responses=problems(404, 413, 422, 429, 503, 504, 507),
+)
+async def post_preview(
+    request: Request,
+    context: Here,
+    wishes: Wishes,
+    file: Annotated[
+        UploadFile | None, File(description="A mesh, voxels, a path or a chain.")
+    ] = None,
+    shape: Annotated[str | None, Form(description="Or the name of a gallery shape.")] = None,
+    preview: Annotated[
+        str | None,
+        Form(
+            max_length=64,
+            pattern=ID,
+            description="Or the id of an earlier preview, with other wishes.",
+        ),
+    ] = None,
+    seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
+    full: Annotated[
+        bool, Form(description="Whether to answer with cells and mesh too, which may be large.")
+    ] = True,
+) -> Preview:
+    """Voxels, a path through them, and whether there is one. `POST /api/folds` takes its id."""
+    settings = context.settings
+    if wishes.modules is not None and wishes.modules > settings.max_modules:
+        raise Problem(
+            422,
+            "too-many-modules",
+            f"got {wishes.modules} modules, expected at most {settings.max_modules}.",
+        )
+    wishes = replace(wishes, seed=seed)
+
+    visitor = context.visitor(request)
+
+    def reported(gone: Callable[[], bool]) -> tuple[str, dict[str, Any]]:
+        known = preview
+        if known is None or file is not None or shape is not None:
+            source, filename = input_of(context, file, shape, preview)
+            with source, context.uploads.kept(source, filename) as upload:
+                known = context.previews.add(upload, visitor)
+        return known, context.previews.report(
+            known, wishes, context.preparer, visitor=visitor, gone=gone
+        )
+
+    async with leaving(request) as gone:
+        preview_id, report = await run_in_threadpool(reported, gone)
+    return Preview.of(preview_id, wishes.key, report, full=full)
+
+
+@asynccontextmanager
+async def leaving(request: Request) -> AsyncGenerator[Callable[[], bool]]:
+    """Tells whether the one who asked has gone away meanwhile."""
+    gone = threading.Event()
+
+    async def watch() -> None:
+        while not await request.is_disconnected():
+            await asyncio.sleep(LOOK_EVERY_S)
+        gone.set()
+
+    watching = asyncio.create_task(watch())
+    try:
+        yield gone.is_set
+    finally:
+        watching.cancel()
+
+
+@router.get(
+    "/{name}.json",
+    summary="The path file of a gallery shape",
+    responses={200: {"description": "A `foldback-path/1` file"}, **problems(404)},
+)
+def get_shape(name: str, context: Here) -> Response:
+    """A file to start one's own from."""
+    shape = context.gallery.shape(name)
+    if shape is None:
+        raise Problem(404, "no-such-shape", "The gallery has no shape of this name.")
+    return Response(
+        shape.data,
+        media_type="application/json",
+        headers={"Content-Disposition": f'attachment; filename="{shape.filename}"'},
+    )

@@ -1,0 +1,323 @@
+"""Submissions: how an upload, or a shape of the gallery, becomes a fold in the queue."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+import time
+from dataclasses import dataclass, field, fields
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+from planner.errors import InputError
+from planner.pipeline.request import Request
+from planner.simulation.parameters import AUTO
+from server.api.base_folds import Beginning
+from server.api.context import Context
+from server.files.previews import ShapeWishes
+from server.http.problems import Problem
+from server.http.uploads import Upload, no_room
+from server.processes.children import ChildError
+from server.processes.read_task import LARGEST_DRAWING
+from server.store.fold_files import size_of
+from server.store.folds import hash_of, new_id
+from server.store.tables import FoldRow
+
+RETRY_AFTER_S: Final = 30
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Submission:
+    """What somebody wants folded."""
+
+    upload: Upload
+    shape: str | None
+    preset: str
+    settings: str = ""
+    """As ``planner.pipeline.request.Request.canonical`` writes them."""
+    seed: int
+    module_size: float | None
+    visitor: str
+    token: str
+    """Of who asks: he owns what is made for him."""
+    wishes: ShapeWishes = field(default_factory=ShapeWishes)
+    cells: list[list[int]] | None = None
+    """For a drawing until there is a chain; those that a preview has found."""
+    beginning: Beginning | None = None
+    strategy: str = AUTO
+    again: FoldRow | None = None
+    """The fold that is asked for once more, by its id."""
+
+    @property
+    def public(self) -> bool:
+        """Whether anybody may find it: a gallery shape, folded as everybody else would."""
+        plain = Request()
+        return (
+            self.shape is not None
+            and self.beginning is None
+            and (self.preset, self.seed, self.module_size, self.strategy)
+            == (plain.preset, plain.seed, plain.module_size, plain.strategy)
+            and not self.wishes.changed()
+        )
+
+    @property
+    def refolds(self) -> Beginning | None:
+        """What it begins folded as."""
+        return self.beginning if self.beginning and self.beginning.use == "refold" else None
+
+    @property
+    def smooths(self) -> Beginning | None:
+        """Whose plan is to be smoothed."""
+        return self.beginning if self.beginning and self.beginning.use == "smooth" else None
+
+    @property
+    def content_key(self) -> str:
+        """The same for the same bytes, parameters and version: such folds are computed once.
+
+        One that is not public has its owner in it, so that nobody learns what others have sent.
+        """
+        return self.key_of(hash_of(self.token))
+
+    def key_of(self, owner: str | None) -> str:
+        """The content key that it has, or would have if it was another's."""
+        parameters = {
+            "format": "foldback-fold/1",
+            "version": version("foldback"),
+            "preset": self.preset,
+            "seed": self.seed,
+            "module_size": self.module_size,
+            "content": self.upload.digest,
+            **self.wishes.changed(),
+            **({} if self.beginning is None else {self.beginning.use: self.beginning.digest}),
+            **({} if self.strategy == AUTO else {"strategy": self.strategy}),
+            **({"settings": self.settings} if self.settings else {}),
+            **({} if self.public else {"owner": owner}),
+        }
+        return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Receipt:
+    """What the visitor gets for it; a token only for a fold that he has asked for himself."""
+
+    row: FoldRow
+    token: str | None
+    existing: bool
+
+
+def submit(context: Context, submission: Submission) -> Receipt:
+    """Accepts a submission: checks it, keeps it safe, and puts it into the queue.
+
+    Raises:
+        Problem: When it can't be used (422), there is too much to do (429), or no room (507).
+    """
+    if (known := _known(context, submission)) is not None:
+        return known
+    _check_room(context, submission)
+    fold_id = new_id()
+    aside = submission.upload.directory
+    try:
+        _write(aside, submission)
+        found = _read(context, aside, submission.beginning, submission.visitor)
+        _note(aside, submission)
+        size = size_of(aside)
+        context.store.folders.adopt(aside, fold_id)
+        row = FoldRow(
+            id=fold_id,
+            name=_title(context, submission.shape) or found.name,
+            status="queued",
+            stage=None,
+            created_at=time.time(),
+            started_at=None,
+            ended_at=None,
+            modules=found.modules,
+            module=found.module,
+            shape=submission.shape,
+            public=submission.public,
+            preset=submission.preset,
+            settings=submission.settings,
+            seed=submission.seed,
+            module_size=submission.module_size,
+            content_key=submission.content_key,
+            visitor=submission.visitor,
+            cancel_requested=False,
+            progress={},
+            summary={},
+            error=None,
+            refold=submission.refolds and submission.refolds.name,
+            strategy=submission.strategy,
+            smooths=submission.smooths and submission.smooths.fold,
+            bytes=size,
+        )
+        try:
+            added = context.store.add(row, submission.token)
+        except Exception:  # it was not acknowledged, and nothing of it stays
+            with contextlib.suppress(Exception):
+                context.store.folders.remove(fold_id)
+            raise
+        if not added:
+            context.store.folders.remove(fold_id)
+            if (known := _known(context, submission)) is not None:
+                return known
+            raise Problem(409, "changed-meanwhile", "The same fold just ended; try again.")
+    except OSError as error:
+        raise Problem(
+            507, "no-room", f"The upload could not be stored ({error.strerror}); try again later."
+        ) from error
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+    context.jobs.enqueue(fold_id, row.turn)
+    return Receipt(row=row, token=submission.token, existing=False)
+
+
+def input_noted(directory: Path) -> tuple[BinaryIO, str | None]:
+    """What a fold was made of: its input, open, and what it was called.
+
+    Raises:
+        Problem: When they are not there any more.
+    """
+    filename = _request(directory)["filename"]
+    try:
+        return open(directory / "input", "rb"), filename
+    except OSError as error:
+        raise _no_input() from error
+
+
+def _request(directory: Path) -> dict[str, Any]:
+    try:
+        return json.loads((directory / "request.json").read_bytes())
+    except (OSError, ValueError) as error:
+        raise _no_input() from error
+
+
+def _no_input() -> Problem:
+    return Problem(
+        404, "no-input", "The input of this fold is not there any more; send the file again."
+    )
+
+
+def noted(directory: Path) -> tuple[ShapeWishes, list[list[int]] | None]:
+    """How a fold's input was to become a chain, and cells for a drawing if there are some.
+
+    Raises:
+        Problem: When they are not there any more.
+    """
+    request = _request(directory)
+    names = {each.name for each in fields(ShapeWishes)} - {"seed"}
+    wishes = {name: value for name, value in request.items() if name in names}
+    if wishes.get("start") is not None:
+        wishes["start"] = tuple(wishes["start"])
+    try:
+        cells = json.loads((directory / "cells.json").read_bytes())
+    except (OSError, ValueError):
+        cells = None
+    return ShapeWishes(**wishes), cells
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Found:
+    name: str
+    module: str
+    modules: int
+
+
+def _title(context: Context, shape: str | None) -> str | None:
+    """What people call a gallery shape."""
+    found = None if shape is None else context.gallery.shape(shape)
+    return None if found is None else found.title
+
+
+def _known(context: Context, submission: Submission) -> Receipt | None:
+    """The fold that is there already: one's own, one of the gallery, or the very one of a link."""
+    key, again = submission.content_key, submission.again
+    if again is not None and again.content_key == (theirs := submission.key_of(again.owner)):
+        key = theirs
+    row = context.store.ask(key, submission.token)
+    if row is None:
+        return None
+    if row.status == "queued":  # if its job was lost in a crash, this brings it back
+        context.jobs.enqueue(row.id, row.turn)
+    own = row.owner == hash_of(submission.token)
+    return Receipt(row=row, token=submission.token if own else None, existing=True)
+
+
+def _check_room(context: Context, submission: Submission) -> None:
+    settings = context.settings
+    for waiting, most, whose in (
+        (context.store.waiting(), settings.largest_queue, "in all"),
+        (
+            context.store.waiting(visitor=submission.visitor),
+            settings.largest_queue_of_visitor,
+            "of yours",
+        ),
+    ):
+        if waiting >= most:
+            raise Problem(
+                429,
+                "queue-full",
+                f"{waiting} folds {whose} are waiting, which is the most there may be; try again "
+                f"in {RETRY_AFTER_S} s.",
+                headers={"Retry-After": str(RETRY_AFTER_S)},
+            )
+    if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
+        raise no_room()
+
+
+def _write(directory: Path, submission: Submission) -> None:
+    request = {
+        "filename": submission.upload.filename,
+        "preset": submission.preset,
+        "settings": submission.settings,
+        "seed": submission.seed,
+        "module_size": submission.module_size,
+        **submission.wishes.changed(),
+        "strategy": submission.strategy,
+        **({} if submission.beginning is None else {submission.beginning.use: True}),
+    }
+    if submission.beginning is not None:
+        submission.beginning.copy(directory)
+        for name in submission.beginning.files:
+            _sync(directory / name)
+    with open(directory / "request.json", "w") as file:
+        json.dump(request, file)
+        file.flush()
+        os.fsync(file.fileno())
+    _sync(directory)
+
+
+def _note(directory: Path, submission: Submission) -> None:
+    """Keeps the cells that a preview has found for the page's first drawing of the fold."""
+    if submission.cells and len(submission.cells) <= LARGEST_DRAWING:
+        (directory / "cells.json").write_text(json.dumps(submission.cells))
+
+
+def _sync(directory: Path) -> None:
+    handle = os.open(directory, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _read(context: Context, directory: Path, beginning: Beginning | None, visitor: str) -> _Found:
+    try:
+        found = context.reader.check(directory, visitor=visitor)
+    except InputError as error:
+        if beginning is not None:
+            error = context.gallery.advised(error, beginning.module, beginning.modules)
+        raise Problem.of_input(error) from None
+    except ChildError as error:
+        raise Problem(503, error.code, error.detail) from None
+    modules = int(found["modules"])
+    if modules > context.settings.max_modules:
+        raise Problem(
+            422,
+            "too-many-modules",
+            f"got a chain of {modules} modules, expected at most {context.settings.max_modules}; "
+            "use a coarser shape.",
+        )
+    return _Found(name=str(found["name"])[:200], module=str(found["module"]), modules=modules)

@@ -1,1 +1,0 @@
-"""Checks of ``foldback doctor``: each looks at one thing that the service needs."""

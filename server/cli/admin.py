@@ -1,0 +1,230 @@
+"""``foldback admin``: see, forget, repeat and keep the folds of a service."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+import typer
+
+from server.ops.starting import settings_of
+
+if TYPE_CHECKING:
+    from server.cli.upkeep import Upkeep
+    from server.store.tables import FoldRow
+
+Status = Literal["queued", "running", "verified", "failed", "cancelled"]
+DataDir = Annotated[Path | None, typer.Option(help="Where folds are kept.")]
+AsJson = Annotated[bool, typer.Option("--json", help="As JSON.")]
+Ids = Annotated[list[str], typer.Argument(help="Ids of folds.")]
+Force = Annotated[bool, typer.Option("--force", help="Even where it would be refused.")]
+COLUMNS: Final = ("id", "status", "stage", "modules", "age", "bytes", "visitor", "kept")
+VISITOR: Final = 8
+"""Letters that are shown of who asked: enough to tell visitors apart."""
+
+admin = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    help="See, forget, repeat and keep folds of a service.",
+)
+
+
+@contextmanager
+def _upkeep(data_dir: Path | None) -> Generator[Upkeep]:
+    """The upkeep of the service with these settings; what is wrong ends the command in words."""
+    from sqlalchemy.exc import SQLAlchemyError
+
+    from server.cli.upkeep import Upkeep, UpkeepError
+
+    try:
+        upkeep = Upkeep(settings_of(data_dir=data_dir))
+    except UpkeepError as error:
+        raise _ended(str(error)) from None
+    except SQLAlchemyError as error:
+        raise _ended(
+            f"the database does not answer ({type(error).__name__}); `foldback doctor` says more."
+        ) from None
+    try:
+        yield upkeep
+    finally:
+        upkeep.close()
+
+
+def _ended(words: str) -> typer.Exit:
+    typer.echo(words, err=True)
+    return typer.Exit(1)
+
+
+@admin.command("list")
+def list_folds(
+    status: Annotated[Status | None, typer.Option(help="Only these.")] = None,
+    older: Annotated[
+        float | None, typer.Option(min=0, help="Only what nobody touched for so many days.")
+    ] = None,
+    as_json: AsJson = False,
+    data_dir: DataDir = None,
+) -> None:
+    """List folds, the oldest first."""
+    with _upkeep(data_dir) as upkeep:
+        rows = [_shown(row) for row in upkeep.folds(status=status, older_days=older)]
+    if as_json:
+        typer.echo(json.dumps(rows, indent=2))
+        return
+    _table(COLUMNS, [_words(row) for row in rows])
+
+
+@admin.command()
+def show(fold_id: str, as_json: AsJson = False, data_dir: DataDir = None) -> None:
+    """Show all that is known of a fold."""
+    from server.store.folds import NoSuchFoldError
+
+    with _upkeep(data_dir) as upkeep:
+        try:
+            row = upkeep.fold(fold_id)
+        except NoSuchFoldError:
+            raise _ended(f"There is no fold {fold_id!r}.") from None
+        known = {column.key: getattr(row, column.key) for column in row.__table__.columns}
+        known |= {
+            "visitor": row.visitor[:VISITOR],
+            "owner": row.owner is not None,
+            "job": upkeep.job(fold_id),
+        }
+    if as_json:
+        typer.echo(json.dumps(known, indent=2))
+        return
+    for name, value in known.items():
+        typer.echo(f"{name:<16} {json.dumps(value)}")
+
+
+@admin.command()
+def expire(
+    ids: Annotated[list[str] | None, typer.Argument(help="Ids of folds.")] = None,
+    older: Annotated[
+        float | None, typer.Option(min=0, help="Instead: what nobody touched for so many days.")
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    force: Force = False,
+    data_dir: DataDir = None,
+) -> None:
+    """Forget folds with their files. Pinned ones and those of the gallery stay."""
+    if bool(ids) == (older is not None):
+        raise typer.BadParameter("give ids or --older DAYS, and not both.")
+    with _upkeep(data_dir) as upkeep:
+        if older is not None:
+            rows = upkeep.folds(older_days=older)
+            ids = [row.id for row in rows if force or not (row.pinned or row.public)]
+        assert ids is not None
+        if not ids:
+            typer.echo("Nothing to forget.")
+            return
+        if not yes:
+            typer.confirm(f"Forget {len(ids)} folds for good?", abort=True)
+        _each(ids, lambda fold_id: upkeep.expire(fold_id, force=force), "forgotten")
+
+
+@admin.command()
+def requeue(ids: Ids, force: Force = False, data_dir: DataDir = None) -> None:
+    """Compute folds again that failed, were cancelled or are stuck."""
+    with _upkeep(data_dir) as upkeep:
+        _each(ids, lambda fold_id: upkeep.requeue(fold_id, force=force), "queued")
+
+
+@admin.command()
+def pin(ids: Ids, data_dir: DataDir = None) -> None:
+    """Keep folds whatever their age."""
+    with _upkeep(data_dir) as upkeep:
+        _each(ids, lambda fold_id: upkeep.pin(fold_id, pinned=True), "pinned")
+
+
+@admin.command()
+def unpin(ids: Ids, data_dir: DataDir = None) -> None:
+    """Let folds grow old again."""
+    with _upkeep(data_dir) as upkeep:
+        _each(ids, lambda fold_id: upkeep.pin(fold_id, pinned=False), "not pinned")
+
+
+@admin.command()
+def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
+    """Show who computes."""
+    with _upkeep(data_dir) as upkeep:
+        found = upkeep.workers()
+    now = time.time()
+    rows = [
+        {
+            "name": row.name,
+            "host": row.host,
+            "pid": row.pid,
+            "folds_at_once": row.folds_at_once,
+            "version": row.version,
+            "age_s": round(now - row.started_at, 1),
+            "beat": row.beat,
+        }
+        for row in found
+    ]
+    if as_json:
+        typer.echo(json.dumps(rows, indent=2))
+        return
+    if rows:
+        _table(tuple(rows[0]), [[str(value) for value in row.values()] for row in rows])
+    else:
+        typer.echo("No worker lives.")
+
+
+def _each(ids: Sequence[str], do: Callable[[str], None], done: str) -> None:
+    """Does it to each; what is refused does not keep the others from it."""
+    from server.cli.upkeep import UpkeepError
+    from server.store.folds import NoSuchFoldError
+
+    refused = 0
+    for fold_id in ids:
+        try:
+            do(fold_id)
+        except NoSuchFoldError:
+            typer.echo(f"There is no fold {fold_id!r}.", err=True)
+            refused += 1
+        except UpkeepError as error:
+            typer.echo(str(error), err=True)
+            refused += 1
+        else:
+            typer.echo(f"{fold_id} is {done}.")
+    if refused:
+        raise typer.Exit(1)
+
+
+def _shown(row: FoldRow) -> dict[str, Any]:
+    """What a list tells of a fold: nothing that lets its reader in, nor what a visitor wrote."""
+    return {
+        "id": row.id,
+        "status": row.status,
+        "stage": row.stage,
+        "modules": row.modules,
+        "age_s": round(time.time() - row.created_at, 1),
+        "bytes": row.bytes,
+        "visitor": row.visitor[:VISITOR],
+        "pinned": row.pinned,
+        "gallery": row.public,
+    }
+
+
+def _words(row: dict[str, Any]) -> list[str]:
+    kept = [word for word in ("pinned", "gallery") if row[word]]
+    shown = {**row, "age": _age(row["age_s"]), "kept": ", ".join(kept)}
+    return ["" if shown[name] is None else str(shown[name]) for name in COLUMNS]
+
+
+def _age(seconds: float) -> str:
+    for unit, length in (("d", 86400), ("h", 3600), ("min", 60)):
+        if seconds >= length:
+            return f"{seconds / length:.0f} {unit}"
+    return f"{max(0.0, seconds):.0f} s"
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+    for row in (heads, *rows):
+        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        typer.echo("  ".join(cells).rstrip())

@@ -1,0 +1,102 @@
+"""The command line: ``foldback``."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+from typer.core import TyperGroup
+from typer.main import get_command
+
+if TYPE_CHECKING:
+    from typer._click import Command, Context
+
+COMMANDS: Final = {
+    "serve": "Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR, …).",
+    "worker": "Compute folds for a service that runs on the same data.",
+    "fold": "Explode, fold and verify a chain or a shape.",
+    "refold": "Unfold a folded chain and fold it into another shape.",
+    "settings": "List the published method's settings.",
+    "smooth": "Make a folding shorter and quieter, as clear as before.",
+    "shape": "Find a path through a shape.",
+    "verify": "Check a plan anew: its files against each other, its figures, and by plain MuJoCo.",
+    "play": "Look at a fold's directory in the browser.",
+    "export": "Take a finished fold away as URDF, MCAP, an animated scene and more.",
+    "movie": "Film a fold: the straight chain folds into its shape.",
+    "retime": "Give a plan time stamps within a robot's limits.",
+    "doctor": "Check what the service needs.",
+    "admin": "See, forget, repeat and keep folds of a service.",
+}
+"""What each command is for, as its own help begins: told of all without importing any."""
+
+DRAWING: Final = frozenset(("serve", "worker", "movie", "doctor"))
+"""Commands that need OpenGL; to the others MuJoCo need not bring what opens windows."""
+
+
+class LazyCommands(TyperGroup):
+    """Commands that are imported when they are called: most bring a simulator or a web server."""
+
+    def resolve_command(
+        self, ctx: Context, args: list[str]
+    ) -> tuple[str | None, Command | None, list[str]]:
+        """The command that is called, imported, with what its arguments are."""
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, command if name is None else _imported(name), rest
+
+
+def application() -> typer.Typer:
+    """The command line."""
+    app = typer.Typer(cls=LazyCommands, no_args_is_help=True, pretty_exceptions_show_locals=False)
+
+    @app.callback()
+    def foldback(
+        version: Annotated[
+            bool, typer.Option("--version", callback=_version, is_eager=True, help="Tell it.")
+        ] = False,
+    ) -> None:
+        """Plans how a straight chain of modules folds into a solid."""
+
+    del foldback
+    for name, help_text in COMMANDS.items():
+        app.command(name, help=help_text)(_not_imported)
+    return app
+
+
+def _not_imported() -> None:
+    """Stands for a command in the list of all."""
+
+
+def _imported(name: str) -> Command:
+    """The command of this name, from the module of this name."""
+    found: typer.Typer | Callable[..., None] = getattr(import_module(f"server.cli.{name}"), name)
+    if isinstance(found, typer.Typer):
+        return get_command(found)
+    alone = typer.Typer(add_completion=False)
+    alone.command(name)(found)
+    return get_command(alone)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version  # takes as long as all else that `--help` needs
+
+        typer.echo(f"foldback {version('foldback')}")
+        raise typer.Exit
+
+
+def main() -> None:
+    """The entry point."""
+    # Read when NumPy is imported. Threads of linear algebra bring nothing at these sizes.
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    if not set(sys.argv[1:2]) & DRAWING:
+        os.environ.setdefault("MUJOCO_GL", "off")
+    application()(prog_name="foldback")
+
+
+if __name__ == "__main__":
+    main()

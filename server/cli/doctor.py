@@ -1,0 +1,31 @@
+"""``foldback doctor``: is all there that the service needs, and what to do where it is not."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from server.ops.logs import escaped
+
+
+def doctor(
+    host: Annotated[str | None, typer.Option(help="Address to listen on.")] = None,
+    port: Annotated[int | None, typer.Option(help="Port to listen on.")] = None,
+    data_dir: Annotated[Path | None, typer.Option(help="Where folds are kept.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+) -> None:
+    """Check what the service needs; ends with 1 when there is a problem."""
+    from server.doctor.doctor import examined
+
+    found = examined({"host": host, "port": port, "data_dir": data_dir})
+    if as_json:
+        typer.echo(json.dumps([asdict(finding) for finding in found], indent=2))
+    else:
+        for finding in found:
+            typer.echo(escaped(finding.line))
+    if any(finding.verdict == "problem" for finding in found):
+        raise typer.Exit(1)

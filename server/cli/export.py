@@ -1,0 +1,72 @@
+"""``foldback export``: a finished fold in the formats of other programs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from planner.errors import InputError
+from planner.exports import EXPORTS, Export, export_named, exports_of
+from planner.files import write_whole
+from planner.plan.plan import Plan
+from server.cli.inputs import make_directory, refuse
+from server.cli.options import AsJson, FoldDirectory
+
+
+def export(
+    directory: FoldDirectory,
+    out: Annotated[Path, typer.Option(help="Directory for the files; made if it is not there.")],
+    formats: Annotated[
+        str | None,
+        typer.Option(
+            "--as",
+            metavar="NAMES",
+            help=f"Formats, with commas between: {', '.join(e.name for e in EXPORTS)}. All if none "
+            "is given.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Take a finished fold away as URDF, MCAP, an animated scene and more."""
+    try:
+        chosen = None if formats is None else _chosen(formats)
+        plan = Plan.load(directory / "plan.npz")
+        exports = chosen or exports_of(moving=len(plan.time_s) > 0)
+        make_directory(out)
+        sizes = {one.filename: _written(one, plan, out) for one in exports}
+    except InputError as error:
+        refuse(error, as_json)
+    if as_json:
+        print(json.dumps({"directory": str(out), "bytes": sizes}), flush=True)
+        return
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for one in exports:
+        table.add_row(str(out / one.filename), f"{sizes[one.filename] / 1e6:.2f} MB", one.hint)
+    Console(soft_wrap=True, highlight=False).print(table)
+
+
+def _chosen(formats: str) -> tuple[Export, ...]:
+    names = dict.fromkeys(name.strip() for name in formats.split(","))
+    return tuple(export_named(name) for name in names)
+
+
+def _written(one: Export, plan: Plan, out: Path) -> int:
+    """The size of the file that was written.
+
+    Raises:
+        InputError: When it cannot be made or written.
+    """
+    path = out / one.filename
+    data = one.write(plan)
+    try:
+        write_whole(path, data)
+    except OSError as error:
+        raise InputError(
+            "no-file", f"it cannot be written ({error.strerror}).", where=str(path)
+        ) from error
+    return len(data)

@@ -1,0 +1,195 @@
+"""``foldback fold``: from a file to a verified plan, without a service."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from planner.chain.module import module_named
+from planner.cores import cores
+from planner.errors import InputError
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.parallel import Tries
+from planner.pipeline.request import Request
+from planner.pipeline.stages import STAGES, next_stage, run_stage
+from planner.progress import Progress as StageProgress
+from server.cli.inputs import make_directory, read_input, refuse
+from server.cli.options import (
+    AsJson,
+    ModuleSize,
+    PlanDirectory,
+    Preset,
+    Seed,
+    Settings,
+    Workers,
+)
+from server.pages import certificate_words
+from server.pages.quantities import sentence
+
+WORDS = {
+    "explode": "Exploding",
+    "play_back": "Folding",
+    "certify": "Checking",
+    "export": "Writing",
+}
+
+
+def fold(
+    out: PlanDirectory,
+    shape: Annotated[
+        str | None,
+        typer.Argument(metavar="INPUT", help="A mesh, voxels, a path, a chain, or an example."),
+    ] = None,
+    angles: Annotated[
+        str | None,
+        typer.Option(help="Or a chain of tetrahedra, one sign a hinge: '0 - - + 0'."),
+    ] = None,
+    preset: Preset = "default",
+    settings: Settings = None,
+    seed: Seed = "0",
+    module_size: ModuleSize = None,
+    strategy: Annotated[
+        str, typer.Option(help="How it is let go: auto, simultaneous, blocks, peel, or one-by-one.")
+    ] = "auto",
+    module: Annotated[str, typer.Option(help="cube or tetrahedron.")] = "cube",
+    modules: Annotated[
+        str | None, typer.Option(metavar="INTEGER", help="About how many, for a mesh.")
+    ] = None,
+    method: Annotated[str, typer.Option(help="Path by: auto, blocks, exact or snake.")] = "auto",
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Add or drop cells where there is no path otherwise.")
+    ] = False,
+    ends: Annotated[str, typer.Option(help="any, or surface for both ends outside.")] = "any",
+    start: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="The cell that the chain begins in.")
+    ] = None,
+    as_voxels: Annotated[
+        bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")
+    ] = False,
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Explode, fold and verify a chain or a shape; exits 0 verified, 3 not, 2 for bad input."""
+    try:
+        request = Request.of(
+            preset=preset,
+            settings=",".join(settings or ()),
+            seed=seed,
+            module_size=module_size,
+            strategy=strategy,
+            module=module,
+            modules=modules,
+            method=method,
+            repair=repair,
+            ends=ends,
+            as_voxels=as_voxels,
+            start=start,
+        )
+        request.check()
+        data, filename = read_input(shape, angles)
+        make_directory(out)
+        write_request(out, replace(request, filename=filename), data)
+        run_stage(STAGES[0], out)
+    except InputError as error:
+        refuse(error, as_json)
+    finish(compute(out, workers), out, as_json)
+
+
+def finish(
+    summary: dict[str, Any],
+    out: Path,
+    as_json: bool,
+    more: Callable[[dict[str, Any]], None] | None = None,
+) -> NoReturn:
+    """Prints a plan's figures, for people with ``more`` of them, and exits 0 verified, 3 not."""
+    if as_json:
+        print(json.dumps(summary), flush=True)
+    else:
+        show(summary, out)
+        if more is not None:
+            more(summary)
+    raise typer.Exit(0 if summary["status"] == "verified" else 3)
+
+
+def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
+    """Runs the stages after reading, with a bar for each; the plan's figures.
+
+    Args:
+        out: The fold's directory.
+        workers: Explosions at once at most; as many as there are cores when None.
+        words: What stages are called that do something else than usual.
+    """
+    from planner.pipeline.compiling import Compiling
+
+    summary: dict[str, Any] = {}
+    with (
+        Tries(out, workers or cores()) as tries,
+        Progress(
+            TextColumn("{task.description:<10}"),
+            BarColumn(),
+            TextColumn("{task.percentage:>3.0f}%"),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[note]}"),
+            console=Console(stderr=True),
+        ) as bars,
+    ):
+        stage: str | None = STAGES[1]
+        while stage is not None:
+            bar = bars.add_task({**WORDS, **words}[stage], total=1.0, note="")
+
+            def report(progress: StageProgress, bar: Any = bar) -> None:
+                bars.update(bar, completed=progress.fraction)
+                if progress.steps:
+                    bars.update(bar, note=_steps(progress))
+
+            def compiles(progress: StageProgress, bar: Any = bar) -> None:
+                bars.update(bar, note=f"{progress.message}, once on this machine")
+
+            with Compiling(compiles):
+                summary = run_stage(stage, out, progress=report, tries=tries)
+            stage = next_stage(stage, summary)
+    return summary
+
+
+def _steps(progress: StageProgress) -> str:
+    """How far a simulation is: ``48200 steps · 482 s simulated``."""
+    simulated = f" · {progress.simulated_s:.0f} s simulated" if progress.simulated_s else ""
+    return f"{progress.steps} steps{simulated}"
+
+
+def show(summary: dict[str, Any], out: Path) -> None:
+    """Prints a plan's figures for people."""
+    certificate, playback = summary["certificate"], summary["playback"]
+    strategy = summary["explosion"].get("strategy")
+    console = Console(highlight=False)
+    table = Table(box=None, show_header=False, pad_edge=False)
+
+    def row(name: str, value: float | int | str | None, unit: str = "") -> None:
+        if value is not None:
+            table.add_row(name, f"{value} {unit}".rstrip())
+
+    console.print(certificate_words.headline(certificate), markup=False, soft_wrap=True)
+    row("Begins as", summary["refold"] and summary["refold"]["start"])
+    row("Modules", summary["modules"])
+    row("Strategy", certificate_words.baseline(strategy) or strategy)
+    row("Explosion", summary["explosion"]["steps"] or None, "steps")
+    row("Playback", playback and (playback["steps"] or None), "steps")
+    for name, value in certificate_words.rows(certificate):
+        row(sentence(name), value)
+    row("Written to", str(out))
+    console.print(table)
+    limit = module_named(summary["module"]).angle_limit_rad
+    for told in (
+        certificate_words.linked(certificate),
+        certificate_words.record(certificate, limit_rad=limit),
+    ):
+        if told is not None:
+            console.print(told, markup=False, soft_wrap=True)

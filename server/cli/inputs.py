@@ -1,0 +1,76 @@
+"""Inputs of commands: files or examples, directories for results, and refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import NoReturn
+
+import typer
+from rich.console import Console
+
+from planner.errors import InputError
+from planner.readers.angle_strings import HEADING
+from planner.readers.cells import REMEDY
+from planner.readers.limits import megabytes
+from server.store.gallery import Gallery
+
+TYPED_REMEDY = "if these are voxels in no order, use --as-voxels"
+LARGEST_FILE = 64 * 2**20
+
+
+def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str]:
+    """The bytes and name of a file, of the example of that name, or of typed angles.
+
+    Raises:
+        InputError: When there is neither or both, or the file is too large.
+    """
+    if (shape is None) == (angles is None):
+        got = "neither" if shape is None else "both"
+        raise InputError("no-input", f"got {got} of INPUT and --angles, expected one of them.")
+    if shape is None:
+        return f"{HEADING}\n{angles}".encode(), "typed.txt"
+    path = Path(shape)
+    if not path.exists() and (example := Gallery().shape(shape)) is not None:
+        return example.data, example.filename
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise InputError(
+                "too-large",
+                f"got {megabytes(path.stat().st_size)}, expected at most "
+                f"{megabytes(LARGEST_FILE)}.",
+                where=path.name,
+            )
+        return path.read_bytes(), path.name
+    except OSError as error:
+        raise InputError(
+            "no-file",
+            f"it cannot be read ({error.strerror}); expected a file, or one of "
+            f"{Gallery().nearest(shape)}.",
+            where=shape,
+        ) from error
+
+
+def make_directory(out: Path) -> None:
+    """Makes a directory for results.
+
+    Raises:
+        InputError: When that cannot be done.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            "no-directory", f"it cannot be made ({error.strerror}).", where=str(out)
+        ) from error
+
+
+def refuse(error: InputError, as_json: bool) -> NoReturn:
+    """Says what is wrong with the input and exits with 2."""
+    error = InputError(error.code, error.detail.replace(REMEDY, TYPED_REMEDY), where=error.where)
+    if as_json:
+        problem = {"code": error.code, "detail": error.detail, "where": error.where}
+        print(json.dumps({"status": "invalid", "error": problem}), flush=True)
+    else:
+        Console(stderr=True, soft_wrap=True, highlight=False).print(str(error), markup=False)
+    raise typer.Exit(2)

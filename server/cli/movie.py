@@ -1,0 +1,121 @@
+"""``foldback movie``: films a fold's directory as MP4 or GIF."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from planner.errors import InputError
+from server.cli.inputs import refuse
+from server.cli.options import AsJson, FoldDirectory
+from server.ops.starting import settings_of
+from server.processes.children import ChildError
+from server.processes.limits import ChildLimits
+from server.processes.movie_task import film
+from web.movies.movie import FORMATS, Movie
+
+
+def movie(
+    directory: FoldDirectory,
+    out: Annotated[Path, typer.Option(help="The file to write: .mp4 or .gif.")] = Path("fold.mp4"),
+    width: Annotated[int | None, typer.Option(help="Of a picture in pixels, even.")] = None,
+    height: Annotated[int | None, typer.Option(help="Of a picture in pixels, even.")] = None,
+    fps: Annotated[int | None, typer.Option(help="Pictures a second.")] = None,
+    seconds: Annotated[float | None, typer.Option(help="How long it lasts.")] = None,
+    azimuth: Annotated[
+        float | None, typer.Option(help="Degrees; chosen from the shape if not given.")
+    ] = None,
+    elevation: Annotated[float | None, typer.Option(help="Degrees above the ground.")] = None,
+    turn: Annotated[
+        float | None, typer.Option(help="Degrees that the camera goes around on its way.")
+    ] = None,
+    theme: Annotated[str | None, typer.Option(help="light or dark.")] = None,
+    first: Annotated[
+        int | None,
+        typer.Option("--from", help="First frame; the first of the playback if not given."),
+    ] = None,
+    last: Annotated[
+        int | None, typer.Option("--to", help="Last frame; before the first it runs backwards.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Film a fold: the straight chain folds into its shape."""
+    try:
+        kind = out.suffix.lower().removeprefix(".")
+        if kind not in FORMATS:
+            raise InputError(
+                "bad-movie", f"got the file {out.name!r}, expected one that ends in .mp4 or .gif."
+            )
+        wishes = Movie.of(
+            {
+                "format": kind,
+                "width": width,
+                "height": height,
+                "fps": fps,
+                "seconds": seconds,
+                "azimuth_deg": azimuth,
+                "elevation_deg": elevation,
+                "turn_deg": turn,
+                "theme": theme,
+                "first_frame": first,
+                "last_frame": last,
+            }
+        )
+        timeline = directory.resolve() / "timeline.zarr"
+        if not timeline.is_dir():
+            raise InputError(
+                "no-directory",
+                "there is no timeline in it; expected a folder that `foldback fold` wrote.",
+                where=str(directory),
+            )
+        if not out.resolve().parent.is_dir():
+            raise InputError("no-directory", "its folder does not exist.", where=str(out))
+        _make(wishes, timeline, out)
+    except InputError as error:
+        refuse(error, as_json)
+    except ChildError as error:
+        Console(stderr=True, soft_wrap=True).print(f"{error.code}: {error.detail}", markup=False)
+        raise typer.Exit(1) from error
+    megabytes = out.stat().st_size / 1e6
+    if as_json:
+        print(json.dumps({"file": str(out), "pictures": wishes.count, **asdict(wishes)}))
+    else:
+        Console().print(f"{out}: {wishes.count} pictures, {megabytes:.1f} MB", markup=False)
+
+
+def _make(wishes: Movie, timeline: Path, out: Path) -> None:
+    settings = settings_of()
+    with (
+        tempfile.TemporaryDirectory(prefix="foldback-movie-") as folder,
+        Progress(
+            TextColumn("filming"),
+            BarColumn(),
+            TextColumn("{task.completed:.0f} of {task.total:.0f} pictures"),
+            TimeElapsedColumn(),
+            console=Console(stderr=True),
+        ) as bars,
+    ):
+        place = Path(folder)
+        request = {"movie": asdict(wishes), "timeline": str(timeline), "part": "movie"}
+        (place / "request.json").write_text(json.dumps(request))
+        bar = bars.add_task("", total=wishes.count)
+
+        def report(event: dict[str, Any]) -> None:
+            bars.update(bar, completed=event["steps"])
+
+        film(
+            place,
+            ChildLimits.of(settings),
+            wall_s=float("inf"),
+            on_progress=report,
+            cancelled=lambda: False,
+        )
+        shutil.move(place / "movie", out)

@@ -1,0 +1,220 @@
+"""``foldback play``: looks at a finished fold's directory, without a service."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import threading
+import webbrowser
+from collections.abc import AsyncGenerator
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Any, Final
+
+import typer
+import uvicorn
+from fastapi import FastAPI
+from fastapi.responses import RedirectResponse
+
+from planner.certificate.verdict import told_honestly
+from planner.errors import InputError, TimelineError
+from planner.explosion.diagnosis import stuck_of
+from planner.motion.timeline import Timeline
+from planner.pipeline.ended import where
+from planner.pipeline.request import Request
+from planner.pipeline.stages import work_out_figures
+from server.api import frames as films
+from server.files.workshop import Workshop
+from server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
+from server.pages import landing, share
+from web.timeline.views import Films
+
+ONLY: Final = "fold"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FolderRow:
+    """What a fold's page asks of a row, read from the fold's files."""
+
+    id: str
+    name: str
+    status: str
+    modules: int
+    module: str
+    preset: str | None
+    settings: str
+    seed: int | None
+    summary: dict[str, Any]
+    stage: str | None = None
+    error: dict[str, Any] | None = None
+    progress: dict[str, Any] = field(default_factory=dict)
+    public: bool = False
+
+
+class FolderStore:
+    """A store of one fold: a directory."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+
+    def fold(self, fold_id: str) -> FolderRow | None:
+        """The row of the one fold."""
+        return row_of(self._directory) if fold_id == ONLY else None
+
+    def directory(self, fold_id: str) -> Path:
+        """Where its files are."""
+        del fold_id
+        return self._directory
+
+    @property
+    def folders(self) -> FolderStore:
+        """Itself: its files are where they are."""
+        return self
+
+    def shown(self, row: FolderRow) -> Path:
+        """Where the files of its fold are."""
+        del row
+        return self._directory
+
+    def looked(self, row: FolderRow) -> None:
+        """Nothing here expires."""
+
+
+@dataclass(frozen=True, slots=True)
+class FolderContext:
+    """What the routes of the viewer share."""
+
+    store: FolderStore
+    films: Films
+    workshop: Workshop
+    jobs: None = None
+    settings: None = None
+
+
+def row_of(directory: Path) -> FolderRow:
+    """The row of a fold's directory.
+
+    Raises:
+        TimelineError: When there is no timeline in it.
+    """
+    chain = Timeline.open(directory / "timeline.zarr").chain
+    request = _json(directory / "request.json")
+    plan = _json(directory / "plan.json")
+    certificate = told_honestly(
+        plan.get("certificate") or _json(directory / "certificate.json"), plan.get("playback")
+    )
+    verified = str(certificate.get("verdict")).startswith("verified")
+    status = "verified" if verified else "failed"
+    reason = str(certificate.get("verdict") or "it came to no plan")
+    summary: dict[str, Any] = {
+        "status": status,
+        "reason": None if verified else reason.removeprefix("failed: "),
+        "certificate": certificate,
+        **{k: plan[k] for k in ("explosion", "playback", "seed", "smoothing") if k in plan},
+    }
+    if plan:
+        summary["stuck"] = stuck_of(plan.get("explosion"), plan.get("attempts") or ())
+    elif not certificate:
+        summary |= where(directory)
+    if plan.get("start"):
+        summary["refold"] = {"start": plan["start"]["name"]}
+    return FolderRow(
+        id=ONLY,
+        name=chain.name,
+        status=status,
+        modules=len(chain),
+        module=chain.module.name,
+        preset=request.get("preset") or plan.get("preset"),
+        settings=_settings(request.get("preset"), request.get("settings")),
+        seed=request.get("seed", plan.get("seed")),
+        summary=summary,
+    )
+
+
+def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
+    """An application with the viewer of one directory."""
+    store = FolderStore(directory)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
+        # The directory is somebody's own: nothing is put into it.
+        with TemporaryDirectory(prefix="foldback-") as place:
+            workshop = Workshop(store, folder=Path(place))
+            app.state.context = FolderContext(store, Films(), workshop)
+            yield
+            workshop.close()
+
+    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None, lifespan=lifespan)
+
+    @app.get("/")
+    async def to_the_fold() -> RedirectResponse:
+        return RedirectResponse(f"/folds/{ONLY}")
+
+    app.include_router(landing.router)
+    app.include_router(films.router)
+    app.include_router(share.router)
+    app.add_middleware(SameOrigin)
+    app.add_middleware(AllowedHosts, hosts=hosts_of(host))
+    app.add_middleware(SecurityHeaders)
+    return app
+
+
+def play(
+    directory: Annotated[Path, typer.Argument(help="Directory of a fold, with timeline.zarr.")],
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port to listen on; 0 takes a free one.")] = 0,
+    browser: Annotated[bool, typer.Option(help="Open a browser.")] = True,
+) -> None:
+    """Look at a fold's directory in the browser."""
+    try:
+        name = row_of(directory).name
+    except TimelineError as error:
+        typer.echo(f"{error}", err=True)
+        raise typer.Exit(2) from error
+
+    if not (directory / "figures.zarr").exists():
+        # Folds that were cancelled have none, and those of earlier versions.
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError, TimelineError):
+            work_out_figures(directory)
+
+    class Server(uvicorn.Server):
+        """Says where it is once it listens."""
+
+        async def startup(self, sockets: list[Any] | None = None) -> None:
+            await super().startup(sockets)
+            if not self.started:
+                return
+            at = self.servers[0].sockets[0].getsockname()[1]
+            address = f"http://{host}:{at}/folds/{ONLY}"
+            typer.echo(f"{name} is at {address} (Ctrl-C ends)")
+            if browser:
+                threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+
+    Server(
+        uvicorn.Config(
+            create_player_app(directory, host),
+            host=host,
+            port=port,
+            log_level="warning",
+            access_log=False,
+            ws_per_message_deflate=False,
+            timeout_graceful_shutdown=2,
+        )
+    ).run()
+
+
+def _settings(preset: Any, settings: Any) -> str:
+    """What a fold was asked for with; none where a file says what cannot have been."""
+    try:
+        return Request(preset=str(preset), settings=str(settings or "")).canonical().settings
+    except InputError:
+        return ""
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

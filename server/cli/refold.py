@@ -1,0 +1,104 @@
+"""``foldback refold``: from one folded shape over straight to another, without a service."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from planner.chain.chain import Chain
+from planner.errors import InputError
+from planner.motion.timeline import chain_from_attributes
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.refold import write_start, write_start_chain
+from planner.pipeline.request import Request
+from planner.pipeline.stages import STAGES, run_stage
+from planner.plan.formats import write_chain
+from planner.plan.plan import Plan
+from server.cli.fold import compute, finish
+from server.cli.inputs import make_directory, read_input, refuse
+from server.cli.options import (
+    AsJson,
+    ModuleSize,
+    PlanDirectory,
+    Preset,
+    Seed,
+    Settings,
+    Workers,
+)
+from server.store.gallery import Gallery
+
+FIRST = "start"
+"""Where the first shape is folded, if it has not been: a folder in the one for the plan."""
+
+
+def refold(
+    start: Annotated[
+        str,
+        typer.Argument(metavar="A", help="What `fold` has written, or a shape to fold first."),
+    ],
+    shape: Annotated[
+        str,
+        typer.Argument(metavar="B", help="As many modules of the same kind, folded or not."),
+    ],
+    out: PlanDirectory,
+    preset: Preset = "default",
+    settings: Settings = None,
+    seed: Seed = "0",
+    module_size: ModuleSize = None,
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Unfold a folded chain and fold it into another shape; exits as `fold` does."""
+    begins: Chain | None = None
+    try:
+        request = Request.of(
+            preset=preset, settings=",".join(settings or ()), seed=seed, module_size=module_size
+        )
+        request.check()
+        folded = _plan(start)
+        if folded is None:
+            data, filename = read_input(start)
+            make_directory(out / FIRST)
+            write_request(out / FIRST, replace(request, filename=filename), data)
+            run_stage(STAGES[0], out / FIRST)
+            begins = chain_from_attributes(json.loads((out / FIRST / "chain.json").read_bytes()))
+        else:
+            begins = folded.unfolding().chain
+        make_directory(out)
+        write_start_chain(out, begins)
+        write_request(out, *_second(shape, request, begins))
+        run_stage(STAGES[0], out)
+    except InputError as error:
+        if begins is not None:
+            error = Gallery().advised(error, begins.module.name, len(begins))
+        refuse(error, as_json)
+    if folded is None:
+        summary = compute(out / FIRST, workers)
+        folded = Plan.load(out / FIRST / "plan.npz")
+        try:
+            folded.unfolding()
+        except InputError:
+            finish(summary, out / FIRST, as_json)
+    write_start(out, folded)
+    finish(compute(out, workers), out, as_json)
+
+
+def _plan(name: str) -> Plan | None:
+    """The plan in a directory; None when this is none."""
+    return Plan.load(Path(name) / "plan.npz") if Path(name).is_dir() else None
+
+
+def _second(name: str, request: Request, begins: Chain) -> tuple[Request, bytes]:
+    """What is asked of the second shape, and its bytes."""
+    request = replace(request, refold=True)
+    plan = _plan(name)
+    if plan is not None:
+        return replace(request, filename=f"{plan.chain.name}.json"), write_chain(plan.chain)
+    data, filename = read_input(name)
+    if Path(name).exists():  # an example says what it is made of
+        request = replace(request, module=begins.module.name, modules=len(begins))
+    return replace(request, filename=filename), data

@@ -1,0 +1,171 @@
+"""``foldback retime``: a plan with the time stamps that a robot can follow."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from planner.clearance.sweep import Sweep
+from planner.errors import InputError
+from planner.exports.trajectory import export
+from planner.files import write_whole
+from planner.plan.plan import Plan
+from planner.robot.motors import STANDARD_GRAVITY_M_S2, Build, MotorTable, motor_table
+from planner.robot.retiming import clearance
+from planner.robot.retiming import retime as retime_plan
+from planner.robot.trajectory import Trajectory
+from server.cli.inputs import refuse
+from server.cli.options import AsJson, FoldDirectory
+from server.pages import certificate_words
+
+SHOWN = 10
+
+
+def retime(
+    directory: FoldDirectory,
+    max_speed: Annotated[float, typer.Option(help="Largest speed of a joint, in rad/s.")],
+    max_acceleration: Annotated[
+        float, typer.Option(help="Largest acceleration of a joint, in rad/s².")
+    ],
+    out: Annotated[Path, typer.Option(help="Where to write it: a .csv or .json file.")],
+    rate: Annotated[
+        float | None, typer.Option(help="Lines in a second; else one for each frame of the plan.")
+    ] = None,
+    check: Annotated[bool, typer.Option(help="Look for collisions along it once more.")] = True,
+    module_mass: Annotated[
+        float | None, typer.Option(help="Mass of a module in kg: also tell torques.")
+    ] = None,
+    pitch: Annotated[
+        float | None, typer.Option(help="Distance of modules in m, if not the plan's.")
+    ] = None,
+    gravity: Annotated[
+        float, typer.Option(help="Gravity in m/s², 0 for none.")
+    ] = STANDARD_GRAVITY_M_S2,
+    floating: Annotated[
+        bool, typer.Option("--floating", help="Float instead of being held at the root.")
+    ] = False,
+    motor_torque: Annotated[
+        float | None, typer.Option(help="What a motor can give, in N·m: tell whether it would do.")
+    ] = None,
+    table: Annotated[
+        Path | None, typer.Option(help="Where to write the torques of all joints, as .csv.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Give a plan time stamps within a robot's limits; exits 3 when it would not do."""
+    try:
+        form = _form(out)
+        if module_mass is None and (motor_torque is not None or table is not None):
+            raise InputError("no-mass", "torques need the mass of a module: --module-mass KG.")
+        plan = _plan(directory)
+        trajectory = retime_plan(plan, max_speed, max_acceleration)
+        size = plan.certificate.module_size
+        clear = clearance(trajectory, plan.chain, size=size) if check else None
+        parts = export(
+            trajectory,
+            form,
+            name=plan.chain.name,
+            plan_verified=plan.verified,
+            min_clearance=clear and clear.clearance,
+            rate_hz=rate,
+        )
+        motors = None
+        if module_mass is not None:
+            build = Build(
+                module_mass_kg=module_mass,
+                pitch_m=plan.chain.pitch_m if pitch is None else pitch,
+                gravity_m_s2=gravity,
+                held=not floating,
+            )
+            motors = motor_table(plan.chain, trajectory, build, motor_torque_nm=motor_torque)
+        _write(out, parts)
+        if table is not None and motors is not None:
+            _write(table, [motors.as_csv().encode()])
+    except InputError as error:
+        refuse(error, as_json)
+    report: dict[str, Any] = {
+        "duration_s": trajectory.duration_s,
+        "deviation_rad": trajectory.deviation_rad,
+        "min_clearance": clear and clear.clearance,
+        "clearance_bound": clear and clear.bound,
+        "plan_verified": plan.verified,
+        "motors": None if motors is None else motors.as_dict(),
+    }
+    if as_json:
+        print(json.dumps(report), flush=True)
+    else:
+        _show(plan, trajectory, clear, motors, out)
+    weak = motors is not None and motors.would_do is False
+    # Nothing that cannot be proved clear would do, as of a plan.
+    if weak or not plan.verified or (clear is not None and clear.bound <= 0.0):
+        raise typer.Exit(3)
+
+
+def _form(out: Path) -> Any:
+    form = out.suffix.removeprefix(".")
+    if form not in ("csv", "json"):
+        raise InputError(
+            "unknown-form", f"got {out.name!r}, expected a name that ends in .csv or .json."
+        )
+    return form
+
+
+def _plan(directory: Path) -> Plan:
+    path = directory / "plan.npz"
+    if not path.is_file():
+        raise InputError(
+            "no-plan",
+            "There is no plan.npz; expected a folder that `foldback fold` wrote.",
+            where=str(directory),
+        )
+    return Plan.load(path)
+
+
+def _write(path: Path, parts: Iterable[bytes]) -> None:
+    try:
+        write_whole(path, b"".join(parts))
+    except OSError as error:
+        raise InputError(
+            "no-file", f"cannot be written ({error.strerror}).", where=str(path)
+        ) from error
+
+
+def _show(
+    plan: Plan,
+    trajectory: Trajectory,
+    clear: Sweep | None,
+    motors: MotorTable | None,
+    out: Path,
+) -> None:
+    console = Console(highlight=False)
+    facts = Table(box=None, show_header=False, pad_edge=False)
+    facts.add_row("Plan", certificate_words.headline(plan.certificate.as_dict()))
+    facts.add_row("Duration", f"{trajectory.duration_s:.3g} s")
+    facts.add_row("Cuts corners by", f"{trajectory.deviation_rad:.2g} rad at most")
+    if clear is not None:
+        told = {"clearance_bound": clear.bound, "min_clearance": clear.clearance}
+        facts.add_row("Along it", certificate_words.clearance(told))
+    if motors is not None:
+        facts.add_row("Motors", motors.verdict)
+    facts.add_row("Written to", str(out))
+    console.print(facts)
+    if motors is None:
+        return
+    columns = Table(box=None, pad_edge=False)
+    for heading in ("Joint", "Peak, N·m", "at frame", "RMS, N·m"):
+        columns.add_column(heading, justify="left" if heading == "Joint" else "right")
+    for k in np.argsort(-motors.peak_torque_nm)[:SHOWN]:
+        columns.add_row(
+            motors.joint_names[k],
+            f"{motors.peak_torque_nm[k]:.3g}",
+            f"{motors.peak_frame[k]:.0f}",
+            f"{motors.rms_torque_nm[k]:.3g}",
+        )
+    console.print(columns)

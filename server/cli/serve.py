@@ -1,0 +1,183 @@
+"""``foldback serve``: the pages, the API and the workers, with one command."""
+
+from __future__ import annotations
+
+import logging
+import resource
+import signal
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from server.ops.logs import set_up_logs
+from server.ops.starting import settings_of, starting, warn_of_unknown_names
+from server.processes.limits import keep_secrets
+
+LARGEST_HEAD_BYTES: Final = 32 * 1024
+"""Of a request's first line and headers."""
+log = logging.getLogger("foldback.serve")
+
+if TYPE_CHECKING:
+    import uvicorn
+
+    from server.api.context import Context
+    from server.processes.fork_server import ForkServer
+    from server.settings import Settings
+
+
+def serve(
+    host: Annotated[str | None, typer.Option(help="Address to listen on.")] = None,
+    port: Annotated[int | None, typer.Option(help="Port to listen on; 0 takes a free one.")] = None,
+    data_dir: Annotated[Path | None, typer.Option(help="Where folds are kept.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Worker processes to look after.")] = None,
+    first_shape: Annotated[
+        str | None, typer.Option(help="Fold this gallery shape if it has not been yet.")
+    ] = None,
+) -> None:
+    """Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR, …)."""
+    keep_secrets()
+    settings = settings_of(host=host, port=port, data_dir=data_dir, workers=workers)
+    set_up_logs(settings)
+    warn_of_unknown_names(log)
+
+    # Workers first: they warm up on the other core while the web process imports.
+    from server.ops.supervisor import Supervisor
+
+    with starting("service"):
+        settings.make_directories()
+    supervisor = Supervisor(settings)
+    supervisor.start()
+    # uvicorn ends in good order on these and raises them once more; by then all is done.
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda number, frame: log.info("ended by signal %d", number))
+    try:
+        _run(settings, first_shape)
+    finally:
+        supervisor.stop()
+
+
+def _run(settings: Settings, first_shape: str | None) -> None:
+    server = server_of(settings, first_shape)
+    _allow_files(2 * settings.max_connections)
+    # Threads that compute an answer let the event loop go on after this long, instead of 5 ms each:
+    # beside a hundred visitors it halves what all others wait.
+    sys.setswitchinterval(0.0005)
+    try:
+        server.run()
+    except SystemExit:  # the port is taken, or the application did not start; it has said so
+        raise typer.Exit(1) from None
+
+
+def server_of(
+    settings: Settings,
+    first_shape: str | None = None,
+    *,
+    fork_server: ForkServer | None = None,
+) -> uvicorn.Server:
+    """What listens and answers, over a database of the newest schema; it has yet to be run.
+
+    Args:
+        settings: The settings.
+        first_shape: A shape of the gallery to fold if it has not been yet.
+        fork_server: One that forks for others, too; the application has one of its own otherwise.
+    """
+    import asyncio
+
+    import uvicorn
+
+    from server.app import create_app
+    from server.http.connections import protocol_of
+    from server.store.object_store import open_storage
+    from server.store.tables import engine_for, migrate
+
+    with starting("service"):
+        open_storage(settings)
+        engine = engine_for(settings.store_url)
+        try:
+            migrate(engine)
+        finally:
+            engine.dispose()
+    app = create_app(settings, fork_server=fork_server)
+
+    class Server(uvicorn.Server):
+        """Says where it is once it listens, and lets its followers go before it ends."""
+
+        async def startup(self, sockets: list[Any] | None = None) -> None:
+            await super().startup(sockets)
+            if not self.started:
+                return
+            port = self.servers[0].sockets[0].getsockname()[1]
+            host = f"[{settings.host}]" if ":" in settings.host else settings.host
+            address = f"http://{host}:{port}"
+            print(f"foldback is at {address}", flush=True)
+            if first_shape is not None:
+                context: Context = app.state.context
+                fold_id = await asyncio.to_thread(_fold_first, context, first_shape)
+                print(f"  {first_shape}: {address}/folds/{fold_id}", flush=True)
+
+        async def shutdown(self, sockets: list[Any] | None = None) -> None:
+            context: Context = app.state.context
+            app.state.readiness.end()
+            if self.started and not self.force_exit:
+                await asyncio.sleep(settings.leave_s)
+            context.watch.end()
+            await super().shutdown(sockets)
+
+    return Server(
+        uvicorn.Config(
+            app,
+            host=settings.host,
+            port=settings.port,
+            log_level="warning",
+            log_config=None,
+            access_log=False,
+            http=protocol_of(settings),
+            h11_max_incomplete_event_size=LARGEST_HEAD_BYTES,
+            limit_concurrency=settings.max_connections,
+            forwarded_allow_ips=list(settings.trusted_proxies),
+            ws_max_size=2**20,
+            # The views carry arrays that hardly shrink, many times a second.
+            ws_per_message_deflate=False,
+            # Longer than clients keep a connection that is idle (5 s is usual): where both give up
+            # at the same time, some requests are sent into a connection that is just ending.
+            timeout_keep_alive=max(1, int(0.75 * settings.header_seconds)),
+            timeout_graceful_shutdown=3,
+            server_header=False,
+        )
+    )
+
+
+def _allow_files(count: int) -> None:
+    """Lets the process have as many files and connections open, as far as it may."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    most = count if hard == resource.RLIM_INFINITY else min(count, hard)
+    if soft != resource.RLIM_INFINITY and soft < most:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+
+
+def _fold_first(context: Context, name: str) -> str:
+    from io import BytesIO
+
+    from server.api.submit import Submission, submit
+    from server.store.folds import new_token
+
+    shape = context.gallery.shape(name)
+    if shape is None:
+        names = ", ".join(s.name for s in context.gallery.shapes())
+        raise typer.BadParameter(f"got the shape {name!r}, expected one of {names}.")
+    with context.uploads.kept(BytesIO(shape.data), shape.filename) as upload:
+        receipt = submit(
+            context,
+            Submission(
+                upload=upload,
+                shape=name,
+                preset="default",
+                seed=0,
+                module_size=None,
+                visitor="the service itself",
+                token=new_token(),
+            ),
+        )
+    return receipt.row.id

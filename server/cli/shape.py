@@ -1,0 +1,121 @@
+"""``foldback shape``: from a solid or voxels to a path, without folding it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from planner.chain.path import Path as CellPath
+from planner.errors import InputError
+from planner.files import write_whole
+from planner.pathfinding.prepare import Preparation, prepare_in_any_order
+from planner.pipeline.request import SHORT_SEED, Request
+from planner.plan.formats import write_chain, write_path
+from server.cli.inputs import read_input, refuse
+from server.cli.options import AsJson, Seed
+
+
+def shape(
+    source: Annotated[
+        str, typer.Argument(metavar="INPUT", help="A mesh, a voxel model, cells, or an example.")
+    ],
+    out: Annotated[Path, typer.Option(help="Where to write the path, or the chain.")],
+    module: Annotated[str, typer.Option(help="cube or tetrahedron.")] = "cube",
+    modules: Annotated[
+        str | None, typer.Option(metavar="INTEGER", help="About how many modules.")
+    ] = None,
+    method: Annotated[str, typer.Option(help="auto, blocks, exact or snake.")] = "auto",
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Add or drop cells where there is no path otherwise.")
+    ] = False,
+    ends: Annotated[str, typer.Option(help="any, or surface for both ends outside.")] = "any",
+    start: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="The cell that the chain begins in.")
+    ] = None,
+    as_voxels: Annotated[
+        bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")
+    ] = False,
+    seed: Seed = "0",
+    as_json: AsJson = False,
+) -> None:
+    """Find a path through a shape. Exits 0 with a path, 3 when there is none, 2 for bad input."""
+    try:
+        request = Request.of(
+            module=module,
+            modules=modules,
+            method=method,
+            repair=repair,
+            ends=ends,
+            start=start,
+            as_voxels=as_voxels,
+            seed=seed,
+        )
+        request.check()
+        data, filename = read_input(source)
+        prepared = prepare_in_any_order(
+            data, filename, request.wishes(), seed=request.seed % SHORT_SEED
+        )
+        if prepared.not_started:
+            prepared.chain  # noqa: B018
+        if prepared.chains:
+            write_whole(out, path_file(prepared))
+    except InputError as error:
+        refuse(error, as_json)
+    except OSError as error:
+        refuse(
+            InputError("no-file", f"cannot be written ({error.strerror}).", where=str(out)), as_json
+        )
+    report = {**prepared.report(full=False), "mesh": None, "cells": None}
+    if as_json:
+        print(json.dumps({"status": "found" if prepared.chains else "none", **report}), flush=True)
+    else:
+        show(report, out)
+    if not prepared.chains:
+        if not as_json:
+            refusal = no_path(prepared)
+            Console(stderr=True, soft_wrap=True, highlight=False).print(refusal, markup=False)
+        raise typer.Exit(3)
+
+
+def path_file(prepared: Preparation) -> bytes:
+    """The best path as foldback-path/1, or the chain of other modules as foldback-chain/1."""
+    if not prepared.chain.module.fills_cell:
+        return write_chain(prepared.chain)
+    return write_path(
+        CellPath.from_cells(prepared.cells, name=prepared.name, pitch_m=prepared.chain.pitch_m)
+    )
+
+
+def no_path(prepared: Preparation) -> str:
+    """Why there is no path, in words."""
+    try:
+        prepared.chain  # noqa: B018
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def show(report: dict[str, Any], out: Path) -> None:
+    """Prints what became of the input."""
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_row("Input", report["kind"])
+    table.add_row("Modules", str(report["modules"]))
+    if report["iou"] is not None:
+        table.add_row("Overlap with the mesh (IoU)", f"{report['iou']:.2f}")
+        near = [str(n) for n in (report["below"], report["above"]) if n is not None]
+        if near:
+            table.add_row("Nearest other counts", ", ".join(near))
+    if report["method"]:
+        table.add_row("Path by", f"{report['method']}, {report['candidates']} candidates")
+    if report["knot"] is not None:
+        table.add_row("Knot", str(report["knot"]["verdict"]))
+    for note in report["notes"]:
+        table.add_row("Note", note)
+    if report["has_path"]:
+        table.add_row("Written to", str(out))
+    Console().print(table)

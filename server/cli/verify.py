@@ -1,0 +1,89 @@
+"""``foldback verify``: a second look at a plan, from its files alone."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from planner.certificate.certificate import followed
+from planner.clearance.largest_size import largest_size as find_largest
+from planner.errors import InputError, TimelineError
+from planner.motion.windows import Windows
+from planner.pipeline.request import Request
+from planner.pipeline.verify import Verification
+from planner.pipeline.verify import verify as verify_files
+from planner.plan.plan import Plan
+from planner.playback.playback import Playback
+from server.cli.inputs import refuse
+from server.cli.options import AsJson, FoldDirectory
+from server.pages import certificate_words
+
+
+def verify(
+    directory: FoldDirectory,
+    module_size: Annotated[
+        str | None, typer.Option(metavar="FLOAT", help="Another size than the plan's own.")
+    ] = None,
+    largest_size: Annotated[
+        bool,
+        typer.Option(
+            "--largest-size",
+            help="Also find the largest module that keeps all of it clear.",
+        ),
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Check a plan anew: its files against each other, its figures, and by plain MuJoCo."""
+    try:
+        request = Request.of(module_size=module_size)
+        request.check()
+        if not directory.is_dir():
+            what = "This is no folder" if directory.exists() else "There is no such folder"
+            raise InputError(
+                "no-directory",
+                f"{what}; expected one that `foldback fold` wrote.",
+                where=str(directory),
+            )
+        found = verify_files(directory, module_size=request.module_size)
+    except InputError as error:
+        refuse(error, as_json)
+    except TimelineError as error:
+        refuse(InputError("no-timeline", str(error)), as_json)
+    largest = _largest(directory, found) if largest_size and found.verified else None
+    if as_json:
+        sized = {"largest_size": largest and largest[0]} if largest_size else {}
+        print(json.dumps({**found.as_dict(), **sized}), flush=True)
+    else:
+        console = Console(soft_wrap=True, highlight=False)
+        told = certificate_words.headline(found.certificate.as_dict())
+        for line in found.problems or (told,):
+            console.print(line, markup=False)
+        if found.replay is not None:
+            console.print(
+                f"plain MuJoCo, {found.replay.frames} configurations: poses agree to "
+                f"{found.replay.pose_difference:.1g} pitch, deepest overlap "
+                f"{found.replay.overlap:.2g} pitch"
+            )
+        for line in found.checked:
+            console.print(f"checked: {line}", markup=False)
+        for line in found.notes:
+            console.print(f"note: {line}", markup=False)
+        if largest is not None:
+            size, what = largest
+            console.print(f"{what} clear up to a module size of {size:.3f} of the pitch")
+    if not found.verified:
+        raise typer.Exit(3)
+
+
+def _largest(directory: Path, found: Verification) -> tuple[float, str]:
+    """The largest size at which motions are clear, and which those are."""
+    plan = Plan.load(directory / "plan.npz")
+    motions = (plan.motion if isinstance(plan.motion, Windows) else plan.joint_angles_rad,)
+    if (path := directory / "playback.npz").exists():
+        motions = followed(Playback.load(path))
+    size = find_largest(plan.chain, motions, clear_at=found.certificate.module_size)
+    return size, "plan is" if len(motions) < 2 else "plan and playback are"

@@ -1,0 +1,21 @@
+"""``foldback worker``: one more process that takes folds from the queue."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from server.ops.starting import settings_of
+from server.processes.limits import keep_secrets
+
+
+def worker(
+    data_dir: Annotated[Path | None, typer.Option(help="Where folds are kept.")] = None,
+) -> None:
+    """Compute folds for a service that runs on the same data."""
+    from server.jobs.worker import work
+
+    keep_secrets()
+    work(settings_of(data_dir=data_dir))

@@ -1,1 +1,0 @@
-"""Confinement: what the kernel lets a computing process touch, once it reads strangers' bytes."""

@@ -1,0 +1,1 @@
+"""What ``foldback doctor`` looks at, a file for each thing that the service needs."""

@@ -1,0 +1,50 @@
+"""Check of computing processes: what the kernel keeps them from."""
+
+from __future__ import annotations
+
+from server.doctor.drawing import run_python
+from server.doctor.finding import Finding
+from server.settings import Settings
+
+_CONFINE = """
+import os, socket, sys, tempfile
+from pathlib import Path
+import planner, server
+from server.processes.confined import confine
+from server.processes.landlock import Allowed
+with tempfile.NamedTemporaryFile() as foreign, tempfile.TemporaryDirectory() as place:
+    aim = sys.argv[1] if os.path.exists(sys.argv[1]) else foreign.name
+    if not os.fork():
+        confine(Allowed(writable=(Path(place),)))
+        free = []
+        for what, do in (("files", lambda: open(aim)), ("sockets", socket.socket)):
+            try:
+                do().close()
+                free.append(what)
+            except PermissionError:
+                pass
+        print("free", *free, flush=True)
+        os._exit(0)
+    os.wait()
+"""
+
+
+def confinement(settings: Settings) -> Finding:
+    """Whether what reads strangers' files is kept from the database and from the network."""
+    name = "computing processes"
+    code, words = run_python(_CONFINE, str(settings.root / "foldback.db"))
+    free = words.split()[1:]
+    if code or not words.startswith("free"):
+        found = f"what they may touch could not be tried ({words})"
+    elif free:
+        found = f"this kernel does not keep them from foreign {' and '.join(free)}"
+    else:
+        words = "kept from foreign files, signals and sockets by Landlock and seccomp"
+        return Finding(name=name, verdict="ok", found=words)
+    return Finding(
+        name=name,
+        verdict="warning",
+        found=found,
+        remedy="Use Linux 5.19 or newer with Landlock and seccomp (in a container: let it use "
+        "them), or give the service a user of its own and let systemd hold the rest.",
+    )

@@ -1,0 +1,230 @@
+"""Checks of the data: the directory and its disk, the databases, the storage."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+import time
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import quote
+
+import psutil
+import sqlalchemy as sa
+from sqlalchemy.exc import SQLAlchemyError
+
+from server.doctor.finding import Finding
+from server.ops.readiness import check_folder
+from server.settings import Settings
+from server.store.object_store import open_storage
+from server.store.schema_version import Schema
+
+NETWORK: Final = frozenset({"nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p", "afs"})
+PASSING: Final = frozenset({"tmpfs", "ramfs"})
+APART_S: Final = 5.0
+JOBS_TABLE: Final = "workflow_status"
+
+
+def directory(settings: Settings) -> Finding:
+    """Whether the data directory can be written, on which disk, with how much room."""
+    name, root = "data directory", settings.root
+    there = _nearest(root)
+    try:
+        with tempfile.TemporaryDirectory(dir=there, prefix=".probe-") as probe:
+            (Path(probe) / "probe").write_bytes(b"probe")
+    except OSError as error:
+        return Finding(
+            name=name,
+            verdict="problem",
+            found=f"{there} cannot be written ({error.strerror})",
+            remedy="Give it to the user that runs foldback, or name another in FOLDBACK_DATA_DIR.",
+        )
+    kind = _kind_of_disk(there)
+    free = shutil.disk_usage(there).free
+    found = f"{root} on {kind}, {free // 2**20} MiB free"
+    if root != there:
+        found += "; it will be made"
+    if free < settings.min_free_disk_bytes:
+        return Finding(
+            name=name,
+            verdict="problem",
+            found=f"{found}, of which {settings.min_free_disk_bytes // 2**20} MiB must stay so",
+            remedy="Make room (`foldback admin expire --older DAYS`), or use a larger disk.",
+        )
+    if kind in NETWORK and settings.database_url is None:
+        return Finding(
+            name=name,
+            verdict="warning",
+            found=f"{found}; SQLite is not safe on a network disk",
+            remedy="Use a local disk, or PostgreSQL by FOLDBACK_DATABASE_URL.",
+        )
+    if kind in PASSING:
+        return Finding(
+            name=name,
+            verdict="warning",
+            found=f"{found}; it is gone after a restart",
+            remedy="Name a directory on a disk in FOLDBACK_DATA_DIR.",
+        )
+    return Finding(name=name, verdict="ok", found=found)
+
+
+def _nearest(path: Path) -> Path:
+    """The directory itself, or the nearest above it that is there."""
+    while not path.exists() and path != path.parent:
+        path = path.parent
+    return path
+
+
+def _kind_of_disk(path: Path) -> str:
+    real = os.path.realpath(path)
+    disks = [
+        disk
+        for disk in psutil.disk_partitions(all=True)
+        if os.path.commonpath([real, disk.mountpoint]) == disk.mountpoint
+    ]
+    return max(disks, key=lambda disk: len(disk.mountpoint)).fstype if disks else "unknown"
+
+
+def database(settings: Settings) -> Finding:
+    """Whether the database answers, with which version of the tables."""
+    name, url = "database", settings.store_url
+    if (missing := _not_there(url)) is not None:
+        return Finding(name=name, verdict="ok", found=f"{missing} will be made")
+    try:
+        engine = _readonly(url)
+    except (SQLAlchemyError, ModuleNotFoundError) as error:
+        return _unusable(name, url, "FOLDBACK_DATABASE_URL", error)
+    try:
+        with engine.connect() as connection:
+            schema = Schema.of(connection)
+            ahead_s = _ahead_s(connection, schema)
+    except SQLAlchemyError as error:
+        return _unusable(name, url, "FOLDBACK_DATABASE_URL", error)
+    finally:
+        engine.dispose()
+    found = f"{_shown(url)}, tables of version {schema.found}"
+    if schema.newer:
+        return Finding(
+            name=name,
+            verdict="problem",
+            found=f"{found}, which a newer foldback wrote; this one knows {schema.head}",
+            remedy="Install that one again, or restore a backup of the time before.",
+        )
+    if schema.found is None:
+        return Finding(name=name, verdict="ok", found=f"{_shown(url)}, empty; tables will be made")
+    if schema.behind:
+        return Finding(
+            name=name,
+            verdict="warning",
+            found=f"{found}, {schema.behind} behind {schema.head}",
+            remedy="Back it up; `foldback serve` brings it up as it starts.",
+        )
+    if ahead_s > APART_S:
+        return Finding(
+            name=name,
+            verdict="warning",
+            found=f"{found}; its clock and this machine's are {ahead_s:.0f} s apart",
+            remedy="Let both clocks be set by NTP.",
+        )
+    return Finding(name=name, verdict="ok", found=found)
+
+
+def jobs(settings: Settings) -> Finding:
+    """Whether the job system's database answers."""
+    name, url = "job system", settings.queue_url
+    if (missing := _not_there(url)) is not None:
+        return Finding(name=name, verdict="ok", found=f"{missing} will be made")
+    try:
+        engine = _readonly(url)
+    except (SQLAlchemyError, ModuleNotFoundError) as error:
+        return _unusable(name, url, "FOLDBACK_JOBS_URL", error)
+    try:
+        with engine.connect() as connection:
+            inspector = sa.inspect(connection)
+            schema = "dbos" if engine.dialect.name == "postgresql" else None
+            made = inspector.has_table(JOBS_TABLE, schema=schema)
+    except SQLAlchemyError as error:
+        return _unusable(name, url, "FOLDBACK_JOBS_URL", error)
+    finally:
+        engine.dispose()
+    found = _shown(url) if made else f"{_shown(url)}, empty; tables will be made"
+    return Finding(name=name, verdict="ok", found=found)
+
+
+def storage(settings: Settings) -> Finding:
+    """Whether the files of folds can be written, read, listed and deleted."""
+    place = settings.storage_url or str(settings.folds_dir)
+    if settings.storage_url is None and not settings.folds_dir.exists():
+        return Finding(name="storage", verdict="ok", found=f"{place} will be made")
+    try:
+        _check_storage(settings)
+    except Exception as error:  # each kind of storage has its own kinds of error
+        if settings.storage_url is None:
+            remedy = "Give it to the user that runs foldback."
+        else:
+            remedy = "Check FOLDBACK_STORAGE_URL, the AWS_… variables and the bucket's policy."
+        words = str(error).partition("\n")[0][:200]
+        return Finding(
+            name="storage",
+            verdict="problem",
+            found=f"{place} cannot be used ({type(error).__name__}: {words})",
+            remedy=remedy,
+        )
+    return Finding(
+        name="storage", verdict="ok", found=f"{place}; a probe was written, read and deleted"
+    )
+
+
+def _check_storage(settings: Settings) -> None:
+    opened = open_storage(settings)
+    if opened is None:
+        check_folder(settings)
+        return
+    try:
+        opened.check()
+    finally:
+        opened.close()
+
+
+def _not_there(url: str) -> str | None:
+    """The file of a SQLite database that is not there yet, or None."""
+    path = sa.make_url(url).database if url.startswith("sqlite") else None
+    return path if path and not Path(path).exists() else None
+
+
+def _readonly(url: str) -> sa.Engine:
+    """An engine that changes nothing: a check must not make a database, nor repair one."""
+    made = sa.make_url(url)
+    if made.get_backend_name() == "sqlite":
+        return sa.create_engine(f"sqlite:///file:{quote(made.database or '')}?mode=ro&uri=true")
+    timeout: dict[str, Any] = {"connect_timeout": 5}
+    return sa.create_engine(made, connect_args=timeout)
+
+
+def _ahead_s(connection: sa.Connection, schema: Schema) -> float:
+    """How far the database's clock and this one are apart, or how far rows lie in the future."""
+    if connection.dialect.name == "postgresql":
+        theirs = connection.scalar(sa.text("SELECT extract(epoch FROM clock_timestamp())"))
+        return abs(float(theirs) - time.time())
+    if schema.found is None:
+        return 0.0
+    newest = connection.scalar(sa.text("SELECT max(created_at) FROM folds"))
+    return max(0.0, float(newest or 0.0) - time.time())
+
+
+def _shown(url: str) -> str:
+    """The address without its password."""
+    return sa.make_url(url).render_as_string(hide_password=True)
+
+
+def _unusable(name: str, url: str, setting: str, error: Exception) -> Finding:
+    said = getattr(error, "orig", None) or error
+    words = str(said).strip().partition("\n")[0][:200]
+    if "not a database" in words or "malformed" in words:
+        remedy = "Move it away and restore a backup; without one a new one is made."
+    else:
+        remedy = f"Start it, or check {setting}."
+    return Finding(
+        name=name, verdict="problem", found=f"{_shown(url)} cannot be used ({words})", remedy=remedy
+    )

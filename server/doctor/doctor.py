@@ -1,0 +1,45 @@
+"""Doctor: looks at all that the service needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from server.doctor import children, data, drawing, machine
+from server.doctor.finding import Check, Finding, examine
+from server.ops.starting import REMEDY, settings_words
+from server.settings import Settings
+
+CHECKS: Final[tuple[tuple[str, Check], ...]] = (
+    ("python", machine.python),
+    ("settings", machine.variables),
+    ("data directory", data.directory),
+    ("database", data.database),
+    ("job system", data.jobs),
+    ("storage", data.storage),
+    ("port", machine.port),
+    ("allowed hosts", machine.names),
+    ("memory", machine.memory),
+    ("open files", machine.files),
+    ("clock", machine.clock),
+    ("kernels", drawing.kernels),
+    ("computing processes", children.confinement),
+    ("OpenGL", drawing.gl),
+    ("encoder", drawing.encoder),
+)
+
+
+def examined(given: Mapping[str, Any]) -> list[Finding]:
+    """What all checks find, or what is wrong with the settings.
+
+    Args:
+        given: Settings from the command line, by name; None is none.
+    """
+    try:
+        settings = Settings(**{name: value for name, value in given.items() if value is not None})
+    except ValidationError as error:
+        found = settings_words(error)
+        return [Finding(name="settings", verdict="problem", found=found, remedy=REMEDY)]
+    return examine(CHECKS, settings)

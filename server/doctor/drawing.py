@@ -1,0 +1,103 @@
+"""Checks of what draws and computes: OpenGL, the encoder, compiled kernels.
+
+Each runs in a process of its own: what is broken there may end it.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from typing import Final
+
+from server.doctor.finding import Finding
+from server.processes.movie_task import GL_SETTING, NO_GL, backends
+from server.settings import Settings
+
+PATIENCE_S: Final = 60.0
+_DRAW: Final = """
+import sys, mujoco, importlib
+context = importlib.import_module(f"mujoco.{sys.argv[1]}").GLContext(64, 64)
+context.make_current()
+model = mujoco.MjModel.from_xml_string("<mujoco/>")
+mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
+"""
+_ENCODE: Final = """
+import subprocess, imageio_ffmpeg
+path = imageio_ffmpeg.get_ffmpeg_exe()
+answer = subprocess.run([path, "-hide_banner", "-encoders"], capture_output=True, text=True)
+print(path, [n for n in ("libx264 ", "libx264rgb ") if f" {n}" not in answer.stdout])
+"""
+_COMPILE: Final = """
+from planner.kernels.trails import one_circuit
+print(one_circuit.stats.cache_path)
+"""
+
+
+def gl(settings: Settings) -> Finding:
+    """Whether movies can be drawn: which backend of OpenGL makes a picture without a screen."""
+    del settings
+    tried = backends()
+    said: list[str] = []
+    for backend in tried:
+        code, words = run_python(_DRAW, backend, environment={GL_SETTING: backend})
+        if code == 0:
+            return Finding(name="OpenGL", verdict="ok", found=f"{backend} draws without a screen")
+        said.append(f"{backend}: {words}")
+    return Finding(
+        name="OpenGL",
+        verdict="warning",
+        found=f"no movies: {'; '.join(said) or f'it is switched off by {GL_SETTING}'}",
+        remedy=f"{NO_GL[0].upper()}{NO_GL[1:]}." if tried else f"Unset {GL_SETTING}.",
+    )
+
+
+def encoder(settings: Settings) -> Finding:
+    """Whether movies can be encoded."""
+    del settings
+    code, words = run_python(_ENCODE)
+    path, _, missing = words.partition(" [")
+    if code == 0 and missing == "]":
+        return Finding(name="encoder", verdict="ok", found=f"{path} with x264")
+    return Finding(
+        name="encoder",
+        verdict="warning",
+        found="no movies: " + (words if code else f"{path} lacks x264"),
+        remedy="Unset IMAGEIO_FFMPEG_EXE, or install imageio-ffmpeg anew: it brings an encoder.",
+    )
+
+
+def kernels(settings: Settings) -> Finding:
+    """Whether compiled kernels can be kept, and where."""
+    del settings
+    code, words = run_python(_COMPILE)
+    if code == 0:
+        return Finding(name="kernels", verdict="ok", found=f"compiled ones are kept in {words}")
+    return Finding(
+        name="kernels",
+        verdict="problem",
+        found=f"they cannot be used ({words})",
+        remedy="Name a directory that can be written in NUMBA_CACHE_DIR.",
+    )
+
+
+def run_python(
+    code: str, *arguments: str, environment: dict[str, str] | None = None
+) -> tuple[int, str]:
+    """Runs Python; its exit code and the last thing it said."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", code, *arguments],
+            env={**os.environ, **(environment or {})},
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=PATIENCE_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return 1, f"no answer within {PATIENCE_S:.0f} s"
+    if done.returncode < 0:
+        return done.returncode, f"it crashed (signal {-done.returncode})"
+    said = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()
+    return done.returncode, said[-1][:200] if said else f"exit code {done.returncode}"

@@ -1,0 +1,233 @@
+"""Checks of the machine: what is installed, ports, memory, files, names, the clock."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import platform
+import resource
+import socket
+import sys
+import time
+import urllib.error
+import urllib.request
+from importlib.metadata import PackageNotFoundError, distribution, requires, version
+from pathlib import Path
+from typing import Final
+
+import psutil
+from packaging.requirements import Requirement
+
+from server.doctor.finding import Finding
+from server.http.security import LOOPBACK
+from server.processes.limits import AWAITED_CHILDREN
+from server.settings import Settings, unknown_names, unknown_words
+
+OLDEST: Final = (3, 11)
+WEB_BYTES: Final = 384 * 2**20
+"""Memory of the web process."""
+AWAITED_BYTES: Final = 272 * 2**20
+"""Of each of its computing processes, at rest; docs/operations.md tells how much it may get."""
+BESIDES_FILES: Final = 256
+SPOKEN_S: Final = 5.0
+
+
+def python(settings: Settings) -> Finding:
+    """The interpreter, and the packages that foldback needs."""
+    del settings
+    name = "python"
+    wrong: list[str] = []
+    count = 0
+    for line in requires("foldback") or ():
+        needed = Requirement(line)
+        if needed.marker is not None and not needed.marker.evaluate({"extra": ""}):
+            continue
+        count += 1
+        try:
+            found = version(needed.name)
+        except PackageNotFoundError:
+            wrong.append(f"{needed.name} is missing")
+            continue
+        if not needed.specifier.contains(found, prereleases=True):
+            wrong.append(f"{needed.name} is {found}, expected {needed.specifier}")
+    here = f"Python {platform.python_version()}, foldback {version('foldback')}"
+    if sys.version_info < OLDEST:
+        remedy = "Install Python 3.11 or newer."
+        return Finding(name=name, verdict="problem", found=here, remedy=remedy)
+    if wrong:
+        return Finding(
+            name=name,
+            verdict="problem",
+            found=f"{here}; {'; '.join(wrong)}",
+            remedy="Install foldback anew into an environment of its own.",
+        )
+    where = Path(str(distribution("foldback").locate_file(""))).resolve()
+    return Finding(name=name, verdict="ok", found=f"{here} in {where}; {count} packages fit")
+
+
+def variables(settings: Settings) -> Finding:
+    """Whether each variable that looks like a setting is one."""
+    unknown = unknown_names(os.environ)
+    if not unknown:
+        words = f"{len(settings.model_fields_set)} set, all others as usual"
+        return Finding(name="settings", verdict="ok", found=words)
+    return Finding(
+        name="settings",
+        verdict="warning",
+        found="; ".join(unknown_words(name, nearest) for name, nearest in unknown.items()),
+        remedy="Correct the name, or unset it; docs/operations.md lists all settings.",
+    )
+
+
+def port(settings: Settings) -> Finding:
+    """Whether ``serve`` can listen where it is told to."""
+    name, place = "port", f"{settings.host}:{settings.port}"
+    if settings.port == 0:
+        return Finding(name=name, verdict="ok", found="a free one is taken (port 0)")
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    try:
+        with socket.socket(family) as listener:
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.bind((settings.host, settings.port))
+            listener.listen()
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            if _foldback_answers(settings):
+                words = f"foldback already answers at {place}"
+                return Finding(name=name, verdict="ok", found=words)
+            return Finding(
+                name=name,
+                verdict="problem",
+                found=f"another program listens at {place}",
+                remedy="Set FOLDBACK_PORT to a free port, or end that program.",
+            )
+        return Finding(
+            name=name,
+            verdict="problem",
+            found=f"cannot listen at {place} ({error.strerror})",
+            remedy="Set FOLDBACK_HOST to an address of this machine and FOLDBACK_PORT above 1023.",
+        )
+    return Finding(name=name, verdict="ok", found=f"{place} is free")
+
+
+def _foldback_answers(settings: Settings) -> bool:
+    anywhere = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # nosec B104
+    host = anywhere.get(settings.host, settings.host)
+    shown = f"[{host}]" if ":" in host else host
+    # Straight there, whatever proxy the environment names.
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    try:
+        with opener.open(f"http://{shown}:{settings.port}/ready", timeout=SPOKEN_S) as answer:
+            return _is_ours(answer.read(65536))
+    except urllib.error.HTTPError as error:  # not ready, and yet foldback
+        with error:
+            return _is_ours(error.read(65536))
+    except (OSError, ValueError):
+        return False
+
+
+def _is_ours(body: bytes) -> bool:
+    try:
+        found = json.loads(body)
+    except ValueError:
+        return False
+    return isinstance(found, dict) and {"ready", "database", "disk", "workers"} <= found.keys()
+
+
+def files(settings: Settings) -> Finding:
+    """Whether as many files may be open as visitors may need."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    needed = settings.max_streams + settings.max_robots + BESIDES_FILES
+    if soft == resource.RLIM_INFINITY or soft >= needed:
+        return Finding(name="open files", verdict="ok", found=f"{_count(soft)} may be open")
+    return Finding(
+        name="open files",
+        verdict="problem" if soft < BESIDES_FILES else "warning",
+        found=f"{soft} may be open (at most {_count(hard)}), {needed} may be needed",
+        remedy=f"Raise it: `ulimit -n {max(needed, 4096)}`, or LimitNOFILE= in a systemd unit.",
+    )
+
+
+def _count(limit: int) -> str:
+    return "any number" if limit == resource.RLIM_INFINITY else str(limit)
+
+
+def memory(settings: Settings) -> Finding:
+    """Whether all folds together fit into the memory, with the web process and its children."""
+    there = min(psutil.virtual_memory().total, *_allowed_bytes())
+    folds = settings.workers * settings.folds_per_worker
+    besides = WEB_BYTES + AWAITED_CHILDREN * AWAITED_BYTES
+    needed = folds * settings.child_memory_bytes + besides
+    found = (
+        f"{_mib(there)} for {folds} folds at once of up to {_mib(settings.child_memory_bytes)} each"
+    )
+    if there >= needed:
+        return Finding(name="memory", verdict="ok", found=found)
+    return Finding(
+        name="memory",
+        verdict="warning",
+        found=f"{found} and {_mib(besides)} besides, for pages and the {AWAITED_CHILDREN} "
+        "processes that read uploads, prepare previews and retime plans",
+        remedy="Lower FOLDBACK_CHILD_MEMORY_BYTES, FOLDBACK_WORKERS or FOLDBACK_FOLDS_PER_WORKER.",
+    )
+
+
+def _allowed_bytes() -> list[int]:
+    """What a container may use at most, where this runs in one."""
+    allowed: list[int] = [sys.maxsize]
+    for place in ("memory.max", "memory/memory.limit_in_bytes"):
+        try:
+            allowed.append(int((Path("/sys/fs/cgroup") / place).read_text()))
+        except (OSError, ValueError):
+            continue
+    return allowed
+
+
+def _mib(size: int) -> str:
+    return f"{size // 2**20} MiB"
+
+
+def names(settings: Settings) -> Finding:
+    """Whether foreign names could be pointed at the service."""
+    name, host = "allowed hosts", settings.host
+    if settings.allowed_hosts:
+        words = ", ".join(settings.allowed_hosts)
+        if "*" in settings.allowed_hosts:
+            return Finding(
+                name=name,
+                verdict="warning",
+                found="the service answers to any name (*)",
+                remedy="Set FOLDBACK_ALLOWED_HOSTS to its names.",
+            )
+        return Finding(name=name, verdict="ok", found=words)
+    if host in LOOPBACK or host.startswith("127."):
+        return Finding(name=name, verdict="ok", found=f"this machine's own, on {host}")
+    return Finding(
+        name=name,
+        verdict="warning",
+        found=f"others reach {host}, and the service answers to any name",
+        remedy="Set FOLDBACK_ALLOWED_HOSTS to its names, against DNS rebinding.",
+    )
+
+
+def clock(settings: Settings) -> Finding:
+    """Whether the clock is later than what is known to be past."""
+    past = Path(__file__).stat().st_mtime
+    newest = settings.root / "foldback.db"
+    if newest.exists():
+        past = max(past, newest.stat().st_mtime)
+    now = time.time()
+    shown = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(now))
+    if now < past - 60.0:
+        return Finding(
+            name="clock",
+            verdict="warning",
+            found=f"it says {shown}, and files were written {_hours(past - now)} later than that",
+            remedy="Set it, and let it be set by NTP: folds expire by it.",
+        )
+    return Finding(name="clock", verdict="ok", found=shown)
+
+
+def _hours(seconds: float) -> str:
+    return f"{seconds / 3600:.1f} hours"

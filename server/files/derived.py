@@ -1,0 +1,103 @@
+"""Derived files: exports, pictures and movies of folds, which can be made again.
+
+They count apart from the folds' own files, since anybody with a link may ask for them: none of them
+makes a fold expire, and when room is short they go before any fold does, those that the owner of a
+fold has asked for last.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from typing import Final
+
+import sqlalchemy as sa
+
+from server.store.fold_files import DERIVED, EXPORTS_DIR, size_of
+from server.store.folds import Store, seen_of
+from server.store.tables import ENDED, MAKING, FoldRow, MovieRow, movie_file
+
+FRESH_S: Final = 600.0
+"""What was made since stays for who has asked for it."""
+log = logging.getLogger("foldback.sweeper")
+
+
+def derived_bytes(store: Store) -> int:
+    """What all of them take."""
+    with store.reading() as session:
+        files = session.scalar(sa.select(sa.func.sum(FoldRow.derived_bytes))) or 0
+        movies = session.scalar(sa.select(sa.func.sum(MovieRow.bytes))) or 0
+    return int(files) + int(movies)
+
+
+def count_apart(store: Store) -> None:
+    """Counts files made of folds apart where an earlier version counted them as the folds' own."""
+    if store.folders.storage is not None:
+        return
+    uncounted = (FoldRow.derived_bytes == 0, FoldRow.status.in_(sorted(ENDED)))
+    with store.reading() as session:
+        names = session.scalars(sa.select(FoldRow.id).where(*uncounted)).all()
+    for fold_id in names:
+        place = store.folders.place(fold_id)
+        if not (made := size_of(place / EXPORTS_DIR)):
+            continue
+        own = size_of(place, but=DERIVED)
+        with store.changing() as session:
+            session.execute(
+                sa.update(FoldRow)
+                .where(FoldRow.id == fold_id, *uncounted)
+                .values(bytes=own, derived_bytes=made)
+            )
+
+
+def drop_derived(store: Store, lacking: int) -> int:
+    """Makes room, beginning with folds that nobody has looked at for longest.
+
+    Args:
+        store: Rows and files.
+        lacking: How many bytes are to become free.
+
+    Returns:
+        How many did.
+
+    Raises:
+        StorageError: When the storage does not answer.
+    """
+    before = time.time() - FRESH_S
+    with store.reading() as session:
+        filled = session.scalars(
+            sa.select(FoldRow.id).where(FoldRow.derived_bytes > 0).order_by(seen_of())
+        ).all()
+        movies = session.execute(
+            sa.select(MovieRow.job)
+            .join(FoldRow, FoldRow.id == MovieRow.fold_id)
+            .where(MovieRow.status.not_in(MAKING), MovieRow.created_at < before)
+            .order_by(MovieRow.of_owner, seen_of(), MovieRow.created_at)
+        ).scalars()
+        jobs = list(movies)
+    freed = 0
+    for fold_id in filled:
+        if freed >= lacking:
+            return freed
+        gone, left = store.folders.remove_exports(fold_id, before=before)
+        if gone:
+            log.info("files made of fold %s go", fold_id, extra={"fold": fold_id})
+            freed += gone
+        # Several processes may have made the same file, each of which has counted it.
+        store.set_derived(fold_id, left)
+    for job in jobs:
+        if freed >= lacking:
+            return freed
+        freed += _drop_movie(store, job)
+    return freed
+
+
+def _drop_movie(store: Store, job: str) -> int:
+    gone = sa.delete(MovieRow).where(MovieRow.job == job, MovieRow.status.not_in(MAKING))
+    with store.changing() as session:
+        row = session.execute(gone.returning(MovieRow.fold_id, MovieRow.bytes)).first()
+    if row is None:
+        return 0
+    log.info("a movie of fold %s goes", row.fold_id, extra={"fold": row.fold_id})
+    store.folders.remove_movie(row.fold_id, movie_file(job))
+    return row.bytes

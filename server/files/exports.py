@@ -1,0 +1,81 @@
+"""Exports: files made of a finished fold when they are first asked for, and kept beside it."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+from zipfile import BadZipFile
+
+from planner.errors import InputError
+from planner.motion.angle_steps import unpacked_bytes
+from planner.readers.limits import megabytes
+from server.files.workshop import Workshop
+from server.http.problems import Problem
+from server.store.folds import Store
+
+if TYPE_CHECKING:
+    from planner.exports import Export
+
+LARGEST_PLAN: Final = 64 * 2**20
+"""Unpacked bytes of a plan whose frames are written here; a format may need ten times as many."""
+PLAN: Final = "plan.npz"
+
+
+class Exports:
+    """Makes exports.
+
+    Args:
+        store: Where the folds are.
+        workshop: Where they are made.
+    """
+
+    def __init__(self, store: Store, workshop: Workshop) -> None:
+        self._store = store
+        self._workshop = workshop
+
+    async def file(self, fold_id: str, export: Export, *, visitor: str | None = None) -> Path:
+        """Where the export of a fold that is over is; made unless it is there.
+
+        Raises:
+            NoSuchFoldError: When this is not an id.
+            Problem: When the plan has no such export (404) or is too large to make it here (413),
+                too many are being made (429, 503), or the disk is full (507).
+        """
+        directory = await asyncio.to_thread(self._store.directory, fold_id)
+        kept = directory / export.filename
+        if await asyncio.to_thread(kept.is_file):
+            return kept  # the fold's own stages have written it
+        return await self._workshop.file(
+            fold_id,
+            export.filename,
+            lambda: _written(directory / PLAN, export),
+            of=PLAN,
+            visitor=visitor,
+        )
+
+
+def _written(path: Path, export: Export) -> bytes:
+    # It brings the physics along, which the start of the server need not wait for.
+    from planner.plan.plan import Plan
+
+    # A robot's model holds no frames; all the others do.
+    if (export.moving or export.name == "json") and (size := _unpacked(path)) > LARGEST_PLAN:
+        raise Problem(
+            413,
+            "too-large",
+            f"got a plan of {megabytes(size)}, expected at most {megabytes(LARGEST_PLAN)}; take "
+            f"{PLAN} away and use `foldback export`.",
+        )
+    try:
+        return export.write(Plan.load(path))
+    except InputError as error:
+        raise Problem(404, "no-such-artifact", error.detail, where=error.where) from error
+
+
+def _unpacked(path: Path) -> int:
+    """Bytes of a plan's arrays; 0 when it cannot be read, which ``Plan.load`` says better."""
+    try:
+        return unpacked_bytes(path)
+    except (OSError, BadZipFile):
+        return 0

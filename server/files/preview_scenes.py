@@ -1,0 +1,56 @@
+"""Preview scenes: what a browser shows of a preview, made when asked for, a few at once."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Final
+
+from server.files.previews import KEY, NoSuchPreviewError, Previews, read_report
+from server.files.single_flight import SingleFlight
+from web.timeline.cache import Kept
+from web.viser.preview_scene import preview_scene_of
+
+AT_ONCE: Final = 2
+MOST_WAITING: Final = 8
+MOST_OF_VISITOR: Final = 3
+MOST_BYTES: Final = 32 * 2**20
+"""Of scenes that are kept for those who come next."""
+
+
+class PreviewScenes:
+    """Makes the scene of each report once, while it is kept. Belongs to one event loop."""
+
+    def __init__(self, previews: Previews) -> None:
+        self._previews = previews
+        self._kept: Kept[bytes] = Kept(MOST_BYTES)
+        self._flight = SingleFlight(
+            "previews", at_once=AT_ONCE, most=MOST_WAITING, most_of_visitor=MOST_OF_VISITOR
+        )
+
+    def close(self) -> None:
+        """Begins nothing any more."""
+        self._flight.close()
+
+    async def scene(self, preview_id: str, key: str, *, visitor: str) -> bytes:
+        """What ``web.viser.preview_scene`` makes of an upload with the wishes of ``key``.
+
+        Raises:
+            NoSuchPreviewError: When there is no such upload or report.
+            Problem: When too many scenes of the visitor are being made (429), or of all (503).
+        """
+        if not KEY.fullmatch(key):
+            raise NoSuchPreviewError(preview_id)
+        place = await asyncio.to_thread(self._previews.place, preview_id, key)
+        if (known := self._kept.get(place)) is not None:
+            return known
+        made = await self._flight.made(place, lambda: _made(place), visitor=visitor)
+        self._kept.keep(place, made, len(made))
+        return made
+
+
+def _made(place: Path) -> bytes:
+    report = read_report(place)
+    if report is None:
+        raise NoSuchPreviewError(place.parent.name)
+    return preview_scene_of(report)

@@ -1,0 +1,276 @@
+"""Previews: shapes that somebody looks at before folding, kept for a day or while there is room.
+
+A directory holds one upload; under it lies a directory for each set of wishes, with what they were
+(``request.json``) and what came of them (``report.json``).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import threading
+import time
+from collections.abc import Callable, Generator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+from planner.chain.module import CUBE
+from planner.errors import InputError
+from server.files.stored_previews import (
+    UPLOAD,
+    HeldPreview,
+    KeptPreviews,
+    noted,
+    superfluous,
+    visitor_noted,
+)
+from server.http.problems import Problem
+from server.http.uploads import Upload, no_room
+from server.processes.children import ChildError, Reader
+from server.settings import Settings
+from server.store.folds import new_id
+from server.store.object_store import Storage
+
+KEY: Final = re.compile(r"[0-9a-f]{24}")
+MOST_WISHES: Final = 400
+"""Sets of wishes that are kept for one upload."""
+SWEEP_EVERY_S: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShapeWishes:
+    """How a shape is to become a path, in the words of ``planner.pathfinding.options``."""
+
+    module: str = "cube"
+    modules: int | None = None
+    method: str = "auto"
+    repair: bool = False
+    ends: str = "any"
+    as_voxels: bool = False
+    start: tuple[int, int, int] | None = None
+    seed: int = 0
+
+    @property
+    def key(self) -> str:
+        """The same for the same wishes."""
+        text = json.dumps(asdict(self), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+    def changed(self) -> dict[str, Any]:
+        """Those that are not as they would be anyway, without the seed."""
+        plain = asdict(ShapeWishes())
+        return {k: v for k, v in asdict(self).items() if k != "seed" and v != plain[k]}
+
+
+class NoSuchPreviewError(LookupError):
+    """There is no preview with this id, or not any more."""
+
+
+class Previews:
+    """Uploads under preview, on disk. Safe to use from many threads.
+
+    Args:
+        settings: The settings.
+        storage: Where other web processes find them; None when that is on this machine.
+    """
+
+    def __init__(self, settings: Settings, storage: Storage | None = None) -> None:
+        self._settings = settings
+        self._elsewhere = KeptPreviews(settings, storage)
+        self._root = settings.previews_dir
+        self._root.mkdir(parents=True, exist_ok=True)
+        self._lock = threading.Lock()
+        self._swept = 0.0
+
+    def add(self, upload: Upload, visitor: str) -> str:
+        """Moves an upload of a visitor here; its id, which nobody can guess.
+
+        Raises:
+            Problem: When the disk has no room for it.
+        """
+        self._sweep(upload.size, visitor)
+        preview_id = new_id()
+        try:
+            about = json.dumps({"filename": upload.filename, "visitor": visitor})
+            (upload.directory / UPLOAD).write_text(about)
+            os.rename(upload.directory, self._root / preview_id)
+        except OSError as error:
+            raise Problem(
+                507,
+                "no-room",
+                f"The upload could not be stored ({error.strerror}); try later.",
+                headers={"Retry-After": "60"},
+            ) from error
+        self._elsewhere.keep(preview_id, self._root / preview_id)
+        return preview_id
+
+    def directory(self, preview_id: str) -> Path:
+        """Where an upload is; ids are checked before they become a path.
+
+        Raises:
+            NoSuchPreviewError: When there is none.
+            StorageError: When it would have to be brought here and the storage does not answer.
+        """
+        if not (preview_id.isascii() and preview_id.isalnum() and len(preview_id) <= 32):
+            raise NoSuchPreviewError(preview_id)
+        directory = self._root / preview_id
+        if not (directory / UPLOAD).is_file():
+            self._sweep(0)
+            if not self._elsewhere.fetch(preview_id, directory):
+                raise NoSuchPreviewError(preview_id)
+        return directory
+
+    def place(self, preview_id: str, key: str) -> Path:
+        """Where what came of an upload with the wishes of a key is, if anything did.
+
+        Raises:
+            NoSuchPreviewError: When there is no such upload.
+            StorageError: When it would have to be brought here and the storage does not answer.
+        """
+        place = self.directory(preview_id) / key
+        if not (place / "report.json").is_file():
+            self._elsewhere.fetch_report(place)
+        return place
+
+    def upload(self, preview_id: str) -> tuple[BinaryIO, str | None]:
+        """What was uploaded, open, and what it was called.
+
+        Raises:
+            NoSuchPreviewError: When there is none.
+        """
+        filename = self.filename(preview_id)
+        try:
+            return open(self.directory(preview_id) / "input", "rb"), filename
+        except OSError as error:  # swept away this very moment
+            raise NoSuchPreviewError(preview_id) from error
+
+    def filename(self, preview_id: str) -> str | None:
+        """What an upload was called.
+
+        Raises:
+            NoSuchPreviewError: When there is none, or what was noted of it is damaged.
+        """
+        try:
+            about = noted((self.directory(preview_id) / UPLOAD).read_bytes())
+        except OSError as error:
+            raise NoSuchPreviewError(preview_id) from error
+        if "filename" not in about or not isinstance(about["filename"], str | None):
+            raise NoSuchPreviewError(preview_id)
+        return about["filename"]
+
+    def report(
+        self,
+        preview_id: str,
+        wishes: ShapeWishes,
+        reader: Reader,
+        *,
+        visitor: str,
+        gone: Callable[[], bool] | None = None,
+    ) -> dict[str, Any]:
+        """What comes of an upload with these wishes; computed once.
+
+        Args:
+            preview_id: The upload's.
+            wishes: How it is to become a path.
+            reader: Who computes it.
+            visitor: Who asks.
+            gone: Asked often whether the one who asked has gone away.
+
+        Raises:
+            NoSuchPreviewError: When there is no such upload.
+            Problem: When it cannot be used (422), took too long (504), or too many
+                wait (429, 503).
+        """
+        place = self.place(preview_id, wishes.key)
+        directory = place.parent
+        os.utime(directory)
+        self._elsewhere.touch(directory)
+        if (known := read_report(place)) is not None:
+            return known
+        if sum(1 for _ in directory.iterdir()) > MOST_WISHES:
+            raise Problem(
+                429,
+                "too-many-previews",
+                "Too many previews of one file; send it again.",
+                headers={"Retry-After": "60"},
+            )
+        self._sweep()  # reports may be much larger than what they tell of
+        if shutil.disk_usage(self._root).free < self._settings.min_free_disk_bytes:
+            raise no_room()
+        place.mkdir(exist_ok=True)
+        request = {"filename": self.filename(preview_id), **asdict(wishes)}
+        request["time_limit_s"] = self._settings.preview_search_seconds
+        (place / "request.json").write_text(json.dumps(request))
+        try:
+            reader.call("preview", place, visitor=visitor, cancelled=gone)
+        except InputError as error:
+            raise Problem.of_input(error) from None
+        except ChildError as error:
+            raise _problem(error, self._settings.preview_seconds) from None
+        found = read_report(place)
+        if found is None and gone is not None and gone():
+            raise Problem(503, "gone", "Nobody waited for this preview any more.")
+        if found is None:
+            raise NoSuchPreviewError(preview_id)
+        self._elsewhere.keep_report(place)
+        return found
+
+    def cells(self, preview_id: str, wishes: ShapeWishes) -> list[list[int]] | None:
+        """The cells of cubes that came of an upload with these wishes, if that has been computed.
+
+        Raises:
+            NoSuchPreviewError: When there is no such upload.
+        """
+        report = read_report(self.place(preview_id, wishes.key))
+        return report["cells"] if report is not None and report["module"] == CUBE.name else None
+
+    def _sweep(self, coming: int = 0, visitor: str = "") -> None:
+        """Forgets what is old, and the oldest of whoever holds too much."""
+        self._elsewhere.sweep_soon()
+        with self._lock:
+            now = time.time()
+            if now - self._swept < SWEEP_EVERY_S and coming < 2**20:
+                return
+            self._swept = now
+            held = [preview for entry in self._root.iterdir() for preview in _held(entry)]
+            for name in superfluous(held, self._settings, now=now, coming=coming, visitor=visitor):
+                shutil.rmtree(self._root / name, ignore_errors=True)
+
+
+def read_report(place: Path) -> dict[str, Any] | None:
+    """The report in a directory of wishes, if it is there."""
+    try:
+        return json.loads((place / "report.json").read_bytes())
+    except (OSError, ValueError):
+        return None
+
+
+def _held(directory: Path) -> Generator[HeldPreview]:
+    """What a directory holds; nothing when another process swept it."""
+    about = directory / UPLOAD
+    try:
+        yield HeldPreview(
+            name=directory.name,
+            touched=directory.stat().st_mtime,
+            size=sum(f.stat().st_size for f in directory.rglob("*") if f.is_file()),
+            visitor=visitor_noted(about.read_bytes() if about.is_file() else None),
+        )
+    except OSError:
+        return
+
+
+def _problem(error: ChildError, seconds: float) -> Problem:
+    if error.code == "time-limit":
+        return Problem(
+            504,
+            "preview-too-slow",
+            f"no path was found within the {seconds:g} s that a preview may take; ask for fewer "
+            "modules, or for the method 'blocks'.",
+        )
+    if error.code == "no-start":
+        return Problem(503, error.code, error.detail)
+    return Problem(422, "unreadable", f"reading the file failed: {error.detail}")

@@ -1,0 +1,228 @@
+"""Kept previews: uploads and reports in the storage, where all web processes find them.
+
+Without a storage there is nothing of this: then one directory is shared by all.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import shutil
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, cast
+
+from server.settings import Settings
+from server.store.folds import new_id
+from server.store.object_store import Storage, StorageError
+
+ROOT: Final = "previews"
+UPLOAD: Final = "upload.json"
+SWEEP_EVERY_S: Final = 600.0
+TOUCHES: Final = 8
+"""How often, while it is kept, it is noted there that somebody looks at a preview."""
+log = logging.getLogger("foldback.web")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldPreview:
+    """A preview that takes room.
+
+    Attributes:
+        name: Its id.
+        touched: When somebody looked at it last, in seconds of the clock.
+        size: Its bytes.
+        visitor: Whose upload it is.
+    """
+
+    name: str
+    touched: float
+    size: int
+    visitor: str
+
+
+def superfluous(
+    held: Iterable[HeldPreview],
+    settings: Settings,
+    *,
+    now: float,
+    coming: int = 0,
+    visitor: str = "",
+) -> list[str]:
+    """Names of the previews that go: old ones, and the oldest of whoever holds too much.
+
+    Where all together are too many, the one who holds most loses his own first.
+
+    Args:
+        held: All previews.
+        settings: Say how much there may be and how old.
+        now: Time of the clock.
+        coming: Bytes that a visitor is about to add.
+        visitor: Who that is.
+    """
+    oldest_first = sorted(held, key=lambda preview: preview.touched)
+    sizes: Counter[str] = Counter({visitor: coming})
+    for preview in oldest_first:
+        sizes[preview.visitor] += preview.size
+    gone: list[str] = []
+    kept: dict[str, list[HeldPreview]] = {}
+
+    def go(preview: HeldPreview) -> None:
+        gone.append(preview.name)
+        sizes[preview.visitor] -= preview.size
+
+    for preview in oldest_first:
+        old = now - preview.touched > settings.preview_keep_s
+        if old or sizes[preview.visitor] > settings.previews_of_visitor_bytes:
+            go(preview)
+        else:
+            kept.setdefault(preview.visitor, []).append(preview)
+    while sizes.total() > settings.previews_bytes and kept:
+        most = max(kept, key=lambda name: sizes[name])
+        go(kept[most].pop(0))
+        if not kept[most]:
+            del kept[most]
+    return gone
+
+
+def noted(about: bytes | None) -> dict[str, Any]:
+    """What ``upload.json`` says of an upload; nothing when it is missing or damaged."""
+    try:
+        found = json.loads(about or b"{}")
+    except (ValueError, RecursionError):  # whatever computed there wrote it
+        return {}
+    return cast("dict[str, Any]", found) if isinstance(found, dict) else {}
+
+
+def visitor_noted(about: bytes | None) -> str:
+    """Whose upload it is, as ``upload.json`` has it; nobody's of one that is older."""
+    return str(noted(about).get("visitor", ""))
+
+
+class KeptPreviews:
+    """See the module's description. Safe to use from many threads.
+
+    Args:
+        settings: The settings.
+        storage: Where files are kept; None when that is on this machine.
+    """
+
+    def __init__(self, settings: Settings, storage: Storage | None) -> None:
+        self._settings = settings
+        self._storage = storage
+        self._lock = threading.Lock()
+        self._swept = -SWEEP_EVERY_S
+        self._visitors: dict[str, str] = {}
+        """Whose those in the storage are, as far as it was asked for."""
+
+    def keep(self, preview_id: str, directory: Path) -> None:
+        """Keeps an upload; its directory is gone when that fails.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        if self._storage is not None:
+            try:
+                self._keep(f"{ROOT}/{preview_id}", directory)
+            except StorageError:
+                shutil.rmtree(directory, ignore_errors=True)
+                raise
+
+    def keep_report(self, place: Path) -> None:
+        """Keeps what came of an upload's wishes; others compute it anew if that fails."""
+        if self._storage is not None:
+            try:
+                self._keep(f"{ROOT}/{place.parent.name}/{place.name}", place)
+            except StorageError as error:
+                log.warning("a preview's report could not be kept: %s", error)
+
+    def fetch(self, preview_id: str, directory: Path) -> bool:
+        """Brings an upload and its reports here, whole or not at all; False when there is none.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        if self._storage is None:
+            return False
+        aside = directory.with_name(f".{preview_id}.{new_id()}")
+        try:
+            if not self._storage.fetch(f"{ROOT}/{preview_id}", aside):
+                return False
+            if not (aside / UPLOAD).is_file():  # it is being removed just now
+                return False
+            with suppress(OSError):  # another request was quicker
+                aside.rename(directory)
+        finally:
+            shutil.rmtree(aside, ignore_errors=True)
+        return True
+
+    def fetch_report(self, place: Path) -> None:
+        """Brings what came of an upload's wishes here, if that is known elsewhere.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        if self._storage is not None:
+            self._storage.fetch(f"{ROOT}/{place.parent.name}/{place.name}", place)
+
+    def touch(self, directory: Path) -> None:
+        """Notes now and then that somebody looks at a preview, so that it is kept."""
+        if self._storage is None:
+            return
+        upload = directory / UPLOAD
+        try:
+            if abs(time.time() - upload.stat().st_mtime) > self._settings.preview_keep_s / TOUCHES:
+                os.utime(upload)
+                self._storage.keep_file(f"{ROOT}/{directory.name}/{UPLOAD}", upload)
+        except (StorageError, OSError) as error:
+            log.warning("a preview could not be touched: %s", error)
+
+    def sweep_soon(self) -> None:
+        """Sweeps in a thread of its own, unless that was done lately."""
+        with self._lock:
+            now = time.monotonic()
+            if self._storage is None or now - self._swept < SWEEP_EVERY_S:
+                return
+            self._swept = now
+        threading.Thread(target=self._sweep, name="previews", daemon=True).start()
+
+    def sweep(self) -> None:
+        """Forgets what is old, and the oldest while there is too much.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        if self._storage is None:
+            return
+        ages = self._storage.ages(ROOT)
+        self._visitors = {
+            name: visitor
+            if (visitor := self._visitors.get(name)) is not None
+            else visitor_noted(self._storage.read(f"{ROOT}/{name}/{UPLOAD}"))
+            for name in ages
+        }
+        held = [
+            HeldPreview(name=name, touched=changed, size=size, visitor=self._visitors[name])
+            for name, (changed, size) in ages.items()
+        ]
+        for name in superfluous(held, self._settings, now=time.time()):
+            self._storage.remove(f"{ROOT}/{name}")
+
+    def _sweep(self) -> None:
+        try:
+            self.sweep()
+        except (StorageError, RuntimeError) as error:  # the process may be ending
+            log.warning("previews could not be swept: %s", error)
+
+    def _keep(self, key: str, directory: Path) -> None:
+        assert self._storage is not None
+        try:
+            self._storage.keep(key, directory)
+        finally:
+            self._storage.forget(key)

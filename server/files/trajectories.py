@@ -1,0 +1,313 @@
+"""Trajectories: retimed plans, worked out in a child process, the last few kept by their bytes.
+
+What the child has made is mapped from files that have no name any more by then: the parts of a long
+trajectory that nobody looks at take no memory, and its disk is free with its last user.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import weakref
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal
+from zipfile import BadZipFile, ZipFile
+
+from planner.readers.limits import megabytes
+from server.files.single_flight import SingleFlight
+from server.http.problems import Problem
+from server.http.streams import Streams
+from server.processes.children import ChildError, Pool
+from server.processes.scratch import MOTORS, PLAN, Scratch
+from web.timeline.cache import Kept
+
+if TYPE_CHECKING:
+    from planner.robot.trajectory import Trajectory
+
+KEPT_BYTES: Final = 128 * 2**20
+"""Of trajectories that nobody may be using."""
+USED_BYTES: Final = 2**30
+"""Of all trajectories: those of robots that are being driven count too."""
+STREAMS, STREAMS_OF_ADDRESS = 8, 2
+"""Trajectories that are being sent, which may take those who take them a while; in all and to one
+address."""
+LARGEST_TABLE: Final = 32 * 2**20
+"""Bytes of a table of motors; 12 000 modules take about 5 MB."""
+PIECE_BYTES: Final = 2**20
+LARGEST_PLAN: Final = 64 * 2**20
+"""Bytes of a plan that is retimed here; a larger one is for the command line."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """Which trajectory: of which plan, within which bounds.
+
+    Attributes:
+        plan: The plan's file.
+        changed_ns: When it was written.
+        size: Its bytes.
+        max_speed: Bound of every joint's speed, in rad/s.
+        max_acceleration: Bound of every joint's acceleration, in rad/s².
+    """
+
+    plan: Path
+    changed_ns: int
+    size: int
+    max_speed: float
+    max_acceleration: float
+
+    @classmethod
+    def of(cls, plan: Path, max_speed: float, max_acceleration: float) -> Wanted:
+        """Looks at the plan's file.
+
+        Raises:
+            OSError: When there is none.
+            Problem: When it is too large (413).
+        """
+        found = plan.stat()
+        if found.st_size > LARGEST_PLAN:
+            raise Problem(
+                413,
+                "too-large",
+                f"got a plan of {megabytes(found.st_size)}, expected at most "
+                f"{megabytes(LARGEST_PLAN)}; take plan.npz away and use `foldback retime`.",
+            )
+        return cls(
+            plan=plan,
+            changed_ns=found.st_mtime_ns,
+            size=found.st_size,
+            max_speed=max_speed,
+            max_acceleration=max_acceleration,
+        )
+
+    def request(self) -> dict[str, Any]:
+        """As the child is told, which finds the plan itself beside it."""
+        return {
+            "max_speed": self.max_speed,
+            "max_acceleration": self.max_acceleration,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorsWanted:
+    """What robot a table of motors is for, and how it is written.
+
+    Attributes:
+        module_mass_kg: Mass of a module.
+        pitch_m: Distance of neighbouring modules; the plan's when None.
+        gravity_m_s2: Gravity.
+        held: Whether the root module is held still.
+        motor_torque_nm: What a motor can give; None when nobody said.
+        form: ``csv`` or ``json``.
+    """
+
+    module_mass_kg: float
+    pitch_m: float | None
+    gravity_m_s2: float
+    held: bool
+    motor_torque_nm: float | None
+    form: Literal["csv", "json"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True, eq=False)
+class Retimed:
+    """A trajectory, the name of its chain, and whether its plan is verified."""
+
+    name: str
+    verified: bool
+    trajectory: Trajectory
+
+
+class Trajectories:
+    """Has plans retimed. Belongs to one event loop; whoever waits holds no thread.
+
+    Args:
+        pool: Children that retime.
+        motions: Where they write.
+        scratch: Where what they have written is kept, out of their reach.
+        most: How many trajectories and tables may be made or wait for it.
+        most_of_visitor: Of them, of one visitor.
+        kept_bytes: Of trajectories that are kept for those who come next.
+        used_bytes: Of those and of all that are in use.
+    """
+
+    def __init__(
+        self,
+        pool: Pool,
+        motions: Scratch,
+        scratch: Scratch,
+        *,
+        most: int,
+        most_of_visitor: int,
+        kept_bytes: int = KEPT_BYTES,
+        used_bytes: int = USED_BYTES,
+    ) -> None:
+        self._pool = pool
+        self._motions = motions
+        self._scratch = scratch
+        self._flight = SingleFlight(
+            "motions", at_once=1, most=most, most_of_visitor=most_of_visitor
+        )
+        self._streams = Streams(STREAMS, STREAMS_OF_ADDRESS, "motions")
+        self._kept: Kept[Retimed] = Kept(kept_bytes)
+        self._used: weakref.WeakValueDictionary[Wanted, Retimed] = weakref.WeakValueDictionary()
+        self._kept_bytes = kept_bytes
+        self._used_bytes = used_bytes
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all trajectories that are kept or in use."""
+        found = [retimed.trajectory for retimed in self._used.values()]
+        shared = {id(t.path.frames): t.path.frames.nbytes for t in found}
+        return sum(shared.values()) + sum(t.nbytes - t.path.frames.nbytes for t in found)
+
+    def close(self) -> None:
+        """Ends the children."""
+        self._flight.close()
+        self._pool.close()
+
+    async def of(self, wanted: Wanted, visitor: str) -> Retimed:
+        """The trajectory that is wanted; worked out once for all who want it.
+
+        Raises:
+            Problem: When it takes too much (413), too many wait (429, 503) or are in use (503), or
+                the disk is full (507).
+            InputError: When the plan cannot be retimed.
+        """
+        known = self._used.get(wanted)
+        if known is None:
+            known = await self._flight.made(wanted, lambda: self._retimed(wanted), visitor=visitor)
+            known = self._used.setdefault(wanted, self._shared(wanted, known))
+        self._kept.keep(wanted, known, known.trajectory.nbytes)
+        if self.nbytes > self._used_bytes:
+            self._kept = Kept(self._kept_bytes)
+        if self.nbytes > self._used_bytes:
+            raise Problem(
+                503,
+                "busy",
+                "Long motions are being played to others; try again in a moment.",
+                headers={"Retry-After": "30"},
+            )
+        return known
+
+    async def motors(self, wanted: Wanted, motors: MotorsWanted, visitor: str) -> bytes:
+        """The torques that a trajectory needs, as ``planner.robot.motors.MotorTable`` writes them.
+
+        Raises:
+            Problem: As ``of``.
+            InputError: When the plan cannot be retimed, or the motors cannot be built.
+        """
+
+        def made() -> bytes:
+            with self._motions.directory() as place:
+                self._call("motors", place, wanted, {**wanted.request(), **asdict(motors)})
+                with open(place / MOTORS, "rb") as table:
+                    found = table.read(LARGEST_TABLE + 1)
+                if len(found) > LARGEST_TABLE:
+                    raise _too_large()
+                return found
+
+        return await self._flight.made((wanted, motors), made, visitor=visitor)
+
+    def stream(self, address: str) -> Callable[[], None]:
+        """Begins to send a trajectory; what comes back is to be called once at the end.
+
+        Raises:
+            Problem: When as many are being sent as there may be (429).
+        """
+        sent = ExitStack()
+        sent.enter_context(self._streams.opened(address))
+        return sent.close
+
+    def _shared(self, wanted: Wanted, made: Retimed) -> Retimed:
+        """With the corners of another trajectory of the same plan: they depend on no bounds."""
+        for other, known in self._used.items():
+            if (other.plan, other.changed_ns) == (wanted.plan, wanted.changed_ns):
+                path = replace(made.trajectory.path, frames=known.trajectory.path.frames)
+                return replace(made, trajectory=replace(made.trajectory, path=path))
+        return made
+
+    def _retimed(self, wanted: Wanted) -> Retimed:
+        from planner.robot.trajectory import FRAMES, REST
+
+        with self._motions.directory() as place, self._scratch.directory() as kept:
+            told = self._call("retime", place, wanted, wanted.request())
+            # Whoever has a file open may still change or cut it, and this process reads from it
+            # for as long as the trajectory is used.
+            for name in (FRAMES, REST):
+                _copy(place / name, kept / name, self._used_bytes)
+            return Retimed(
+                name=told["name"],
+                verified=told["verified"],
+                trajectory=_loaded(kept, self._used_bytes),
+            )
+
+    def _call(
+        self, task: str, place: Path, wanted: Wanted, request: dict[str, Any]
+    ) -> dict[str, Any]:
+        (place / "request.json").write_text(json.dumps(request))
+        # The child touches nothing but this directory, so a copy of the plan comes into it: what it
+        # did to a link, it would do to the plan.
+        try:
+            shutil.copyfile(wanted.plan, place / PLAN)
+        except FileNotFoundError as error:
+            raise Problem(404, "no-such-fold", "This fold has just been deleted.") from error
+        try:
+            return self._pool.call(task, place)
+        except ChildError as error:
+            raise _problem(error) from error
+
+
+def _copy(source: Path, target: Path, most: int) -> None:
+    """Copies a file that may still grow.
+
+    Raises:
+        Problem: When it has more bytes than ``most`` (413).
+    """
+    with open(source, "rb") as read, open(target, "wb") as written:
+        while piece := read.read(PIECE_BYTES):
+            if written.tell() + len(piece) > most:
+                raise _too_large()
+            written.write(piece)
+
+
+def _loaded(directory: Path, most: int) -> Trajectory:
+    """The trajectory in a directory.
+
+    Raises:
+        Problem: When it unpacks to more bytes than ``most`` (413), or is none (503).
+    """
+    from planner.robot.trajectory import REST, Trajectory
+
+    try:
+        with ZipFile(directory / REST) as parts:
+            if sum(part.file_size for part in parts.infolist()) > most:
+                raise _too_large()
+        return Trajectory.load(directory)
+    except (BadZipFile, OSError, ValueError, KeyError, TypeError, MemoryError) as error:
+        raise Problem(
+            503,
+            "crashed",
+            "The computing process has left no trajectory that can be read; try again.",
+            headers={"Retry-After": "5"},
+        ) from error
+
+
+def _too_large() -> Problem:
+    return Problem(
+        413,
+        "too-large",
+        "This motion takes more time or memory than it may here; take plan.npz away and use "
+        "`foldback retime`.",
+    )
+
+
+def _problem(error: ChildError) -> Problem:
+    if error.code in ("time-limit", "cpu-limit", "memory-limit"):
+        return _too_large()
+    if error.code in ("disk-full", "disk-failed"):
+        return Problem(507, "no-room", error.detail, headers={"Retry-After": "60"})
+    return Problem(503, error.code, error.detail, headers={"Retry-After": "5"})

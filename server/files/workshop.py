@@ -1,0 +1,152 @@
+"""Workshop: makes files of folds when they are first asked for, each once, a few at a time."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+from collections.abc import Callable, Hashable
+from pathlib import Path
+from typing import Any, Final, Protocol, TypeVar
+
+from planner.files import write_whole
+from server.files.single_flight import SingleFlight
+from server.http.problems import Problem, no_such_fold
+from server.store.fold_files import EXPORTS_DIR
+from server.store.folds import NoSuchFoldError
+
+AT_ONCE: Final = 2
+MOST_WAITING: Final = 8
+"""Things that are being made or wait for it; more are refused."""
+Thing = TypeVar("Thing")
+
+
+class Folds(Protocol):
+    """What a workshop asks of a store."""
+
+    def fold(self, fold_id: str, /) -> Any:
+        """The row of a fold."""
+        ...
+
+    def directory(self, fold_id: str, /) -> Path:
+        """Where the files of a fold are."""
+        ...
+
+
+class Workshop:
+    """See the module's description. Belongs to one event loop.
+
+    Args:
+        store: Where the folds are.
+        min_free_disk_bytes: What must be left of the disk.
+        kept: Told how many bytes a file adds to those made of its fold.
+        most: How many things may be made or wait for it.
+        most_of_visitor: Of them, of one visitor.
+        folder: Where files are kept; in a folder beside those of their fold when None.
+    """
+
+    def __init__(
+        self,
+        store: Folds,
+        *,
+        min_free_disk_bytes: int = 0,
+        folder: Path | None = None,
+        kept: Callable[[str, int], None] | None = None,
+        most: int = MOST_WAITING,
+        most_of_visitor: int = MOST_WAITING,
+    ) -> None:
+        self._store = store
+        self._min_free_disk_bytes = min_free_disk_bytes
+        self._folder = folder
+        self._kept = kept
+        self._flight = SingleFlight(
+            "files", at_once=AT_ONCE, most=most, most_of_visitor=most_of_visitor
+        )
+
+    def close(self) -> None:
+        """Begins nothing any more."""
+        self._flight.close()
+
+    async def made(
+        self, key: Hashable, make: Callable[[], Thing], *, visitor: str | None = None
+    ) -> Thing:
+        """As ``SingleFlight.made``, among the files."""
+        return await self._flight.made(key, make, visitor=visitor)
+
+    async def file(
+        self,
+        fold_id: str,
+        name: str,
+        make: Callable[[], bytes],
+        *,
+        of: str,
+        edition: str = "",
+        visitor: str | None = None,
+    ) -> Path:
+        """Where a file of a fold is; made unless it is there.
+
+        Args:
+            fold_id: The fold.
+            name: What the file is called.
+            make: Makes its bytes, in a thread.
+            of: The fold's file that it is made of; it is made anew when that is newer.
+            edition: Letters and digits for all else that it is made of; the last one is kept.
+            visitor: Who asks.
+
+        Raises:
+            NoSuchFoldError: When there is no such fold.
+            Problem: When too many wait (429, 503), or the disk is full (507).
+        """
+        directory = await asyncio.to_thread(self._store.directory, fold_id)
+        plain = (self._folder or directory / EXPORTS_DIR) / name
+        path = plain.with_stem(f"{plain.stem}-{edition}") if edition else plain
+
+        def keep() -> None:
+            data = make()
+            before = _size(path)
+            self._keep(fold_id, path, data)
+            if edition:
+                for other in plain.parent.glob(f"{plain.stem}-*{plain.suffix}"):
+                    if other != path:
+                        before += _size(other)
+                        other.unlink(missing_ok=True)
+            if self._kept is not None:
+                self._kept(fold_id, len(data) - before)
+
+        if not await asyncio.to_thread(newer, path, directory / of):
+            await self.made(path, keep, visitor=visitor)
+        return path
+
+    def _keep(self, fold_id: str, path: Path, data: bytes) -> None:
+        directory = self._store.directory(fold_id)
+        try:
+            place = path.parent if self._folder else directory
+            if shutil.disk_usage(place).free < self._min_free_disk_bytes + len(data):
+                raise Problem(507, "no-room", "The disk of the service is nearly full; try later.")
+            path.parent.mkdir(exist_ok=True)
+            write_whole(path, data)
+        except FileNotFoundError as error:  # the fold was deleted in the meantime
+            raise no_such_fold() from error
+        except OSError as error:
+            raise Problem(
+                507, "no-room", f"The file could not be stored ({error.strerror}); try later."
+            ) from error
+        try:
+            self._store.fold(fold_id)
+        except NoSuchFoldError:  # just now; nothing of it may be left
+            shutil.rmtree(directory, ignore_errors=True)
+            raise
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
+
+
+def newer(path: Path, than: Path) -> bool:
+    """Whether a file is there and was made after the other."""
+    try:
+        return path.stat().st_mtime_ns >= than.stat().st_mtime_ns
+    except OSError:
+        return False

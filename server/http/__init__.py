@@ -1,0 +1,1 @@
+"""What every request goes through: addresses, headers, bounds, uploads, problems."""

@@ -1,0 +1,100 @@
+"""Access: what every request leaves behind, a line in the log and a place in the figures."""
+
+from __future__ import annotations
+
+import logging
+import re
+import time
+import uuid
+from typing import Final
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from server.ops.logs import from_now_on_about
+from server.ops.metrics import Metrics
+
+REQUEST_ID: Final = "X-Request-ID"
+SANE_ID: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
+FOLD_ID: Final = re.compile(r"[A-Za-z0-9]{1,32}")
+METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+UNKNOWN: Final = "unknown"
+LONGEST_PATH: Final = 200
+log = logging.getLogger("foldback.access")
+
+
+class Access:
+    """Gives every request an id, which its answer carries as ``X-Request-ID``; logs and counts it.
+
+    One that comes in is kept when it is sane, so that a proxy's log and this one can be joined. The
+    query is never logged, nor who asked; of the path, which route it is. Only where there is no
+    such route the path itself is told.
+    """
+
+    def __init__(self, app: ASGIApp, *, metrics: Metrics) -> None:
+        self._app = app
+        self._metrics = metrics
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handles one request."""
+        if scope["type"] == "websocket":
+            with self._metrics.websocket():
+                await self._app(scope, receive, send)
+            return
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        came = Headers(scope=scope).get(REQUEST_ID, "")
+        request_id = came if SANE_ID.fullmatch(came) else uuid.uuid4().hex
+        scope.setdefault("state", {})["request_id"] = request_id
+        # Not taken back at the end: what the server says of a failure is said outside of here.
+        from_now_on_about(request=request_id)
+        status = 500
+        cut = True
+
+        async def send_watched(message: Message) -> None:
+            nonlocal status, cut
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                MutableHeaders(scope=message)[REQUEST_ID] = request_id
+            elif message["type"] == "http.response.body" and not message.get("more_body", False):
+                cut = False
+            await send(message)
+
+        began = time.perf_counter()
+        with self._metrics.in_progress.track_inprogress():
+            try:
+                await self._app(scope, receive, send_watched)
+            finally:
+                self._tell(scope, status, time.perf_counter() - began, cut=cut)
+
+    def _tell(self, scope: Scope, status: int, seconds: float, *, cut: bool) -> None:
+        method = scope["method"] if scope["method"] in METHODS else "other"
+        route = route_of(scope)
+        self._metrics.count(method=method, route=route, status=status, seconds=seconds)
+        fold_id = str(scope.get("path_params", {}).get("fold_id", ""))
+        place = route if route != UNKNOWN else scope["path"][:LONGEST_PATH]
+        log.info(
+            "%s %s %d in %.1f ms%s",
+            *(method, place, status, 1e3 * seconds, ", cut off" if cut else ""),
+            extra={
+                "method": method,
+                "route": route,
+                "path": place if route == UNKNOWN else None,
+                "status": status,
+                "duration_ms": round(1e3 * seconds, 1),
+                "fold": fold_id if FOLD_ID.fullmatch(fold_id) else None,
+            },
+        )
+
+
+def route_of(scope: Scope) -> str:
+    """The template of the route that answered, as ``/folds/{fold_id}``, or ``UNKNOWN``."""
+    found = getattr(scope.get("route"), "path", None)
+    return found if isinstance(found, str) else UNKNOWN
+
+
+def request_id_of(scope: Scope) -> dict[str, str]:
+    """The header that names a request, for an answer that is made outside of ``Access``."""
+    found = scope.get("state", {}).get("request_id")
+    return {REQUEST_ID: found} if found else {}

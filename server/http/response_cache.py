@@ -1,0 +1,129 @@
+"""Lately: what was answered within the last second is answered again to who asks for the same.
+
+A link that many have opened is asked for the same things many times a second, and a verified fold
+changes no more. So a route may mark its answer as one of a verified fold; others then get the same
+bytes, without a thread, a database or a route. Who deletes a fold here has it gone at once; through
+another process it is gone after that second.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from starlette.datastructures import Headers
+from starlette.requests import HTTPConnection
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from server.http.security import SAFE_METHODS
+
+KEPT_S: Final = 1.0
+MOST_BYTES: Final = 16 * 2**20
+MARK: Final = "lately"
+Key = tuple[str, str, str, bytes]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Answer:
+    until: float
+    fold_id: str
+    headers: dict[str, str]
+    body: bytes
+    known: dict[str, Any]
+    """Of the scope: the route, for who counts requests."""
+
+
+def mark(request: HTTPConnection, row: Any) -> None:
+    """Says that the answer to a request shows a fold and nothing else; of verified ones alone."""
+    if row.status == "verified":
+        setattr(request.state, MARK, row.id)
+
+
+class Lately:
+    """See the module's description.
+
+    Args:
+        app: What is behind it.
+        clock: What time it is, in seconds.
+    """
+
+    def __init__(self, app: ASGIApp, *, clock: Callable[[], float] = time.monotonic) -> None:
+        self._app = app
+        self._clock = clock
+        self._answers: OrderedDict[Key, _Answer] = OrderedDict()
+        self._bytes = 0
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handles one request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+        elif scope["method"] == "GET":
+            await self._get(scope, receive, send)
+        elif scope["method"] in SAFE_METHODS:
+            await self._app(scope, receive, send)
+        else:
+            try:
+                await self._app(scope, receive, send)
+            finally:
+                self._forget(scope.get("path_params", {}).get("fold_id"))
+
+    async def _get(self, scope: Scope, receive: Receive, send: Send) -> None:
+        asked = Headers(scope=scope)
+        key = (scope["scheme"], asked.get("host", ""), scope["path"], scope["query_string"])
+        found = self._answers.get(key)
+        if found is not None and self._clock() < found.until:
+            scope.update(found.known)
+            tag = found.headers.get("etag")
+            same = tag is not None and asked.get("if-none-match") == tag
+            body, status = (b"", 304) if same else (found.body, 200)
+            headers = {k: v for k, v in found.headers.items() if not same or k != "content-length"}
+            await Response(body, status, headers)(scope, receive, send)
+            return
+        if found is not None:  # the first to come finds out whether it is still so, for all others
+            self._answers[key] = replace(found, until=self._clock() + KEPT_S)
+        start: Message = {}
+
+        async def send_watched(message: Message) -> None:
+            nonlocal start
+            if message["type"] == "http.response.start":
+                start = {**message, "headers": list(message["headers"])}
+            elif message["type"] == "http.response.body" and not message.get("more_body", False):
+                self._keep(key, scope, start, message.get("body", b""))
+            await send(message)
+
+        await self._app(scope, receive, send_watched)
+        if found is not None and self._answers.get(key, found).body is found.body:
+            self._drop(key)
+
+    def _keep(self, key: Key, scope: Scope, start: Message, body: bytes) -> None:
+        fold_id = scope.get("state", {}).get(MARK)
+        headers = {k.decode("latin-1"): v.decode("latin-1") for k, v in start["headers"]}
+        whole = headers.get("content-length") == str(len(body))  # and not the last of many pieces
+        if fold_id is None or start["status"] != 200 or not whole or len(body) > MOST_BYTES:
+            return
+        self._drop(key)
+        self._answers[key] = _Answer(
+            until=self._clock() + KEPT_S,
+            fold_id=fold_id,
+            headers=headers,
+            body=body,
+            known={name: scope[name] for name in ("route", "path_params") if name in scope},
+        )
+        self._bytes += len(body)
+        while self._bytes > MOST_BYTES or next(iter(self._answers.values())).until < self._clock():
+            self._drop(next(iter(self._answers)))
+
+    def _forget(self, fold_id: str | None) -> None:
+        if fold_id is None:
+            return
+        for key in [key for key, kept in self._answers.items() if kept.fold_id == fold_id]:
+            self._drop(key)
+
+    def _drop(self, key: Key) -> None:
+        answer = self._answers.pop(key, None)
+        if answer is not None:
+            self._bytes -= len(answer.body)

@@ -1,0 +1,288 @@
+"""Security: what every answer tells browsers, and whose pages may talk to the service."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Iterable
+from typing import Final
+from urllib.parse import unquote, urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from planner.readers.limits import megabytes
+from server.http.problems import Problem
+
+PAGE_POLICY: Final = "; ".join(
+    (
+        "default-src 'self'",
+        "script-src 'self'",
+        "style-src 'self'",
+        "img-src 'self' data: blob:",
+        "connect-src 'self'",
+        "frame-src 'self'",
+        "frame-ancestors 'self'",
+        "form-action 'self'",
+        "base-uri 'none'",
+        "object-src 'none'",
+    )
+)
+HEADERS: Final = {
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "SAMEORIGIN",
+    "Referrer-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
+    # Links are secrets: no search engine tells them.
+    "X-Robots-Tag": "noindex",
+}
+LISTED: Final = {"X-Robots-Tag": "all"}
+"""Of answers that search engines may show instead: what is in the gallery, and no secret."""
+UNPRINTED: Final = re.compile(r"[\x00-\x1f\x7f]")
+SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
+LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
+FORM_OVERHEAD_BYTES: Final = 64 * 1024
+SMALL_BODY_BYTES: Final = 64 * 1024
+"""Of what is no form with a file, for that is held in memory."""
+LISTENED_BYTES: Final = 64 * 2**20
+"""Of a refused upload, which are counted and forgotten."""
+LISTENED_S: Final = 10.0
+
+
+class SecurityHeaders:
+    """Adds the headers to every answer; a route may set its own instead."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handles one request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    headers.setdefault(name, value)
+                headers.setdefault("Content-Security-Policy", PAGE_POLICY)
+                # Links are secrets: what is behind them is nothing for caches that many share.
+                headers.setdefault("Cache-Control", "private, no-cache")
+            await send(message)
+
+        await self._app(scope, receive, send_with_headers)
+
+
+class AllowedHosts:
+    """Refuses requests under names that are not the service's own.
+
+    Without it a page of another site could have its name point here (DNS rebinding), and would then
+    count as one of ours.
+    """
+
+    def __init__(self, app: ASGIApp, *, hosts: Iterable[str]) -> None:
+        self._app = app
+        self._hosts = frozenset(host.lower() for host in hosts)
+        self._any = "*" in self._hosts
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handles one request."""
+        if scope["type"] in ("http", "websocket"):
+            host = host_name(Headers(scope=scope).get("host", ""))
+            if not self._any and not self._allowed(host):
+                await self._refuse(host, scope, receive, send)
+                return
+        await self._app(scope, receive, send)
+
+    def _allowed(self, host: str) -> bool:
+        return host in self._hosts or any(
+            allowed.startswith("*.") and host.endswith(allowed[1:]) for allowed in self._hosts
+        )
+
+    async def _refuse(self, host: str, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008, "reason": "unknown host"})
+            return
+        problem = Problem(
+            400,
+            "unknown-host",
+            f"got the host {host[:100]!r}, which is none of the names of this service; an operator "
+            "adds names with FOLDBACK_ALLOWED_HOSTS.",
+        )
+        await problem.response()(scope, receive, send)
+
+
+class PrintingAddresses:
+    """Refuses paths and queries with characters that do not print, which no link of ours has.
+
+    Databases and file systems choke on some of them, logs are garbled by others.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handles one request."""
+        if scope["type"] == "http" and UNPRINTED.search(scope["path"] + _query(scope)):
+            problem = Problem(
+                400, "bad-address", "got an address with characters that do not print."
+            )
+            await problem.response()(scope, receive, send)
+            return
+        await self._app(scope, receive, send)
+
+
+def _query(scope: Scope) -> str:
+    return unquote(scope["query_string"].decode("latin-1"))
+
+
+def host_name(host: str) -> str:
+    """The name in a Host header, without the port, in lower case."""
+    host = host.strip().lower()
+    if host.startswith("["):
+        return host.partition("]")[0].removeprefix("[")
+    return host.rpartition(":")[0] if host.count(":") == 1 else host
+
+
+def hosts_of(host: str, allowed: Iterable[str] = ()) -> tuple[str, ...]:
+    """The names that a service answers to.
+
+    Args:
+        host: The address it listens on.
+        allowed: Names that an operator has set. None, on an address that others reach, is any.
+    """
+    allowed = tuple(host_name(name) for name in allowed)
+    if not allowed and host not in LOOPBACK and not host.startswith("127."):
+        return ("*",)
+    return (*LOOPBACK, host, *allowed)
+
+
+class SameOrigin:
+    """Refuses websockets and changes that come from pages of other sites.
+
+    Programs other than browsers send no Origin and are let through: they act for nobody else.
+    """
+
+    def __init__(self, app: ASGIApp, origins: Iterable[str] = ()) -> None:
+        self._app = app
+        self._origins = frozenset(origins)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handles one request."""
+        if scope["type"] == "websocket" and not self._allowed(Headers(scope=scope)):
+            await receive()
+            await send({"type": "websocket.close", "code": 1008, "reason": "foreign origin"})
+            return
+        if (
+            scope["type"] == "http"
+            and scope["method"] not in SAFE_METHODS
+            and not self._allowed(Headers(scope=scope))
+        ):
+            problem = Problem(
+                403, "foreign-origin", "Pages of other sites may not change anything here."
+            )
+            await problem.response()(scope, receive, send)
+            return
+        await self._app(scope, receive, send)
+
+    def _allowed(self, headers: Headers) -> bool:
+        origin = headers.get("origin")
+        if origin is None or origin in self._origins:
+            return True
+        host = headers.get("host", "").lower()
+        try:
+            found = urlsplit(origin)
+        except ValueError:
+            return False
+        return found.scheme in ("http", "https") and bool(host) and found.netloc.lower() == host
+
+
+class BodyLimit:
+    """Counts what comes in, and refuses more than the limit before it fills memory or disk.
+
+    Args:
+        app: What is behind it.
+        most_bytes: Of an upload.
+        seconds: How long it may take to come in.
+        idle_s: How long nothing of it may come.
+    """
+
+    def __init__(
+        self, app: ASGIApp, *, most_bytes: int, seconds: float = 120.0, idle_s: float = 15.0
+    ) -> None:
+        self._app = app
+        self._most_bytes = most_bytes
+        self._seconds = seconds
+        self._idle_s = idle_s
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handles one request."""
+        if scope["type"] != "http" or scope["method"] in SAFE_METHODS:
+            await self._app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        upload = headers.get("content-type", "").lower().startswith("multipart/form-data")
+        most = self._most_bytes if upload else min(self._most_bytes, SMALL_BODY_BYTES)
+        words = (
+            f"the upload is larger than the {megabytes(most)} that are accepted; "
+            "use a coarser or shorter file."
+        )
+        told = announced(headers)
+        got = 0
+        more = True
+        loop = asyncio.get_running_loop()
+        deadline = loop.time() + self._seconds
+
+        async def receive_counted() -> Message:
+            nonlocal got, more
+            if not more:  # what comes after the body is only the end of the connection
+                return await receive()
+            left = min(self._idle_s, deadline - loop.time())
+            message = await asyncio.wait_for(receive(), max(0.0, left))
+            if message["type"] == "http.request":
+                got += len(message.get("body", b""))
+                more = message.get("more_body", False)
+            return message
+
+        async def receive_bounded() -> Message:
+            try:
+                message = await receive_counted()
+                # What is said to come counts at once: a parser that meets its own limit
+                # in the first part of it would give another answer.
+                if max(got, told) > most + FORM_OVERHEAD_BYTES:
+                    if more:
+                        await forget(receive)
+                    raise HTTPException(413, words)
+            except TimeoutError:
+                raise HTTPException(408, "the upload took too long; try again.") from None
+            return message
+
+        await self._app(scope, receive_bounded, send)
+
+
+def announced(headers: Headers) -> int:
+    """Bytes that a request says will come, 0 when it doesn't say."""
+    length = headers.get("content-length", "")
+    return int(length) if length.isascii() and length.isdigit() and len(length) < 21 else 0
+
+
+async def forget(receive: Receive) -> None:
+    """Takes in the rest of a body that is refused, for a while.
+
+    Clients read the answer only when they could send.
+    """
+    got = 0
+    try:
+        async with asyncio.timeout(LISTENED_S):
+            while got <= LISTENED_BYTES:
+                message = await receive()
+                got += len(message.get("body", b""))
+                if not message.get("more_body", False):
+                    return
+    except TimeoutError:
+        return

@@ -1,0 +1,174 @@
+"""Movie jobs: the worker's end of movies.
+
+A job may be done again by another worker when the first is gone, and even while it is not: what it
+makes has a name of its own, is put in its place whole, and its row turns ``ready`` once, last.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import os
+from pathlib import Path
+from typing import Any, Final
+
+import sqlalchemy as sa
+from sqlalchemy.orm import Session
+
+from planner.errors import InputError
+from server.jobs.progress import News
+from server.jobs.retry import patiently
+from server.processes.children import ChildError
+from server.processes.limits import ChildLimits
+from server.processes.movie_task import film
+from server.processes.scratch import Scratch
+from server.settings import Settings
+from server.store.folds import NoSuchFoldError, Store
+from server.store.tables import MAKING, MovieRow, movie_file
+from web.movies.movie import Movie
+
+PART: Final = "movie"
+log = logging.getLogger("foldback.worker")
+
+
+class MovieJobs:
+    """Makes the movies of a queue."""
+
+    def __init__(self, settings: Settings, store: Store) -> None:
+        self._settings = settings
+        self._store = store
+        self._scratch = Scratch(settings.scratch_dir)
+        self._scratch.sweep()
+
+    def make(self, fold_id: str, movie_id: str, job: str) -> None:
+        """Makes one movie. What goes wrong is noted in its row; nothing is raised."""
+        about = {"fold": fold_id, "movie": movie_id}
+        try:
+            self._make(fold_id, job, about)
+        except (InputError, ChildError) as error:
+            where = error.where if isinstance(error, InputError) else None
+            self._fail(job, error.code, error.detail, where, about)
+        except NoSuchFoldError:
+            log.info("a movie's fold was deleted", extra=about)
+        except Exception as error:
+            log.exception("movie %s of fold %s failed", movie_id, fold_id, extra=about)
+            words = f"something went wrong inside the service ({type(error).__name__}); try again."
+            self._fail(job, "internal", words, None, about)
+        self._clear_up(fold_id, job)
+
+    def _make(self, fold_id: str, job: str, about: dict[str, str]) -> None:
+        row = patiently(lambda: self._row(job))
+        if row is None or row.status not in MAKING:
+            return  # nobody wants it any more, or it was made before
+        movie = Movie.of(row.wishes)
+        with self._scratch.directory() as place:
+            done = _Progress(self._store, job)
+            news = News(done.report)
+            if not patiently(news.last):
+                return
+            files = patiently(lambda: self._store.directory(fold_id))
+            timeline = files / "timeline.zarr"
+            request = {"movie": row.wishes, "timeline": str(timeline), "part": PART}
+            (place / "request.json").write_text(json.dumps(request))
+
+            def take(event: dict[str, Any]) -> None:
+                done.take(event)
+                with contextlib.suppress(OSError):
+                    os.utime(files)  # a copy that is in use is not dropped
+
+            whole = film(
+                place,
+                ChildLimits.of(self._settings),
+                wall_s=self._settings.movie_seconds,
+                on_progress=take,
+                cancelled=news.cancelled,
+            )
+            if whole and self._kept(fold_id, job, movie, place / PART):
+                log.info("a movie of %d pictures is made", movie.count, extra=about)
+
+    def _row(self, job: str) -> MovieRow | None:
+        with self._store.reading() as session:
+            return session.scalar(sa.select(MovieRow).where(MovieRow.job == job))
+
+    def _kept(self, fold_id: str, job: str, movie: Movie, path: Path) -> bool:
+        """Puts a movie where readers find it, and says that it is there; False if unwanted."""
+        size = path.stat().st_size
+
+        def keep() -> bool:
+            with self._store.reading() as session:
+                if session.scalar(_making(job)) is None:
+                    return False
+            self._store.folders.keep_movie(fold_id, movie_file(job), path)
+            return True
+
+        def ready() -> bool:
+            with self._store.changing() as session:
+                return _update(
+                    session, job, status="ready", frames_done=movie.count, bytes=size, problem=None
+                )
+
+        return patiently(keep) and patiently(ready)
+
+    def _fail(
+        self, job: str, code: str, detail: str, where: str | None, about: dict[str, str]
+    ) -> None:
+        log.warning("a movie failed: %s", detail, extra=about)
+        problem = {"code": code, "detail": detail, "where": where}
+
+        def fail() -> None:
+            with self._store.changing() as session:
+                _update(session, job, status="failed", problem=problem)
+
+        patiently(fail)
+
+    def _clear_up(self, fold_id: str, job: str) -> None:
+        """Leaves nothing of a movie, or of a fold, that was deleted meanwhile."""
+
+        def clear() -> None:
+            if self._row(job) is not None:
+                return
+            try:
+                self._store.fold(fold_id)
+            except NoSuchFoldError:
+                with contextlib.suppress(NoSuchFoldError):
+                    self._store.folders.remove(fold_id)
+            else:
+                self._store.folders.remove_movie(fold_id, movie_file(job))
+
+        patiently(clear)
+
+
+class _Progress:
+    """How far a movie is, as its row shall have it."""
+
+    def __init__(self, store: Store, job: str) -> None:
+        self._store = store
+        self._job = job
+        self._done = 0
+        self._told: int | None = None
+
+    def take(self, event: dict[str, Any]) -> None:
+        """News from the child."""
+        self._done = int(event["steps"])
+
+    def report(self) -> bool:
+        """Reports how far it is; False when nobody wants it any more."""
+        done = self._done
+        if done == self._told:
+            with self._store.reading() as session:
+                return session.scalar(_making(self._job)) is not None
+        with self._store.changing() as session:
+            going = _update(session, self._job, status="running", frames_done=done)
+        self._told = done
+        return going
+
+
+def _making(job: str) -> sa.Select[str]:
+    return sa.select(MovieRow.id).where(MovieRow.job == job, MovieRow.status.in_(MAKING))
+
+
+def _update(session: Session, job: str, **values: Any) -> bool:
+    """Changes the row of a movie that is being made; False when there is none."""
+    changed = sa.update(MovieRow).where(MovieRow.job == job, MovieRow.status.in_(MAKING))
+    return session.scalar(changed.values(**values).returning(MovieRow.id)) is not None

@@ -1,0 +1,284 @@
+"""Movies: those that were asked for, each a row named after its wishes.
+
+The row says what is wanted, by whom, the name of its job, and how far that is. Deleting the row
+stops the work (``server/jobs/movie_runner.py``).
+"""
+
+from __future__ import annotations
+
+import hmac
+import logging
+import shutil
+import time
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final, Literal, Self, cast
+
+import sqlalchemy as sa
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from server.http.problems import Problem
+from server.jobs.queue import Jobs
+from server.settings import Settings
+from server.store.folds import Store, hash_of, new_id, new_token
+from server.store.object_store import StorageError
+from server.store.tables import MAKING, MovieRow, movie_file
+from web.movies.movie import Movie
+
+Status = Literal["queued", "running", "ready", "failed"]
+RETRY_AFTER_S: Final = 10
+LOST: Final = {
+    "code": "interrupted",
+    "detail": "making this movie was broken off; ask for it again.",
+    "where": None,
+}
+
+log = logging.getLogger("foldback.web")
+
+
+class NoSuchMovieError(LookupError):
+    """There is no movie with this id."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MovieState:
+    """A movie as it is now."""
+
+    id: str
+    movie: Movie
+    token_hash: str
+    status: Status
+    frames_done: int
+    problem: dict[str, Any] | None = None
+
+    @classmethod
+    def of(cls, row: MovieRow) -> Self:
+        """What a row says."""
+        return cls(
+            id=row.id,
+            movie=Movie.of(row.wishes),
+            token_hash=row.token_hash,
+            status=cast("Status", row.status),
+            frames_done=row.frames_done,
+            problem=row.problem,
+        )
+
+    def owned_by(self, token: str) -> bool:
+        """Whether this is the token that came with the answer to the wish."""
+        return hmac.compare_digest(self.token_hash, hash_of(token))
+
+
+class Movies:
+    """The service's end of movies. Safe to use from many threads, and in many processes."""
+
+    def __init__(self, settings: Settings, store: Store, jobs: Jobs) -> None:
+        self._settings = settings
+        self._store = store
+        self._jobs = jobs
+
+    def ask(
+        self, fold_id: str, movie: Movie, visitor: str, *, of_owner: bool = False
+    ) -> tuple[MovieState, str | None]:
+        """Has a movie made, unless it is there or on its way. One that failed is tried again.
+
+        Args:
+            fold_id: The fold.
+            movie: What it is to be.
+            visitor: Who asks.
+            of_owner: Whether that is the fold's owner, whose movies others do not push out.
+
+        Returns:
+            The movie, and the token with which it may be deleted; None when somebody asked before.
+
+        Raises:
+            NoSuchFoldError: When there is no such fold.
+            Problem: When the fold has no timeline (404) or is not over (409), or there is too much
+                to do already (429, 503), or no room (507).
+        """
+        row = self._store.fold(fold_id)
+        if not row.over:
+            raise Problem(
+                409,
+                "not-ready",
+                f"the fold is {row.status}; a movie can be made once it is over.",
+                headers={"Retry-After": str(RETRY_AFTER_S)},
+            )
+        if not (self._store.directory(fold_id) / "timeline.zarr" / "zarr.json").is_file():
+            raise Problem(404, "no-such-artifact", "This fold ended without a timeline to film.")
+        try:
+            state = self.state(fold_id, movie.key)
+            if state.status != "failed":
+                if of_owner:
+                    self._take_over(fold_id, movie.key)
+                return state, None
+        except NoSuchMovieError:
+            pass
+        token = new_token()
+        wanted = MovieRow(
+            fold_id=fold_id,
+            id=movie.key,
+            job=f"{fold_id}.{movie.key}.{new_id()}.{movie.format}",
+            wishes=asdict(movie),
+            visitor=visitor,
+            token_hash=hash_of(token),
+            status="queued",
+            frames_done=0,
+            created_at=time.time(),
+            of_owner=of_owner,
+        )
+        try:
+            self._add(wanted)
+        except IntegrityError:  # another was quicker, or the fold was deleted
+            self._store.fold(fold_id)
+            if of_owner:
+                self._take_over(fold_id, movie.key)
+            return self.state(fold_id, movie.key), None
+        return MovieState.of(wanted), token
+
+    def state(self, fold_id: str, movie_id: str) -> MovieState:
+        """How far a movie is.
+
+        Raises:
+            NoSuchMovieError: When there is no such movie.
+        """
+        row = self._row(fold_id, movie_id)
+        if row.status in MAKING:
+            self._settle([row])
+            row = self._row(fold_id, movie_id)
+        return MovieState.of(row)
+
+    def file(self, fold_id: str, movie_id: str) -> Path | None:
+        """The file of a movie, once it is there.
+
+        Raises:
+            NoSuchMovieError: When there is no such movie.
+            StorageError: When the storage does not answer.
+        """
+        row = self._row(fold_id, movie_id)
+        if row.status != "ready":
+            return None
+        path = self._store.folders.movie(fold_id, row.file)
+        if path is None:
+            self._lose(row.job, ("ready",))
+        return path
+
+    def delete(self, fold_id: str, movie_id: str) -> None:
+        """Forgets a movie, and stops the work on it.
+
+        Raises:
+            NoSuchMovieError: When there is no such movie.
+            StorageError: When the storage does not answer; the movie is forgotten all the same.
+        """
+        row = self._row(fold_id, movie_id)
+        with self._store.changing() as session:
+            gone = self._delete(session, MovieRow.job == row.job)
+        self._clear(gone)
+
+    def _row(self, fold_id: str, movie_id: str) -> MovieRow:
+        if not (movie_id.isascii() and movie_id.isalnum() and len(movie_id) <= 32):
+            raise NoSuchMovieError(movie_id)
+        with self._store.reading() as session:
+            row = session.get(MovieRow, (fold_id, movie_id))
+        if row is None:
+            raise NoSuchMovieError(movie_id)
+        return row
+
+    def _enqueue(self, row: MovieRow) -> None:
+        self._jobs.enqueue_movie(row.job, row.fold_id, row.id)
+
+    def _add(self, wanted: MovieRow) -> None:
+        with self._store.reading() as session:
+            making = session.scalars(sa.select(MovieRow).where(MovieRow.status.in_(MAKING))).all()
+        self._settle(making)
+        with self._store.changing() as session:
+            failed = self._delete(
+                session,
+                MovieRow.fold_id == wanted.fold_id,
+                MovieRow.id == wanted.id,
+                MovieRow.status == "failed",
+            )
+            session.add(wanted)
+            session.flush()
+            self._check_room(session, wanted.visitor)
+            old = session.scalars(
+                sa.select(MovieRow.job)
+                .where(
+                    MovieRow.fold_id == wanted.fold_id,
+                    MovieRow.of_owner.is_(wanted.of_owner),
+                    MovieRow.status.not_in(MAKING),
+                )
+                .order_by(MovieRow.created_at.desc())
+                .offset(self._settings.movies_of_fold - 1)
+            ).all()
+            gone = self._delete(session, MovieRow.job.in_(old))
+        self._enqueue(wanted)
+        try:
+            self._clear([*failed, *gone])
+        except StorageError as error:  # the movie that was asked for is on its way all the same
+            log.warning("what is left of older movies stays: %s", error)
+
+    def _check_room(self, session: Session, visitor: str) -> None:
+        """Counts what is being made, with what was just added."""
+        settings = self._settings
+        making = session.scalars(
+            sa.select(MovieRow.visitor).where(MovieRow.status.in_(MAKING))
+        ).all()
+        own, others = making.count(visitor) - 1, len(making) - 1
+        again = {"Retry-After": str(RETRY_AFTER_S)}
+        if own >= settings.movies_waiting_of_visitor:
+            raise Problem(
+                429,
+                "too-many-movies",
+                f"{own} movies of yours are being made, which is the most there may be; wait for "
+                "one, or delete it.",
+                headers=again,
+            )
+        if others >= settings.movies_waiting:
+            raise Problem(
+                503,
+                "busy",
+                f"{others} movies are being made for others; try again in {RETRY_AFTER_S} s.",
+                headers=again,
+            )
+        if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
+            raise Problem(507, "no-room", "The disk of the service is nearly full; try later.")
+
+    def _settle(self, making: Iterable[MovieRow]) -> None:
+        """Sees to movies that nobody works on, whatever their rows say."""
+        rows = list(making)
+        going = self._jobs.going([row.job for row in rows]) if rows else {}
+        for row in rows:
+            if row.job not in going:  # who asked has died in between, or is about to go on
+                self._enqueue(row)
+            elif not going[row.job]:
+                self._lose(row.job, MAKING)
+
+    def _lose(self, job: str, while_it_is: tuple[str, ...]) -> None:
+        with self._store.changing() as session:
+            session.execute(
+                sa.update(MovieRow)
+                .where(MovieRow.job == job, MovieRow.status.in_(while_it_is))
+                .values(status="failed", problem=dict(LOST), bytes=0)
+            )
+
+    def _take_over(self, fold_id: str, movie_id: str) -> None:
+        """Makes a movie the owner's: who had asked for it before does not delete it any more."""
+        with self._store.changing() as session:
+            session.execute(
+                sa.update(MovieRow)
+                .where(MovieRow.fold_id == fold_id, MovieRow.id == movie_id)
+                .values(of_owner=True, token_hash="")  # the hash of no token
+            )
+
+    def _delete(self, session: Session, *which: sa.ColumnElement[bool]) -> list[tuple[str, str]]:
+        """Deletes rows; the fold and the job of each."""
+        deleted = sa.delete(MovieRow).where(*which).returning(MovieRow.fold_id, MovieRow.job)
+        return [(fold_id, job) for fold_id, job in session.execute(deleted)]
+
+    def _clear(self, gone: Iterable[tuple[str, str]]) -> None:
+        """Clears up after rows that were deleted."""
+        for fold_id, job in gone:
+            self._jobs.forget(job)
+            self._store.folders.remove_movie(fold_id, movie_file(job))

@@ -1,0 +1,43 @@
+"""News: carries progress to a row, and that nobody wants it back, both at a bounded pace."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Final
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from server.store.tables import passes
+
+REPORT_EVERY_S: Final = 0.2
+
+
+class News:
+    """See the module's description.
+
+    Args:
+        report: Notes how far it is; False when it is not wanted any more.
+    """
+
+    def __init__(self, report: Callable[[], bool]) -> None:
+        self._report = report
+        self._going = True
+        self._at = 0.0
+
+    def cancelled(self) -> bool:
+        """Whether it is not wanted any more, as of the last report."""
+        if time.monotonic() - self._at >= REPORT_EVERY_S:
+            try:
+                self.last()
+            except SQLAlchemyError as error:
+                if not passes(error):
+                    raise
+                self._at = time.monotonic()  # it goes on meanwhile
+        return not self._going
+
+    def last(self) -> bool:
+        """Reports at once; False when it is not wanted any more."""
+        self._going = self._report()
+        self._at = time.monotonic()
+        return self._going

@@ -1,0 +1,158 @@
+"""Jobs: how the server hands folds to the workers.
+
+The queue is durable and lives in its own tables; the server only puts folds in and takes them out,
+the workers (``server/jobs/worker.py``) compute.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Generator
+from typing import TYPE_CHECKING, Final
+
+import sqlalchemy as sa
+from dbos import DBOS, DBOSClient, EnqueueOptions
+
+from server.settings import Settings
+
+if TYPE_CHECKING:
+    from server.store.folds import Store
+    from server.store.tables import FoldRow
+
+APPLICATION: Final = "foldback"
+# Fixed: jobs that wait go on after an update; the workflow's steps keep their meaning.
+APPLICATION_VERSION: Final = "1"
+QUEUE: Final = "folds"
+WORKFLOW: Final = "fold"
+MOVIES_QUEUE: Final = "movies"
+MOVIE_WORKFLOW: Final = "movie"
+GOING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
+POLL_S: Final = 0.2
+MOVIES_POLL_S: Final = 0.5
+AT_A_TIME: Final = 500
+# A job ends so when not even its end could be noted, or when it took its worker along every time.
+FAILED: Final = ("ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED")
+PREPARING: Final = 0x666F6C64
+"""PostgreSQL's number for the lock under which tables are made."""
+
+
+def prepare(settings: Settings) -> None:
+    """Brings the tables of the job system to their newest schema and registers the queue."""
+    url = settings.queue_url
+    if url.startswith("sqlite"):
+        engine = sa.create_engine(url)
+        with engine.connect() as connection:
+            connection.exec_driver_sql("PRAGMA journal_mode=WAL")
+        engine.dispose()
+    with _alone(url):
+        DBOS.migrate(url)
+        _register(settings)
+
+
+def _register(settings: Settings) -> None:
+    client = _client(settings)
+    try:
+        client.register_queue(
+            QUEUE, worker_concurrency=settings.folds_per_worker, polling_interval_sec=POLL_S
+        )
+        # One at a time: software OpenGL and the encoder keep all cores of a small machine busy.
+        client.register_queue(
+            MOVIES_QUEUE, worker_concurrency=1, polling_interval_sec=MOVIES_POLL_S
+        )
+    finally:
+        client.destroy()
+
+
+@contextlib.contextmanager
+def _alone(url: str) -> Generator[None]:
+    """Holds others off who would make the same tables at the same time."""
+    if not url.startswith("postgresql"):
+        yield
+        return
+    # Not in a transaction: indexes that are made concurrently would wait for its end.
+    engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
+    try:
+        with engine.connect() as connection:
+            connection.execute(sa.select(sa.func.pg_advisory_lock(PREPARING)))
+            yield
+    finally:
+        engine.dispose()  # and with the connection goes the lock
+
+
+def _client(settings: Settings) -> DBOSClient:
+    # Who asks is told that the database is away; a job that got lost so is found by the workers.
+    return DBOSClient(
+        system_database_url=settings.queue_url,
+        application_name=APPLICATION,
+        retry_connection_errors=False,
+    )
+
+
+class Jobs:
+    """The server's end of the queue."""
+
+    def __init__(self, settings: Settings) -> None:
+        prepare(settings)
+        self._client = _client(settings)
+
+    def close(self) -> None:
+        """Lets go of the database."""
+        self._client.destroy()
+
+    def enqueue(self, fold_id: str, turn: int) -> None:
+        """Puts a fold into the queue, in its turn; does nothing when it is there."""
+        options: EnqueueOptions = {
+            "workflow_name": WORKFLOW,
+            "queue_name": QUEUE,
+            "workflow_id": fold_id,
+            "app_version": APPLICATION_VERSION,
+            "priority": turn + 1,
+        }
+        self._client.enqueue(options, fold_id)
+
+    def forget(self, fold_id: str) -> None:
+        """Takes a fold that is not started out of the queue."""
+        # One that runs is stopped by its row; here it must be left to come to its own end.
+        with contextlib.suppress(Exception):
+            status = self._client.retrieve_workflow(fold_id).get_status()
+            if status.status == "ENQUEUED":
+                self._client.cancel_workflow(fold_id)
+
+    def enqueue_movie(self, job: str, fold_id: str, movie_id: str) -> None:
+        """Puts a movie into the queue, under a name of its own."""
+        options: EnqueueOptions = {
+            "workflow_name": MOVIE_WORKFLOW,
+            "queue_name": MOVIES_QUEUE,
+            "workflow_id": job,
+            "app_version": APPLICATION_VERSION,
+        }
+        self._client.enqueue(options, fold_id, movie_id, job)
+
+    def going(self, jobs: list[str]) -> dict[str, bool]:
+        """Which of some jobs wait or are being done; those that nobody knows are left out."""
+        found = self._client.list_workflows(workflow_ids=jobs, load_input=False, load_output=False)
+        return {str(job.workflow_id): job.status in GOING for job in found}
+
+    def reconcile(self, store: Store, *, older_s: float = 0.0) -> list[FoldRow]:
+        """Enqueues folds that have a row and no job, after a crash between the two.
+
+        Args:
+            store: Where the rows are.
+            older_s: How old a row must be; one that is just being made has no job yet.
+
+        Returns:
+            Folds that are not over though their job is, which has failed without a word.
+        """
+        rows = store.unfinished()
+        states: dict[str, str] = {}
+        for first in range(0, len(rows), AT_A_TIME):
+            some = [row.id for row in rows[first : first + AT_A_TIME]]
+            found = self._client.list_workflows(
+                workflow_ids=some, load_input=False, load_output=False
+            )
+            states.update({str(job.workflow_id): str(job.status) for job in found})
+        for row in rows:
+            if row.id not in states and time.time() - row.created_at >= older_s:
+                self.enqueue(row.id, row.turn)
+        return [row for row in rows if states.get(row.id) in FAILED]

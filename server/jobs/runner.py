@@ -1,0 +1,406 @@
+"""Runner: computes the stages of folds in child processes and keeps their rows up to date."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import threading
+import time
+from collections.abc import Callable, Generator
+from typing import Any, Final, TypedDict
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from planner.errors import InputError, TimelineError
+from planner.motion.timeline import Timeline, TimelineWriter
+from planner.playback.unfolding import START_CHAIN
+from server.files.cancelled import sweep_cancelled
+from server.jobs.progress import News
+from server.jobs.retry import Answer, patiently
+from server.processes.children import Child, ChildError, Children
+from server.processes.fork_server import ForkServer
+from server.processes.limits import ChildLimits
+from server.settings import Settings
+from server.store.folds import NoSuchFoldError, Store
+from server.store.gallery import Gallery
+from server.store.object_store import StorageError
+from server.store.timelines import frames_promised
+
+STAGES: Final = ("read", "explode", "play_back", "certify", "export")
+KEEP_EVERY_S: Final = 0.7
+"""How often what grows is kept elsewhere."""
+log = logging.getLogger("foldback.worker")
+
+
+class Outcome(TypedDict):
+    """How a stage ended; ``ended`` tells that the fold ends with it, ``following`` what is next.
+
+    ``epoch`` is the one under which its files are kept, ``bytes`` what they take, None when that
+    is not known.
+    """
+
+    epoch: int
+    bytes: int | None
+    ended: bool
+    following: str | None
+    status: str
+    summary: dict[str, Any]
+    error: dict[str, Any] | None
+    repeatable: bool
+
+
+def _outcome(
+    status: str,
+    *,
+    ended: bool = True,
+    following: str | None = None,
+    summary: dict[str, Any] | None = None,
+    error: dict[str, Any] | None = None,
+    repeatable: bool = True,
+) -> Outcome:
+    return {
+        "epoch": 0,
+        "bytes": None,
+        "ended": ended,
+        "following": following,
+        "status": status,
+        "summary": summary or {},
+        "error": error,
+        "repeatable": repeatable,
+    }
+
+
+class TakenOverError(Exception):
+    """The fold has gone to another execution; what came out here is nobody's."""
+
+
+class UnwantedError(Exception):
+    """The fold was cancelled or taken over while something was waited for."""
+
+
+class Runner:
+    """Holds one child for each fold that is being computed.
+
+    Args:
+        settings: The settings.
+        store: Rows and files.
+        fork_server: One that forks for others, too: it goes on when this ends.
+    """
+
+    def __init__(
+        self, settings: Settings, store: Store, *, fork_server: ForkServer | None = None
+    ) -> None:
+        self._settings = settings
+        self._store = store
+        self._shared = fork_server is not None
+        self._fork_server = fork_server or ForkServer.where_possible(
+            ["stages"], warm=settings.prewarm
+        )
+        self._children = Children("stages", ChildLimits.of(settings), self._fork_server)
+        self._taken: dict[str, Child] = {}
+        self._stopping = threading.Event()
+
+    def prewarm(self) -> None:
+        """Loads what the first fold would wait for, unless the settings keep it from that."""
+        if self._settings.prewarm and self._fork_server is not None:
+            self._fork_server.start()
+
+    def stop(self) -> None:
+        """Ends all children; their folds go on elsewhere, or with the next start."""
+        self._stopping.set()
+        self._children.close()
+        if self._fork_server is not None and not self._shared:
+            self._fork_server.close()
+
+    def run(self, fold_id: str, stage: str, worker: str, known: int) -> Outcome:
+        """Computes one stage of a fold. Whatever goes wrong with it is an outcome.
+
+        Args:
+            fold_id: The fold.
+            stage: The stage.
+            worker: Who computes it, by a name that each execution has for itself.
+            known: The epoch under which the stage before was computed.
+
+        Raises:
+            TakenOverError: When it has gone to another execution meanwhile.
+        """
+        epoch = known
+        try:
+            begun = self.patiently(lambda: self._store.begin(fold_id, stage, worker))
+            if begun is None:
+                outcome = self._stopped(fold_id, None)
+            else:
+                epoch = begun
+                outcome = self._run(fold_id, stage, worker, known, epoch)
+        except TakenOverError:
+            self._release(worker)
+            raise
+        except UnwantedError:
+            # What it has made so far is kept nowhere.
+            self._release(worker)
+            return {**self._stopped(fold_id, epoch), "epoch": known}
+        except InputError as error:
+            error = self._advised(fold_id, error)
+            outcome = _outcome(
+                "failed",
+                error={"code": error.code, "detail": error.detail, "where": error.where},
+            )
+        except ChildError as error:
+            self._release(worker)
+            outcome = _outcome(
+                "failed",
+                error={"code": error.code, "detail": error.detail, "where": stage},
+                repeatable=False,
+            )
+        except Exception as error:
+            log.exception("fold %s failed in stage %s", fold_id, stage, extra={"fold": fold_id})
+            outcome = self.failure(error, stage)
+        self._halt()
+        outcome["epoch"] = epoch
+        if outcome["ended"]:
+            self._release(worker)
+            self._close(fold_id)
+            if outcome["status"] != "verified" and not outcome["summary"]:
+                outcome["summary"] = self._looked_back(fold_id)
+            log.info(
+                "fold %s: %s in stage %s",
+                *(fold_id, outcome["status"], stage),
+                extra={"fold": fold_id},
+            )
+        if epoch != 0:
+            try:
+                outcome["bytes"] = self._patiently_for(
+                    fold_id, epoch, lambda: self._store.folders.keep(fold_id, epoch)
+                )
+            except UnwantedError:
+                self._release(worker)
+                return {**self._stopped(fold_id, epoch), "epoch": known}
+        return outcome
+
+    def finish(self, fold_id: str, outcome: Outcome, worker: str) -> None:
+        """Notes the end of a fold in its row, or clears up after one that was deleted."""
+        self._release(worker)
+        if self._store.folders.storage is None:
+            self._close(fold_id)
+        known = self.patiently(
+            lambda: self._store.finish(
+                fold_id,
+                outcome["status"],
+                summary=outcome["summary"],
+                error=outcome["error"],
+                repeatable=outcome["repeatable"],
+                kept=outcome["epoch"],
+                size=outcome["bytes"],
+            )
+        )
+        if not known:
+            self.patiently(lambda: self._store.folders.remove(fold_id))
+        elif outcome["status"] != "cancelled":
+            self.patiently(lambda: self._store.folders.leave(fold_id, outcome["epoch"]))
+        else:
+            # Who has cancelled it wants the worker for something else: no waiting.
+            with contextlib.suppress(StorageError, SQLAlchemyError, NoSuchFoldError):
+                self._store.folders.leave(fold_id, outcome["epoch"])
+                visitor = self._store.fold(fold_id).visitor
+                sweep_cancelled(self._store, time.time(), visitor=visitor)
+
+    def patiently(self, do: Callable[[], Answer]) -> Answer:
+        """What it returns, once what it needs answers; never returns once the worker ends."""
+        return patiently(do, wait=self._wait)
+
+    def _patiently_for(self, fold_id: str, epoch: int, do: Callable[[], Answer]) -> Answer:
+        """The same, but nobody waits for what is not wanted any more.
+
+        Raises:
+            UnwantedError: When the fold was cancelled or taken over meanwhile.
+        """
+
+        def wait(seconds: float) -> None:
+            self._wait(seconds)
+            with contextlib.suppress(SQLAlchemyError):
+                if not self._store.report(fold_id, epoch):
+                    raise UnwantedError(fold_id)
+
+        return patiently(do, wait=wait)
+
+    def _wait(self, seconds: float) -> None:
+        self._stopping.wait(seconds)
+        self._halt()
+
+    def _halt(self) -> None:
+        """Never returns once the worker ends.
+
+        The step was cut off by us: it must not have a result, so that the job goes on later.
+        """
+        if self._stopping.is_set():
+            threading.Event().wait()
+
+    @staticmethod
+    def failure(error: Exception, stage: str | None) -> Outcome:
+        """The outcome when the service itself went wrong."""
+        return _outcome(
+            "failed",
+            error={
+                "code": "internal",
+                "detail": f"something went wrong inside the service ({type(error).__name__}); "
+                "try again.",
+                "where": stage,
+            },
+            repeatable=False,
+        )
+
+    def _run(self, fold_id: str, stage: str, worker: str, known: int, epoch: int) -> Outcome:
+        child = self._taken.get(worker)
+        if child is None:
+            child = self._taken[worker] = self._children.take()
+        directory = self._patiently_for(
+            fold_id, epoch, lambda: self._store.folders.bring(fold_id, known, epoch)
+        )
+        done = _Progress(self._store, fold_id, stage, epoch)
+        news = News(done.report)
+        with _keeping(self._store, fold_id, epoch):
+            result = child.call(
+                stage,
+                directory,
+                wall_s=self._settings.stage_seconds,
+                on_progress=done.take,
+                cancelled=news.cancelled,
+            )
+        done.take_end()
+        if result.get("status") == "cancelled" or not self.patiently(news.last):
+            return self._stopped(fold_id, epoch)
+        if stage == "read":
+            self.patiently(
+                lambda: self._store.describe(
+                    fold_id,
+                    name=str(result["name"]),
+                    modules=int(result["modules"]),
+                    module=str(result["module"]),
+                )
+            )
+        if stage == STAGES[-1]:
+            status = "verified" if result.get("status") == "verified" else "failed"
+            error = None
+            if status == "failed":
+                reason = str(result.get("reason") or "the plan could not be verified.")
+                error = {"code": "not-verified", "detail": reason, "where": None}
+            return _outcome(status, summary=result, error=error)
+        # A plan that the certificate has refused is tried again in another way, a few times.
+        following = result.get("again") or STAGES[STAGES.index(stage) + 1]
+        return _outcome("running", ended=False, following=following)
+
+    def _advised(self, fold_id: str, error: InputError) -> InputError:
+        """The refusal, with shapes that a refold could lead to instead."""
+        if error.code != "refold-differs":
+            return error
+        start = json.loads((self._store.folders.place(fold_id) / START_CHAIN).read_bytes())
+        return Gallery().advised(error, str(start["module"]), int(start["modules"]))
+
+    def _stopped(self, fold_id: str, epoch: int | None) -> Outcome:
+        """The outcome of a fold that shall not go on here, and why."""
+        try:
+            row = self.patiently(lambda: self._store.fold(fold_id))
+        except NoSuchFoldError:
+            return _outcome("cancelled")
+        if row.over:  # a step that is repeated after its end was noted
+            return _outcome(row.status, summary=row.summary, error=row.error)
+        if epoch is not None and row.epoch != epoch and not row.cancel_requested:
+            log.warning("fold %s was taken over by %s", fold_id, row.worker)
+            raise TakenOverError(fold_id)
+        return _outcome("cancelled", repeatable=False)
+
+    def _close(self, fold_id: str) -> None:
+        """Closes the timeline of a stage that was ended before it could."""
+        path = self._store.folders.place(fold_id) / "timeline.zarr"
+        with contextlib.suppress(TimelineError, OSError, ValueError, KeyError):
+            if Timeline.open(path).status == "growing":
+                TimelineWriter.reopen(path).close("failed")
+
+    def _looked_back(self, fold_id: str) -> dict[str, Any]:
+        """What is known of a fold that did not come to its end: where it was, what was tried."""
+        try:
+            from planner.pipeline.ended import (
+                look_back,  # the physics: only when a fold's end was missed
+            )
+
+            return look_back(self._store.folders.place(fold_id))
+        except Exception:
+            log.exception("fold %s cannot be looked at", fold_id, extra={"fold": fold_id})
+            return {}
+
+    def _release(self, worker: str) -> None:
+        child = self._taken.pop(worker, None)
+        if child is not None:
+            self._children.release(child)
+
+
+@contextlib.contextmanager
+def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
+    """Keeps what grows while a stage computes, so that readers elsewhere see it grow."""
+    folders = store.folders
+    if folders.storage is None:
+        yield
+        return
+    over = threading.Event()
+
+    def keep() -> None:
+        shown = False
+        while True:
+            try:
+                folders.keep(fold_id, epoch)
+                if not shown:
+                    store.show(fold_id, epoch)
+                    shown = True
+            except (StorageError, SQLAlchemyError, OSError) as error:
+                log.warning(
+                    "fold %s could not be kept just now: %s",
+                    fold_id,
+                    error,
+                    extra={"fold": fold_id},
+                )
+            if over.wait(KEEP_EVERY_S):
+                return
+
+    thread = threading.Thread(target=keep, name="keeping", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+class _Progress:
+    """How far a stage is, as its row shall have it."""
+
+    def __init__(self, store: Store, fold_id: str, stage: str, epoch: int) -> None:
+        self._store = store
+        self._fold_id = fold_id
+        self._epoch = epoch
+        self._place = store.folders.place(fold_id)
+        self._progress: dict[str, Any] = {
+            "stage": stage,
+            "fraction": 0.0,
+            "steps": 0,
+            "steps_per_second": 0.0,
+            "simulated_s": 0.0,
+            "message": "getting ready" if stage == STAGES[0] else "",
+        }
+        self._waits = True
+
+    def take(self, event: dict[str, Any]) -> None:
+        """News from the child."""
+        self._progress = {key: event[key] for key in self._progress}
+        self._waits = True
+
+    def take_end(self) -> None:
+        """The child is done: what it has made is reported once more."""
+        self._waits = True
+
+    def report(self) -> bool:
+        """Reports what waits; False when the fold is not wanted any more."""
+        progress = {**self._progress, "frames": frames_promised(self._place)}
+        going = self._store.report(self._fold_id, self._epoch, progress if self._waits else None)
+        self._waits = False
+        return going

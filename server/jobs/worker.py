@@ -1,0 +1,308 @@
+"""Worker: a process that takes folds from the queue and computes them, each exactly once.
+
+A fold is a durable workflow: what a step returned is kept, so that after a crash it goes on with
+the first step that has no result. The worker's name is what its unfinished folds are found by.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import secrets
+import signal
+import socket
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Final
+
+from dbos import DBOS, DBOSConfig
+from dbos._context import current_owner_xid
+from dbos._dbos import _get_dbos_instance  # pyright: ignore[reportPrivateUsage]
+from dbos._error import DBOSWorkflowConflictIDError
+from dbos._utils import INTERNAL_QUEUE_NAME
+
+from server.jobs.janitor import Sweeper
+from server.jobs.movie_runner import MovieJobs
+from server.jobs.queue import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, Jobs
+from server.jobs.runner import STAGES, Outcome, Runner, TakenOverError
+from server.ops.logs import about, set_up_logs
+from server.ops.starting import settings_of, starting, warn_of_unknown_names
+from server.ops.tracing import send_rest, tracing
+from server.processes.limits import keep_secrets
+from server.settings import Settings
+from server.store.folds import Store
+from server.store.leases import Leases
+from server.store.tables import passes
+from server.store.worker_identity import Slots
+
+LOOK_EVERY_S: Final = 2.0
+BEATS_A_LEASE: Final = 5
+LOOKS_A_LEASE: Final = 8
+STRAY_S: Final = 5.0
+"""How long a job of ours that nothing here works on may be about to begin."""
+SWEEP_EVERY_S: Final = 60.0
+NO_JOB_S: Final = 30.0
+"""How long a fold may have no job, since it is just being accepted."""
+log = logging.getLogger("foldback.worker")
+
+
+class Active:
+    """The jobs that this process works on."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._jobs: Counter[str] = Counter()
+
+    @contextmanager
+    def working(self, job: str) -> Generator[None]:
+        """Counts a job for as long as it lasts."""
+        with self._lock:
+            self._jobs[job] += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._jobs[job] -= 1
+
+    def __contains__(self, job: str) -> bool:
+        with self._lock:
+            return self._jobs[job] > 0
+
+    def __len__(self) -> int:
+        with self._lock:
+            return self._jobs.total()
+
+
+def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> None:
+    """Tells the job system what a fold is: one step a stage, then its end; and what a movie is."""
+
+    def computed(fold_id: str, worker: str) -> Outcome:
+        stage: str = STAGES[0]
+        epoch = 0
+        try:
+            while True:
+                outcome: Outcome = DBOS.run_step(
+                    {"name": stage}, runner.run, fold_id, stage, worker, epoch
+                )
+                epoch = outcome["epoch"]
+                if outcome["ended"] or outcome["following"] is None:
+                    return outcome
+                stage = outcome["following"]
+        except Exception as error:
+            if passes(error) or isinstance(error, TakenOverError):
+                raise
+            log.exception("fold %s failed", fold_id)
+            return {**runner.failure(error, stage), "epoch": epoch}
+
+    def fold(fold_id: str) -> str:
+        # The job system sees to it that of several executions only the last one has results.
+        worker = f"{name}:{secrets.token_hex(6)}"
+        with about(fold=fold_id), active.working(fold_id):
+            try:
+                outcome = computed(fold_id, worker)
+                DBOS.run_step({"name": "finish"}, runner.finish, fold_id, outcome, worker)
+            except Exception as error:
+                # What was computed could not be noted, or another execution has come in between:
+                # if the job is still ours it is done again.
+                if passes(error) or isinstance(error, TakenOverError):
+                    log.warning("fold %s is not over here: %s", fold_id, error)
+                    with suppress(DBOSWorkflowConflictIDError):
+                        runner.patiently(lambda: hand_back(fold_id, name))
+                raise
+        return outcome["status"]
+
+    def movie(fold_id: str, movie_id: str, job: str) -> None:
+        with about(fold=fold_id, movie=movie_id), active.working(job):
+            DBOS.run_step({"name": "film"}, movies.make, fold_id, movie_id, job)
+
+    DBOS.workflow(name=WORKFLOW)(fold)
+    DBOS.workflow(name=MOVIE_WORKFLOW)(movie)
+
+
+def _hold_leash(on_end: Callable[[], None]) -> None:
+    """Calls back when standard input ends: whoever started this worker is gone."""
+
+    def wait() -> None:
+        while os.read(0, 1024):
+            pass
+        on_end()
+
+    threading.Thread(target=wait, name="leash", daemon=True).start()
+
+
+class _Caretaker:
+    """Looks after the jobs of all workers: those of dead ones are taken over by living ones."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        store: Store,
+        jobs: Jobs,
+        runner: Runner,
+        name: str,
+        active: Active,
+    ) -> None:
+        self._settings = settings
+        self._store = store
+        self._jobs = jobs
+        self._runner = runner
+        self._name = name
+        self._active = active
+        self._leases = Leases.of(settings, store)
+        self._sweeper = Sweeper(settings, store)
+        self._strays: dict[str, float] = {}
+        self._swept_at = time.monotonic()
+
+    def beat(self) -> None:
+        """Says that this worker lives."""
+        at_once = self._settings.folds_per_worker
+        self._leases.beat(
+            self._name, host=socket.gethostname()[:200], pid=os.getpid(), folds_at_once=at_once
+        )
+
+    def leave(self) -> None:
+        """Says that it ends."""
+        self._leases.leave(self._name)
+
+    def look(self) -> None:
+        """Looks once."""
+        running = DBOS.list_workflows(status="PENDING", load_input=False)
+        holders = {str(job.executor_id) for job in running}
+        for dead in self._leases.dead(holders) - {self._name}:
+            if dead in holders:
+                log.info("taking over the folds of %s", dead)
+                DBOS._recover_pending_workflows([dead])  # pyright: ignore[reportPrivateUsage]
+            self._leases.leave(dead)
+        self._hand_back_strays(
+            [str(job.workflow_id) for job in running if job.executor_id == self._name]
+        )
+        for row in self._jobs.reconcile(self._store, older_s=NO_JOB_S):
+            log.error("fold %s: its job ended without a word", row.id, extra={"fold": row.id})
+            outcome = self._runner.failure(RuntimeError("job"), row.stage)
+            outcome["epoch"] = row.kept
+            self._runner.finish(row.id, outcome, self._name)
+        if time.monotonic() - self._swept_at >= SWEEP_EVERY_S:
+            self._swept_at = time.monotonic()
+            self._sweeper.sweep()
+
+    def _hand_back_strays(self, own: list[str]) -> None:
+        """Has jobs done again that are ours and that nothing works on.
+
+        Not even that a step is over could be noted, for the disk was full or the database away.
+        """
+        now = time.monotonic()
+        self._strays = {job: self._strays.get(job, now) for job in own if job not in self._active}
+        for job, since in list(self._strays.items()):
+            if now - since >= STRAY_S:
+                log.warning("job %s was dropped; it goes on", job)
+                hand_back(job, self._name)
+                del self._strays[job]
+
+
+def hand_back(job: str, worker: str) -> None:
+    """Puts one job of a worker back into its queue.
+
+    Raises:
+        DBOSWorkflowConflictIDError: When the execution that asks has lost the job to another.
+    """
+    system = _get_dbos_instance()._sys_db  # pyright: ignore[reportPrivateUsage]
+    if (owner := current_owner_xid(job)) is not None:
+        with system.engine.begin() as connection:
+            system._check_owner_txn(connection, job, owner)  # pyright: ignore[reportPrivateUsage]
+    system.reenqueue_for_recovery(job, [worker], INTERNAL_QUEUE_NAME)
+
+
+def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], what: str) -> None:
+    """Does something again and again in a thread, whatever goes wrong."""
+
+    def loop() -> None:
+        while not stopping.wait(every_s):
+            try:
+                do()
+            except Exception:
+                log.exception("%s failed", what)
+
+    threading.Thread(target=loop, name=what, daemon=True).start()
+
+
+def work(settings: Settings, *, leashed: bool = False) -> None:
+    """Works until told to end, by a signal or by the end of who started it.
+
+    Told so it takes nothing new, goes on for as long as the settings let it, and hands back to the
+    queue what is not over by then. Told twice it does not go on.
+
+    Args:
+        settings: The settings.
+        leashed: End when standard input ends.
+    """
+    keep_secrets()
+    set_up_logs(settings)
+    if not leashed:  # who holds the leash has said so
+        warn_of_unknown_names(log)
+    with starting("worker"):
+        store = Store(settings)
+        runner = Runner(settings, store)
+        runner.prewarm()
+        slot = Slots(settings).take()
+        set_up_logs(settings, worker=slot.name)
+        jobs = Jobs(settings)
+    told = threading.Semaphore(0)
+
+    def tell(number: int = 0, frame: FrameType | None = None) -> None:
+        told.release()
+
+    def end() -> None:
+        told.release(2)
+
+    signal.signal(signal.SIGTERM, tell)
+    signal.signal(signal.SIGINT, tell)
+    if leashed:
+        _hold_leash(end)
+    config: DBOSConfig = {
+        "name": APPLICATION,
+        "system_database_url": settings.queue_url,
+        "application_version": APPLICATION_VERSION,
+        "executor_id": slot.name,
+        "log_level": "WARNING",
+    }
+    config.update(tracing(settings))
+    DBOS(config=config)
+    active = Active()
+    register(runner, MovieJobs(settings, store), slot.name, active)
+    stopping = threading.Event()
+    caretaker = _Caretaker(settings, store, jobs, runner, slot.name, active)
+    caretaker.beat()
+    DBOS.launch()
+    _repeat(stopping, settings.lease_s / BEATS_A_LEASE, caretaker.beat, "saying that we live")
+    look_every_s = min(LOOK_EVERY_S, settings.lease_s / LOOKS_A_LEASE)
+    _repeat(stopping, look_every_s, caretaker.look, "looking after folds")
+    log.info("worker %s is ready", slot.name)
+    told.acquire()
+    # Nothing new from here on.
+    for polling in _get_dbos_instance().background_thread_stop_events:
+        polling.set()
+    deadline = time.monotonic() + settings.drain_s
+    while len(active) and time.monotonic() < deadline and not told.acquire(timeout=0.1):
+        pass
+    log.info("worker %s ends; %d jobs go on elsewhere", slot.name, len(active))
+    stopping.set()
+    runner.stop()
+    try:
+        DBOS._recover_pending_workflows([slot.name])  # pyright: ignore[reportPrivateUsage]
+        caretaker.leave()
+    except Exception:
+        log.exception("handing back failed; others notice that we are gone")
+    # Steps that were cut off must not get the time to note a result.
+    send_rest(settings)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    work(settings_of(), leashed="--leashed" in sys.argv[1:])

@@ -1,0 +1,1 @@
+"""Operations: logs, figures, readiness, and how processes of the service start."""

@@ -1,0 +1,117 @@
+"""Metrics: figures of the service for Prometheus."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
+from typing import Final
+
+from prometheus_client import CollectorRegistry, Gauge, Histogram, ProcessCollector, generate_latest
+from prometheus_client.core import GaugeMetricFamily
+from prometheus_client.registry import Collector
+
+from server.store.stats import Figures
+
+MEDIA_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
+BUCKETS_S: Final = (0.005, 0.01, 0.025, 0.05, 0.1, 0.15, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
+QUANTILES: Final = (0.5, 0.9, 1.0)
+
+
+class Metrics:
+    """What the web process counts.
+
+    Attributes:
+        in_progress: Requests that are being answered.
+    """
+
+    def __init__(self) -> None:
+        self._registry = CollectorRegistry()
+        ProcessCollector(registry=self._registry)
+        self._seconds = Histogram(
+            "foldback_request_seconds",
+            "Time to the end of an answer; event streams last as long as they are followed.",
+            ("method", "route", "status"),
+            buckets=BUCKETS_S,
+            registry=self._registry,
+        )
+        self.in_progress = Gauge(
+            "foldback_requests_in_progress",
+            "Requests that are being answered, event streams among them.",
+            registry=self._registry,
+        )
+        self._websockets = Gauge(
+            "foldback_websockets_open", "Views and robots that are open.", registry=self._registry
+        )
+
+    def count(self, *, method: str, route: str, status: int, seconds: float) -> None:
+        """Counts one HTTP answer."""
+        self._seconds.labels(method, route, f"{status // 100}xx").observe(seconds)
+
+    @contextmanager
+    def websocket(self) -> Generator[None]:
+        """Counts a websocket for as long as it is open."""
+        with self._websockets.track_inprogress():
+            yield
+
+    def text(self, figures: Figures | None, *, streams: int, robots: int) -> bytes:
+        """All figures, in the format that Prometheus reads.
+
+        Args:
+            figures: Those of the rows; None when the database does not answer.
+            streams: Event streams that are open.
+            robots: Robots that are being driven.
+        """
+        rows = CollectorRegistry(auto_describe=False)
+        rows.register(_Open(streams=streams, robots=robots))
+        rows.register(_Rows(figures))
+        return generate_latest(self._registry) + generate_latest(rows)
+
+
+class _Open(Collector):
+    def __init__(self, **counts: int) -> None:
+        self._counts = counts
+
+    def collect(self) -> Iterable[GaugeMetricFamily]:
+        words = {"streams": "Event streams that are open.", "robots": "Robots that are driven."}
+        for name, count in self._counts.items():
+            yield GaugeMetricFamily(f"foldback_{name}_open", words[name], value=count)
+
+
+class _Rows(Collector):
+    def __init__(self, figures: Figures | None) -> None:
+        self._figures = figures
+
+    def collect(self) -> Iterable[GaugeMetricFamily]:
+        found = self._figures
+        yield _gauge("database_up", "Whether the database answers.", found is not None)
+        if found is None:
+            return
+        folds = _by("folds", "Folds by status.", "status")
+        for status, count in sorted(found.folds.items()):
+            folds.add_metric([status], count)
+        yield folds
+        movies = _by("movies", "Movies by status.", "status")
+        for status, count in sorted(found.movies.items()):
+            movies.add_metric([status], count)
+        yield movies
+        yield _gauge("queue_length", "Folds that wait for a worker.", found.folds["queued"])
+        words = "Age of the fold that waits for longest."
+        yield _gauge("queue_oldest_seconds", words, found.oldest_queued_s)
+        yield _gauge("workers", "Workers that live.", found.workers)
+        yield _gauge("storage_bytes", "What the files of folds take.", found.storage_bytes)
+        words = "Time to compute a fold, of those that ended within the last hour."
+        seconds = _by("fold_seconds_lately", words, "quantile")
+        for quantile in QUANTILES if found.computed_s else ():
+            at = min(int(quantile * len(found.computed_s)), len(found.computed_s) - 1)
+            seconds.add_metric([f"{quantile:g}"], found.computed_s[at])
+        yield seconds
+        words = "Folds that ended within the last hour, 500 at most."
+        yield _gauge("folds_ended_lately", words, len(found.computed_s))
+
+
+def _gauge(name: str, words: str, value: float) -> GaugeMetricFamily:
+    return GaugeMetricFamily(f"foldback_{name}", words, value=value)
+
+
+def _by(name: str, words: str, label: str) -> GaugeMetricFamily:
+    return GaugeMetricFamily(f"foldback_{name}", words, labels=[label])

@@ -1,0 +1,138 @@
+"""Readiness: whether this process can take folds now, and if not, why."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from server.settings import Settings
+from server.store.object_store import StorageError
+from server.store.stats import Census
+
+KEPT_S: Final = 2.0
+OK: Final = "ok"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """What was found: ``ok`` or what is wrong, of each part; ``workers`` is how many live."""
+
+    database: str
+    disk: str
+    storage: str
+    workers: int
+    reasons: tuple[str, ...]
+
+    @property
+    def ready(self) -> bool:
+        """Whether nothing speaks against taking folds."""
+        return not self.reasons
+
+
+class Readiness:
+    """Looks at what the service needs, at most every ``KEPT_S``.
+
+    Args:
+        settings: The settings.
+        census: Knows the workers.
+        storage: Raises when files that are kept elsewhere cannot be reached.
+    """
+
+    def __init__(
+        self, settings: Settings, census: Census, storage: Callable[[], None] = lambda: None
+    ) -> None:
+        self._storage = storage
+        self._settings = settings
+        self._census = census
+        self._lock = threading.Lock()
+        self._ending = threading.Event()
+        self._kept: tuple[float, str, str] | None = None
+
+    def end(self) -> None:
+        """From now on it is not ready: the service is about to end."""
+        self._ending.set()
+
+    def state(self) -> State:
+        """What is found now; disk and storage as of a moment ago."""
+        database, workers = OK, 0
+        try:
+            workers = self._census.workers()
+        except SQLAlchemyError as error:
+            database = f"does not answer: {type(error).__name__}"
+        disk, storage = self._places()
+        reasons = [
+            f"the {name} {found}" if found.startswith(("does", "can")) else f"{name}: {found}"
+            for name, found in (("database", database), ("disk", disk), ("storage", storage))
+            if found != OK
+        ]
+        if database == OK and not workers and self._settings.workers:
+            reasons.append("no worker lives")
+        if self._ending.is_set():
+            reasons.append("the service is ending")
+        return State(
+            database=database, disk=disk, storage=storage, workers=workers, reasons=tuple(reasons)
+        )
+
+    def _places(self) -> tuple[str, str]:
+        # One looks at a time; what it finds is for all, and nobody waits for a silent storage.
+        if self._lock.acquire(blocking=self._kept is None):
+            try:
+                now = time.monotonic()
+                if self._kept is None or now - self._kept[0] >= KEPT_S:
+                    self._kept = (now, disk_says(self._settings), self._storage_says())
+            finally:
+                self._lock.release()
+        assert self._kept is not None
+        return self._kept[1:]
+
+    def _storage_says(self) -> str:
+        try:
+            if self._settings.storage_url is None:
+                check_folder(self._settings)
+            else:
+                self._storage()
+        except (OSError, StorageError) as error:
+            return f"cannot be used: {type(error).__name__}"
+        return OK
+
+
+def disk_says(settings: Settings) -> str:
+    """``ok`` when uploads can be written here and there is room for them, or what is wrong."""
+    try:
+        free = shutil.disk_usage(settings.root).free
+        if free < settings.min_free_disk_bytes:
+            return f"{free // 2**20} MiB free"
+        with tempfile.NamedTemporaryFile(dir=settings.uploads_dir) as probe:
+            probe.write(b"probe")
+            probe.flush()
+    except OSError as error:
+        return f"cannot be written: {error.strerror}"
+    return OK
+
+
+def check_folder(settings: Settings) -> None:
+    """Writes, reads, lists and deletes a probe where the files of folds are kept on this machine.
+
+    Raises:
+        OSError: When that does not work.
+    """
+    folder = settings.folds_dir
+    handle, name = tempfile.mkstemp(prefix=".probe-", dir=folder)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(b"probe")
+        with open(name, "rb") as file:
+            if file.read() != b"probe" or os.path.basename(name) not in os.listdir(folder):
+                raise OSError(0, "what was written is not what is read")
+    finally:
+        with contextlib.suppress(OSError):
+            os.unlink(name)

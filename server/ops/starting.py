@@ -1,0 +1,95 @@
+"""Starting: what is said when a process of the service can't start, or not as it was told."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from server.settings import PREFIX, Settings, unknown_names, unknown_words
+
+EXPECTED: Final = {
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "int_parsing_size": "a whole number",
+    "float_parsing": "a number",
+    "finite_number": "a finite number",
+    "bool_parsing": "true or false",
+    "string_type": "names with commas between",
+    "tuple_type": "names with commas between",
+    "literal_error": "{expected}",
+    "greater_than_equal": "at least {ge}",
+    "greater_than": "more than {gt}",
+    "less_than_equal": "at most {le}",
+}
+"""What is expected where pydantic finds a fault of a kind."""
+REMEDY: Final = "Set it so, or unset it; docs/operations.md lists all settings."
+LONGEST: Final = 60
+"""Letters of a value that are repeated."""
+
+
+def settings_of(**given: Any) -> Settings:
+    """The settings of the environment, with what was given on the command line.
+
+    What they can't be ends the program with one line and the exit code 1.
+    """
+    try:
+        return Settings(**{name: value for name, value in given.items() if value is not None})
+    except ValidationError as error:
+        print(f"{settings_words(error)}. {REMEDY}", file=sys.stderr)
+        raise SystemExit(1) from None
+
+
+def settings_words(error: ValidationError) -> str:
+    """What is wrong with settings: got, and expected."""
+    wrong = [f"{PREFIX}{str(one['loc'][0]).upper()}: {_fault(one)}" for one in error.errors()]
+    return "; ".join(wrong)
+
+
+def _fault(one: Mapping[str, Any]) -> str:
+    if one["type"] == "value_error":
+        return str(one["ctx"]["error"]).removesuffix(".")
+    expected = str(EXPECTED.get(one["type"], one["msg"])).format(**one.get("ctx", {}))
+    got = str(one["input"])
+    return f"got {got[:LONGEST] + '…' * (len(got) > LONGEST)!r}, expected {expected}"
+
+
+def warn_of_unknown_names(log: logging.Logger) -> None:
+    """Warns of variables that look like settings and are none."""
+    for name, nearest in unknown_names(os.environ).items():
+        log.warning("%s", unknown_words(name, nearest))
+
+
+@contextmanager
+def starting(what: str) -> Generator[None]:
+    """Turns what is not there into one line and the exit code 1.
+
+    Args:
+        what: What starts.
+    """
+    # Loaded late: settings are wanted by commands that need no database.
+    from sqlalchemy.exc import DBAPIError
+
+    from server.store.object_store import StorageError
+    from server.store.schema_version import NewerSchemaError
+
+    try:
+        yield
+    except NewerSchemaError as error:
+        reason = str(error)
+    except StorageError as error:
+        reason = f"{error}."
+    except DBAPIError as error:
+        line = str(error.orig).strip().partition("\n")[0]
+        reason = f"the database does not answer as it should ({line})."
+    except OSError as error:
+        reason = f"{error.filename or 'the data directory'} cannot be used ({error.strerror})."
+    else:
+        return
+    print(f"The {what} does not start: {reason} `foldback doctor` says more.", file=sys.stderr)
+    raise SystemExit(1)

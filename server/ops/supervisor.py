@@ -1,0 +1,105 @@
+"""Supervisor: starts worker processes, and starts them again when they die."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import subprocess
+import sys
+import threading
+import time
+from typing import Final
+
+from server.settings import Settings
+
+LOOK_EVERY_S: Final = 0.2
+PATIENCE_S: Final = 10.0
+LONGEST_PAUSE_S: Final = 30.0
+log = logging.getLogger("foldback.supervisor")
+
+
+class Supervisor:
+    """Keeps as many workers running as the settings say.
+
+    Workers end when their standard input does: when this process is killed, they follow.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._environment = {**os.environ, **_environment(settings)}
+        self._workers: list[_Worker] = [_Worker() for _ in range(settings.workers)]
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._look_after, name="supervisor", daemon=True)
+
+    def start(self) -> None:
+        """Starts all workers."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Has all workers end; their folds go on with the next start."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        running = [w.process for w in self._workers if w.process is not None]
+        for process in running:
+            assert process.stdin is not None
+            with contextlib.suppress(BrokenPipeError):
+                process.stdin.close()
+        deadline = time.monotonic() + PATIENCE_S
+        for process in running:
+            try:
+                process.wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+    def _look_after(self) -> None:
+        while True:
+            for worker in self._workers:
+                worker.look(self._environment)
+            if self._stopping.wait(LOOK_EVERY_S):
+                return
+
+
+class _Worker:
+    """One worker process at a time; the faster it dies, the longer the pause."""
+
+    def __init__(self) -> None:
+        self.process: subprocess.Popen[bytes] | None = None
+        self._started = 0.0
+        self._start_at = 0.0
+        self._pause_s = 0.5
+
+    def look(self, environment: dict[str, str]) -> None:
+        now = time.monotonic()
+        if self.process is not None and (code := self.process.poll()) is not None:
+            lasted = now - self._started
+            self._pause_s = 0.5 if lasted > 10.0 else min(2 * self._pause_s, LONGEST_PAUSE_S)
+            log.warning(
+                "a worker ended (exit code %d); the next starts in %.1f s", code, self._pause_s
+            )
+            assert self.process.stdin is not None
+            self.process.stdin.close()
+            self.process = None
+            self._start_at = now + self._pause_s
+        if self.process is None and now >= self._start_at:
+            self._started = now
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "server.jobs.worker", "--leashed"],
+                stdin=subprocess.PIPE,
+                env=environment,
+                # A key press that interrupts the server must not reach them on its own.
+                start_new_session=True,
+            )
+
+
+def _environment(settings: Settings) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for name, value in settings.model_dump(mode="json").items():
+        if isinstance(value, list):
+            import json
+
+            found[f"FOLDBACK_{name.upper()}"] = json.dumps(value)
+        elif value is not None:
+            found[f"FOLDBACK_{name.upper()}"] = str(value)
+    return found

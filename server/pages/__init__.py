@@ -1,0 +1,1 @@
+"""Pages: a file for each, and what they say about folds in words."""

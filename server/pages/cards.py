@@ -1,0 +1,200 @@
+"""Cards: the example shapes as pages show them, and what has become of each on this service."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Final
+
+from server.pages.facts import shown_name
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from server.store.folds import FoldRow, Store
+    from server.store.gallery import Gallery
+
+KINDS: Final = {
+    "tool": "Tools",
+    "animal": "Animals",
+    "thing": "Things",
+    "building": "Buildings",
+    "letter": "Letters",
+    "hollow": "Hollow",
+    "furniture": "Furniture",
+    "vehicle": "Vehicles",
+    "kitchen": "Kitchen",
+    "solid": "Solids",
+    "ring": "Rings",
+    "number": "Numbers",
+    "sign": "Signs",
+    "plant": "Plants",
+    "paper": "From the paper",
+    "tetrahedra": "Tetrahedra",
+}
+CHAINS: Final = {"cube": "Cubes", "tetrahedron": "Tetrahedra"}
+PLURALS: Final = {"cube": "modules", "tetrahedron": "tetrahedra"}
+STATUSES: Final = {
+    "verified": "Verified",
+    "running": "Running",
+    "failed": "Failed",
+    "new": "Not folded yet",
+}
+_STATUS_OF: Final = {
+    "verified": "verified",
+    "running": "running",
+    "queued": "running",
+    "failed": "failed",
+}
+MOST_FOLDS: Final = 10_000
+SELECTED: Final = (
+    "tetra-ring",
+    "wrench-24",
+    "heart",
+    "wrench-80",
+    "guitar",
+    "mallet-160",
+    "tetra-wrench",
+    "giraffe",
+    "robot",
+    "castle",
+    "torus",
+    "elephant",
+)
+"""What the first page shows: every kind of chain, from the shortest to the longest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Card:
+    """One example shape.
+
+    Attributes:
+        name: Of the shape.
+        title: What people call it.
+        module: What its chain is made of.
+        modules: How many.
+        tags: Of which kinds it is.
+    """
+
+    name: str
+    title: str
+    module: str
+    modules: int
+    tags: tuple[str, ...]
+
+    @property
+    def count(self) -> str:
+        """How many of what, in words."""
+        return f"{self.modules} {PLURALS.get(self.module, self.module)}"
+
+    @property
+    def words(self) -> str:
+        """What it can be found by, in small letters."""
+        kinds = (KINDS.get(tag, tag) for tag in self.tags)
+        return " ".join([self.title, self.name, self.count, *kinds]).lower()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """What has become of a shape on this service.
+
+    Attributes:
+        status: One of ``STATUSES``.
+        fold: The id of its fold; None when there is none to see.
+    """
+
+    status: str = "new"
+    fold: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sieve:
+    """Which cards are wanted. What is empty or None lets all of them through.
+
+    Every one of the ``words`` must begin a word of the card.
+    """
+
+    module: str = ""
+    kind: str = ""
+    status: str = ""
+    words: str = ""
+    least: int | None = None
+    most: int | None = None
+
+    @classmethod
+    def of(cls, query: Mapping[str, str]) -> Sieve:
+        """What an address asks for: ``?type=cube&modules=100-200``; nonsense asks for nothing."""
+        found = re.fullmatch(r"(\d{0,6})-(\d{0,6})", query.get("modules", ""))
+        least, most = found.groups() if found else (query.get("least", ""), query.get("most", ""))
+
+        def one_of(name: str, known: Mapping[str, str]) -> str:
+            value = query.get(name, "")
+            return value if value in known else ""
+
+        return cls(
+            module=one_of("type", CHAINS),
+            kind=one_of("kind", KINDS),
+            status=one_of("status", STATUSES),
+            words=" ".join(query.get("q", "")[:100].split()),
+            least=int(least) if re.fullmatch(r"\d{1,6}", least) else None,
+            most=int(most) if re.fullmatch(r"\d{1,6}", most) else None,
+        )
+
+    def lets(self, card: Card, standing: Standing) -> bool:
+        """Whether a card is wanted."""
+        return (
+            self.module in ("", card.module)
+            and (not self.kind or self.kind in card.tags)
+            and self.status in ("", standing.status)
+            and (self.least is None or card.modules >= self.least)
+            and (self.most is None or card.modules <= self.most)
+            and all(f" {word}" in f" {card.words}" for word in self.words.lower().split())
+        )
+
+
+@cache
+def cards(gallery: Gallery) -> tuple[Card, ...]:
+    """All example shapes, shortest chain first."""
+    return tuple(
+        Card(
+            name=shape.name,
+            title=shown_name(shape.title),
+            module=shape.module,
+            modules=shape.modules,
+            tags=shape.tags,
+        )
+        for shape in gallery.shapes()
+    )
+
+
+def selected(gallery: Gallery) -> list[Card]:
+    """The few that the first page shows."""
+    by_name = {card.name: card for card in cards(gallery)}
+    return [by_name[name] for name in SELECTED if name in by_name]
+
+
+@cache
+def kinds(gallery: Gallery) -> list[tuple[str, str]]:
+    """The kinds of shape there are and what they are called, the most common first."""
+    counts = Counter(tag for card in cards(gallery) for tag in card.tags)
+    return [(tag, KINDS.get(tag) or tag.capitalize()) for tag, _ in counts.most_common()]
+
+
+def standings(store: Store) -> dict[str, Standing]:
+    """What has become of the shapes that were folded here; the best of several folds counts."""
+    best: dict[str, FoldRow] = {}
+    order = list(STATUSES)
+
+    def rank(row: FoldRow) -> int:
+        return order.index(_STATUS_OF[row.status])
+
+    for row in store.list_public(limit=MOST_FOLDS):
+        if row.shape is None or row.status not in _STATUS_OF:
+            continue
+        if row.shape not in best or rank(row) < rank(best[row.shape]):
+            best[row.shape] = row
+    return {
+        shape: Standing(status=_STATUS_OF[row.status], fold=row.id) for shape, row in best.items()
+    }

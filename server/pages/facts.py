@@ -1,0 +1,394 @@
+"""Facts: what a fold's page says about a fold, in the words of the page."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import asdict
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final, cast
+from zipfile import BadZipFile, ZipFile
+
+import numpy as np
+
+from planner.certificate.verdict import summary_told_honestly, told_honestly
+from planner.chain.module import CUBE, MODULES
+from planner.errors import TimelineError
+from planner.exports import exports_of
+from planner.motion.timeline import Timeline
+from planner.pathfinding.duration import expected_seconds
+from planner.pipeline.request import LARGEST_SEED, Request
+from planner.robot.smoothing_ways import MOST_ANGLES
+from planner.simulation.parameters import AUTO
+from server.api.finding import RUNNING, Found, has_motion
+from server.api.schemas import export_href
+from server.pages import certificate_words
+from server.pages.failures import attempts, exploding, failure
+from server.pages.quantities import DIGITS, PRESETS, STRATEGIES, length_m, quantity, sentence
+from server.pages.quantities import parameters as parameters_in_words
+from server.pages.setting_words import changed, in_a_line
+from server.pages.smoothing_words import note_of, rows_of
+from server.store.timelines import frames_promised
+
+VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
+
+
+PLAN: Final = "plan.npy"
+"""Part of a plan.npz: all that it says besides its frames, as JSON text."""
+LARGEST_SETTINGS: Final = 16 * 2**20
+"""Bytes of that part; a chain of 12 000 modules takes 3 MB."""
+FILES: Final = (
+    ("standalone.html", "One page in one file", "HTML: plays anywhere, without a server"),
+    ("recording.viser", "Recording", ".viser: for viser's own client"),
+)
+
+
+def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[str, Any]:
+    """Everything that the page shows besides the timeline, as JSON.
+
+    Args:
+        found: The fold.
+        api: Whether the service's API is there for downloads and news.
+        embed: Whether other sites may show folds in a frame.
+    """
+    row, directory = found.row, found.directory
+    summary: dict[str, Any] = summary_told_honestly(row.summary or {})
+    certificate = summary.get("certificate") or told_honestly(
+        _json(directory / "certificate.json"), summary.get("playback")
+    )
+    running = row.status in RUNNING
+    done = row.status in ("verified", "failed")
+    problem = _problem(row, summary)
+    there = api and done and (directory / "plan.npz").is_file()
+    downloads = [
+        {"label": export.label, "hint": export.hint, "href": export_href(row.id, export)}
+        for export in (exports_of(moving=has_motion(summary)) if there else ())
+    ]
+    return {
+        "id": row.id,
+        "name": _title(row),
+        "status": row.status,
+        "running": running and api,
+        "preset": f"{PRESETS.get(row.preset, row.preset)}{in_a_line(row.settings)}",
+        "verdict": _verdict(row, summary, certificate),
+        "cover": "Loading the view" if not running else "Waiting for the first frame",
+        "problem": problem,
+        "failure": failure(row, summary),
+        "attempts": attempts(directory) if not running else [],
+        "again": _again(row) if api else None,
+        "frames": frames_promised(directory),
+        "refoldable": api and row.status == "verified",
+        "refold": _published(row) if row.preset == "paper" else {},
+        "smoothable": api and _smoothable(row, summary),
+        "smoothing": _smoothing(found if api else None, summary),
+        "compare": _compare(found) if api and not running else [],
+        "embed": f"/embed/{row.id}" if embed else None,
+        "movies": api and not running and frames_promised(directory) > 0,
+        "robot": api and row.status == "verified",
+        "files": [
+            {"href": f"/folds/{row.id}/{name}", "label": label, "hint": hint}
+            for name, label, hint in FILES
+            if not running and frames_promised(directory)
+        ],
+        "properties": _properties(row, summary, certificate, directory),
+        "downloads": downloads,
+        "downloads_hint": "The plan can be downloaded as soon as the fold is finished."
+        if running
+        else "There is nothing to download here.",
+    }
+
+
+def shown_name(name: str) -> str:
+    """A name as people write it: ``wrench-160`` is a wrench, its size is told beside it."""
+    if (sized := re.fullmatch(r"([a-z]+)-(\d+)", name)) is not None:
+        return sized[1].capitalize()
+    if (box := re.fullmatch(r"([a-z]+)-(\d+)x(\d+)x(\d+)", name)) is not None:
+        return f"{box[1].capitalize()} {box[2]}×{box[3]}×{box[4]}"
+    return name
+
+
+def _title(row: Any) -> str:
+    """What the fold is called; a refold, by both shapes."""
+    name = shown_name(row.name) or "New fold"
+    if getattr(row, "smooths", None):
+        return f"{name}, smoothed"
+    start = getattr(row, "refold", None)
+    return f"{shown_name(start)} → {name}" if start else name
+
+
+def _verdict(row: Any, summary: dict[str, Any], certificate: dict[str, Any]) -> dict[str, str]:
+    modules = f"{row.modules} modules" if row.modules else None
+    if row.status == "verified":
+        strategy = (summary.get("explosion") or {}).get("strategy")
+        told = certificate_words.headline(certificate) or "verified"
+        parts = [told, certificate_words.baseline(strategy), modules]
+        return {"tone": "good", "text": " · ".join(p for p in parts if p)}
+    if row.status == "failed":
+        reason = _told(summary.get("reason") or (row.error or {}).get("detail") or "", summary)
+        parts = ["not verified", reason, modules]
+        return {"tone": "bad", "text": " · ".join(p for p in parts if p)}
+    if row.status == "cancelled":
+        return {"tone": "off", "text": "cancelled"}
+    word = "in the queue" if row.status == "queued" else "computing"
+    return {"tone": "busy", "text": " · ".join(p for p in (word, modules) if p)}
+
+
+def _problem(row: Any, summary: dict[str, Any]) -> dict[str, str] | None:
+    error = row.error or {}
+    if row.status == "failed":
+        text = str(error.get("detail") or summary.get("reason") or "No reason was recorded.")
+        where = error.get("where")
+        if where and where not in text:
+            text = f"{where}: {text}"
+        text = sentence(_told(text, summary))
+        judged = error.get("code", "not-verified") == "not-verified" and "certificate" in summary
+        heading = "This plan is not verified" if judged else "This fold could not be computed"
+        return {"heading": heading, "text": text}
+    if row.status == "cancelled":
+        return {"heading": "This fold was cancelled", "text": "It was stopped before its end."}
+    return None
+
+
+def _published(row: Any) -> dict[str, str]:
+    """The fields of a form that ask for a fold's preset with its settings."""
+    return {"preset": row.preset, **({"settings": row.settings} if row.settings else {})}
+
+
+def _again(row: Any) -> dict[str, Any] | None:
+    """What may be tried where there is no plan: words for a button, and the form to send."""
+    form: dict[str, Any] = {"fold": row.id, **_published(row), "seed": row.seed}
+    if row.module_size is not None:
+        form["module_size"] = row.module_size
+    if row.strategy != AUTO:
+        form["strategy"] = row.strategy
+    if row.status == "cancelled":
+        return {"text": "Fold again", "form": form}
+    if row.status != "failed" or row.stage == "read":  # such an input fails again
+        return None
+    plain = Request()
+    if row.preset != plain.preset:
+        plainly = {key: value for key, value in form.items() if key != "settings"}
+        plainly["preset"] = plain.preset
+        return {"text": "Try with the default preset", "form": plainly}
+    if row.module_size is not None and row.module_size > plain.parameters().module_size:
+        usual = {key: value for key, value in form.items() if key != "module_size"}
+        return {"text": "Try the usual module size", "form": usual}
+    seed = (row.seed + 1) % (LARGEST_SEED + 1)
+    return {"text": "Try another seed", "form": {**form, "seed": seed}}
+
+
+def _compare(found: Found) -> list[dict[str, Any]]:
+    """What a fold may be set beside: words for a button, and the form to send for the other.
+
+    ``settable`` tells that settings of the published method may be sent with it, or must.
+    """
+    row = found.row
+    form: dict[str, Any] = {"fold": row.id, "seed": row.seed}
+    if row.module_size is not None:
+        form["module_size"] = row.module_size
+    seed = (row.seed + 1) % (LARGEST_SEED + 1)
+    other = {**form, **_published(row), "seed": seed}
+    another = {"text": "Another seed", "hint": f"Seed {seed}", "form": other}
+    if getattr(row, "smooths", None):
+        recorded = {"text": "As recorded", "hint": "What was smoothed", "id": found.recorded}
+        return [recorded, another] if found.recorded else [another]
+    ways = (
+        ("default", "Reverse explosion", "Our preset"),
+        ("direct", "Direct servoing", "Straight to the shape, without a record"),
+    )
+    others = [
+        {"text": text, "hint": hint, "form": {**form, "preset": preset}}
+        for preset, text, hint in ways
+        if (preset, "") != (row.preset, row.settings)
+    ]
+    published = {"form": {**form, "preset": "paper"}, "settable": "may"}
+    if (row.preset, row.settings) == ("paper", ""):
+        published |= {"text": "As published, changed", "hint": "With settings of your own"}
+        published["settable"] = "must"
+    else:
+        takes = _about(expected_seconds(row.modules, "paper"))
+        published |= {"text": "As published", "hint": f"Takes {takes}"}
+    return [*others, published, another]
+
+
+def _about(seconds: float) -> str:
+    """A time that is not known exactly: ``about a minute``."""
+    minutes = round(seconds / 60)
+    if minutes > 1:
+        return f"about {minutes} minutes"
+    return "about a minute" if seconds >= 45 else "less than a minute"
+
+
+def _smoothable(row: Any, summary: dict[str, Any]) -> bool:
+    """Whether smoothing is worth asking for: not twice, and not of what is too long for it."""
+    if row.status != "verified" or summary.get("refold") or summary.get("smoothing"):
+        return False
+    frames = (summary.get("explosion") or {}).get("frames") or 0
+    return frames * int(summary.get("hinges") or 0) <= MOST_ANGLES
+
+
+def _smoothing(found: Found | None, summary: dict[str, Any]) -> dict[str, Any] | None:
+    """What smoothing has changed, in words; None of a recorded plan. No links without a fold."""
+    if not (smoothing := summary.get("smoothing")):
+        return None
+    of = found and found.recorded
+    return {
+        "rows": [asdict(told) for told in rows_of(smoothing)],
+        "note": note_of(smoothing),
+        "compare": f"/compare?a={of}&b={found.row.id}" if found and of else None,
+    }
+
+
+def _not_simulated(playback: dict[str, Any]) -> str | None:
+    return certificate_words.NOT_SIMULATED if playback.get("kind") == "kinematic" else None
+
+
+def _limit(row: Any) -> float:
+    """How far the hinges of a fold's modules turn."""
+    return MODULES.get(getattr(row, "module", None) or CUBE.name, CUBE).angle_limit_rad
+
+
+def _joints(row: Any) -> int | None:
+    if not row.modules:
+        return None
+    module = getattr(row, "module", None)
+    rigid = MODULES[module].rigid_links if module in MODULES else CUBE.rigid_links
+    return int(row.modules) - 1 - rigid
+
+
+def _properties(
+    row: Any, summary: dict[str, Any], certificate: dict[str, Any], directory: Path
+) -> list[dict[str, Any]]:
+    """Groups of labels and values, each group with a heading."""
+    explosion = summary.get("explosion") or {}
+    playback = summary.get("playback") or {}
+    chain = _json(directory / "chain.json")
+    plan = _settings_of(directory / "plan.npz") if row.status in ("verified", "failed") else {}
+    made = "Smoothing" if summary.get("smoothing") else "Explosion"
+    groups: list[tuple[str, list[tuple[str, Any]]]] = [
+        (
+            "Fold",
+            [
+                ("Name", shown_name(row.name)),
+                ("Modules", row.modules or None),
+                ("Joints", _joints(row)),
+                ("Pitch", length_m(chain.get("pitch_m"))),
+                ("Preset", PRESETS.get(row.preset, row.preset)),
+                ("Seed", summary.get("seed", row.seed)),
+                ("Identifier", row.id),
+            ],
+        ),
+        ("Changed settings", [*changed(row.preset, row.settings)]),
+        (
+            "Certificate",
+            [
+                ("Verdict", sentence(_told(str(certificate.get("verdict") or ""), summary))),
+                *certificate_words.rows(certificate),
+                ("Linked modules", certificate_words.linked(certificate)),
+                ("Recording", certificate_words.record(certificate, limit_rad=_limit(row))),
+            ],
+        ),
+        (
+            "Computation",
+            [
+                ("Strategy", STRATEGIES.get(str(explosion.get("strategy")))),
+                (f"{made} steps", explosion.get("steps") or None),
+                (f"{made} frames", explosion.get("frames")),
+                (f"{made}, wall time", _quantity(explosion, "seconds", "s", 2)),
+                ("Playback steps", playback.get("steps") or _not_simulated(playback)),
+                ("Playback, wall time", _quantity(playback, "seconds", "s", 2)),
+                ("Certificate, wall time", _quantity(certificate, "seconds", "s", 2)),
+                ("Simulated time", quantity(_simulated_s(directory), "s")),
+            ],
+        ),
+    ]
+    parameters = plan.get("parameters") or {}
+    for name, values in parameters.items():
+        if isinstance(values, dict):
+            known = parameters_in_words(cast("dict[str, Any]", values))
+            groups.append((f"{name.capitalize()} parameters", [*known]))
+    versions: dict[str, Any] = plan.get("versions") or {}
+    groups.append(("Versions", [(VERSIONS.get(k, k), str(v)) for k, v in versions.items()]))
+    shown = [(heading, _shown(rows)) for heading, rows in groups]
+    return [{"heading": heading, "rows": rows} for heading, rows in shown if rows]
+
+
+def _shown(rows: list[tuple[str, Any]]) -> list[dict[str, str]]:
+    """Rows that have a value, in words."""
+    found: list[dict[str, str]] = []
+    for label, value in rows:
+        if value is None or value == "":
+            continue
+        found.append({"label": sentence(label), "value": str(value)})
+    return found
+
+
+def _quantity(values: dict[str, Any], key: str, unit: str, digits: int = DIGITS) -> str | None:
+    value = values.get(key)
+    return quantity(value, unit, digits) if isinstance(value, int | float) else None
+
+
+def _told(reason: str, summary: dict[str, Any]) -> str:
+    """A reason in the page's words: frames are counted from 1, along the whole timeline."""
+    explosion = exploding(summary)
+
+    def on_the_timeline(found: re.Match[str]) -> str:
+        if explosion is None:
+            return ""  # the percentage before it says where
+        return f" (frame {explosion + int(float(found[1])) + 1})"
+
+    return re.sub(
+        r" \(frame ([\d.]+) of the (?:plan|simulated playback)\)", on_the_timeline, reason
+    )
+
+
+def _settings_of(path: Path) -> dict[str, Any]:
+    """Parameters and versions of a plan, without its frames: those may be a hundred megabytes."""
+    try:
+        return _settings_at(path, path.stat().st_mtime_ns)
+    except OSError:
+        return {}
+
+
+@lru_cache(maxsize=512)
+def _settings_at(path: Path, changed_ns: int) -> dict[str, Any]:
+    del changed_ns
+    try:
+        with ZipFile(path) as file:
+            if file.getinfo(PLAN).file_size > LARGEST_SETTINGS:
+                return {}
+        with np.load(path, allow_pickle=False) as arrays:
+            plan = json.loads(str(arrays["plan"]))
+    except (OSError, ValueError, KeyError, BadZipFile):
+        return {}
+    return {key: plan.get(key) for key in ("parameters", "versions")}
+
+
+def _simulated_s(directory: Path) -> float | None:
+    """Simulated time of a timeline; looked up once for each length that it has had."""
+    try:
+        changed_ns = (directory / "timeline.zarr" / "zarr.json").stat().st_mtime_ns
+    except OSError:
+        return None
+    return _simulated_at(directory, changed_ns)
+
+
+@lru_cache(maxsize=512)
+def _simulated_at(directory: Path, changed_ns: int) -> float | None:
+    del changed_ns
+    try:
+        timeline = Timeline.open(directory / "timeline.zarr")
+        if not len(timeline):
+            return None
+        return float(timeline.frames(len(timeline) - 1).time_s[-1])
+    except (TimelineError, OSError):
+        return None
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

@@ -1,0 +1,150 @@
+"""Failures: where a fold sticks and what was tried, in the words of its page."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any, Final, cast
+
+from server.pages.quantities import STRATEGIES, quantity, sentence
+
+HEADINGS: Final = {
+    "knot": "Stuck: a knot",
+    "buried": "Stuck: buried modules",
+    "contacts": "Stuck: modules press on each other",
+    "joints": "Stuck: joints that do not turn",
+    "broken": "The simulation broke off",
+    "limit": "Not finished",
+    "stopped": "Not finished",
+    "overlap": "Modules overlap",
+    "off": "It ends beside its shape",
+    "refused": "Not verified",
+}
+STAGES: Final = {
+    "read": "reading the input",
+    "explode": "exploding",
+    "play_back": "playing back",
+    "certify": "checking the clearance",
+    "export": "writing the plan",
+}
+MOVING: Final = ("explode", "play_back")
+"""Stages that end with another frame than they were ended at."""
+BESIDE: Final = re.compile(r"ends .* from the folded shape|does not end folded")
+"""Verdicts on where a fold ends."""
+ENDS: Final = {
+    "stalled": "stuck",
+    "timeout": "not straight",
+    "diverged": "broken off",
+    "cancelled": "stopped",
+}
+
+
+def failure(row: Any, summary: dict[str, Any]) -> dict[str, Any] | None:
+    """Where a fold sticks that is over and not verified; None of others.
+
+    Returns:
+        ``heading`` and ``text`` in words, the ``modules`` and the ``frame`` where it is; a frame of
+        None is the last one.
+    """
+    if row.status not in ("failed", "cancelled"):
+        return None
+    frame: float | None = None
+    if told := summary.get("stuck"):
+        kind, modules, text = told["kind"], told["modules"], told["words"]
+        if kind == "stopped":
+            text = _stopped(row, text)
+    elif overlap := _overlap(summary):
+        kind, modules, text = "overlap", overlap["modules"] or [], overlap["words"]
+        frame = overlap["frame"] + (exploding(summary) or 0)
+    elif summary.get("certificate"):
+        modules, text = [], str(summary.get("reason") or "")
+        kind = "off" if BESIDE.search(text) else "refused"
+    else:
+        return None
+    text = sentence(text.rstrip("."))
+    return {"heading": HEADINGS[kind], "text": f"{text}.", "modules": modules, "frame": frame}
+
+
+def exploding(summary: dict[str, Any]) -> int | None:
+    """Frames of the explosion, before those of the plan on a fold's timeline; None if unknown."""
+    # A refold's timeline is that of its plan alone, and so is a smoothed plan's.
+    if summary.get("refold") or summary.get("smoothing"):
+        return 0
+    frames = (summary.get("explosion") or {}).get("frames")
+    return frames if isinstance(frames, int) else None
+
+
+def _stopped(row: Any, words: str) -> str:
+    """What ended a fold from outside, and where it was then."""
+    parts = ["it was cancelled"] if row.status == "cancelled" else []
+    if detail := (row.error or {}).get("detail"):
+        parts = [_plain(str(detail))]
+    if row.stage is None or row.stage in MOVING:
+        parts.append(words)
+    return ". ".join(sentence(part.rstrip(".")) for part in parts)
+
+
+def _plain(detail: str) -> str:
+    """Without the names of stages."""
+    return re.sub(r"the stage '(\w+)'", lambda found: STAGES.get(found[1], found[0]), detail)
+
+
+def _overlap(summary: dict[str, Any]) -> dict[str, Any] | None:
+    """Of a plan that was refused for it: how deep modules overlap, which and when."""
+    certificate = cast("dict[str, Any]", summary.get("certificate") or {})
+    for name in ("min_clearance", "min_clearance_playback"):
+        clearance, place = certificate.get(name), certificate.get(f"{name}_at")
+        if clearance is None or clearance >= 0.0 or not place:
+            continue
+        modules = place["modules"]
+        which = "modules" if not modules else f"modules {modules[0]} and {modules[1]}"
+        size = f"{certificate['module_size']:g}"
+        return {
+            "modules": modules,
+            "frame": place["frame"],
+            "words": f"at a module size of {size}, {which} overlap by "
+            f"{quantity(-clearance, 'pitch', 2)}",
+        }
+    return None
+
+
+def attempts(directory: Path) -> list[dict[str, str]]:
+    """What was tried of a fold, in its order: how the chain was let go, and how it ended."""
+    try:
+        found = json.loads((directory / "attempts.json").read_bytes())
+    except (OSError, ValueError):
+        return []
+    return [_attempt(cast("dict[str, Any]", attempt)) for attempt in found]
+
+
+def _attempt(attempt: dict[str, Any]) -> dict[str, str]:
+    path = f"path {attempt['candidate'] + 1}"
+    if attempt.get("other_end"):
+        path += " from its other end"
+    how = [path, f"seed {attempt['seed']}"]
+    if attempt.get("gentle"):
+        how.append("half the force")
+    if "finer" in attempt:
+        how.append("played back with finer frames")
+    verdict = str(attempt.get("verdict", ""))
+    status = str(attempt["status"])
+    tone = "off"
+    if status == "begun":
+        end = "cut off"
+    elif status != "straight":
+        steps = f"{ENDS.get(status, status)} after {quantity(attempt['steps'])} steps"
+        told = attempt.get("diagnosis")
+        end, tone = f"{steps}: {told['words'].rstrip('.')}" if told else steps, "bad"
+    elif verdict.startswith("verified"):
+        end, tone = verdict, "good"
+    elif verdict:
+        end, tone = verdict.removeprefix("failed: ").partition(" (frame ")[0], "bad"
+    else:
+        end = "straight, not checked"
+    return {
+        "strategy": STRATEGIES.get(str(attempt["strategy"]), str(attempt["strategy"])),
+        "how": sentence(", ".join(how)),
+        "end": sentence(end),
+        "tone": tone,
+    }

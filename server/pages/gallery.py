@@ -1,0 +1,49 @@
+"""The gallery: all example shapes on a page, and folding one of them without a script."""
+
+from __future__ import annotations
+
+import asyncio
+
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
+
+from server.api.context import context_of
+from server.api.folds import post_fold
+from server.files.previews import ShapeWishes
+from server.http.problems import Problem
+from server.pages.cards import CHAINS, STATUSES, Sieve, Standing, cards, kinds, standings
+from server.pages.landing import not_found_page, page
+from server.pages.quantities import sentence
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/gallery", response_class=HTMLResponse)
+async def gallery_page(request: Request) -> Response:
+    """All example shapes; the address says which of them are wanted."""
+    context = context_of(request)
+    found = await asyncio.to_thread(standings, context.store)
+    sieve = Sieve.of(request.query_params)
+    shown = [(card, found.get(card.name, Standing())) for card in cards(context.gallery)]
+    wanted = {card.name for card, standing in shown if sieve.lets(card, standing)}
+    return page(
+        "gallery.html",
+        listed=True,
+        cards=shown,
+        wanted=wanted,
+        sieve=sieve,
+        kinds=kinds(context.gallery),
+        chains=CHAINS,
+        statuses=STATUSES,
+    )
+
+
+@router.post("/gallery/{name}", response_class=HTMLResponse)
+def fold_shape(request: Request, name: str) -> Response:
+    """Folds an example shape and leads to its fold, for browsers that run no script."""
+    try:
+        accepted = post_fold(request, context_of(request), None, ShapeWishes(), shape=name)
+    except Problem as problem:
+        detail = sentence(problem.detail)
+        return not_found_page("This cannot be folded", detail, status_code=problem.status)
+    return RedirectResponse(accepted.links.page, status_code=303)

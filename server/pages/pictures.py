@@ -1,0 +1,94 @@
+"""Pictures: what networks show beside a link to a fold."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from pathlib import Path
+from typing import Final
+
+from fastapi import APIRouter, Request
+from fastapi.responses import Response
+
+from planner.errors import PlannerError
+from planner.files import write_whole
+from planner.motion.timeline import chain_from_attributes
+from server.api.finding import RUNNING, find_fold
+from server.files.workshop import newer
+from server.http.client_address import address_of
+from server.http.security import LISTED
+from server.store.fold_files import EXPORTS_DIR
+from server.store.folds import Store
+
+router = APIRouter(include_in_schema=False)
+
+NAME: Final = "picture.png"
+OF: Final = "chain.json"
+DAY_S: Final = 86400
+MINUTE_S: Final = 60
+
+
+@router.get("/folds/{fold_id}/picture.png")
+async def picture_of_fold(request: Request, fold_id: str) -> Response:
+    """The folded shape, 1200×630; drawn once when the fold is over."""
+    found = await find_fold(request.app, fold_id)
+    if found is None:
+        return _no_picture()
+    path, over = found.directory / EXPORTS_DIR / NAME, found.row.status not in RUNNING
+    data = await asyncio.to_thread(_kept, path) if over else None
+    if data is None:
+        # A crowd that comes with a link waits for the first one's.
+        context = request.app.state.context
+        data = await context.workshop.made(
+            (path, over),
+            lambda: _drawn(context.store, fold_id, path, keep=over),
+            visitor=address_of(request),
+        )
+    if data is None:
+        return _no_picture()
+    # While it computes, another of the candidates may take the place of this one.
+    return picture_answer(data, DAY_S if over else MINUTE_S, listed=found.row.public)
+
+
+def picture_answer(data: bytes, max_age_s: int = DAY_S, *, listed: bool = False) -> Response:
+    """A picture that other sites may show, and keep for so long; ``listed`` as of a page."""
+    headers = {
+        "Cache-Control": f"public, max-age={max_age_s}",
+        "Content-Security-Policy": "default-src 'none'",
+        "Cross-Origin-Resource-Policy": "cross-origin",  # it is made to be shown elsewhere
+        **(LISTED if listed else {}),
+    }
+    return Response(data, media_type="image/png", headers=headers)
+
+
+def _no_picture() -> Response:
+    return Response("not found", status_code=404, media_type="text/plain")
+
+
+def _kept(path: Path) -> bytes | None:
+    """The picture in a fold's directory, if it is one of its chain."""
+    try:
+        return path.read_bytes() if newer(path, path.parent.parent / OF) else None
+    except OSError:
+        return None
+
+
+def _drawn(store: Store, fold_id: str, path: Path, *, keep: bool) -> bytes | None:
+    """The picture of the chain in a fold's directory; None while there is none."""
+    try:
+        chain = chain_from_attributes(json.loads((path.parent.parent / OF).read_bytes()))
+    except (PlannerError, OSError, ValueError, KeyError):
+        return None
+    # Drawing brings kernels along that the start of the server need not wait for.
+    from web.pictures.social_picture import social_picture
+
+    data = social_picture(chain)
+    if keep:
+        with contextlib.suppress(OSError):  # a full disk takes no picture from anybody
+            before = path.stat().st_size if path.exists() else 0
+            path.parent.mkdir(exist_ok=True)
+            write_whole(path, data)
+            if store.folders.storage is None:
+                store.add_derived(fold_id, len(data) - before)
+    return data

@@ -1,0 +1,88 @@
+"""Previews: the page that shows a shape before it is folded, its 3D view, and the editor."""
+
+from __future__ import annotations
+
+import asyncio
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse, Response
+
+from server.files.previews import KEY, NoSuchPreviewError, Previews, read_report
+from server.http.client_address import address_of
+from server.pages.facts import shown_name
+from server.pages.landing import not_found_page, page, script_json
+from web.pictures.preview_drawing import preview_svg
+
+router = APIRouter(include_in_schema=False)
+
+BINARY: Final = "application/octet-stream"
+KEPT: Final = "private, max-age=3600"
+
+
+@router.get("/shapes/new", response_class=HTMLResponse)
+async def editor(request: Request) -> Response:
+    """The editor: cells painted layer by layer."""
+    return page("editor.html")
+
+
+@router.get("/previews/{preview_id}", response_class=HTMLResponse)
+async def preview_page(request: Request, preview_id: str) -> Response:
+    """The page of a preview."""
+    context = request.app.state.context
+    try:
+        filename = await asyncio.to_thread(context.previews.filename, preview_id)
+    except NoSuchPreviewError:
+        return not_found_page(
+            "This preview is not there any more",
+            "Previews are kept for a while only. Send the file again to get a new one.",
+        )
+    name = shown_name((filename or "shape").rpartition(".")[0] or filename or "shape")
+    facts: dict[str, Any] = {
+        "id": preview_id,
+        "name": name,
+        "most_modules": context.settings.max_modules,
+    }
+    return page("preview.html", facts=facts, facts_json=script_json(facts))
+
+
+@router.get("/previews/{preview_id}/drawing.svg")
+async def drawing_of_preview(request: Request, preview_id: str, key: str = "") -> Response:
+    """A drawing of what came of the wishes of that key, in nobody's words but ours."""
+    previews = request.app.state.context.previews
+    svg = await asyncio.to_thread(_drawing, previews, preview_id, key)
+    if svg is None:
+        return Response("not found", status_code=404, media_type="text/plain")
+    headers = {
+        "Cache-Control": KEPT,
+        "Content-Security-Policy": "default-src 'none'",
+    }
+    return Response(svg, media_type="image/svg+xml", headers=headers)
+
+
+@router.get("/previews/{preview_id}/scene/{key}")
+async def scene_of_preview(request: Request, preview_id: str, key: str) -> Response:
+    """The same in 3D, for viser's client in the preview's page: see ``web.viser.preview_scene``."""
+    data = await request.app.state.context.preview_scenes.scene(
+        preview_id, key, visitor=address_of(request)
+    )
+    return Response(data, media_type=BINARY, headers={"Cache-Control": KEPT})
+
+
+def _drawing(previews: Previews, preview_id: str, key: str) -> str | None:
+    if not KEY.fullmatch(key):
+        return None
+    try:
+        return _drawing_at(previews.place(preview_id, key))
+    except (NoSuchPreviewError, LookupError, ValueError):
+        return None
+
+
+@lru_cache(maxsize=32)
+def _drawing_at(place: Path) -> str | None:
+    report = read_report(place)
+    if report is None:
+        raise LookupError(place)  # so that it is looked for again
+    return preview_svg(report)

@@ -1,0 +1,72 @@
+"""Settings of the published method in words, as pages and the command line show them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from planner.errors import InputError
+from planner.pipeline.paper_settings import SETTINGS, Source, read_settings, value_text
+from planner.simulation.parameters import preset
+from server.pages.quantities import quantity
+
+DIGITS: Final = 6
+PAPER: Final = preset("paper")
+SOURCES: Final[dict[Source, str]] = {
+    "published": "The paper gives this value.",
+    "named": "The paper names the setting and gives no value.",
+    "ours": "The paper does not have it.",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SettingRow:
+    """One setting, for a form or a table; ``default`` is as it is written in a text of settings."""
+
+    name: str
+    label: str
+    unit: str
+    default: str
+    source: Source
+    meaning: str
+
+
+ROWS: Final = tuple(
+    SettingRow(
+        name=setting.name,
+        label=setting.label,
+        unit=setting.unit,
+        default=value_text(setting.default(PAPER)),
+        source=setting.source,
+        meaning=setting.meaning,
+    )
+    for setting in SETTINGS
+)
+
+
+def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:
+    """What a fold's settings have changed, as labels and values: ``0.05, instead of 0.1``."""
+    if not settings:
+        return []
+    try:
+        found, usual = read_settings(settings), preset(preset_name)
+    except InputError:  # what a fold of before could be asked for
+        return [("Settings", settings)]
+    return [
+        (setting.label, f"{_told(found[setting.name], setting.unit)}, instead of {default}")
+        for setting in SETTINGS
+        if setting.name in found and (default := _told(setting.default(usual)))
+    ]
+
+
+def in_a_line(settings: str) -> str:
+    """The same for a heading: ``, Damping 0.05``."""
+    try:
+        found = read_settings(settings)
+    except InputError:
+        return f", {settings}"
+    return "".join(f", {s.label} {_told(found[s.name])}" for s in SETTINGS if s.name in found)
+
+
+def _told(value: float | None, unit: str = "") -> str:
+    return "no limit" if value is None else str(quantity(value, unit, DIGITS))

@@ -1,0 +1,173 @@
+"""Sharing: a fold in somebody else's page, in one file, and beside another fold."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import FileResponse, HTMLResponse, Response
+
+from planner.errors import TimelineError
+from server.api.finding import RUNNING, Found, find_fold
+from server.http.client_address import address_of
+from server.http.problems import Problem
+from server.pages.facts import fold_facts
+from server.pages.landing import POLICY, not_found_page, page, rendered, script_json
+from server.store.folds import NoSuchFoldError
+from web.timeline.metrics import curves_of
+from web.timeline.view import Film
+from web.viser.client import client
+from web.viser.recording import recording_of
+from web.viser.standalone import standalone_html, standalone_scripts
+
+router = APIRouter(include_in_schema=False)
+FOLD_ID: Final = r"^[A-Za-z0-9_-]{1,64}$"
+TIMELINE: Final = "timeline.zarr"
+OF: Final = f"{TIMELINE}/zarr.json"
+"""Written last, whatever changes in the timeline."""
+
+
+@router.get("/embed/view")
+async def embedded_view(request: Request) -> Response:
+    """Viser's client, for a frame in a frame."""
+    page = await asyncio.to_thread(client)
+    policy = page.policy.replace("frame-ancestors 'self'", _ancestors(request))
+    headers = {"Content-Security-Policy": policy, "Cache-Control": "no-cache", "ETag": page.etag}
+    if request.headers.get("if-none-match") == page.etag:
+        return Response(status_code=304, headers=headers)
+    return Response(page.html, media_type="text/html", headers=headers)
+
+
+@router.get("/embed/{fold_id}", response_class=HTMLResponse)
+async def embedded(request: Request, fold_id: str) -> Response:
+    """A fold for the frame of another page: look, scrub, and a way to the whole page."""
+    found = await find_fold(request.app, fold_id)
+    if found is None:
+        answer = not_found_page(
+            "There is no such fold", "The link may be incomplete, or the fold was deleted."
+        )
+    else:
+        # Who may see the one need not have the link of the other.
+        facts = await asyncio.to_thread(fold_facts, replace(found, recorded=None))
+        answer = page("embed.html", facts=facts, facts_json=script_json(facts), details=False)
+    policy = POLICY.replace("frame-ancestors 'self'", _ancestors(request))
+    answer.headers["Content-Security-Policy"] = policy
+    return answer
+
+
+@router.get("/compare", response_class=HTMLResponse)
+async def compare(
+    request: Request,
+    a: Annotated[str, Query(pattern=FOLD_ID)],
+    b: Annotated[str, Query(pattern=FOLD_ID)],
+) -> Response:
+    """Two folds on one playhead."""
+    sides = [await find_fold(request.app, fold_id) for fold_id in (a, b)]
+    if None in sides:
+        return not_found_page(
+            "One of these folds is not there", "The link may be incomplete, or it was deleted."
+        )
+    facts = [await asyncio.to_thread(fold_facts, side) for side in sides if side is not None]
+    return page(
+        "compare.html", sides=facts, facts_json=script_json(facts), details=False, comparing=True
+    )
+
+
+@router.get("/folds/{fold_id}/standalone.html")
+async def standalone(request: Request, fold_id: str) -> Response:
+    """The fold in one file that plays by itself; made once."""
+    found = await _finished(request, fold_id)
+    facts = await asyncio.to_thread(fold_facts, found, api=False)
+    path = await request.app.state.context.workshop.file(
+        fold_id,
+        "standalone.html",
+        _of_film(found, lambda film: _standalone(found.directory, film, facts)),
+        of=OF,
+        edition=await asyncio.to_thread(_edition, facts),
+        visitor=address_of(request),
+    )
+    return _file(path, facts["name"], "html", "text/html")
+
+
+@router.get("/folds/{fold_id}/recording.viser")
+async def recording(request: Request, fold_id: str) -> Response:
+    """The fold as viser's own client plays it; made once."""
+    found = await _finished(request, fold_id)
+    path = await request.app.state.context.workshop.file(
+        fold_id,
+        "recording.viser",
+        _of_film(found, recording_of),
+        of=OF,
+        visitor=address_of(request),
+    )
+    return _file(path, found.row.name, "viser", "application/octet-stream")
+
+
+def _of_film(found: Found, make: Callable[[Film], bytes]) -> Callable[[], bytes]:
+    """Makes something of a film of its own: the one that is looked at has other frames at hand."""
+
+    def made() -> bytes:
+        try:
+            return make(Film(found.directory / TIMELINE))
+        except TimelineError as error:
+            raise Problem(409, "not-ready", str(error), headers={"Retry-After": "1"}) from error
+
+    return made
+
+
+def _standalone(directory: Path, film: Film, facts: dict[str, Any]) -> bytes:
+    try:
+        curves = curves_of(directory)
+    except (TimelineError, OSError):
+        curves = None
+    return standalone_html(film, _page, facts, curves=curves)
+
+
+def _edition(facts: dict[str, Any]) -> str:
+    """Changes with what a standalone page says, and with the program in it."""
+    told = json.dumps([version("foldback"), standalone_scripts(), facts], sort_keys=True)
+    return hashlib.sha256(told.encode()).hexdigest()[:16]
+
+
+def _page(**values: Any) -> str:
+    return rendered("standalone.html", details=True, **values)
+
+
+async def _finished(request: Request, fold_id: str) -> Found:
+    found = await find_fold(request.app, fold_id)
+    if found is None:
+        raise NoSuchFoldError(fold_id)
+    films = request.app.state.context.films
+    film = await asyncio.to_thread(films.get, found.directory / TIMELINE)
+    if found.row.status in RUNNING or film is None or not len(film):
+        raise Problem(
+            409,
+            "not-ready",
+            f"There is nothing to take away yet: the fold is {found.row.status}.",
+            headers={"Retry-After": "2"},
+        )
+    return found
+
+
+def _file(path: Path, name: str, kind: str, media_type: str) -> Response:
+    stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in name).strip("-")[:60]
+    headers = {
+        "Content-Disposition": f'attachment; filename="{stem or "fold"}.{kind}"',
+        # Opened in place it would run as a page of this origin.
+        "Content-Security-Policy": "sandbox; default-src 'none'",
+        "Cache-Control": "private, no-cache",
+    }
+    return FileResponse(path, media_type=media_type, headers=headers)
+
+
+def _ancestors(request: Request) -> str:
+    settings = request.app.state.context.settings
+    origins = settings.embed_origins if settings is not None else ()
+    return " ".join(["frame-ancestors 'self'", *origins])

@@ -1,0 +1,355 @@
+"""Child: the process that computes. Requests come in on standard input, events go out on output."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import queue
+import resource
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from fcntl import LOCK_EX, flock
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+from setproctitle import setproctitle
+
+from planner.errors import InputError
+from planner.files import settle
+from planner.progress import Progress, Report
+from server.processes.confined import confine, confine_thread
+from server.processes.landlock import Allowed, no_new_rights
+from server.processes.limits import memory_words
+
+PATIENT: Final = ("stages", "movies", "retimer")
+"""Kinds of children that nobody waits for at every moment: pages go first."""
+FULL: Final = (errno.ENOSPC, errno.EDQUOT)
+FAILED: Final = (errno.EROFS, errno.EIO)
+COMPUTING: Final = ("mujoco", "scipy.interpolate", "scipy.ndimage", "scipy.sparse.csgraph")
+"""Libraries that the planner loads when it first computes with them."""
+Task = Callable[[str, Path, Callable[[Progress], None], Callable[[], bool]], dict[str, Any]]
+
+
+class _Parent:
+    """The other end: its requests, its wish to cancel, and its end."""
+
+    def __init__(self, events: BinaryIO) -> None:
+        self._events = events
+        self._requests: queue.Queue[dict[str, Any]] = queue.Queue()
+        self._cancel = threading.Event()
+
+    def first_request(self) -> dict[str, Any]:
+        """The first request; waits for it without a thread, which could not be confined later."""
+        line = sys.stdin.buffer.readline()
+        if not line:
+            os._exit(1)
+        return json.loads(line)
+
+    def listen(self) -> None:
+        """Hears the other requests, and the wish to cancel, in a thread of its own."""
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def request(self) -> dict[str, Any]:
+        """The next request; waits for it."""
+        self._cancel.clear()
+        return self._requests.get()
+
+    def cancelled(self) -> bool:
+        """Whether the request at hand is not wanted any more."""
+        return self._cancel.is_set()
+
+    def tell(self, event: str, **values: object) -> None:
+        """Sends an event; ends the process when nobody listens."""
+        try:
+            self._events.write(json.dumps({"event": event, **values}).encode() + b"\n")
+            self._events.flush()
+        except BrokenPipeError:
+            os._exit(1)
+
+    def progress(self, progress: Progress) -> None:
+        """Sends progress."""
+        self.tell(
+            "progress",
+            stage=progress.stage,
+            fraction=progress.fraction,
+            steps=progress.steps,
+            steps_per_second=progress.steps_per_second,
+            simulated_s=progress.simulated_s,
+            message=progress.message,
+        )
+
+    def _listen(self) -> None:
+        for line in sys.stdin.buffer:
+            message = json.loads(line)
+            if message.get("cancel"):
+                self._cancel.set()
+            else:
+                self._requests.put(message)
+        os._exit(1)
+
+
+MOST_FILES: Final = 512
+LARGEST_FILE_BYTES: Final = 8 * 2**30
+
+
+def _offer() -> None:
+    """When the machine runs out of memory, this process goes before the service does."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text("500")
+
+
+def _limit(memory_bytes: int, cpu_s: float) -> None:
+    seconds = int(cpu_s) + 1
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    # What is resident is watched by the parent; this stops one huge request for memory.
+    resource.setrlimit(resource.RLIMIT_DATA, (2 * memory_bytes, 2 * memory_bytes))
+    for name, most in (
+        (resource.RLIMIT_FSIZE, LARGEST_FILE_BYTES),
+        (resource.RLIMIT_NOFILE, MOST_FILES),
+    ):
+        hard = resource.getrlimit(name)[1]
+        most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        resource.setrlimit(name, (most, most))
+    no_new_rights()
+
+
+def _step_back(niceness: int) -> None:
+    """Lets all others go first."""
+    os.nice(niceness)
+    # Where the sessions share the processor, that counts within one only; this is for all of it.
+    with suppress(OSError):
+        Path("/proc/self/autogroup").write_text(str(niceness))
+
+
+def _stages(progress: Report, *, warm: bool) -> Task:
+    from planner.pipeline.stages import run_stage
+    from planner.pipeline.warm_up import warm_up
+
+    _load(*COMPUTING, "zarr.codecs")
+    if warm:
+        warm_up(progress, soon=True)
+
+    def run(
+        stage: str,
+        directory: Path,
+        progress: Callable[[Progress], None],
+        cancelled: Callable[[], bool],
+    ) -> dict[str, Any]:
+        os.chdir(directory)  # libraries that write logs beside them shall do so there
+        # A child of a worker that was killed may still be ending: one at a time in a directory.
+        with open(directory / ".lock", "w") as lock:
+            flock(lock, LOCK_EX)
+            result = dict(run_stage(stage, directory, progress=progress, cancelled=cancelled))
+            # Once it is noted that a stage is over, its files must outlast a power cut, too.
+            settle(directory)
+            return result
+
+    return run
+
+
+def _load(*names: str) -> None:
+    """Loads libraries that the planner loads late; a confined process shall load no more."""
+    for name in names:
+        import_module(name)
+
+
+def _reader(*, warm: bool) -> Task:
+    from server.processes.read_task import check, preview, warm_up
+
+    if warm:
+        warm_up()
+
+    def read(
+        task: str,
+        directory: Path,
+        progress: Callable[[Progress], None],
+        cancelled: Callable[[], bool],
+    ) -> dict[str, Any]:
+        place = directory if task == "check" else directory.parent
+        # One process reads many uploads: each in a thread that gets to see that one only.
+        with ThreadPoolExecutor(1) as thread:
+            thread.submit(confine_thread, place).result()
+            return thread.submit({"check": check, "preview": preview}[task], directory).result()
+
+    return read
+
+
+def _preparer(*, warm: bool) -> Task:
+    from planner.pipeline.warm_up_paths import warm_up_paths
+
+    # So that the first preview need not wait for it.
+    _load(
+        "planner.pathfinding.prepare",
+        "planner.shapes.decimation",
+        "planner.pathfinding.filling",
+        "planner.pathfinding.shape_kept",
+    )
+    if warm:
+        warm_up_paths()
+    return _reader(warm=warm)
+
+
+def _movies(*, warm: bool) -> Task:
+    del warm  # it draws, and computes nothing
+    from planner.errors import TimelineError
+    from web.movies.encoding import EncodingError
+    from web.movies.filming import film_movie
+    from web.movies.movie import Movie
+    from web.movies.renderer import NoGLError
+
+    _load("mujoco", "zarr.codecs")
+
+    def film(
+        task: str,
+        directory: Path,
+        progress: Callable[[Progress], None],
+        cancelled: Callable[[], bool],
+    ) -> dict[str, Any]:
+        request = json.loads((directory / "request.json").read_bytes())
+        movie = Movie.of(request["movie"])
+        try:
+            whole = film_movie(
+                Path(request["timeline"]),
+                movie,
+                directory / request["part"],
+                backend=task,
+                progress=lambda done: progress(
+                    Progress(stage="movie", fraction=done / movie.count, steps=done)
+                ),
+                cancelled=cancelled,
+            )
+        except NoGLError as error:
+            return {"status": "no-gl", "reason": str(error)}
+        except EncodingError as error:
+            return {"status": "not-encoded", "reason": str(error)}
+        except TimelineError as error:
+            raise InputError("no-timeline", str(error)) from error
+        return {"status": "done" if whole else "cancelled"}
+
+    return film
+
+
+def _retimer(*, warm: bool) -> Task:
+    from server.processes.retime_task import motors, retime, warm_up
+
+    _load(*COMPUTING)
+    if warm:
+        warm_up()
+
+    def work_out(
+        task: str,
+        directory: Path,
+        progress: Callable[[Progress], None],
+        cancelled: Callable[[], bool],
+    ) -> dict[str, Any]:
+        with ThreadPoolExecutor(1) as thread:
+            thread.submit(confine_thread, directory).result()
+            return thread.submit({"retime": retime, "motors": motors}[task], directory).result()
+
+    return work_out
+
+
+def _work(kind: str, directory: Path, folders: Sequence[str]) -> Allowed:
+    """What a child touches from its first request on."""
+    if kind == "movies":
+        timeline = json.loads((directory / "request.json").read_bytes())["timeline"]
+        return Allowed(readable=(Path(timeline),), writable=(directory,))
+    return Allowed(writable=tuple(map(Path, folders)) or (directory,))
+
+
+def task_of(kind: str, *, warm: bool, progress: Report) -> Task:
+    """What a kind of child does; loads all that it needs for it."""
+    kinds = {
+        "stages": partial(_stages, progress),
+        "reader": _reader,
+        "preparer": _preparer,
+        "movies": _movies,
+        "retimer": _retimer,
+    }
+    return kinds[kind](warm=warm)
+
+
+def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) -> None:
+    """Serves requests until the parent is gone.
+
+    Args:
+        kind: Of this child.
+        limits: Those of ``ChildLimits``.
+        load: What it does, by whom its progress is told to.
+    """
+    setproctitle(f"foldback {kind}")
+    if kind in PATIENT:
+        _step_back(int(limits["niceness"]))
+    events = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints must not get between the events
+    parent = _Parent(events)
+    _offer()
+    try:
+        task = load(parent.progress)
+        _limit(limits["memory_bytes"], limits["cpu_s"])
+    except Exception as error:
+        traceback.print_exc()
+        parent.tell("problem", code="no-start", detail=repr(error))
+        return
+    parent.tell("ready")
+    request = parent.first_request()
+    work = _work(kind, Path(request["directory"]), limits["folders"])
+    try:
+        confine(work, drawing=kind == "movies")
+    except Exception as error:
+        traceback.print_exc()
+        parent.tell("problem", code="no-start", detail=f"it can't be confined: {error!r}")
+        return
+    parent.listen()
+    while True:
+        try:
+            result = task(
+                request["task"], Path(request["directory"]), parent.progress, parent.cancelled
+            )
+        except InputError as error:
+            parent.tell("bad-input", code=error.code, detail=error.detail, where=error.where)
+        except MemoryError:
+            parent.tell("problem", code="memory-limit", detail=memory_words(limits["memory_bytes"]))
+        except Exception as error:
+            traceback.print_exc()
+            if isinstance(error, OSError) and error.errno in FULL:
+                parent.tell(
+                    "problem",
+                    code="disk-full",
+                    detail="the disk of the service is full; nothing else was lost. Try later.",
+                )
+            elif isinstance(error, OSError) and error.errno in FAILED:
+                parent.tell(
+                    "problem",
+                    code="disk-failed",
+                    detail=f"the disk of the service can't be written ({error.strerror}); nothing "
+                    "else was lost. Try later.",
+                )
+            else:
+                parent.tell(
+                    "problem",
+                    code="internal",
+                    detail=f"the stage '{request['task']}' failed: {type(error).__name__}: {error}",
+                )
+        else:
+            parent.tell("done", result=result)
+        request = parent.request()
+
+
+def main() -> None:
+    """Loads, and serves requests until the parent is gone."""
+    kind, limits = sys.argv[1], json.loads(sys.argv[2])
+    serve(kind, limits, lambda progress: task_of(kind, warm=limits["warm"], progress=progress))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,477 @@
+"""Children: processes that compute, each within limits, one fold to a process.
+
+A child speaks JSON lines: requests on its standard input, events on its standard output. When its
+standard input ends, its parent is gone and it ends too (``server/processes/child.py`` is its other
+side).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import psutil
+
+from planner.errors import InputError
+from server.processes.fork_server import Forked, ForkServer, Kind, environment_with
+from server.processes.limits import ChildLimits, memory_words
+
+if TYPE_CHECKING:
+    from server.processes.gate import Gate
+
+POLL_S: Final = 0.05
+CANCEL_GRACE_S: Final = 0.7
+START_CPU_S: Final = 240.0
+START_S: Final = 3600.0
+"""A child that may start gets what is left of the processor: on a busy machine its time counts."""
+ENDING_S: Final = 1.0
+"""How long one may take to end that has closed its output."""
+CALLS_A_CHILD: Final = 200
+LARGEST_EVENT_BYTES: Final = 2**20
+MOST_EVENTS: Final = 32
+"""Events that are read ahead; a child that sends more has to wait."""
+EVENTS: Final = {
+    "ready": set[str](),
+    "progress": {"stage", "fraction", "steps", "steps_per_second", "simulated_s", "message"},
+    "done": {"result"},
+    "bad-input": {"code", "detail", "where"},
+    "problem": {"code", "detail"},
+}
+"""What a child tells, and the values that come with it."""
+
+
+class ChildError(Exception):
+    """A child that did not come to a result.
+
+    Attributes:
+        code: Short stable word for programs.
+        detail: What happened, and what to do.
+    """
+
+    def __init__(self, code: str, detail: str) -> None:
+        super().__init__(detail)
+        self.code = code
+        self.detail = detail
+
+
+class _Spawned(subprocess.Popen[bytes]):
+    """A child that was started by itself; as ``Forked`` otherwise."""
+
+    told: Final = None
+    begun: Final = True
+
+    def __init__(self, kind: Kind, limits: ChildLimits, environment: Mapping[str, str]) -> None:
+        super().__init__(
+            [
+                sys.executable,
+                "-P",
+                "-m",
+                "server.processes.child",
+                kind,
+                json.dumps(asdict(limits)),
+            ],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=environment_with(environment),
+            start_new_session=True,
+        )
+
+    def kill_group(self) -> None:
+        """Ends it and what it has started."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, signal.SIGKILL)
+
+
+class Child:
+    """One child process, from its start to its end.
+
+    Args:
+        kind: What it does.
+        limits: What it may use.
+        fork_server: What forks it; without one it is started by itself, which takes seconds.
+        environment: Of one that is started by itself, besides that of every child.
+    """
+
+    def __init__(
+        self,
+        kind: Kind,
+        limits: ChildLimits,
+        *,
+        fork_server: ForkServer | None = None,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        self._limits = limits
+        self._events: queue.Queue[bytes | None] = queue.Queue(MOST_EVENTS)
+        self._process: Forked | _Spawned = (
+            _Spawned(kind, limits, environment or {})
+            if fork_server is None
+            else fork_server.fork(kind, limits)
+        )
+        self._ready = False
+        self.calls = 0
+        """How many tasks it was given."""
+        self._reading = threading.Thread(target=self._read, name="child-events", daemon=True)
+        self._reading.start()
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether it still runs."""
+        return self._process.poll() is None
+
+    def call(
+        self,
+        task: str,
+        directory: Path,
+        *,
+        wall_s: float,
+        on_progress: Callable[[dict[str, Any]], None] | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> dict[str, Any]:
+        """Has one task done and waits for its result.
+
+        Args:
+            task: A stage of the planner, or ``check``.
+            directory: The fold's directory.
+            wall_s: How long it may take.
+            on_progress: Told every progress event.
+            cancelled: Asked often; once True, the child is asked to stop, then made to.
+
+        Raises:
+            InputError: When the input is at fault.
+            ChildError: When the child crashed, or went beyond a limit.
+        """
+        if not self._wait_ready(on_progress, cancelled):
+            return {"status": "cancelled", "reason": "cancelled"}
+        self.calls += 1
+        self._send({"task": task, "directory": str(directory)})
+        deadline = time.monotonic() + wall_s
+        stop_at: float | None = None
+        while True:
+            self._check_memory()
+            event = self._next(POLL_S)
+            now = time.monotonic()
+            if event is not None:
+                match event["event"]:
+                    case "progress":
+                        if on_progress is not None:
+                            on_progress(event)
+                    case "done":
+                        return event["result"]
+                    case "bad-input":
+                        raise InputError(event["code"], event["detail"], where=event["where"])
+                    case _:
+                        raise ChildError(event["code"], event["detail"])
+            if now > deadline:
+                self.kill()
+                raise ChildError(
+                    "time-limit",
+                    f"the stage '{task}' took longer than the {wall_s:g} s it may take; try a "
+                    "smaller shape.",
+                )
+            if stop_at is None:
+                if cancelled is not None and cancelled():
+                    self._send({"cancel": True})
+                    stop_at = now + CANCEL_GRACE_S
+            elif now > stop_at:
+                self.kill()
+                return {"status": "cancelled", "reason": "cancelled"}
+
+    def kill(self) -> None:
+        """Ends it at once."""
+        self._process.kill_group()
+        self._process.wait()
+
+    def close(self) -> None:
+        """Ends it and lets go of its pipes."""
+        self.kill()
+        # Who reads may wait for room; or, where nothing is forked yet, until that is done with.
+        while self._reading.is_alive() and self._process.begun:
+            with contextlib.suppress(queue.Empty):
+                self._events.get(timeout=POLL_S)
+        with contextlib.suppress(queue.Full):  # whoever still waits learns of its end
+            self._events.put_nowait(None)
+        if self._process.stdin is not None:
+            with contextlib.suppress(BrokenPipeError):
+                self._process.stdin.close()
+
+    def _wait_ready(
+        self,
+        on_progress: Callable[[dict[str, Any]], None] | None,
+        cancelled: Callable[[], bool] | None,
+    ) -> bool:
+        """Waits for imports and compiled kernels; False when cancelled meanwhile."""
+        deadline = time.monotonic() + START_S
+        told = None
+        while not self._ready:
+            event = self._next(2 * POLL_S)
+            if told is None and (told := self._process.told) and on_progress is not None:
+                on_progress(told)
+            if event is not None and event["event"] == "ready":
+                self._ready = True
+            elif event is not None and event["event"] == "progress":
+                if on_progress is not None:
+                    on_progress(event)
+            elif event is not None or time.monotonic() > deadline or self._cpu_s() > START_CPU_S:
+                detail = "took too long" if event is None else str(event["detail"])
+                self.kill()
+                raise ChildError("no-start", f"a computing process did not start: {detail}")
+            elif cancelled is not None and cancelled():
+                return False
+        return True
+
+    def _cpu_s(self) -> float:
+        try:
+            times = psutil.Process(self._process.pid).cpu_times()
+        except psutil.Error:  # whoever waits for its events learns of its end
+            return 0.0
+        return times.user + times.system
+
+    def _send(self, message: dict[str, Any]) -> None:
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(json.dumps(message).encode() + b"\n")
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            pass  # its end is noticed by whoever waits for its events
+
+    def _next(self, timeout_s: float) -> dict[str, Any] | None:
+        try:
+            line = self._events.get(timeout=timeout_s)
+        except queue.Empty:
+            return None
+        if line is None:
+            self._events.put(None)
+            raise self._death()
+        if (event := _event(line)) is None:
+            self.kill()
+            raise ChildError("crashed", "the computing process sent rubbish; it was ended.")
+        return event
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        with self._process.stdout as output:
+            while line := output.readline(LARGEST_EVENT_BYTES):
+                self._events.put(line)
+                if not line.endswith(b"\n"):  # it is too long, or the end
+                    break
+        self._events.put(None)
+
+    def _check_memory(self) -> None:
+        try:
+            used = psutil.Process(self._process.pid).memory_info().rss
+        except psutil.Error:
+            return
+        if used > self._limits.memory_bytes:
+            self.kill()
+            raise ChildError("memory-limit", memory_words(self._limits.memory_bytes))
+
+    def _death(self) -> ChildError:
+        try:
+            code = self._process.wait(ENDING_S)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            return ChildError(
+                "crashed", "the computing process said nothing any more; it was ended."
+            )
+        if code == -signal.SIGXCPU:
+            return ChildError(
+                "cpu-limit",
+                f"the fold used more than the {self._limits.cpu_s:g} s of processor time it may "
+                "use; try a smaller shape.",
+            )
+        if code < 0:
+            name = signal.Signals(-code).name
+            hint = " (often: the machine ran out of memory)" if name == "SIGKILL" else ""
+            return ChildError("crashed", f"the computing process was ended by {name}{hint}.")
+        return ChildError("crashed", f"the computing process ended with exit code {code}.")
+
+
+def _event(line: bytes) -> dict[str, Any] | None:
+    """The event in a line; None where it is none, as of a child that was taken over."""
+    try:
+        event = json.loads(line)
+        told = isinstance(event.get("result", {}), dict) and EVENTS[event["event"]] <= event.keys()
+    except (ValueError, RecursionError, AttributeError, KeyError, TypeError):
+        return None
+    return event if told else None
+
+
+class Children:
+    """Children of one kind, forked by one server where there is any, and ended together.
+
+    Args:
+        kind: What they do.
+        limits: What each may use.
+        fork_server: What forks them.
+    """
+
+    def __init__(self, kind: Kind, limits: ChildLimits, fork_server: ForkServer | None) -> None:
+        self._kind: Kind = kind
+        self._limits = limits
+        self._fork_server = fork_server
+        self._lock = threading.Lock()
+        self._all: set[Child] = set()
+        self._closed = False
+
+    def take(self) -> Child:
+        """A child of one's own; give it back with ``release``.
+
+        Raises:
+            ChildError: When all were ended.
+        """
+        with self._lock:
+            if self._closed:
+                raise ChildError("no-start", "the service ends.")
+            child = Child(self._kind, self._limits, fork_server=self._fork_server)
+            self._all.add(child)
+            return child
+
+    def release(self, child: Child) -> None:
+        """Ends a child that was taken."""
+        with self._lock:
+            self._all.discard(child)
+        child.close()
+
+    def close(self) -> None:
+        """Ends them all."""
+        with self._lock:
+            self._closed = True
+            children, self._all = self._all, set()
+        for child in children:
+            child.close()
+
+
+class Pool:
+    """Children that do one task after the other, each replaced when a task was too much for it.
+
+    There are as many as there are calls at once. Safe to use from many threads.
+    """
+
+    def __init__(
+        self,
+        kind: Kind,
+        limits: ChildLimits,
+        *,
+        wall_s: float,
+        fork_server: ForkServer | None = None,
+    ) -> None:
+        self._children = Children(kind, limits, fork_server)
+        self._wall_s = wall_s
+        self._lock = threading.Lock()
+        self._idle: list[Child] = []
+
+    def call(
+        self, task: str, directory: Path, *, cancelled: Callable[[], bool] | None = None
+    ) -> dict[str, Any]:
+        """Has one task done.
+
+        Args:
+            task: One that this kind of child knows.
+            directory: Where the input lies.
+            cancelled: Asked often; once True nobody wants the result, and the child is ended.
+
+        Returns:
+            The task's result; ``{"status": "cancelled"}`` when nobody wanted it.
+
+        Raises:
+            InputError: When the input can't be used.
+            ChildError: When the child crashed or went beyond a limit.
+        """
+        child = self._take()
+        try:
+            result = child.call(task, directory, wall_s=self._wall_s, cancelled=cancelled)
+        except InputError:
+            self._keep(child)
+            raise
+        except BaseException:
+            self._children.release(child)
+            raise
+        self._keep(child)
+        return result
+
+    def close(self) -> None:
+        """Ends all children."""
+        self._children.close()
+
+    def _take(self) -> Child:
+        with self._lock:
+            while self._idle:
+                child = self._idle.pop()
+                if child.alive:
+                    return child
+                self._children.release(child)
+        return self._children.take()
+
+    def _keep(self, child: Child) -> None:
+        # Its limit of processor time is for all that it ever does; and it may have been ended,
+        # since nobody wanted what it did.
+        if child.calls >= CALLS_A_CHILD or not child.alive:
+            self._children.release(child)
+            return
+        with self._lock:
+            self._idle.append(child)
+
+
+class Reader:
+    """Reads uploads in a pool of children, of which one visitor has one at a time.
+
+    Args:
+        pool: The children.
+        gate: Whose turn it is.
+    """
+
+    def __init__(self, pool: Pool, gate: Gate) -> None:
+        self._pool = pool
+        self._gate = gate
+
+    def check(self, directory: Path, *, visitor: str) -> dict[str, Any]:
+        """What the input in a directory is: ``name``, ``module``, ``modules``.
+
+        Raises:
+            InputError: When it can't be used.
+            Problem: When too many of the visitor's wait (429), or of all (503).
+        """
+        try:
+            return self.call("check", directory, visitor=visitor)
+        except ChildError as error:
+            if error.code == "no-start":
+                raise
+            raise InputError("unreadable", f"reading the file failed: {error.detail}") from None
+
+    def call(
+        self,
+        task: str,
+        directory: Path,
+        *,
+        visitor: str,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> dict[str, Any]:
+        """Has one task done in the visitor's turn; else as ``Pool.call``.
+
+        Raises:
+            InputError: When the input can't be used.
+            ChildError: When the child crashed or went beyond a limit.
+            Problem: When too many of the visitor's wait (429), or of all (503).
+        """
+        with self._gate.passed(visitor, unwanted=cancelled):
+            return self._pool.call(task, directory, cancelled=cancelled)
+
+    def close(self) -> None:
+        """Ends the children."""
+        self._pool.close()

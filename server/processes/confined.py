@@ -1,0 +1,165 @@
+"""Confined: a process that touches the directory of its work, its own programs, and no more."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import pkgutil
+import sys
+import tempfile
+import threading
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from server.processes import landlock, seccomp
+from server.processes.landlock import Allowed
+
+PACKAGES: Final = ("planner", "web", "server")
+SYSTEM: Final = (
+    *("/usr", "/lib", "/lib32", "/lib64", "/bin", "/sbin"),
+    *("/etc/ld.so.cache", "/etc/ld.so.preload", "/etc/localtime", "/etc/alternatives"),
+    *("/dev/urandom", "/dev/random", "/dev/zero"),
+    *("/proc/self", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/filesystems"),
+    *("/proc/sys/vm/overcommit_memory", "/sys/devices/system"),
+)
+"""What programs and libraries of the machine need to read."""
+DRAWING: Final = (
+    *("/etc/glvnd", "/etc/egl", "/etc/drirc", "/etc/vulkan", "/etc/OpenCL", "/etc/nvidia"),
+    *("/proc/driver/nvidia", "/proc/modules", "/proc/devices", "/sys"),
+)
+"""What OpenGL needs to read besides."""
+OF_PYTHON: Final = ("bin", "lib", "lib64", "lib32", "share", "pyvenv.cfg")
+DEVICES: Final = ("/dev/dri", "/dev/kfd", "/dev/dxg")
+PLACES: Final = (
+    *("NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "IMAGEIO_FFMPEG_EXE"),
+    *("__EGL_VENDOR_LIBRARY_DIRS", "__EGL_VENDOR_LIBRARY_FILENAMES", "LIBGL_DRIVERS_PATH"),
+)
+"""Variables of the environment that name files to read, with colons between."""
+INSTALLED: Final = ("site-packages", "dist-packages")
+"""Names of directories that hold packages and nothing else."""
+ENDING_S: Final = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Held:
+    """What the kernel refuses a confined process.
+
+    Attributes:
+        files: All files but those that are allowed.
+        sockets: Sockets of any kind.
+    """
+
+    files: bool
+    sockets: bool
+
+
+def confine(work: Allowed, *, drawing: bool = False) -> Held:
+    """Lets this process touch its work and its programs only; for threads that start afterwards.
+
+    What the kernel can't hold stays as it is: ``foldback doctor`` tells it.
+
+    Args:
+        work: The files of its work. Temporary files go to the first directory that it may write.
+        drawing: Whether it draws.
+    """
+    _keep_temporary_files(work.writable[0])
+    _keep_no_kernels()
+    end_threads()
+    files, sockets = landlock.version() > 0, False
+    if files:
+        landlock.restrict(_with_programs(work, drawing=drawing))
+    with suppress(OSError):  # a kernel without it, or a container that forbids it
+        sockets = seccomp.refuse_calls()
+    return Held(files=files, sockets=sockets)
+
+
+def confine_thread(place: Path) -> None:
+    """Lets the calling thread of such a process write one directory only.
+
+    It keeps what reads one upload away from those of others, not what has taken over the process.
+    """
+    _keep_temporary_files(place)
+    if landlock.version():
+        landlock.restrict(_with_programs(Allowed(writable=(place,)), drawing=False))
+
+
+def _keep_temporary_files(place: Path) -> None:
+    tempfile.tempdir = os.environ["TMPDIR"] = str(place)
+
+
+def end_threads() -> None:
+    """Ends the threads of libraries, which would not be confined; they begin new ones.
+
+    Raises:
+        RuntimeError: When others are left.
+    """
+    if "zarr.core.sync" in sys.modules:
+        sys.modules["zarr.core.sync"].cleanup_resources()
+    for thread in threading.enumerate():
+        if thread is not threading.current_thread():
+            thread.join(ENDING_S)
+    tasks = Path("/proc/self/task")
+    deadline = time.monotonic() + ENDING_S
+    while tasks.is_dir() and (left := len(list(tasks.iterdir()))) > 1:
+        # One that Python has done with takes the system another moment to end.
+        if time.monotonic() > deadline:
+            raise RuntimeError(f"got {left} threads, expected one; the others would be free.")
+        time.sleep(0.001)
+
+
+def _with_programs(work: Allowed, *, drawing: bool) -> Allowed:
+    readable = [Path(place) for place in (*SYSTEM, *(DRAWING if drawing else ()))]
+    devices = [Path("/dev/null")]
+    if drawing:
+        devices += [*map(Path, DEVICES), *Path("/dev").glob("nvidia*")]
+    return Allowed(
+        readable=(*readable, *_programs(work), *work.readable),
+        writable=(*devices, *work.writable),
+    )
+
+
+def _programs(work: Allowed) -> list[Path]:
+    """Where Python, its packages and ours are, with what is compiled of them."""
+    ours = [
+        Path(str(sys.modules[name].__file__)).parent for name in PACKAGES if name in sys.modules
+    ]
+    prefixes = {sys.prefix, sys.exec_prefix, sys.base_prefix, sys.base_exec_prefix}
+    python = [Path(prefix) / part for prefix in prefixes for part in OF_PYTHON]
+    named = [place for name in PLACES for place in os.environ.get(name, "").split(os.pathsep)]
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    kernels = Path(caches) / "numba"
+    # Ours may lie in a checkout that data lie in, too: not all of that is for it.
+    closed = [path.resolve() for path in work.writable]
+    added = [
+        place
+        for place in map(Path, filter(None, (*sys.path, *named)))
+        if place.name in INSTALLED or not any(p.is_relative_to(place.resolve()) for p in closed)
+    ]
+    return [*ours, *python, kernels, *added]
+
+
+def load_kernels() -> None:
+    """Loads all kernels."""
+    from planner import kernels
+
+    for module in pkgutil.iter_modules(kernels.__path__):
+        importlib.import_module(f"{kernels.__name__}.{module.name}")
+
+
+def _keep_no_kernels() -> None:
+    """Keeps no kernel that is compiled from here on, and loads all.
+
+    Kept ones are programs that other processes run. numba asks whether it could keep them as they
+    are loaded, so that this comes first.
+    """
+    from numba.core import caching
+
+    load_kernels()
+
+    def keep(self: caching.Cache, sig: Any, data: Any) -> None:
+        del self, sig, data
+
+    caching.Cache.save_overload = keep

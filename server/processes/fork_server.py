@@ -1,0 +1,265 @@
+"""Fork server: one process that has loaded what children need; each child is a fork of it.
+
+To load it takes seconds and hundreds of megabytes, to fork it neither. Requests and their answers
+are JSON lines on a pair of streams; the pipes of a child go along with its request. Its other side
+is ``server/processes/forking.py``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, BinaryIO, Final, Literal
+
+from server.processes.limits import ChildLimits, environment_of_child
+
+Kind = Literal["stages", "reader", "preparer", "movies", "retimer"]
+USUAL: Final = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "MUJOCO_GL": "off",
+    "SPT_NOENV": "1",
+}
+"""Threads of linear algebra cost memory and bring nothing at these sizes. Only movies are drawn; to
+others MuJoCo need not bring what opens windows. Who looks at a child's environment sees it, and not
+the name that the child goes by in its place."""
+
+
+def environment_with(more: Mapping[str, str]) -> dict[str, str]:
+    """What a computing process, or what forks it, has for its environment; ``more`` besides."""
+    return {**environment_of_child(os.environ), **USUAL, **more}
+
+
+class Forked:
+    """A child that was forked, with what Child asks of a process. Made by ``ForkServer.fork``."""
+
+    def __init__(self, server: _Running, stdin: BinaryIO, stdout: BinaryIO) -> None:
+        self.stdin = stdin
+        self.stdout = stdout
+        self._server = server
+        self._pid: int | None = None
+        self._code: int | None = None
+        self._ended = threading.Event()
+
+    @property
+    def pid(self) -> int:
+        """Its process id; the fork server's for as long as it is not forked."""
+        return self._server.pid if self._pid is None else self._pid
+
+    @property
+    def begun(self) -> bool:
+        """Whether it is forked."""
+        return self._pid is not None
+
+    @property
+    def told(self) -> dict[str, Any] | None:
+        """What the fork server is about while the child has to wait for it; a progress event."""
+        return self._server.told
+
+    def poll(self) -> int | None:
+        """Its exit code, a signal's as a negative number; None while it runs."""
+        return self._code
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Waits for its end.
+
+        Raises:
+            subprocess.TimeoutExpired: When it does not end in time.
+        """
+        if not self._ended.wait(timeout):
+            raise subprocess.TimeoutExpired("a forked child", timeout or 0.0)
+        assert self._code is not None
+        return self._code
+
+    def kill_group(self) -> None:
+        """Ends it and what it has started. One that is not forked yet ends as it begins."""
+        if self._pid is None:
+            self.stdin.close()
+            self.end(-signal.SIGKILL)
+        elif self._code is None:
+            self._server.kill(self._pid)
+
+    def begin(self, pid: int) -> None:
+        """It is forked."""
+        self._pid = pid
+
+    def end(self, code: int) -> None:
+        """It has ended."""
+        if self._code is None:
+            self._code = code
+            self._ended.set()
+
+
+class _Running:
+    """One process of the fork server, from its start to its end."""
+
+    def __init__(self, asked: Mapping[str, Any], environment: Mapping[str, str]) -> None:
+        mine, theirs = socket.socketpair()
+        with theirs:
+            self._process = subprocess.Popen(
+                [
+                    *(sys.executable, "-P", "-m", "server.processes.forking"),
+                    *(str(theirs.fileno()), json.dumps(asked)),
+                ],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                env=environment_with(environment),
+                pass_fds=(theirs.fileno(),),
+                start_new_session=True,
+            )
+        self._control = mine
+        self._lock = threading.Lock()
+        self._numbers = itertools.count()
+        self._asked: dict[int, Forked] = {}
+        self._forked: dict[int, Forked] = {}
+        self._failed = False
+        self.told: dict[str, Any] | None = None
+        """The progress that it told last, for as long as it is not ready."""
+        threading.Thread(target=self._listen, name="fork-server", daemon=True).start()
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether it still runs."""
+        return not self._failed and self._process.poll() is None
+
+    def fork(self, kind: Kind, limits: ChildLimits) -> Forked | None:
+        """Asks for a child, and does not wait until it is there; None when there is none to be had.
+
+        Raises:
+            OSError: When the system has no more files.
+        """
+        with self._lock:
+            if not self.alive:
+                return None
+            theirs_in, mine_in = os.pipe()
+            mine_out, theirs_out = os.pipe()
+            number = next(self._numbers)
+            child = Forked(self, os.fdopen(mine_in, "wb"), os.fdopen(mine_out, "rb"))
+            self._asked[number] = child
+            asked = {"fork": number, "kind": kind, "limits": asdict(limits)}
+            line = json.dumps(asked).encode() + b"\n"
+            # Should it end just now, whoever waits for the child learns of it by its output.
+            with contextlib.suppress(OSError):
+                socket.send_fds(self._control, [line], [theirs_in, theirs_out])
+            os.close(theirs_in)
+            os.close(theirs_out)
+            return child
+
+    def kill(self, pid: int) -> None:
+        """Ends a child with all that it has started.
+
+        It is the fork server that does so: it alone knows that the number is still the child's.
+        """
+        with self._lock, contextlib.suppress(OSError):
+            self._control.sendall(json.dumps({"kill": pid}).encode() + b"\n")
+
+    def close(self) -> None:
+        """Ends it, and what it has forked."""
+        self._process.kill()
+        self._process.wait()
+
+    def _listen(self) -> None:
+        with self._control, contextlib.suppress(ConnectionResetError):
+            for line in self._control.makefile("rb"):
+                self._hear(json.loads(line))
+        self._process.wait()
+        with self._lock:
+            for pid, child in self._forked.items():
+                with contextlib.suppress(ProcessLookupError, PermissionError):
+                    os.killpg(pid, signal.SIGKILL)
+                child.end(-signal.SIGKILL)
+            for child in self._asked.values():
+                child.end(-signal.SIGKILL)
+
+    def _hear(self, told: dict[str, Any]) -> None:
+        with self._lock:
+            match told:
+                case {"progress": progress}:
+                    self.told = progress
+                case {"ready": _}:
+                    self.told = None
+                case {"failed": _}:
+                    # Whoever has asked is told why; whoever asks from now on, asks another one.
+                    self._failed = True
+                    self._control.shutdown(socket.SHUT_WR)
+                case {"forked": number, "pid": pid}:
+                    self._forked[pid] = child = self._asked.pop(number)
+                    child.begin(pid)
+                case {"ended": pid, "code": code}:
+                    self._forked.pop(pid).end(code)
+                case _:
+                    raise ValueError(f"got {told!r} of the fork server")
+
+
+class ForkServer:
+    """Starts the process when the first child is wanted, and anew when it has ended.
+
+    Args:
+        kinds: Of the children that it forks.
+        warm: Whether it runs every compiled loop once, so that no child has to load it.
+        environment: Variables besides those of every child.
+    """
+
+    def __init__(
+        self, kinds: Sequence[Kind], *, warm: bool, environment: Mapping[str, str] | None = None
+    ) -> None:
+        self._asked = {"kinds": kinds, "warm": warm}
+        self._environment = dict(environment or {})
+        self._lock = threading.Lock()
+        self._running: _Running | None = None
+        self._closed = False
+
+    @classmethod
+    def where_possible(cls, kinds: Sequence[Kind], *, warm: bool) -> ForkServer | None:
+        """One, or None on systems whose libraries don't outlast a fork."""
+        return cls(kinds, warm=warm) if sys.platform == "linux" else None
+
+    @property
+    def pid(self) -> int | None:
+        """Its process id; None when it was not started yet."""
+        return None if self._running is None else self._running.pid
+
+    def start(self) -> None:
+        """Starts it ahead of the first child."""
+        with self._lock:
+            self._started()
+
+    def fork(self, kind: Kind, limits: ChildLimits) -> Forked:
+        """A child of that kind; does not wait until it is there.
+
+        Raises:
+            OSError: When the system has no more processes or files, or the server was closed.
+        """
+        while True:
+            with self._lock:
+                running = self._started()
+            if (child := running.fork(kind, limits)) is not None:
+                return child
+
+    def close(self) -> None:
+        """Ends the process, and whatever it has forked."""
+        with self._lock:
+            self._closed = True
+            if self._running is not None:
+                self._running.close()
+
+    def _started(self) -> _Running:
+        if self._closed:
+            raise BrokenPipeError("the fork server was closed")
+        if self._running is None or not self._running.alive:
+            self._running = _Running(self._asked, self._environment)
+        return self._running

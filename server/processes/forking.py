@@ -1,0 +1,198 @@
+"""Forking: the process that loads what children need, and forks them.
+
+It reads no byte of a stranger's, and has one thread only: another one would not be there in a
+child. What holds a child is put on after the fork, by the child itself.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import select
+import signal
+import socket
+import sys
+import traceback
+from collections import deque
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict
+from types import FrameType
+from typing import Any, Final, NoReturn
+
+from planner.pipeline.compiling import Compiling, beside
+from planner.progress import Progress
+from server.processes.child import Task, serve, task_of
+from server.processes.confined import end_threads, load_kernels
+
+MOST_BYTES: Final = 65536
+MOST_PIPES: Final = 64
+
+
+class _Requests:
+    """What is asked, with the pipes that came along, and the answers."""
+
+    def __init__(self, control: socket.socket) -> None:
+        self._control = control
+        self._begun = b""
+        self._pipes: deque[int] = deque()
+
+    def receive(self) -> list[dict[str, Any]]:
+        """What is asked now; ends the process when nobody can ask any more."""
+        data, pipes, _, _ = socket.recv_fds(self._control, MOST_BYTES, MOST_PIPES)
+        self._pipes.extend(pipes)
+        if not data:
+            os._exit(0)
+        *lines, self._begun = (self._begun + data).split(b"\n")
+        return [json.loads(line) for line in lines]
+
+    def pipes(self) -> tuple[int, int]:
+        """Where the next child that is asked for reads, and where it writes."""
+        return self._pipes.popleft(), self._pipes.popleft()
+
+    def answer(self, **values: object) -> None:
+        """Tells something; ends the process when nobody listens."""
+        try:
+            self._control.sendall(json.dumps(values).encode() + b"\n")
+        except (BrokenPipeError, ConnectionResetError):
+            os._exit(1)
+
+    def progress(self, progress: Progress) -> None:
+        """Tells what it is about before it is ready."""
+        self.answer(progress=asdict(progress))
+
+    def refuse(self, why: str) -> NoReturn:
+        """Tells whoever asks that no child can be forked, and why; until nobody can any more."""
+        self.answer(failed=why)
+        problem = {"event": "problem", "code": "no-start", "detail": why}
+        while True:
+            for _ in self.receive():
+                stdin, stdout = self.pipes()
+                with suppress(BrokenPipeError):
+                    os.write(stdout, json.dumps(problem).encode() + b"\n")
+                os.close(stdin)
+                os.close(stdout)
+
+    def close(self) -> None:
+        """Lets go of it all, in a child."""
+        self._control.close()
+        while self._pipes:
+            os.close(self._pipes.popleft())
+
+
+def _wake(number: int, frame: FrameType | None) -> None:
+    """A child has ended: a byte in a pipe says so, where there is a handler at all."""
+
+
+class _Forks:
+    """Forks children, and tells how they end."""
+
+    def __init__(self, requests: _Requests, tasks: Mapping[str, Task]) -> None:
+        self._requests = requests
+        self._tasks = tasks
+        self._woken, self._wakes = os.pipe()
+        for end in (self._woken, self._wakes):
+            os.set_blocking(end, False)
+        signal.signal(signal.SIGCHLD, _wake)
+        signal.set_wakeup_fd(self._wakes)
+        self._running: set[int] = set()
+
+    def serve(self, control: socket.socket) -> None:
+        """Answers requests until nobody can ask any more."""
+        while True:
+            ready, _, _ = select.select([control, self._woken], [], [])
+            if self._woken in ready:
+                with suppress(BlockingIOError):
+                    os.read(self._woken, MOST_BYTES)
+                self._reap()
+            if control in ready:
+                for asked in self._requests.receive():
+                    self._do(asked)
+
+    def _do(self, asked: dict[str, Any]) -> None:
+        match asked:
+            case {"fork": number, "kind": kind, "limits": limits}:
+                self._fork(number, kind, limits)
+            case {"kill": pid}:
+                if pid in self._running:
+                    # It makes a group of its own first of all; before that it is in this one.
+                    own = os.getpgid(pid) == pid
+                    (os.killpg if own else os.kill)(pid, signal.SIGKILL)
+            case _:
+                raise ValueError(f"got {asked!r}, expected to fork or to kill")
+
+    def _fork(self, number: int, kind: str, limits: dict[str, Any]) -> None:
+        stdin, stdout = self._requests.pipes()
+        pid = os.fork()
+        if not pid:
+            try:
+                self._become(kind, limits, stdin, stdout)
+            except BaseException:
+                traceback.print_exc()
+            finally:
+                os._exit(1)
+        self._running.add(pid)
+        self._requests.answer(forked=number, pid=pid)
+        os.close(stdin)
+        os.close(stdout)
+
+    def _become(self, kind: str, limits: dict[str, Any], stdin: int, stdout: int) -> None:
+        """Goes on as a child."""
+        os.setsid()
+        signal.set_wakeup_fd(-1)
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        os.dup2(stdin, 0)
+        os.dup2(stdout, 1)
+        for file in (stdin, stdout, self._woken, self._wakes):
+            os.close(file)
+        self._requests.close()
+        serve(kind, limits, lambda _: self._tasks[kind])
+
+    def _reap(self) -> None:
+        while self._running:
+            pid, status = os.waitpid(-1, os.WNOHANG)
+            if not pid:
+                return
+            if pid in self._running:  # and is not what compiles beside
+                self._running.discard(pid)
+                self._requests.answer(ended=pid, code=os.waitstatus_to_exitcode(status))
+
+
+def _tasks(kinds: Sequence[str], requests: _Requests, *, warm: bool) -> dict[str, Task]:
+    """What children of each kind do; with all that it takes compiled and loaded where it is warm.
+
+    Where the first of them has to compile something, nobody shall wait for what the others need: it
+    is compiled beside, and a child loads it from the cache.
+    """
+    tasks = dict[str, Task]()
+    with Compiling() as compiling:
+        for kind in kinds:
+            tasks[kind] = task_of(
+                kind, warm=warm and not compiling.told, progress=requests.progress
+            )
+    if warm and len(tasks) > 1 and compiling.told:
+        beside("all")
+    return tasks
+
+
+def main() -> None:
+    """Loads, and serves until the parent is gone."""
+    control = socket.socket(fileno=int(sys.argv[1]))
+    asked = json.loads(sys.argv[2])
+    requests = _Requests(control)
+    try:
+        tasks = _tasks(asked["kinds"], requests, warm=asked["warm"])
+        load_kernels()
+        end_threads()
+    except Exception as error:
+        traceback.print_exc()
+        requests.refuse(repr(error))
+    gc.collect()
+    gc.freeze()  # so that a child does not copy what it looks through and never changes
+    requests.answer(ready=True)
+    _Forks(requests, tasks).serve(control)
+
+
+if __name__ == "__main__":
+    main()

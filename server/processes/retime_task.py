@@ -1,0 +1,72 @@
+"""Retiming: what the retimer child does with plans, for ``server/files/trajectories.py``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from planner.plan.plan import Plan
+from planner.robot.motors import Build, motor_table
+from planner.robot.retiming import retime as retime_plan
+from planner.robot.retiming import retimed
+from planner.robot.trajectory import Trajectory
+from server.processes.scratch import MOTORS, PLAN
+
+
+def warm_up() -> None:
+    """Retimes a tiny chain and works out its torques, so that all that takes is compiled."""
+    from planner.pipeline.warm_up_paths import (
+        warm_up_chains,  # what finds paths; nothing else here needs it
+    )
+
+    chain = warm_up_chains()
+    frames = np.linspace(0.0, 1.0, 3)[:, None] * chain.folded_rad
+    trajectory = retimed(frames, chain.joint_names, 1.0, 1.0)
+    for held in (True, False):
+        gravity_m_s2 = 9.81 if held else 0.0
+        build = Build(module_mass_kg=1.0, pitch_m=1.0, gravity_m_s2=gravity_m_s2, held=held)
+        motor_table(chain, trajectory, build)
+
+
+def retime(directory: Path) -> dict[str, Any]:
+    """Writes the trajectory that ``request.json`` asks for; facts of its plan.
+
+    Raises:
+        InputError: When the plan cannot be retimed.
+    """
+    plan, trajectory = _retimed(directory, _request(directory))
+    trajectory.save(directory)
+    return {"name": plan.chain.name, "verified": plan.verified}
+
+
+def motors(directory: Path) -> dict[str, Any]:
+    """Writes the table of motors that it asks for, as JSON or CSV.
+
+    Raises:
+        InputError: When the plan cannot be retimed, or the motors cannot be built.
+    """
+    request = _request(directory)
+    plan, trajectory = _retimed(directory, request)
+    chain, pitch_m = plan.chain, request["pitch_m"]
+    build = Build(
+        module_mass_kg=request["module_mass_kg"],
+        pitch_m=chain.pitch_m if pitch_m is None else pitch_m,
+        gravity_m_s2=request["gravity_m_s2"],
+        held=request["held"],
+    )
+    table = motor_table(chain, trajectory, build, motor_torque_nm=request["motor_torque_nm"])
+    text = table.as_csv() if request["form"] == "csv" else json.dumps(table.as_dict())
+    (directory / MOTORS).write_text(text)
+    return {}
+
+
+def _request(directory: Path) -> dict[str, Any]:
+    return json.loads((directory / "request.json").read_bytes())
+
+
+def _retimed(directory: Path, request: dict[str, Any]) -> tuple[Plan, Trajectory]:
+    plan = Plan.load(directory / PLAN)
+    return plan, retime_plan(plan, request["max_speed"], request["max_acceleration"])

@@ -1,0 +1,147 @@
+"""Seccomp: has the kernel refuse a process some of its calls, with all its threads.
+
+Landlock knows TCP only; this refuses sockets of every kind, what leads around both, and what
+Landlock lets pass: rights and times of foreign files, limits and turns of foreign processes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import os
+import platform
+import socket
+import struct
+import sys
+from typing import Final
+
+from server.processes.landlock import no_new_rights
+
+ARCHITECTURES: Final = {"x86_64": (0xC000003E, 317, 0), "aarch64": (0xC00000B7, 277, 1)}
+"""Mark of the calls of an architecture, the number of seccomp(2), column in ``REFUSED``."""
+REFUSED: Final[dict[str, tuple[int, int | None]]] = {
+    "socket": (41, 198),
+    "connect": (42, 203),
+    "bind": (49, 200),
+    "listen": (50, 201),
+    # Sockets can be had by these rings, too.
+    "io_uring_setup": (425, 425),
+    "io_uring_enter": (426, 426),
+    "io_uring_register": (427, 427),
+    # Other processes of the same user, their memory and their files.
+    "ptrace": (101, 117),
+    "process_vm_readv": (310, 270),
+    "process_vm_writev": (311, 271),
+    "pidfd_getfd": (438, 438),
+    # Files around Landlock, which learned to hold `truncate` in Linux 6.2.
+    "truncate": (76, 45),
+    "open_by_handle_at": (304, 265),
+    # Their turns at the processor.
+    "setpriority": (141, 140),
+    "sched_setparam": (142, 118),
+    "sched_setscheduler": (144, 119),
+    "sched_setaffinity": (203, 122),
+    "sched_setattr": (314, 274),
+    "ioprio_set": (251, 30),
+    # Rights, owners, times and attributes of files, which Landlock does not hold.
+    "chmod": (90, None),
+    "fchmod": (91, 52),
+    "fchmodat": (268, 53),
+    "fchmodat2": (452, 452),
+    "chown": (92, None),
+    "fchown": (93, 55),
+    "lchown": (94, None),
+    "fchownat": (260, 54),
+    "utime": (132, None),
+    "utimes": (235, None),
+    "futimesat": (261, None),
+    "utimensat": (280, 88),
+    "setxattr": (188, 5),
+    "lsetxattr": (189, 6),
+    "fsetxattr": (190, 7),
+    "setxattrat": (463, 463),
+    "removexattr": (197, 14),
+    "lremovexattr": (198, 15),
+    "fremovexattr": (199, 16),
+    "removexattrat": (466, 466),
+    "file_setattr": (469, 469),
+    # Large parts of the kernel that nothing here has to do with.
+    "unshare": (272, 97),
+    "setns": (308, 268),
+    "bpf": (321, 280),
+    "perf_event_open": (298, 241),
+    "userfaultfd": (323, 282),
+    "add_key": (248, 217),
+    "request_key": (249, 218),
+    "keyctl": (250, 219),
+}
+"""Calls that are refused: their numbers on each architecture; None where it has no such call."""
+PRLIMIT: Final = (302, 261)
+"""A process may have less, and ask what it may have; those of others are not its own."""
+SOCKETPAIR: Final = (53, 199)
+"""Event loops wake themselves by a pair of streams; other pairs could send to somebody else."""
+X32: Final = 0x40000000
+"""Numbers from here on are the same calls once more, on x86_64."""
+
+LOAD, AND, EQUAL, AT_LEAST, RETURN = 0x20, 0x54, 0x15, 0x35, 0x06
+NUMBER_AT, MARK_AT, FIRST_ARGUMENT_AT, SECOND_ARGUMENT_AT = 0, 4, 16, 24
+ALLOW: Final = 0x7FFF0000
+REFUSE: Final = 0x00050000 | errno.EACCES
+SET_FILTER, ALL_THREADS = 1, 1
+
+
+class _Program(ctypes.Structure):
+    _fields_ = (("length", ctypes.c_ushort), ("instructions", ctypes.c_char_p))
+
+
+def refuse_calls() -> bool:
+    """Refuses them to this process and all that it starts; False where that isn't known.
+
+    Raises:
+        OSError: When the kernel does not do so.
+    """
+    found = ARCHITECTURES.get(platform.machine())
+    if sys.platform != "linux" or found is None:
+        return False
+    mark, seccomp, column = found
+    instructions = program(mark, column)
+    given = _Program(len(instructions) // 8, instructions)
+    no_new_rights()
+    libc = ctypes.CDLL(None, use_errno=True)
+    call = (ctypes.c_long(seccomp), ctypes.c_long(SET_FILTER), ctypes.c_long(ALL_THREADS))
+    if libc.syscall(*call, ctypes.byref(given)):
+        code = ctypes.get_errno() or errno.EAGAIN
+        raise OSError(code, os.strerror(code))
+    return True
+
+
+def program(mark: int, column: int) -> bytes:
+    """The filter, as instructions of classic BPF."""
+    numbers = [number for pair in REFUSED.values() if (number := pair[column]) is not None]
+    # Jumps count the instructions that are left out, when so and when not so.
+    own = [
+        (LOAD, 0, 0, FIRST_ARGUMENT_AT),
+        (EQUAL, 0, 1, 0),
+        (RETURN, 0, 0, ALLOW),
+        (RETURN, 0, 0, REFUSE),
+    ]
+    stream = [
+        (LOAD, 0, 0, SECOND_ARGUMENT_AT),
+        (AND, 0, 0, 0xF),
+        (EQUAL, 0, 1, int(socket.SOCK_STREAM)),
+        (RETURN, 0, 0, ALLOW),
+        (RETURN, 0, 0, REFUSE),
+    ]
+    last = len(numbers) + 4
+    head = [
+        (LOAD, 0, 0, MARK_AT),
+        (EQUAL, 0, last + 1, mark),
+        (LOAD, 0, 0, NUMBER_AT),
+        (AT_LEAST, last - 1, 0, X32),
+        *((EQUAL, last - 2 - i, 0, number) for i, number in enumerate(numbers)),
+        (EQUAL, 3 + len(own), 0, SOCKETPAIR[column]),
+        (EQUAL, 2, 0, PRLIMIT[column]),
+        (RETURN, 0, 0, ALLOW),
+        (RETURN, 0, 0, REFUSE),
+    ]
+    return b"".join(struct.pack("HBBI", *one) for one in [*head, *own, *stream])

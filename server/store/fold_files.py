@@ -1,0 +1,342 @@
+"""Folders: where the files of a fold are on this machine.
+
+Without a storage there is one directory a fold, which all processes share. With one, a worker
+computes in a directory of its own and keeps what it has made under the fold's epoch, and readers
+have copies of what the last epoch has kept.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+import threading
+import time
+import weakref
+from collections.abc import Collection
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from planner.files import write_whole
+from server.settings import Settings
+from server.store.object_store import INDEX, Storage, open_storage
+from server.store.tables import FoldRow
+
+LOOK_EVERY_S: Final = 0.4
+"""How old a copy of what still grows may be."""
+TIDY_EVERY_S: Final = 60.0
+IN_USE_S: Final = 600.0
+EPOCH: Final = ".epoch"
+GOING: Final = ".going-"
+"""Begins the names of copies that are being dropped."""
+MOVIES: Final = "movies"
+EXPORTS_DIR: Final = "exports"
+"""Folder for what is made of a fold's files when somebody asks, beside them."""
+DERIVED: Final = (EXPORTS_DIR, MOVIES)
+"""Folders that count apart from the fold's own files."""
+
+
+class NoSuchFoldError(LookupError):
+    """There is no fold with this id."""
+
+
+class Folders:
+    """See the module's description. Safe to use from many threads.
+
+    Args:
+        settings: The settings.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self.storage: Storage | None = open_storage(settings)
+        self._lock = threading.Lock()
+        self._locks: weakref.WeakValueDictionary[str, threading.Lock] = (
+            weakref.WeakValueDictionary()
+        )
+        self._looked: dict[str, tuple[float, bool]] = {}
+        self._tidied = 0.0
+        settings.make_directories()
+        if self.storage is not None:
+            for directory in (settings.work_dir, settings.cache_dir):
+                directory.mkdir(parents=True, exist_ok=True)
+
+    def close(self) -> None:
+        """Lets go of the storage."""
+        if self.storage is not None:
+            self.storage.close()
+
+    def check(self) -> None:
+        """Raises StorageError when the storage does not answer."""
+        if self.storage is not None:
+            self.storage.check()
+
+    def place(self, fold_id: str) -> Path:
+        """Where a fold is computed; ids are checked before they become a path.
+
+        Raises:
+            NoSuchFoldError: When this is not an id.
+        """
+        if not (fold_id.isascii() and fold_id.isalnum() and len(fold_id) <= 32):
+            raise NoSuchFoldError(fold_id)
+        settings = self._settings
+        return (settings.folds_dir if self.storage is None else settings.work_dir) / fold_id
+
+    # For readers
+
+    def shown(self, row: FoldRow) -> Path:
+        """The files of a fold as readers see them, brought here if they are kept elsewhere.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        if self.storage is None:
+            return self.place(row.id)
+        copy = self._settings.cache_dir / f"{row.id}-{row.kept}"
+        with self._lock_of(copy.name):
+            at, whole = self._looked.get(copy.name, (-LOOK_EVERY_S, False))
+            now = time.monotonic()
+            if not ((whole or now - at < LOOK_EVERY_S) and (copy / INDEX).is_file()):
+                self.storage.fetch(_key(row.id, row.kept), copy)
+                self._looked[copy.name] = (now, row.over)
+            with suppress(OSError):
+                os.utime(copy)
+        self._tidy()
+        return copy
+
+    def movie(self, fold_id: str, name: str) -> Path | None:
+        """The file of a movie, brought here if it is kept elsewhere; None when there is none.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        if self.storage is None:
+            path = self.place(fold_id) / MOVIES / name
+            return path if path.is_file() else None
+        copy = self._settings.cache_dir / f"{self.place(fold_id).name}-{name}"
+        path = copy / name
+        with self._lock_of(copy.name):
+            if not path.is_file() and not self.storage.fetch_file(_movie_key(fold_id, name), path):
+                return None
+            with suppress(OSError):
+                os.utime(copy)
+        self._tidy()
+        return path
+
+    def copied(self) -> set[str]:
+        """The folds of whose files there are copies on this machine."""
+        if self.storage is None:
+            return set()
+        names = {copy.name for copy in self._settings.cache_dir.iterdir()}
+        return {name.partition("-")[0] for name in names if not name.startswith(".")}
+
+    # For who takes an upload in
+
+    def adopt(self, aside: Path, fold_id: str) -> None:
+        """Puts the directory of a new fold in its place, whole or not at all.
+
+        Raises:
+            OSError: When there is no room.
+            StorageError: When the storage does not answer.
+        """
+        if self.storage is None:
+            place = self.place(fold_id)
+            os.rename(aside, place)
+            sync(place.parent)
+        else:
+            key = _key(fold_id, 0)
+            self.storage.keep(key, aside)
+            self.storage.forget(key)
+
+    def remove(self, fold_id: str) -> None:
+        """Removes all files of a fold.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        shutil.rmtree(self.place(fold_id), ignore_errors=True)
+        if self.storage is not None:
+            self.storage.remove(f"folds/{fold_id}")
+            self.storage.remove(f"movies/{fold_id}")
+            for copy in self._settings.cache_dir.glob(f"{fold_id}-*"):
+                self._drop(copy)
+
+    # For who makes a movie of it
+
+    def keep_movie(self, fold_id: str, name: str, path: Path) -> None:
+        """Puts a file that is whole to where readers find it.
+
+        Raises:
+            NoSuchFoldError: When there is no such fold any more.
+            OSError: When there is no room.
+            StorageError: When the storage does not answer.
+        """
+        if self.storage is not None:
+            self.storage.keep_file(_movie_key(fold_id, name), path)
+            return
+        place = self.place(fold_id)
+        if not place.is_dir():
+            raise NoSuchFoldError(fold_id)
+        movies = place / MOVIES
+        aside = movies / f"{name}.partial"
+        try:
+            movies.mkdir(exist_ok=True)
+            shutil.copyfile(path, aside)
+            sync(aside)
+            aside.replace(movies / name)
+        finally:
+            with suppress(OSError):
+                aside.unlink(missing_ok=True)
+
+    def remove_movie(self, fold_id: str, name: str) -> None:
+        """Removes the file of a movie, if there is one.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        with suppress(OSError):
+            (self.place(fold_id) / MOVIES / name).unlink(missing_ok=True)
+        if self.storage is not None:
+            self.storage.remove_file(_movie_key(fold_id, name))
+            shutil.rmtree(self._settings.cache_dir / f"{fold_id}-{name}", ignore_errors=True)
+
+    # For who makes room
+
+    def remove_exports(self, fold_id: str, *, before: float) -> tuple[int, int]:
+        """Removes what was made of a fold's files on this machine before a time.
+
+        Args:
+            fold_id: The fold.
+            before: Seconds since 1970.
+
+        Returns:
+            The bytes of what is gone, and of what is left.
+        """
+        gone = left = 0
+        for path in (self.place(fold_id) / EXPORTS_DIR).glob("*"):
+            with suppress(OSError):  # another process removes it just now
+                found = path.stat()
+                if found.st_mtime < before:
+                    path.unlink()
+                    gone += found.st_size
+                else:
+                    left += found.st_size
+        return gone, left
+
+    # For who computes it
+
+    def bring(self, fold_id: str, known: int, epoch: int) -> Path:
+        """Where a fold is computed under an epoch, with all that was kept under an earlier one.
+
+        Args:
+            fold_id: The fold.
+            known: The epoch under which the last stage that is over was computed.
+            epoch: The one that holds now.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        place = self.place(fold_id)
+        if self.storage is None:
+            return place
+        here = _epoch_of(place)
+        if here != epoch:
+            if here != known:
+                shutil.rmtree(place, ignore_errors=True)
+                self.storage.fetch(_key(fold_id, known), place)
+            place.mkdir(parents=True, exist_ok=True)
+            write_whole(place / EPOCH, str(epoch).encode())
+        return place
+
+    def keep(self, fold_id: str, epoch: int) -> int:
+        """Keeps what a fold's directory holds now; the bytes of it, without what was made of it.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        place = self.place(fold_id)
+        if self.storage is None:
+            return size_of(place, but=DERIVED)
+        return self.storage.keep(_key(fold_id, epoch), place)
+
+    def leave(self, fold_id: str, epoch: int) -> None:
+        """Clears up after a fold that is over, but for what was kept under its last epoch.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        if self.storage is not None:
+            shutil.rmtree(self.place(fold_id), ignore_errors=True)
+            self.storage.remove(f"folds/{fold_id}", but=_key(fold_id, epoch))
+            self.storage.forget(_key(fold_id, epoch))
+
+    def _lock_of(self, name: str) -> threading.Lock:
+        with self._lock:
+            return self._locks.setdefault(name, threading.Lock())
+
+    def _tidy(self) -> None:
+        """Drops the copies that nobody looked at for longest when there are too many."""
+        now = time.time()
+        with self._lock:
+            if 0 <= now - self._tidied < TIDY_EVERY_S:
+                return
+            self._tidied = now
+        copies: list[tuple[float, int, Path]] = []
+        for copy in self._settings.cache_dir.iterdir():
+            with suppress(OSError):  # another process drops it just now
+                if copy.is_dir():
+                    copies.append((copy.stat().st_mtime, size_of(copy), copy))
+        copies.sort()
+        total = sum(size for _, size, _ in copies)
+        for used, size, copy in copies:
+            if total <= self._settings.cache_bytes:
+                return
+            if now - used > IN_USE_S:
+                self._drop(copy)
+                total -= size
+
+    def _drop(self, copy: Path) -> None:
+        """Drops a copy at once: nobody sees half of it, or brings files into what is going."""
+        going = copy.with_name(f"{GOING}{copy.name}-{secrets.token_hex(4)}")
+        with self._lock_of(copy.name):
+            self._looked.pop(copy.name, None)
+            with suppress(OSError):
+                copy.rename(going)
+        shutil.rmtree(going, ignore_errors=True)
+
+
+def size_of(directory: Path, *, but: Collection[str] = ()) -> int:
+    """Bytes of all files in a directory, but for those in some of its folders."""
+    total = 0
+    for path in directory.rglob("*"):
+        if path.relative_to(directory).parts[0] in but:
+            continue
+        with suppress(OSError):
+            if path.is_file() and not path.is_symlink():
+                total += path.stat().st_size
+    return total
+
+
+def sync(path: Path) -> None:
+    """Has a directory, or a file, reach the disk."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _key(fold_id: str, epoch: int) -> str:
+    return f"folds/{fold_id}/{epoch}"
+
+
+def _movie_key(fold_id: str, name: str) -> str:
+    return f"movies/{fold_id}/{name}"
+
+
+def _epoch_of(place: Path) -> int | None:
+    try:
+        return int((place / EPOCH).read_bytes())
+    except (OSError, ValueError):
+        return None

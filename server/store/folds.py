@@ -1,0 +1,475 @@
+"""Store: the rows of all folds, and the directory of each.
+
+What several may do to a row at the same time is one statement each, which finds and changes it: who
+asks for a fold that is just being cancelled gets it and it goes on, or gets another one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+import time
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, Final
+
+import sqlalchemy as sa
+from sqlalchemy.exc import IntegrityError, SQLAlchemyError
+from sqlalchemy.orm import Session, sessionmaker
+
+from server.settings import Settings
+from server.store.fair_queue import expected_s, turn_of
+from server.store.fold_files import Folders, NoSuchFoldError
+from server.store.tables import (
+    ENDED,
+    CounterRow,
+    FoldRow,
+    SecretRow,
+    engine_for,
+    migrate,
+)
+
+__all__ = ["FoldRow", "NoSuchFoldError", "Store", "hash_of", "new_id", "new_token", "rows_of"]
+
+WAITING = ("queued", "running")
+LOOKED_EVERY_S: Final = 3600.0
+"""How exactly it is known when somebody last looked at a fold."""
+TURN: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
+DROPPED_S: Final = 3600.0
+PACE_OF: Final = 40
+"""Folds that say how much longer folds take here than where they were measured."""
+
+
+def new_id() -> str:
+    """An id that nobody can guess: 100 random bits in letters and digits."""
+    alphabet = "abcdefghijkmnpqrstuvwxyz23456789"
+    return "".join(secrets.choice(alphabet) for _ in range(20))
+
+
+def new_token() -> str:
+    """A token that proves ownership."""
+    return secrets.token_urlsafe(24)
+
+
+def hash_of(token: str) -> str:
+    """What is kept of a token."""
+    return hashlib.sha256(token.encode()).hexdigest()
+
+
+class Store:
+    """Rows in a database, files in folders. Safe to use from many threads.
+
+    Attributes:
+        folders: Where the files are.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.folders = Folders(settings)
+        self._engine = engine_for(settings.store_url)
+        migrate(self._engine)
+        self._sessions = sessionmaker(self._engine, expire_on_commit=False)
+
+    def close(self) -> None:
+        """Lets go of all connections."""
+        self._engine.dispose()
+        self.folders.close()
+
+    def check(self) -> None:
+        """Raises when the database does not answer."""
+        with self._engine.connect() as connection:
+            connection.execute(sa.select(1))
+
+    def directory(self, fold_id: str) -> Path:
+        """Where the files of a fold are, as readers see them.
+
+        Raises:
+            NoSuchFoldError: When this is not an id, or, where files are kept elsewhere, when there
+                is no such fold.
+            StorageError: When the storage does not answer.
+        """
+        place = self.folders.place(fold_id)
+        return place if self.folders.storage is None else self.folders.shown(self.fold(fold_id))
+
+    @contextmanager
+    def reading(self) -> Generator[Session]:
+        """A session that reads."""
+        with self._sessions() as session:
+            yield session
+
+    @contextmanager
+    def changing(self) -> Generator[Session]:
+        """A session whose changes are made together, or not at all."""
+        with self._sessions.begin() as session:
+            yield session
+
+    # Reading
+
+    def fold(self, fold_id: str) -> FoldRow:
+        """The row of a fold.
+
+        Raises:
+            NoSuchFoldError: When there is none.
+        """
+        with self._sessions() as session:
+            row = session.get(FoldRow, fold_id)
+        if row is None:
+            raise NoSuchFoldError(fold_id)
+        return row
+
+    def list_public(self, limit: int = 100) -> Sequence[FoldRow]:
+        """Folds of gallery shapes that nobody has cancelled, newest first."""
+        with self._sessions() as session:
+            return session.scalars(
+                sa.select(FoldRow)
+                .where(FoldRow.public, FoldRow.cancel_requested.is_(False))
+                .order_by(FoldRow.created_at.desc())
+                .limit(limit)
+            ).all()
+
+    def list_owned(self, token: str, limit: int = 100) -> Sequence[FoldRow]:
+        """Folds that the holder of a token has asked for, newest first."""
+        with self._sessions() as session:
+            return session.scalars(
+                sa.select(FoldRow)
+                .where(FoldRow.owner == hash_of(token))
+                .order_by(FoldRow.created_at.desc())
+                .limit(limit)
+            ).all()
+
+    def owns(self, fold_id: str, token: str) -> bool:
+        """Whether a fold is the token's holder's own; one of the gallery is nobody's."""
+        with self._sessions() as session:
+            row = session.get(FoldRow, fold_id)
+        return row is not None and not row.public and row.owner == hash_of(token)
+
+    def waiting(self, *, visitor: str | None = None) -> int:
+        """Folds that are queued or running, of all visitors or of one."""
+        query = sa.select(sa.func.count()).where(FoldRow.status.in_(WAITING))
+        if visitor is not None:
+            query = query.where(FoldRow.visitor == visitor)
+        with self._sessions() as session:
+            return session.scalar(query) or 0
+
+    def unfinished(self) -> Sequence[FoldRow]:
+        """All folds that are queued or running."""
+        with self._sessions() as session:
+            return session.scalars(sa.select(FoldRow).where(FoldRow.status.in_(WAITING))).all()
+
+    def queue_position(self, row: FoldRow) -> int:
+        """1 for the fold that is next, and so on; 0 when it is not queued."""
+        return self.ahead(row)[0] if row.status == "queued" else 0
+
+    def ahead(self, row: FoldRow) -> tuple[int, float, float]:
+        """What a queued fold waits for.
+
+        Returns:
+            Its place, 1 for the next; what the folds before it are expected to take; and what is
+            left of those that are being computed. Both in seconds of the machines measured lately.
+        """
+        before = sa.or_(
+            FoldRow.turn < row.turn,
+            sa.and_(FoldRow.turn == row.turn, FoldRow.created_at < row.created_at),
+        )
+        queued = sa.select(
+            sa.func.count(), sa.func.coalesce(sa.func.sum(FoldRow.cost_s), 0.0)
+        ).where(FoldRow.status == "queued", before)
+        running = sa.select(FoldRow.cost_s, FoldRow.started_at).where(FoldRow.status == "running")
+        now = time.time()
+        with self.reading() as session:
+            count, cost_s = session.execute(queued).one()
+            pace = self._pace(session)
+            left = [
+                max(0.2 * pace * cost, pace * cost - (now - (started or now)))
+                for cost, started in session.execute(running)
+            ]
+        return count + 1, pace * float(cost_s), sum(left)
+
+    @staticmethod
+    def _pace(session: Session) -> float:
+        """How much longer folds take lately than they are expected to; 1 when nobody knows."""
+        lately = (
+            sa.select(FoldRow.ended_at - FoldRow.started_at, FoldRow.cost_s)
+            .where(FoldRow.status == "verified", FoldRow.cost_s > 0)
+            .order_by(FoldRow.created_at.desc())
+            .limit(PACE_OF)
+        )
+        taken = cost = 0.0
+        for took, expected in session.execute(lately):
+            if took is not None and took >= 0:
+                taken, cost = taken + took, cost + expected
+        return taken / cost if taken and cost else 1.0
+
+    def counts(self) -> dict[str, int]:
+        """Number of folds by status."""
+        query = sa.select(FoldRow.status, sa.func.count()).group_by(FoldRow.status)
+        with self._sessions() as session:
+            return {status: count for status, count in session.execute(query)}
+
+    # Writing, on the side of the visitors
+
+    def add(self, row: FoldRow, token: str) -> bool:
+        """Adds a fold with its owner; False when its content key is taken by another.
+
+        Its turn in the queue is settled here.
+        """
+        row.owner = hash_of(token)
+        row.cost_s = expected_s(row.modules, row.preset, row.settings)
+        try:
+            with self.changing() as session:
+                row.turn = self._turn(session, row)
+                session.add(row)
+        except IntegrityError:
+            if row.content_key is None or not self._taken(row.content_key):
+                raise
+            return False
+        return True
+
+    def _taken(self, content_key: str) -> bool:
+        with self.reading() as session:
+            taken = sa.select(FoldRow.id).where(FoldRow.content_key == content_key)
+            return session.scalar(taken) is not None
+
+    @staticmethod
+    def _turn(session: Session, row: FoldRow) -> int:
+        latest = sa.select(sa.func.max(FoldRow.turn))
+        if session.scalar(latest.where(FoldRow.status.in_(WAITING))) is None:
+            session.execute(TURN.values(value=0))  # nobody waits: it begins anew
+        now = session.scalar(sa.select(CounterRow.value).where(CounterRow.name == "turn")) or 0
+        last = session.scalar(
+            latest.where(FoldRow.status.in_(WAITING), FoldRow.visitor == row.visitor)
+        )
+        # Who cancels a fold of the gallery again and again does not go first again and again.
+        dropped = session.scalar(
+            sa.select(sa.func.count()).where(
+                FoldRow.public,
+                FoldRow.visitor == row.visitor,
+                FoldRow.status == "cancelled",
+                FoldRow.created_at > row.created_at - DROPPED_S,
+            )
+        )
+        return turn_of(
+            now=now,
+            last_own=last,
+            cost_s=row.cost_s,
+            first=bool(row.public) and not dropped,
+        )
+
+    def secret(self, name: str, made: bytes) -> bytes:
+        """A secret of the service; ``made`` becomes it when there is none yet."""
+        with self.reading() as session:
+            known = session.get(SecretRow, name)
+        if known is None:
+            try:
+                with self.changing() as session:
+                    session.add(SecretRow(name=name, value=made))
+                return made
+            except IntegrityError:  # another process was quicker
+                return self.secret(name, made)
+        return known.value
+
+    def looked(self, row: FoldRow) -> None:
+        """Notes that somebody looks at a fold, now and then; no harm is done when it fails."""
+        now = time.time()
+        if abs(now - (row.seen_at or 0.0)) > LOOKED_EVERY_S:
+            with suppress(SQLAlchemyError):
+                self._change(row.id, seen_at=now)
+
+    def ask(self, content_key: str, token: str) -> FoldRow | None:
+        """The fold with this content key, which somebody wants; None when there is none.
+
+        One of the gallery that somebody else has asked for too is nobody's from now on, so that
+        nobody stops it for the other. It counts as looked at just now.
+        """
+        shared = sa.and_(FoldRow.public, FoldRow.owner != hash_of(token))
+        wanted = (
+            sa.update(FoldRow)
+            .where(FoldRow.content_key == content_key)
+            .values(owner=sa.case((shared, None), else_=FoldRow.owner), seen_at=time.time())
+            .returning(FoldRow)
+            .execution_options(synchronize_session=False)
+        )
+        with self.changing() as session:
+            return session.scalar(wanted)
+
+    def cancel(self, fold_id: str, token: str) -> bool:
+        """Cancels a fold that is not over, a running one as soon as its worker sees this.
+
+        Returns:
+            False when the token is not its owner's.
+        """
+        own = (FoldRow.id == fold_id, FoldRow.owner == hash_of(token))
+        queued = FoldRow.status == "queued"
+        with self.changing() as session:
+            session.execute(
+                sa.update(FoldRow)
+                .where(*own, FoldRow.status.in_(WAITING))
+                .values(
+                    status=sa.case((queued, "cancelled"), else_=FoldRow.status),
+                    ended_at=sa.case((queued, time.time()), else_=FoldRow.ended_at),
+                    content_key=None,
+                    cancel_requested=True,
+                )
+            )
+            return session.scalar(sa.select(FoldRow.id).where(*own)) is not None
+
+    def expire(self, fold_id: str, seen: float) -> bool:
+        """Forgets a fold that nobody has looked at since, unless somebody wants it after all."""
+        gone = sa.delete(FoldRow).where(
+            FoldRow.id == fold_id,
+            FoldRow.pinned.is_(False),
+            FoldRow.status.in_(ENDED),
+            seen_of() == seen,
+        )
+        with self.changing() as session:
+            return bool(rows_of(session.execute(gone)))
+
+    def delete(self, fold_id: str, token: str | None = None) -> bool:
+        """Forgets a fold, whose directory is the caller's to remove.
+
+        Args:
+            fold_id: The fold.
+            token: Whoever has it must own the fold, which must not be of the gallery; anything goes
+                when None.
+
+        Returns:
+            Whether it was deleted.
+        """
+        gone = sa.delete(FoldRow).where(FoldRow.id == fold_id)
+        if token is not None:
+            gone = gone.where(FoldRow.owner == hash_of(token), FoldRow.public.is_(False))
+        with self.changing() as session:
+            return bool(rows_of(session.execute(gone)))
+
+    def add_derived(self, fold_id: str, size: int) -> None:
+        """Counts so many bytes more, or less, of what was made of a fold."""
+        self._change(fold_id, derived_bytes=FoldRow.derived_bytes + size)
+
+    def set_derived(self, fold_id: str, size: int) -> None:
+        """Notes how many bytes of what was made of a fold there are."""
+        self._change(fold_id, derived_bytes=size)
+
+    # Writing, on the side of the workers
+
+    def begin(self, fold_id: str, stage: str, worker: str) -> int | None:
+        """Marks a stage as running.
+
+        Args:
+            fold_id: The fold.
+            stage: What is computed now.
+            worker: Who computes it, by a name that nobody had before: whoever held the fold until
+                now loses it.
+
+        Returns:
+            The epoch in which it is computed; None when it is cancelled, over or deleted.
+        """
+        with self.changing() as session:
+            begun = session.execute(
+                sa.update(FoldRow)
+                .where(
+                    FoldRow.id == fold_id,
+                    FoldRow.status.in_(WAITING),
+                    FoldRow.cancel_requested.is_(False),
+                )
+                .values(
+                    status="running",
+                    stage=stage,
+                    started_at=sa.func.coalesce(FoldRow.started_at, time.time()),
+                    epoch=sa.case(
+                        (FoldRow.worker == worker, FoldRow.epoch), else_=FoldRow.epoch + 1
+                    ),
+                    worker=worker,
+                )
+                .returning(FoldRow.epoch, FoldRow.turn)
+            ).first()
+            if begun is None:
+                return None
+            session.execute(TURN.where(CounterRow.value < begun[1]).values(value=begun[1]))
+            return begun[0]
+
+    def show(self, fold_id: str, epoch: int) -> None:
+        """Has readers see what was kept in an epoch, if it lasts."""
+        with self.changing() as session:
+            session.execute(
+                sa.update(FoldRow)
+                .where(FoldRow.id == fold_id, FoldRow.epoch == epoch)
+                .values(kept=epoch)
+            )
+
+    def describe(self, fold_id: str, *, name: str, modules: int, module: str) -> None:
+        """Notes what the chain of a fold is; one of the gallery keeps the name it has there."""
+        shown = sa.case((FoldRow.shape.is_(None), name[:200]), else_=FoldRow.name)
+        self._change(fold_id, modules=modules, module=module, name=shown)
+
+    def report(self, fold_id: str, epoch: int, progress: dict[str, Any] | None = None) -> bool:
+        """Notes progress, when there is news; False when the fold shall not go on here."""
+        going = (
+            FoldRow.id == fold_id,
+            FoldRow.epoch == epoch,
+            FoldRow.cancel_requested.is_(False),
+        )
+        if progress is None:
+            with self.reading() as session:
+                return session.scalar(sa.select(FoldRow.id).where(*going)) is not None
+        with self.changing() as session:
+            changed = session.execute(sa.update(FoldRow).where(*going).values(progress=progress))
+            return bool(rows_of(changed))
+
+    def finish(
+        self,
+        fold_id: str,
+        status: str,
+        *,
+        summary: dict[str, Any],
+        error: dict[str, Any] | None = None,
+        repeatable: bool = True,
+        kept: int | None = None,
+        size: int | None = None,
+    ) -> bool:
+        """Ends a fold, once; False when it was deleted. One that was cancelled before ends so.
+
+        Args:
+            fold_id: The fold.
+            status: One of ``ENDED``.
+            summary: What came out.
+            error: ``code``, ``detail``, ``where`` of what went wrong, or None.
+            repeatable: Whether the same upload would end the same way. If not, the next one is
+                computed anew.
+            kept: The epoch whose files readers see from now on; as before when None.
+            size: Bytes of its files; as before when None.
+        """
+        values: dict[str, Any] = {
+            "status": status,
+            "ended_at": time.time(),
+            "summary": summary,
+            "error": error,
+            "seen_at": time.time(),
+        }
+        if size is not None:
+            values["bytes"] = size
+        if kept is not None:
+            values["kept"] = kept
+        if not repeatable:
+            values["content_key"] = None
+        going = sa.update(FoldRow).where(FoldRow.id == fold_id, FoldRow.status.not_in(ENDED))
+        with self.changing() as session:
+            if status != "cancelled":
+                wanted = FoldRow.cancel_requested.is_(False)
+                session.execute(going.where(wanted).values(**values))
+                values |= {"status": "cancelled", "summary": {}, "error": None}
+            session.execute(going.values(**values))
+            return session.get(FoldRow, fold_id) is not None
+
+    def _change(self, fold_id: str, **values: Any) -> None:
+        with self.changing() as session:
+            session.execute(sa.update(FoldRow).where(FoldRow.id == fold_id).values(**values))
+
+
+def rows_of(result: sa.Result[Any]) -> int:
+    """How many rows a statement has changed."""
+    return result.rowcount if isinstance(result, sa.CursorResult) else 0
+
+
+def seen_of() -> sa.ColumnElement[float]:
+    """When somebody last looked at a fold, as a column."""
+    return sa.func.coalesce(FoldRow.seen_at, FoldRow.ended_at, FoldRow.created_at)

@@ -1,0 +1,243 @@
+"""Tables of the service, and how a database is brought to the newest schema."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy import event
+from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+
+class Base(DeclarativeBase):
+    """Root of all rows."""
+
+    type_annotation_map = {dict[str, Any]: sa.JSON(), float: sa.Double()}
+
+
+class FoldRow(Base):
+    """One fold of a visitor.
+
+    ``status`` is one of ``STATUSES``; ``stage`` one of ``planner.pipeline.stages.STAGES`` or None;
+    ``refold`` is the name of the shape that a refold begins as, None where the chain is straight;
+    ``smooths`` is the id of the fold whose plan is smoothed, None where it is recorded;
+    ``settings`` is what ``planner.pipeline.paper_settings.settings_text`` makes of those of its
+    preset.
+
+    ``turn`` is its place in the queue, the least first, and ``cost_s`` what computing it is
+    expected to take. ``worker`` computes it; ``epoch`` counts how often it has changed hands, and
+    who has it from an older epoch has no say any more. Readers see the files of epoch ``kept``.
+    ``bytes`` is what its own files take, from the moment on that it is accepted;
+    ``derived_bytes`` what exports and pictures take that were made of it and can be made again.
+    ``seen_at`` is when somebody last looked, and what is ``pinned`` never expires.
+
+    ``owner`` is the hash of the token of who asked for it, None when it is nobody's: a ``public``
+    fold that several have asked for.
+    """
+
+    __tablename__ = "folds"
+
+    id: Mapped[str] = mapped_column(sa.String(32), primary_key=True)
+    name: Mapped[str] = mapped_column(sa.String(200))
+    status: Mapped[str] = mapped_column(sa.String(16), index=True)
+    stage: Mapped[str | None] = mapped_column(sa.String(16))
+    created_at: Mapped[float] = mapped_column(index=True)
+    started_at: Mapped[float | None]
+    ended_at: Mapped[float | None]
+    modules: Mapped[int]
+    module: Mapped[str] = mapped_column(sa.String(32))
+    shape: Mapped[str | None] = mapped_column(sa.String(64))
+    public: Mapped[bool]
+    preset: Mapped[str] = mapped_column(sa.String(32))
+    seed: Mapped[int] = mapped_column(sa.BigInteger)
+    module_size: Mapped[float | None]
+    content_key: Mapped[str | None] = mapped_column(sa.String(64), unique=True)
+    visitor: Mapped[str] = mapped_column(sa.String(64), index=True)
+    cancel_requested: Mapped[bool] = mapped_column(default=False)
+    progress: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    summary: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    error: Mapped[dict[str, Any] | None]
+    refold: Mapped[str | None] = mapped_column(sa.String(200), default=None)
+    turn: Mapped[int] = mapped_column(sa.BigInteger, default=0)
+    cost_s: Mapped[float] = mapped_column(default=0.0)
+    worker: Mapped[str | None] = mapped_column(sa.String(200), default=None)
+    epoch: Mapped[int] = mapped_column(default=0)
+    kept: Mapped[int] = mapped_column(default=0)
+    bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
+    seen_at: Mapped[float | None] = mapped_column(default=None)
+    pinned: Mapped[bool] = mapped_column(default=False)
+    strategy: Mapped[str] = mapped_column(sa.String(16), default="auto")
+    smooths: Mapped[str | None] = mapped_column(sa.String(32), default=None)
+    settings: Mapped[str] = mapped_column(sa.String(500), default="")
+    owner: Mapped[str | None] = mapped_column(sa.String(64), index=True, default=None)
+    derived_bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
+
+    @property
+    def created(self) -> datetime:
+        """When it was asked for, with its time zone."""
+        return datetime.fromtimestamp(self.created_at, UTC)
+
+    @property
+    def over(self) -> bool:
+        """Whether it has come to its end, good or bad."""
+        return self.status in ENDED
+
+
+STATUSES = ("queued", "running", "verified", "failed", "cancelled")
+ENDED = frozenset({"verified", "failed", "cancelled"})
+
+
+class WorkerRow(Base):
+    """A worker that lives, or did so until a moment ago: its ``beat`` rises while it does.
+
+    Beats are counted, not dated: whoever watches one stand still for long enough by a clock of its
+    own knows that its worker is gone, whatever the clocks of the machines say.
+    """
+
+    __tablename__ = "workers"
+
+    name: Mapped[str] = mapped_column(sa.String(200), primary_key=True)
+    host: Mapped[str] = mapped_column(sa.String(200))
+    pid: Mapped[int]
+    beat: Mapped[int] = mapped_column(sa.BigInteger)
+    folds_at_once: Mapped[int]
+    started_at: Mapped[float]
+    version: Mapped[str] = mapped_column(sa.String(32))
+
+
+class MovieRow(Base):
+    """A movie of a fold that somebody asked for.
+
+    ``id`` is the key of its wishes, ``job`` the name of what makes it, whose end is that of its
+    file, ``status`` one of ``queued``, ``running``, ``ready`` and ``failed``, ``problem`` the
+    ``code``, ``detail``, ``where`` of what went wrong. ``bytes`` are those of its file.
+    ``of_owner`` tells that the fold's owner has asked for it.
+    """
+
+    __tablename__ = "movies"
+
+    fold_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("folds.id", ondelete="CASCADE"), primary_key=True
+    )
+    id: Mapped[str] = mapped_column(sa.String(32), primary_key=True)
+    job: Mapped[str] = mapped_column(sa.String(128), unique=True)
+    wishes: Mapped[dict[str, Any]]
+    visitor: Mapped[str] = mapped_column(sa.String(64))
+    token_hash: Mapped[str] = mapped_column(sa.String(64))
+    status: Mapped[str] = mapped_column(sa.String(16), index=True)
+    frames_done: Mapped[int]
+    problem: Mapped[dict[str, Any] | None]
+    created_at: Mapped[float]
+    bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
+    of_owner: Mapped[bool] = mapped_column(default=False)
+
+    @property
+    def file(self) -> str:
+        """What its file is called."""
+        return movie_file(self.job)
+
+
+MAKING = ("queued", "running")
+"""What a movie is until it is ready or has failed."""
+
+
+def movie_file(job: str) -> str:
+    """What the file is called that a job makes: no other job's has the same name."""
+    return job.partition(".")[2]
+
+
+class CounterRow(Base):
+    """A number that all processes share: ``turn`` is the latest turn that has come."""
+
+    __tablename__ = "counters"
+
+    name: Mapped[str] = mapped_column(sa.String(32), primary_key=True)
+    value: Mapped[int] = mapped_column(sa.BigInteger)
+
+
+class SecretRow(Base):
+    """What all processes of the service know and nobody else."""
+
+    __tablename__ = "secrets"
+
+    name: Mapped[str] = mapped_column(sa.String(32), primary_key=True)
+    value: Mapped[bytes] = mapped_column(sa.LargeBinary)
+
+
+MIGRATING = 0x666F6C65
+"""PostgreSQL's number for the lock under which the tables are made."""
+
+
+def engine_for(url: str) -> sa.Engine:
+    """An engine; SQLite gets a write-ahead log, patience with locks, and foreign keys.
+
+    Its connections are enough for all threads of a web process where they cost little; those to a
+    server are fewer, and one that is silent is given up.
+    """
+    if url.startswith("postgresql"):
+        return sa.create_engine(
+            url,
+            pool_pre_ping=True,
+            pool_size=5,
+            max_overflow=15,
+            pool_timeout=10.0,
+            connect_args={
+                "connect_timeout": 5,
+                "keepalives_idle": 30,
+                "tcp_user_timeout": 15000,
+                "options": "-c statement_timeout=20000",
+            },
+            hide_parameters=True,
+        )
+    if not url.startswith("sqlite"):
+        return sa.create_engine(url, pool_pre_ping=True, hide_parameters=True)
+    engine = sa.create_engine(
+        url,
+        connect_args={"timeout": 30.0},
+        pool_size=10,
+        max_overflow=50,
+        hide_parameters=True,
+    )
+
+    @event.listens_for(engine, "connect")
+    def on_connect(connection: Any, record: object) -> None:
+        connection.execute("PRAGMA journal_mode=WAL")
+        connection.execute("PRAGMA synchronous=FULL")
+        connection.execute("PRAGMA foreign_keys=ON")
+
+    return engine
+
+
+def migrate(engine: sa.Engine) -> None:
+    """Brings the tables to the newest schema; does nothing when they are.
+
+    Raises:
+        NewerSchemaError: When a newer foldback wrote them.
+    """
+    from alembic import command
+
+    from server.store.schema_version import Schema, config
+
+    alembic = config()
+    with engine.begin() as connection:
+        if engine.dialect.name == "sqlite":
+            connection.exec_driver_sql("BEGIN IMMEDIATE")
+        elif engine.dialect.name == "postgresql":
+            connection.exec_driver_sql("SET LOCAL statement_timeout = 0")
+            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(MIGRATING)))
+        schema = Schema.of(connection)
+        schema.check()
+        if not schema.behind:
+            return
+        alembic.attributes["connection"] = connection
+        command.upgrade(alembic, "head")
+
+
+def passes(error: BaseException) -> bool:
+    """Whether an error may be over soon: the database is away, locked, or has no room."""
+    return isinstance(error, OperationalError | InterfaceError | PoolTimeoutError) or (
+        isinstance(error, DBAPIError) and error.connection_invalidated
+    )

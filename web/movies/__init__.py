@@ -1,0 +1,1 @@
+"""Movies: what one may be, its pictures, and their encoding."""

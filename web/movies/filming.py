@@ -1,0 +1,122 @@
+"""Filming: makes a movie of a timeline, picture by picture, without simulating anything."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from web.movies.encoding import Encoder
+from web.movies.movie import Movie
+from web.movies.renderer import Shot, Stage
+from web.pictures.camera import few_points
+from web.pictures.camera_path import CameraPath, camera_path
+from web.pictures.colours import error_colours
+from web.pictures.drawn import MOST_DRAWN, drawn_modules
+from web.timeline.view import Film, Snapshot
+
+Array = NDArray[np.float64]
+
+REST: Final = ((0.4, 0.05), (1.2, 0.15))
+"""Still at the beginning and at the end: at most so many seconds, and such a share."""
+
+
+def film_movie(
+    timeline: Path,
+    movie: Movie,
+    out: Path,
+    *,
+    backend: str,
+    progress: Callable[[int], None],
+    cancelled: Callable[[], bool],
+) -> bool:
+    """Makes a movie.
+
+    Args:
+        timeline: The timeline's directory.
+        movie: What it is to be.
+        out: The file to write.
+        backend: ``egl`` or ``osmesa``.
+        progress: Told the number of pictures that are done.
+        cancelled: Asked often whether it is not wanted any more.
+
+    Returns:
+        Whether it is whole; False when it was cancelled.
+
+    Raises:
+        InputError: When the timeline does not have the frames.
+        TimelineError: When there is no timeline, or it is damaged.
+        NoGLError: When this backend cannot draw here.
+        EncodingError: When the encoder fails.
+    """
+    film = Film(timeline)
+    frames = frame_numbers(film, movie)
+    with Stage(
+        film.chain.module,
+        min(len(film.chain), MOST_DRAWN),
+        width=movie.width,
+        height=movie.height,
+        theme=movie.theme,
+        backend=backend,
+    ) as stage:
+        path = _path(film, movie, frames)
+        with Encoder(movie, out) as encoder:
+            for k, frame in enumerate(frames):
+                if cancelled():
+                    return False
+                snapshot = film.snapshot(float(frame))
+                encoder.add(stage.draw(_shot(film, snapshot, path, k)))
+                progress(k + 1)
+    return True
+
+
+def frame_numbers(film: Film, movie: Movie) -> Array:
+    """(K,) the frame of the timeline that each picture shows, not whole between two.
+
+    The movie rests a moment at both ends, so that the eye has time for them.
+    """
+    phases = film.outline(1)["phases"]
+    playback = next((p["from"] for p in phases if p["name"] == "playback"), 0)
+    first, last = movie.frames(len(film), playback)
+    still = [min(seconds, share * movie.seconds) * movie.fps for seconds, share in REST]
+    moving = max(movie.count - 1 - sum(still), 1e-9)
+    share = np.clip((np.arange(movie.count) - still[0]) / moving, 0.0, 1.0)
+    return np.asarray(first + (last - first) * share, np.float64)
+
+
+def _shot(film: Film, snapshot: Snapshot, path: CameraPath, k: int) -> Shot:
+    view = path.views[k]
+    drawn = drawn_modules(snapshot.positions, film.chain.module, target=view.target)
+    poses = np.concatenate([snapshot.positions, snapshot.wxyzs], axis=1).astype(np.float64)
+    return Shot(
+        positions=poses[drawn, :3],
+        wxyzs=poses[drawn, 3:],
+        colours=error_colours(snapshot.module_error_rad[drawn], film.error_scale_rad),
+        ends=poses[[0, -1]],
+        view=view,
+        ground=float(path.grounds[k]),
+    )
+
+
+def _path(film: Film, movie: Movie, frames: Array) -> CameraPath:
+    azimuth = movie.azimuth_deg
+    lows = np.empty(len(frames))
+    some: list[Array] = []
+    for k, frame in enumerate(frames):
+        snapshot = film.snapshot(float(frame))
+        positions = snapshot.positions[: snapshot.framed]
+        lows[k] = positions[:, 2].min()
+        some.append(few_points(positions))
+    return camera_path(
+        some,
+        lows=lows,
+        radius=film.chain.module.radius,
+        aspect=movie.width / movie.height,
+        fps=movie.fps,
+        azimuth_rad=None if azimuth is None else float(np.deg2rad(azimuth)),
+        elevation_rad=float(np.deg2rad(movie.elevation_deg)),
+        turn_rad=float(np.deg2rad(movie.turn_deg)),
+    )

@@ -1,0 +1,268 @@
+"""Stage: draws a chain offscreen with MuJoCo's renderer, in the look of the page.
+
+Nothing is simulated: the modules are put into MuJoCo's scene where the timeline says they are.
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.module import Module
+from planner.chain.rotations import matrix_from_wxyz
+from planner.simulation.mujoco import mujoco
+from web.pictures.camera import FIELD_OF_VIEW_RAD, View
+from web.pictures.colours import FIRST, LAST
+from web.pictures.ground_shadow import CELLS, ground_shadow
+from web.pictures.lighting import (
+    LEAN,
+    THEMES,
+    UP,
+    Theme,
+    fill_light,
+    key_light,
+    shade_colours,
+    share_left,
+    unit,
+)
+from web.pictures.meshes import SHOWN_SIZE, stud_mesh
+from web.pictures.module_faces import module_faces
+
+Array = NDArray[np.float64]
+Picture = NDArray[np.uint8]
+
+SAMPLES: Final = 4
+"""Samples of a pixel. Software GL has at most 4; without them edges crawl as modules turn."""
+
+
+class NoGLError(Exception):
+    """There is no OpenGL that can draw without a screen."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Shot:
+    """What one picture shows.
+
+    Attributes:
+        positions: (m, 3) centres in pitches of the modules that are drawn.
+        wxyzs: (m, 4) their orientations.
+        colours: (m, 3) sRGB bytes.
+        ends: (2, 7) centres and orientations of the first and of the last module.
+        view: The camera, in pitches.
+        ground: Height of the ground.
+    """
+
+    positions: Array
+    wxyzs: Array
+    colours: NDArray[np.uint8]
+    ends: Array
+    view: View
+    ground: float
+
+
+class Stage:
+    """Holds the OpenGL context and what it draws; use it in one thread and close it there."""
+
+    def __init__(
+        self, module: Module, modules: int, *, width: int, height: int, theme: str, backend: str
+    ) -> None:
+        """Opens an offscreen window.
+
+        Args:
+            module: The kind of module.
+            modules: How many are drawn at most.
+            width: Width of a picture in pixels.
+            height: Its height.
+            theme: One of ``THEMES``.
+            backend: ``egl`` or ``osmesa``.
+
+        Raises:
+            NoGLError: When this backend cannot draw here.
+        """
+        self._theme = THEMES[theme]
+        self._module = module
+        self._rectangle = mujoco.MjrRect(0, 0, width, height)
+        self._picture = np.empty((height, width, 3), np.uint8)
+        self._model = _model(module, self._theme, width=width, height=height)
+        self._gl = _context(backend, width, height)
+        self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_50)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._scene = mujoco.MjvScene(self._model, maxgeom=modules * len(module_faces(module)) + 4)
+        self._scene.flags[:] = 0
+        self._pieces = module_faces(module)
+        # MuJoCo moves and turns meshes into a frame of its own; this is how it lies in theirs.
+        self._mesh_at = self._model.mesh_pos.copy()
+        self._mesh_turn = matrix_from_wxyz(self._model.mesh_quat)
+        self._ends = [self._mesh(len(self._pieces)) for _ in range(2)]
+        for end, colour in zip(self._ends, (FIRST, LAST), strict=True):
+            end.rgba[:3] = np.array(colour) / 255.0
+        self._shade, self._ground = self._plane(0), self._plane(1)
+        # They come last: what a picture does not need is cut off.
+        self._before = self._scene.ngeom
+        self._faces = [[self._mesh(k) for k in range(len(self._pieces))] for _ in range(modules)]
+
+    def __enter__(self) -> Stage:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._context.free()
+        self._gl.free()
+
+    def draw(self, shot: Shot) -> Picture:
+        """(H, W, 3) sRGB bytes, from the top; the same array each time."""
+        turns = matrix_from_wxyz(shot.wxyzs)
+        self._place_modules(shot, turns)
+        self._place_ends(shot.ends)
+        self._place_ground(shot)
+        self._light(shot.view)
+        self._look(shot.view)
+        mujoco.mjr_render(self._rectangle, self._scene, self._context)
+        mujoco.mjr_readPixels(self._picture, None, self._rectangle, self._context)
+        return self._picture[::-1]
+
+    def _geom(self, kind: Any, size: Array) -> Any:
+        scene = self._scene
+        geom = scene.geoms[scene.ngeom]
+        scene.ngeom += 1
+        mujoco.mjv_initGeom(
+            geom, kind, size, np.zeros(3), np.eye(3).ravel(), np.ones(4, np.float32)
+        )
+        return geom
+
+    def _mesh(self, mesh: int) -> Any:
+        geom = self._geom(mujoco.mjtGeom.mjGEOM_MESH, np.ones(3))
+        geom.dataid = 2 * mesh
+        geom.specular, geom.shininess = 0.16, 0.35
+        return geom
+
+    def _plane(self, material: int) -> Any:
+        geom = self._geom(mujoco.mjtGeom.mjGEOM_PLANE, np.ones(3))
+        geom.matid = material
+        # It shines by itself with the full strength of its texture, which no light then changes.
+        geom.emission, geom.specular = 1.0, 0.0
+        return geom
+
+    def _place_modules(self, shot: Shot, turns: Array) -> None:
+        middles = np.array([piece.middle for piece in self._pieces])
+        normals = np.array([piece.normal for piece in self._pieces])
+        left = share_left(
+            np.einsum("nij,fj->nfi", turns, middles) + shot.positions[:, None],
+            np.einsum("nij,fj->nfi", turns, normals),
+            shot.positions,
+            module=self._module,
+            view=shot.view,
+            theme=self._theme,
+        )
+        colours = (shot.colours / np.float32(255.0))[:, None] * left[..., None]
+        count = len(self._pieces)
+        at = np.einsum("nij,fj->nfi", turns, self._mesh_at[:count]) + shot.positions[:, None]
+        turned = np.einsum("nij,fjk->nfik", turns, self._mesh_turn[:count])
+        self._scene.ngeom = self._before + len(shot.positions) * count
+        for k, faces in enumerate(self._faces[: len(shot.positions)]):
+            for f, geom in enumerate(faces):
+                geom.pos, geom.mat = at[k, f], turned[k, f]
+                geom.rgba[:3] = colours[k, f]
+
+    def _place_ends(self, ends: Array) -> None:
+        """Studs on the free faces: behind the first module, before the last one."""
+        reach = SHOWN_SIZE * float(np.abs(self._module.vertices[:, 0]).max())
+        for geom, end, turn in zip(self._ends, ends, (_HALF_TURN, np.eye(3)), strict=True):
+            frame = matrix_from_wxyz(end[3:]) @ turn
+            geom.pos = end[:3] + reach * frame[:, 0] + frame @ self._mesh_at[-1]
+            geom.mat = frame @ self._mesh_turn[-1]
+
+    def _place_ground(self, shot: Shot) -> None:
+        shadow = ground_shadow(
+            shot.positions, ground=shot.ground, lean=-LEAN * key_light(shot.view)[:2]
+        )
+        self._paint(shade_colours(shadow, self._theme))
+        half = shadow.side / 2
+        self._shade.pos = (*shadow.middle, shot.ground)
+        self._shade.size = (half, half, 1.0)
+        far = 60.0 * shot.view.distance
+        self._ground.pos = (*shadow.middle, shot.ground - 4e-4 * shot.view.distance)
+        self._ground.size = (far, far, 1.0)
+
+    def _paint(self, colours: Picture) -> None:
+        at = int(self._model.tex_adr[0])
+        self._model.tex_data[at : at + colours.size] = colours[::-1].reshape(-1)
+        mujoco.mjr_uploadTexture(self._model, self._context, 0)
+
+    def _light(self, view: View) -> None:
+        theme, scene = self._theme, self._scene
+        scene.nlight = 2
+        key, fill = scene.lights[0], scene.lights[1]
+        _shine(key, key_light(view), theme.key_colour)
+        key.specular = [0.25] * 3
+        _shine(fill, fill_light(view), theme.fill * np.ones(3))
+        fill.ambient = [theme.ambient] * 3
+
+    def _look(self, view: View) -> None:
+        forward = unit(view.target - view.position)
+        right = unit(np.cross(forward, UP))
+        near = 0.02 * view.distance
+        half = near * float(np.tan(FIELD_OF_VIEW_RAD / 2))
+        for camera in self._scene.camera:
+            camera.pos, camera.forward, camera.up = view.position, forward, np.cross(right, forward)
+            camera.frustum_near, camera.frustum_far = near, 40.0 * view.distance
+            camera.frustum_bottom, camera.frustum_top = -half, half
+            camera.frustum_center = 0.0
+
+
+_HALF_TURN: Final = np.diag([-1.0, -1.0, 1.0])
+
+
+def _shine(light: Any, towards: Array, diffuse: Array) -> None:
+    light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    light.dir = -towards
+    light.attenuation = (1.0, 0.0, 0.0)
+    light.ambient = light.specular = (0.0, 0.0, 0.0)
+    light.diffuse = diffuse
+    light.headlight, light.castshadow, light.texid = 0, 0, -1
+
+
+def _model(module: Module, theme: Theme, *, width: int, height: int) -> Any:
+    """A model of nothing but what is drawn: meshes and textures."""
+    spec = mujoco.MjSpec()
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+    spec.visual.quality.offsamples = SAMPLES
+    spec.visual.headlight.active = 0
+    for k, piece in enumerate(module_faces(module)):
+        added = _add_mesh(spec, f"face_{k}", piece.vertices, piece.triangles)
+        added.usernormal = piece.normals.ravel()
+    stud = stud_mesh()
+    _add_mesh(spec, "end", stud.vertices, stud.faces)
+    for name, cells in (("shade", CELLS), ("ground", 2)):
+        texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D)
+        texture.builtin = mujoco.mjtBuiltin.mjBUILTIN_FLAT
+        texture.width = texture.height = cells
+        texture.rgb1 = texture.rgb2 = np.array(theme.ground) / 255.0
+        material = spec.add_material(name=name)
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+    return spec.compile()
+
+
+def _add_mesh(spec: Any, name: str, vertices: Array, triangles: NDArray[np.int64]) -> Any:
+    added = spec.add_mesh(name=name)
+    added.uservert, added.userface = vertices.ravel(), triangles.ravel()
+    added.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    return added
+
+
+def _context(backend: str, width: int, height: int) -> Any:
+    try:
+        context = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
+        context.make_current()
+    except Exception as error:  # each part of the way down has its own kinds of error
+        raise NoGLError(f"{backend}: {type(error).__name__}: {error}") from error
+    return context

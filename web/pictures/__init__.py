@@ -1,0 +1,1 @@
+"""Pictures: the camera, colours, the modules as they are drawn, and pictures without a browser."""

@@ -1,0 +1,118 @@
+"""Drawings of folded chains of any module as small SVG files, without perspective."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.module import Module
+from web.pictures.isometric import MARGIN, UNIT, isometric_svg
+from web.pictures.sketch import sketch_outline
+
+Array = NDArray[np.float64]
+AZIMUTH_RAD, ELEVATION_RAD = math.radians(33.0), math.radians(27.0)
+"""Not that of cells: from (1, 1, 1) some faces of a tetrahedron are seen edge on."""
+RIGHT: Final = np.array([-math.sin(AZIMUTH_RAD), math.cos(AZIMUTH_RAD), 0.0])
+EYE: Final = np.array(
+    [
+        math.cos(AZIMUTH_RAD) * math.cos(ELEVATION_RAD),
+        math.sin(AZIMUTH_RAD) * math.cos(ELEVATION_RAD),
+        math.sin(ELEVATION_RAD),
+    ]
+)
+UP: Final = np.cross(EYE, RIGHT)
+LIGHT: Final = np.array([0.1, 0.25, 0.96]) / math.sqrt(0.1**2 + 0.25**2 + 0.96**2)
+DARKEST, BRIGHTEST = (112, 124, 140), (240, 242, 245)
+SEAM: Final = "#646d79"
+SHRINK: Final = 0.94
+TONES: Final = 12
+
+
+def chain_svg(chain: Chain, *, size: int = 320, title: str | None = None) -> str:
+    """Draws a folded chain from above, z upward: cubes as cells, others face by face.
+
+    Args:
+        chain: The chain.
+        size: Width and height in CSS pixels; the drawing scales.
+        title: What a screen reader says; without one the drawing counts as decoration.
+    """
+    poses = chain.folded_poses
+    return modules_svg(chain.module, poses.positions, poses.rotations, size=size, title=title)
+
+
+def modules_svg(
+    module: Module,
+    positions: Array,
+    rotations: Array,
+    *,
+    size: int = 320,
+    title: str | None = None,
+) -> str:
+    """Draws modules where they lie; see ``chain_svg``.
+
+    Args:
+        module: Their kind.
+        positions: (n, 3) in pitches.
+        rotations: (n, 3, 3).
+        size: Width and height in CSS pixels; the drawing scales.
+        title: What a screen reader says; without one the drawing counts as decoration.
+    """
+    if module.geom == "box":
+        return isometric_svg(np.rint(positions).astype(np.int64), size=size, title=title)
+    outline = sketch_outline(module, len(positions))
+    faces, normals = np.array(outline["faces"]), np.array(outline["normals"])
+    # (n, F, 3) normals and (n, F, C, 3) corners; faces that two modules share are not drawn.
+    turned = np.einsum("nij,fj->nfi", rotations, normals)
+    local = module.vertices[faces]
+    placed = positions[:, None, None] + np.einsum("nij,fcj->nfci", rotations, local)
+    seen = (turned @ EYE > 1e-6) & _outer(placed)
+    corners, facing = placed[seen], turned[seen]
+    order = np.argsort((corners.mean(axis=1) @ EYE), kind="stable")
+    corners, facing = corners[order], facing[order]
+    middle = corners.mean(axis=1, keepdims=True)
+    flat, inner = _project(corners), _project(middle + SHRINK * (corners - middle))
+    unit = UNIT / 2.0
+    drawn = "".join(
+        f'<path fill="{SEAM}" d="{_path(outer * unit)}"/>'
+        f'<path fill="{_tone(normal)}" d="{_path(face * unit)}"/>'
+        for outer, face, normal in zip(flat, inner, facing, strict=True)
+    )
+    name = (
+        f'role="img" aria-label="{escape(title)}"><title>{escape(title)}</title>'
+        if title
+        else 'aria-hidden="true">'
+    )
+    low, high = flat.min(axis=(0, 1)) * unit, flat.max(axis=(0, 1)) * unit
+    margin = MARGIN * unit
+    box = (*(low - margin), *(high - low + 2 * margin))
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="iso" width="{size}" height="{size}" '
+        f'viewBox="{" ".join(f"{v:.1f}" for v in box)}" stroke-linejoin="round" {name}{drawn}</svg>'
+    )
+
+
+def _outer(placed: Array) -> NDArray[np.bool_]:
+    """(n, F) whether a face belongs to one module only."""
+    n, count = placed.shape[:2]
+    keys = np.rint(placed.sum(axis=2) * 4.0).astype(np.int64).reshape(-1, 3)
+    _, inverse, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    return (counts[inverse.reshape(-1)] == 1).reshape(n, count)
+
+
+def _project(points: Array) -> Array:
+    return np.stack([points @ RIGHT, -(points @ UP)], axis=-1)
+
+
+def _path(points: Array) -> str:
+    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points) + "z"
+
+
+def _tone(normal: Array) -> str:
+    share = round(TONES * (0.5 + 0.5 * float(normal @ LIGHT))) / TONES
+    mixed = (round(a + (b - a) * share) for a, b in zip(DARKEST, BRIGHTEST, strict=True))
+    return "#" + "".join(f"{value:02x}" for value in mixed)

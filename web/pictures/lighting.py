@@ -1,0 +1,126 @@
+"""Lighting: where light comes from in pictures of a chain, and what each face gets of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.module import Module
+from web.pictures.camera import View
+from web.pictures.colours import Rgb
+from web.pictures.ground_shadow import GroundShadow
+from web.pictures.occlusion import face_light
+
+Array = NDArray[np.float64]
+
+UP: Final = np.array([0.0, 0.0, 1.0])
+KEY: Final = (-0.5, 0.6, 1.0)
+"""Where the light comes from that throws shadows: right, towards the camera, up."""
+FILL: Final = (0.9, 0.6, 0.1)
+"""Where a faint light comes from that throws none."""
+WARMTH: Final = np.array([1.0, 0.985, 0.955])
+"""Colour of the key light."""
+SHADED: Final = 0.35
+"""How much of its colour a face loses when the key light is kept from it."""
+LEAN: Final = 0.25
+"""How far shadows on the ground lean away from the key light: less than they would."""
+BALL: Final = 1.12
+"""Radius of the ball that a module counts as, by that of the ball that fits into it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Theme:
+    """The colours of a ground and how light falls on modules.
+
+    Attributes:
+        ground: Its colour.
+        shade: Its colour in full shadow.
+        key: Strength of the key light, 0 to 1.
+        fill: Strength of the light from the other side.
+        ambient: Strength of the light from everywhere.
+        dimmest: What is left of a colour where neither sky nor light comes to.
+    """
+
+    ground: Rgb
+    shade: Rgb
+    key: float
+    fill: float
+    ambient: float
+    dimmest: float
+
+    @property
+    def key_colour(self) -> Array:
+        """(3,) the strength of the key light in red, green and blue."""
+        return self.key * WARMTH
+
+
+THEMES: Final = {
+    "light": Theme(
+        ground=(247, 245, 241),
+        shade=(172, 164, 154),
+        key=0.62,
+        fill=0.2,
+        ambient=0.44,
+        dimmest=0.42,
+    ),
+    "dark": Theme(
+        ground=(30, 35, 42), shade=(6, 8, 10), key=0.62, fill=0.16, ambient=0.34, dimmest=0.24
+    ),
+}
+
+
+def key_light(view: View) -> Array:
+    """(3,) unit vector towards the key light, which goes with the camera."""
+    return _beside(view, KEY)
+
+
+def fill_light(view: View) -> Array:
+    """(3,) unit vector towards the other light."""
+    return _beside(view, FILL)
+
+
+def share_left(
+    middles: Array, normals: Array, positions: Array, *, module: Module, view: View, theme: Theme
+) -> Array:
+    """What other modules leave of the colour of each face.
+
+    Args:
+        middles: (n, F, 3) middles of the faces of the modules.
+        normals: (n, F, 3) their unit normals.
+        positions: (n, 3) centres of the modules.
+        module: Their kind.
+        view: The camera, which the light goes with.
+        theme: How dark it gets.
+
+    Returns:
+        (n, F) shares, 0 to 1.
+    """
+    sky, lit = face_light(
+        middles,
+        normals,
+        positions,
+        radius=BALL * module.inner_radius,
+        towards_light=key_light(view),
+    )
+    bright = (sky * (1.0 - SHADED * (1.0 - lit))).astype(np.float64)
+    return theme.dimmest + (1.0 - theme.dimmest) * bright
+
+
+def shade_colours(shadow: GroundShadow, theme: Theme) -> NDArray[np.uint8]:
+    """(C, C, 3) sRGB bytes of the ground with a shadow on it."""
+    low, high = np.array(theme.ground, np.float64), np.array(theme.shade, np.float64)
+    steps = np.rint(low + (high - low) * np.linspace(0, 1, 256)[:, None]).astype(np.uint8)
+    return steps[np.rint(shadow.shade * 255.0).astype(np.uint8)]
+
+
+def unit(vector: Array) -> Array:
+    """A vector of length 1 in the same direction."""
+    return vector / np.linalg.norm(vector)
+
+
+def _beside(view: View, way: tuple[float, float, float]) -> Array:
+    out = np.array([np.cos(view.azimuth_rad), np.sin(view.azimuth_rad), 0.0])
+    return unit(way[0] * np.cross(UP, out) + way[1] * out + way[2] * UP)

@@ -1,0 +1,106 @@
+"""Module faces: the drawn module face by face, so that each face can have a light of its own.
+
+Together the pieces are the module of ``web.pictures.meshes``: shrunk to leave a gap, its edges
+bevelled. Each piece is a flat face with its halves of the bevels around it; normals turn evenly
+across a bevel, so that edges look round.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.module import Module
+from web.pictures.meshes import BEVEL
+from web.pictures.sketch import sketch_outline
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Piece:
+    """One face of a module with its part of the bevels.
+
+    Attributes:
+        vertices: (V, 3) in pitches, in the module's frame.
+        normals: (V, 3) their unit normals.
+        triangles: (T, 3) vertices, turning outwards.
+        middle: (3,) middle of the flat face.
+        normal: (3,) its unit normal.
+    """
+
+    vertices: Array
+    normals: Array
+    triangles: NDArray[np.int64]
+    middle: Array
+    normal: Array
+
+
+def module_faces(module: Module, *, bevel: float = BEVEL) -> tuple[Piece, ...]:
+    """The pieces of a module.
+
+    Args:
+        module: Its kind; three faces meet in each of its corners.
+        bevel: How far, in pitches, each face is drawn in from its edges.
+    """
+    outline = sketch_outline(module, 1)
+    corners: Array = np.array(outline["corners"])
+    faces: list[list[int]] = outline["faces"]
+    normals: Array = np.array(outline["normals"])
+    inset: dict[tuple[int, int], Array] = {}
+    beside: dict[tuple[int, int], int] = {}
+    meeting: dict[int, list[int]] = defaultdict(list)
+    for face, ring in enumerate(faces):
+        for corner, point in zip(ring, _inset(corners[ring], bevel), strict=True):
+            inset[face, corner] = point
+            meeting[corner].append(face)
+        for corner, following in zip(ring, [*ring[1:], ring[0]], strict=True):
+            beside[corner, following] = face
+
+    def shared(corner: int, *owners: int) -> tuple[Array, Array]:
+        """The point between faces at a corner, and its normal."""
+        point = np.mean([inset[face, corner] for face in owners], axis=0)
+        normal = normals[list(owners)].sum(axis=0)
+        return point, normal / np.linalg.norm(normal)
+
+    pieces: list[Piece] = []
+    for face, ring in enumerate(faces):
+        points: list[tuple[Array, Array]] = [shared(corner, face) for corner in ring]
+        count = len(ring)
+        triangles = [(0, k, k + 1) for k in range(1, count - 1)]
+        for k, corner in enumerate(ring):
+            before, after = ring[k - 1], ring[(k + 1) % count]
+            ahead, back = beside[after, corner], beside[corner, before]
+            at, following = len(points), (k + 1) % count
+            # The quarter of the corner, then the half of the bevel that leads to the next one.
+            points += [
+                shared(corner, face, back),
+                shared(corner, *meeting[corner]),
+                shared(corner, face, ahead),
+                shared(after, face, ahead),
+            ]
+            triangles += [(k, at, at + 1), (k, at + 1, at + 2)]
+            triangles += [(k, at + 2, at + 3), (k, at + 3, following)]
+        vertices, their_normals = (np.array(values) for values in zip(*points, strict=True))
+        pieces.append(
+            Piece(
+                vertices=vertices,
+                normals=their_normals,
+                triangles=np.array(triangles),
+                middle=corners[ring].mean(axis=0),
+                normal=normals[face],
+            )
+        )
+    return tuple(pieces)
+
+
+def _inset(ring: Array, bevel: float) -> Array:
+    """The corners of a flat face, each moved along its two edges' inner bisector."""
+    before, after = np.roll(ring, 1, axis=0) - ring, np.roll(ring, -1, axis=0) - ring
+    before /= np.linalg.norm(before, axis=1, keepdims=True)
+    after /= np.linalg.norm(after, axis=1, keepdims=True)
+    sine = np.linalg.norm(np.cross(before, after), axis=1, keepdims=True)
+    return ring + (before + after) * bevel / sine

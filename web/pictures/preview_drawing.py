@@ -1,0 +1,45 @@
+"""Drawings of previews: what a page shows until the 3D view is there, or instead of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.module import CUBE, module_named
+from planner.chain.rotations import matrix_from_wxyz
+from web.pictures.isometric import isometric_svg
+from web.pictures.isometric_modules import modules_svg
+
+LARGEST_DRAWING: Final = 20_000
+"""Modules; so many cubes are drawn in a fifth of a second."""
+LARGEST_OTHER_DRAWING: Final = 4_000
+"""Modules that are no cubes: all their outer faces are drawn."""
+QUARTER_TURN: Final[NDArray[np.int64]] = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+"""Drawings are seen from where x and y are positive, the 3D view from where only x is."""
+
+
+def preview_svg(report: Mapping[str, Any], *, size: int = 480) -> str | None:
+    """Draws the modules of a preview's report, or its cells where there is no chain.
+
+    Args:
+        report: As ``planner.pathfinding.prepare.Preparation.report`` gives it.
+        size: Width and height in CSS pixels; the drawing scales.
+
+    Returns:
+        None when there is nothing to draw, or too much.
+    """
+    module = module_named(str(report["module"]))
+    if module is not CUBE and report.get("wxyzs"):
+        positions = np.asarray(report["positions"], dtype=np.float64)
+        if len(positions) > LARGEST_OTHER_DRAWING:
+            return None
+        turned = QUARTER_TURN.astype(np.float64)
+        rotations = turned @ matrix_from_wxyz(np.asarray(report["wxyzs"], dtype=np.float64))
+        return modules_svg(module, positions @ turned.T, rotations, size=size)
+    cells = np.asarray(report["cells"], dtype=np.int64).reshape(-1, 3)
+    if not 0 < len(cells) <= LARGEST_DRAWING:
+        return None
+    return isometric_svg(cells @ QUARTER_TURN.T, size=size)

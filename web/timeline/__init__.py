@@ -1,0 +1,1 @@
+"""What a browser is told of a timeline: stretches of frames, figures, and views that are shared."""

@@ -1,0 +1,167 @@
+"""Reel: a stretch of a film as one message, for a browser that computes the poses itself.
+
+A message (``web.timeline.columns``) tells in its header which timeline it is of (``id``), its
+``status`` (``growing``, ``complete`` or ``failed``), how many frames there are in ``total``, the
+stretch ``start``, ``stop`` and ``stride`` that the columns hold, and the film's outline. The
+columns are those of ``planner.motion.timeline.Frames``: the time is exact, joint angles are within
+half a millionth of a radian, joint errors within a half per cent, so that little has to travel. A
+windowed film's are those of ``web.timeline.window_columns``.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.motion.motion import Motion
+from planner.motion.timeline import TimelineWriter
+from planner.motion.windows import Windows
+from web.timeline.cache import Kept
+from web.timeline.columns import encode
+from web.timeline.view import Film
+from web.timeline.window_columns import ANGLE_STEP_RAD, PLANES, window_columns
+
+LARGEST_REEL: Final = 2**20
+WHOLE: Final = 2**40
+WINDOW_FRAME: Final = 80
+"""Bytes of a windowed frame beside its angles."""
+AT_ONCE: Final = 512
+"""Windows that are read at once: how wide they are is not known before."""
+SAMPLES: Final = 64
+_REELS: Final[Kept[bytes]] = Kept(64 * 2**20)
+
+
+def kept_reel(film: Film, start: int = 0, stop: int | None = None, stride: int = 1) -> bytes:
+    """``reel_of`` with its usual size; of a film that is over, those made lately are kept.
+
+    Raises:
+        TimelineError: When the timeline is being replaced.
+    """
+    key = (film.edition, start, stop, stride)
+    if (data := _REELS.get(key)) is not None:
+        return data
+    data = reel_of(film, start, stop, stride)
+    # What was replaced in the meantime may be partly one and partly the other.
+    if not film.growing and film.edition == key[0]:
+        _REELS.keep(key, data, len(data))
+    return data
+
+
+def reel_of(
+    film: Film,
+    start: int = 0,
+    stop: int | None = None,
+    stride: int = 1,
+    *,
+    largest: int = LARGEST_REEL,
+) -> bytes:
+    """Frames from ``start`` on, as many as fit into one message of about a mebibyte.
+
+    Args:
+        film: What they are of.
+        start: The first one; one past the end is answered with no frames.
+        stop: Past the last one; the end when None.
+        stride: Every so many-th.
+        largest: About as many bytes of angles and errors as a reel may have when unpacked.
+
+    Raises:
+        TimelineError: When the timeline is being replaced.
+    """
+    total = len(film)
+    start = min(start, total)
+    end = total if stop is None else max(start, min(stop, total))
+    if film.windowed:
+        windows, end = _windows(film, start, end, stride, largest)
+        columns = window_columns(windows, film.chain.folded_rad)
+        return encode(_header(film, total, start, end, stride), columns, planes=PLANES)
+    most = max(1, largest // (8 * len(film.chain.joint_names) + 40))
+    end = min(end, start + most * stride)
+    frames = film.frames(start, end, stride)
+    columns = {
+        "time_s": frames.time_s.astype("<f8"),
+        "phase": frames.phase.astype("|u1"),
+        "root_position": frames.root_position.astype("<f4"),
+        "root_wxyz": frames.root_wxyz.astype("<f4"),
+        "joint_angles_rad": frames.joint_angles_rad.astype("<f4"),
+        "joint_error_rad": frames.joint_error_rad.astype("<f4"),
+    }
+    return encode(
+        _header(film, total, start, end, stride),
+        columns,
+        steps={"joint_angles_rad": ANGLE_STEP_RAD},
+        short=frozenset({"joint_error_rad"}),
+    )
+
+
+def unpacked_bytes(film: Film) -> int:
+    """About as many bytes as a reel of the whole film has when unpacked."""
+    if not film.windowed:
+        return len(film) * (8 * len(film.chain.joint_names) + 40)
+    some = film.windows(0, len(film), max(1, len(film) // SAMPLES))
+    return len(film) * (WINDOW_FRAME + 4 * len(some.angles_rad) // max(1, len(some)))
+
+
+def _header(film: Film, total: int, start: int, stop: int, stride: int) -> dict[str, Any]:
+    return {
+        "id": film.id,
+        "status": film.status,
+        "total": total,
+        "start": start,
+        "stop": stop,
+        "stride": stride,
+        "outline": film.outline(),
+    }
+
+
+def _windows(film: Film, start: int, stop: int, stride: int, largest: int) -> tuple[Windows, int]:
+    """As many snapshots as fit, at least one, and where the stretch that they are of ends."""
+    parts = [film.windows(start, start)]
+    room = largest
+    for at in range(start, stop, AT_ONCE * stride):
+        part = film.windows(at, min(at + AT_ONCE * stride, stop), stride)
+        sizes = 4 * part.offsets[1:] + WINDOW_FRAME * np.arange(1, len(part) + 1)
+        fitting = int(np.searchsorted(sizes, room, "right"))
+        if fitting < len(part):
+            fitting = max(fitting, int(at == start))
+            parts.append(part[:fitting])
+            return Windows.joined(parts), at + fitting * stride
+        room -= int(sizes[-1])
+        parts.append(part)
+    return Windows.joined(parts), stop
+
+
+def thinned(film: Film, stride: int) -> bytes:
+    """A whole finished film in one reel, of every ``stride``-th frame and the last, counted anew.
+
+    Raises:
+        TimelineError: When the timeline is being replaced.
+    """
+    if stride == 1:
+        return reel_of(film, largest=WHOLE)
+    taken = film.windows if film.windowed else film.frames
+    parts: list[Motion] = [taken(0, len(film), stride)]
+    if (len(film) - 1) % stride:
+        parts.append(taken(len(film) - 1, len(film)))
+    return _joined(film, parts)
+
+
+def chosen(film: Film, frames: NDArray[np.int64]) -> bytes:
+    """Some frames of a finished film without windows in one reel, counted anew.
+
+    Raises:
+        TimelineError: When the timeline is being replaced.
+    """
+    return _joined(film, [film.frames(0, len(film))[frames]])
+
+
+def _joined(film: Film, parts: Sequence[Motion]) -> bytes:
+    with tempfile.TemporaryDirectory() as place:
+        path = f"{place}/timeline.zarr"
+        with TimelineWriter.create(path, film.chain, windowed=film.windowed) as writer:
+            for part in parts:
+                writer.append(part)
+        return reel_of(Film(path), largest=WHOLE)

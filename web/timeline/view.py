@@ -1,0 +1,456 @@
+"""Film: a timeline made ready for showing, shared by everybody who looks at the same fold.
+
+It holds the poses and errors of the frames lately asked for, computed chunk by chunk with
+vectorised kinematics, and a summary of all frames for the bar along the bottom of the page. It
+follows a timeline that still grows, and one that is begun anew.
+
+Of a long fold, whose timeline holds windows (``planner.motion.windows``), it holds those, and
+computes the poses of the one frame that is asked for.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.errors import TimelineError
+from planner.motion.frames import PHASES, Frames
+from planner.motion.motion import Motion
+from planner.motion.timeline import Timeline
+from planner.motion.windows import Windows
+from web.pictures.camera import modules_framed, straight_stretch
+from web.pictures.colours import error_scale, module_errors
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+
+FRAMES_A_CHUNK: Final = 64
+WINDOWS_A_CHUNK: Final = 512
+CHUNK_BYTES: Final = 48 * 2**20
+REFRESH_EVERY_S: Final = 0.1
+OUTLINE_COLUMNS: Final = 320
+FILM_BYTES: Final = 2**18
+"""Of the chain and the timeline's own parts, about."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Snapshot:
+    """One moment of a film.
+
+    Attributes:
+        frame: Which one; not whole between two recorded frames.
+        time_s: Simulated time.
+        phase: ``explosion`` or ``playback``.
+        positions: (n, 3) centres of the modules in pitches.
+        wxyzs: (n, 4) their orientations.
+        joint_angles_rad: (J,) hinge angles.
+        joint_error_rad: (J,) hinge errors, NaN where none is recorded.
+        module_error_rad: (n,) what each module shows.
+        framed: How many modules, from the first on, a camera should have in view.
+    """
+
+    frame: float
+    time_s: float
+    phase: str
+    positions: Floats
+    wxyzs: Floats
+    joint_angles_rad: Array
+    joint_error_rad: Array
+    module_error_rad: Array
+    framed: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Chunk:
+    frames: Frames
+    positions: Floats
+    wxyzs: Floats
+    module_error_rad: Array
+
+    @property
+    def nbytes(self) -> int:
+        f = self.frames
+        return (
+            self.positions.nbytes
+            + self.wxyzs.nbytes
+            + self.module_error_rad.nbytes
+            + 2 * f.joint_angles_rad.nbytes
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _WindowChunk:
+    windows: Windows
+
+    @property
+    def nbytes(self) -> int:
+        return self.windows.angles_rad.nbytes + 100 * len(self.windows)
+
+
+class Film:
+    """See the module's description. Safe to use from several threads."""
+
+    def __init__(self, path: str | Path) -> None:
+        """Opens the timeline at ``path``.
+
+        Raises:
+            TimelineError: When there is none yet, or it is damaged.
+        """
+        self.path = str(path)
+        self._lock = threading.RLock()
+        self.version = 0
+        self.stretch: int | None = None
+        """Straight modules that a camera keeps in view; all of them when None."""
+        self._begin()
+
+    def _begin(self) -> None:
+        self._stamp = self._stamp_now()
+        self._timeline = Timeline.open(self.path)
+        self._chunks: OrderedDict[int, _Chunk | _WindowChunk] = OrderedDict()
+        self._bytes = 0
+        self._refreshed = time.monotonic()
+        self._summarised = 0
+        self._phase: NDArray[np.uint8] = np.zeros(0, np.uint8)
+        self._time_s: Array = np.zeros(0)
+        self._max_error: Array = np.zeros(0)
+        self._last: Motion | None = None
+        self.stretch = straight_stretch(self.chain) if self.windowed else None
+        self._summarise()
+
+    def __len__(self) -> int:
+        return self._summarised
+
+    @property
+    def id(self) -> str:
+        """Another one for every timeline, one that was begun anew in the same place too."""
+        return self._timeline.id
+
+    @property
+    def edition(self) -> tuple[object, ...]:
+        """Another one for every word of the timeline's writer: what was made of it is outdated."""
+        return (self.path, self.id, self._stamp, self._summarised)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that it holds, about."""
+        summary = self._phase.nbytes + self._time_s.nbytes + self._max_error.nbytes
+        return FILM_BYTES + summary + self._bytes
+
+    @property
+    def chain(self) -> Chain:
+        """The chain that is shown."""
+        return self._timeline.chain
+
+    @property
+    def windowed(self) -> bool:
+        """Whether its timeline holds windows."""
+        return self._timeline.windowed
+
+    @property
+    def growing(self) -> bool:
+        """True while frames are still being added."""
+        return self._timeline.status == "growing"
+
+    @property
+    def status(self) -> str:
+        """``growing``, ``complete`` or ``failed``."""
+        return self._timeline.status
+
+    @property
+    def error_scale_rad(self) -> float:
+        """The joint error at which a module is fully red."""
+        with self._lock:
+            known = self._max_error[np.isfinite(self._max_error)]
+            return error_scale(float(known.max()) if len(known) else 0.0)
+
+    def refresh(self, *, at_once: bool = False) -> bool:
+        """Looks for new frames, at most every ``REFRESH_EVERY_S``; True when anything changed."""
+        with self._lock:
+            now = time.monotonic()
+            if not at_once and now - self._refreshed < REFRESH_EVERY_S:
+                return False
+            self._refreshed = now
+            stamp = self._stamp_now()
+            if not self.growing and stamp == self._stamp:
+                return False
+            self._stamp = stamp
+            before = (self._summarised, self._timeline.status)
+            try:
+                self._timeline.refresh()
+                if len(self._timeline) < self._summarised:
+                    self._begin()
+                else:
+                    self._summarise()
+            except (TimelineError, OSError, ValueError, KeyError):
+                # The writer is replacing it just now; what is shown stays until it is back.
+                try:
+                    self._begin()
+                except (TimelineError, OSError, ValueError, KeyError):
+                    return False
+            changed = before != (self._summarised, self._timeline.status)
+            self.version += changed
+            return changed
+
+    def snapshot(self, frame: float) -> Snapshot:
+        """The moment at ``frame``, interpolated when it is not whole.
+
+        Raises:
+            TimelineError: When the film holds no frame yet, or its timeline is being replaced.
+        """
+        with self._lock:
+            if not self._summarised:
+                raise TimelineError(f"got no frame in {self.path} yet, expected at least one.")
+            place = float(np.clip(frame, 0, self._summarised - 1))
+            low = int(place)
+            share = place - low
+            if share < 1e-6 or low + 1 >= self._summarised:
+                return self._exact(low)
+            return self._between(low, share)
+
+    def frames(self, start: int, stop: int, stride: int = 1) -> Frames:
+        """Frames as they were recorded.
+
+        Raises:
+            TimelineError: When they are not there, or the timeline is being replaced.
+        """
+        with self._lock, self._reading():
+            return self._timeline.frames(start, min(stop, self._summarised), stride)
+
+    def windows(self, start: int, stop: int, stride: int = 1) -> Windows:
+        """As ``frames``, of a windowed film.
+
+        Raises:
+            TimelineError: When they are not there, or the timeline is being replaced.
+        """
+        with self._lock, self._reading():
+            return self._timeline.windows(start, min(stop, self._summarised), stride)
+
+    @contextmanager
+    def _reading(self) -> Generator[None]:
+        """Says so when what is read is being replaced."""
+        try:
+            yield
+        except (OSError, ValueError, KeyError) as error:
+            raise TimelineError(f"{self.path} is being replaced: {error}") from error
+
+    def outline(self, columns: int = OUTLINE_COLUMNS) -> dict[str, Any]:
+        """What the bar draws: phases, and the largest error in each of ``columns`` columns."""
+        with self._lock:
+            total = self._summarised
+            return {
+                "frames": total,
+                "growing": self.growing,
+                "names": list(PHASES),
+                "phases": self._phases(),
+                "errors": self._columns(columns),
+                "error_scale_rad": self.error_scale_rad,
+                "end_s": float(self._time_s[-1]) if total else 0.0,
+            }
+
+    def _phases(self) -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = []
+        edges = np.flatnonzero(np.diff(self._phase)) + 1
+        for part in np.split(np.arange(self._summarised), edges):
+            if len(part):
+                name = PHASES[int(self._phase[part[0]])]
+                found.append({"name": name, "from": int(part[0]), "to": int(part[-1]) + 1})
+        return found
+
+    def _columns(self, columns: int) -> list[float | None]:
+        total = self._summarised
+        count = min(columns, total)
+        if not count:
+            return []
+        edges = np.linspace(0, total, count + 1).astype(int)[:-1]
+        filled = np.where(np.isfinite(self._max_error), self._max_error, -1.0)
+        return [
+            None if value < 0 else float(f"{value:.3g}")
+            for value in np.maximum.reduceat(filled, edges)
+        ]
+
+    def _stamp_now(self) -> tuple[int, int] | None:
+        """Changes with every word of the writer, and costs next to nothing to look at."""
+        try:
+            found = os.stat(os.path.join(self.path, "zarr.json"))
+        except OSError:
+            return None
+        return (found.st_ino, found.st_mtime_ns)
+
+    def _summarise(self) -> None:
+        start, stop = self._summarised, len(self._timeline)
+        if stop <= start:
+            return
+        if start and not _same(self._last, self._timeline.motion(start - 1, start)):
+            self._begin()  # it is another timeline, which has outgrown the one before
+            return
+        if self.windowed:
+            times, phases = self._timeline.clock()
+            time_s, phase = times[start:stop], phases[start:stop]
+            largest = np.full(stop - start, np.nan)
+            last: Motion = self._timeline.windows(stop - 1, stop)
+        else:
+            parts = [
+                self._timeline.frames(at, min(at + 1024, stop)) for at in range(start, stop, 1024)
+            ]
+            time_s = np.concatenate([p.time_s for p in parts])
+            phase = np.concatenate([p.phase for p in parts])
+            largest = np.concatenate([_largest(p.joint_error_rad) for p in parts])
+            last = parts[-1][-1:]
+        self._phase = np.concatenate([self._phase, phase])
+        self._time_s = np.concatenate([self._time_s, time_s])
+        self._max_error = np.concatenate([self._max_error, largest])
+        self._last = last
+        self._summarised = stop
+        self._forget(start // self._rows)
+
+    @property
+    def _rows(self) -> int:
+        """Frames of a chunk."""
+        return WINDOWS_A_CHUNK if self.windowed else FRAMES_A_CHUNK
+
+    def _exact(self, frame: int) -> Snapshot:
+        chunk = self._chunk(frame // self._rows)
+        k = frame % self._rows
+        if isinstance(chunk, _WindowChunk):
+            return self._of_window(chunk.windows, k, frame)
+        f = chunk.frames
+        return Snapshot(
+            frame=float(frame),
+            time_s=float(f.time_s[k]),
+            phase=PHASES[int(f.phase[k])],
+            positions=chunk.positions[k],
+            wxyzs=chunk.wxyzs[k],
+            joint_angles_rad=f.joint_angles_rad[k],
+            joint_error_rad=f.joint_error_rad[k],
+            module_error_rad=chunk.module_error_rad[k],
+            framed=len(self.chain),
+        )
+
+    def _of_window(self, windows: Windows, k: int, frame: float) -> Snapshot:
+        chain, stretch = self.chain, self.stretch
+        assert stretch is not None
+        angles = windows.angles(chain, k, k + 1)[0]
+        poses = forward_kinematics(
+            chain.module,
+            angles,
+            root_position=windows.base_position[k],
+            root_wxyz=windows.base_wxyz[k],
+        )
+        return Snapshot(
+            frame=float(frame),
+            time_s=float(windows.time_s[k]),
+            phase=PHASES[int(windows.phase[k])],
+            positions=poses.positions.astype(np.float32),
+            wxyzs=poses.wxyzs.astype(np.float32),
+            joint_angles_rad=angles,
+            joint_error_rad=np.full(len(angles), np.nan),
+            module_error_rad=np.full(len(chain), np.nan),
+            framed=modules_framed(chain, int(windows.last[k]), stretch),
+        )
+
+    def _between(self, low: int, share: float) -> Snapshot:
+        a, b = self._exact(low), self._exact(low + 1)
+        first, second = (self._given(k) for k in (low, low + 1))
+        angles = _mix(a.joint_angles_rad, b.joint_angles_rad, share)
+        turn = _mix(first[1], second[1] * (1.0 if first[1] @ second[1] >= 0 else -1.0), share)
+        chain = self.chain
+        poses = forward_kinematics(
+            chain.module,
+            angles,
+            root=0 if self.windowed else chain.root,
+            root_position=_mix(first[0], second[0], share),
+            root_wxyz=turn / np.linalg.norm(turn),
+        )
+        return Snapshot(
+            frame=low + share,
+            time_s=a.time_s + (b.time_s - a.time_s) * share,
+            phase=a.phase,
+            positions=poses.positions.astype(np.float32),
+            wxyzs=poses.wxyzs.astype(np.float32),
+            joint_angles_rad=angles,
+            joint_error_rad=a.joint_error_rad,
+            module_error_rad=a.module_error_rad,
+            framed=max(a.framed, b.framed),
+        )
+
+    def _given(self, frame: int) -> tuple[Array, Array]:
+        """The pose that a frame tells: that of its root, or of the first module."""
+        chunk = self._chunk(frame // self._rows)
+        k = frame % self._rows
+        if isinstance(chunk, _WindowChunk):
+            return chunk.windows.base_position[k], chunk.windows.base_wxyz[k]
+        return chunk.frames.root_position[k], chunk.frames.root_wxyz[k]
+
+    def _chunk(self, index: int) -> _Chunk | _WindowChunk:
+        found = self._chunks.get(index)
+        if found is not None:
+            self._chunks.move_to_end(index)
+            return found
+        start = index * self._rows
+        stop = min(start + self._rows, self._summarised)
+        chunk = (
+            _WindowChunk(self.windows(start, stop))
+            if self.windowed
+            else self._posed(self.frames(start, stop))
+        )
+        self._chunks[index] = chunk
+        self._bytes += chunk.nbytes
+        while self._bytes > CHUNK_BYTES and len(self._chunks) > 2:
+            _, old = self._chunks.popitem(last=False)
+            self._bytes -= old.nbytes
+        return chunk
+
+    def _posed(self, frames: Frames) -> _Chunk:
+        chain = self.chain
+        poses = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
+        return _Chunk(
+            frames,
+            poses.positions.astype(np.float32),
+            poses.wxyzs.astype(np.float32),
+            module_errors(
+                frames.joint_error_rad,
+                len(chain),
+                hinges=chain.module.hinges_per_joint,
+                rigid_links=chain.module.rigid_links,
+            ),
+        )
+
+    def _forget(self, first: int) -> None:
+        for index in [k for k in self._chunks if k >= first]:
+            self._bytes -= self._chunks.pop(index).nbytes
+
+
+def _mix(a: Array, b: Array, share: float) -> Array:
+    return a + (b - a) * share
+
+
+def _largest(errors: Array) -> Array:
+    """(F,) the largest of (F, J) errors; NaN where none is recorded."""
+    known = np.isfinite(errors)
+    found = np.where(known, np.abs(errors), -np.inf).max(axis=-1)
+    return np.where(known.any(axis=-1), found, np.nan)
+
+
+def _same(a: Motion | None, b: Motion) -> bool:
+    """Whether two single snapshots are the same."""
+    if isinstance(a, Windows) and isinstance(b, Windows):
+        return (
+            np.array_equal(a.first, b.first)
+            and np.array_equal(a.angles_rad, b.angles_rad)
+            and np.array_equal(a.base_position, b.base_position)
+        )
+    if isinstance(a, Frames) and isinstance(b, Frames):
+        return np.array_equal(a.joint_angles_rad, b.joint_angles_rad)
+    return False

@@ -1,0 +1,78 @@
+"""Client: viser's own page, dressed for being framed by ours, and the policy it needs."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+# The page unpacks its own program into an inline script, and asks nobody for anything.
+ALLOWED: Final = "; ".join(
+    (
+        "default-src 'none'",
+        "script-src 'unsafe-inline' 'wasm-unsafe-eval'",
+        "style-src 'unsafe-inline'",
+        "img-src data:",
+        "font-src data:",
+        "base-uri 'none'",
+        "form-action 'none'",
+    )
+)
+# The panel, the notices and the logo are viser's; the page has its own. The ground is painted by
+# the document, so the canvas above it stays see-through.
+STYLE: Final = """
+html { color-scheme: light dark; }
+html, body { background: radial-gradient(120% 90% at 50% 38%, #fbfaf7 0%, #efece6 62%, #e2ded6 100%)
+  !important; }
+@media (prefers-color-scheme: dark) {
+  html, body {
+    background: radial-gradient(120% 90% at 50% 38%, #23282f 0%, #15181d 58%, #0d0f12 100%)
+      !important; }
+}
+#root div { background-color: transparent !important; }
+.mantine-Notifications-root, .mantine-Paper-root, .mantine-Tooltip-tooltip,
+.mantine-Modal-root { display: none !important; }
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Client:
+    """The page, and what it is served with.
+
+    Attributes:
+        html: The page. It says itself what it may do, as far as a page can, for where it is not
+            served: in a page that was taken away.
+        policy: Its Content-Security-Policy. The page has an origin of its own (``sandbox``): its
+            scripts reach nothing of ours.
+        etag: Changes with it.
+    """
+
+    html: bytes
+    policy: str
+    etag: str
+
+
+@cache
+def client() -> Client:
+    """The installed viser's client, told what to show by the page that frames it.
+
+    See ``static/bridge.js``; read once.
+    """
+    bridge = (Path(__file__).parents[1] / "static" / "bridge.js").read_text(encoding="utf-8")
+    # Found without importing it: the page alone needs none of its server.
+    installed = find_spec("viser")
+    assert installed is not None and installed.origin is not None
+    source = Path(installed.origin).parent / "client" / "build" / "index.html"
+    html = source.read_text(encoding="utf-8")
+    start = html.index("<head>") + len("<head>")
+    head = html.rindex("</head>")
+    html = (
+        f'{html[:start]}<meta http-equiv="Content-Security-Policy" content="{ALLOWED}">'
+        f"<script>{bridge}</script>{html[start:head]}<style>{STYLE}</style>{html[head:]}"
+    )
+    data = html.encode()
+    policy = f"{ALLOWED}; frame-ancestors 'self'; sandbox allow-scripts"
+    return Client(data, policy, f'"{hashlib.sha256(data).hexdigest()[:20]}"')

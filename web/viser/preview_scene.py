@@ -1,0 +1,243 @@
+"""Preview scene: a solid, the cells that stand for it, and the path through them.
+
+Like the scenery of a fold it is built by viser, taken down as messages, and handed to viser's
+client by the page, which shows and hides its layers: ``/solid``, ``/cells`` and ``/path``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.module import CUBE, Module, module_named
+from web.pictures.camera import FIELD_OF_VIEW_RAD
+from web.pictures.colours import ERROR, NEUTRAL, SELECTED, Rgb, instance_colours, ramp_colours
+from web.pictures.meshes import SHOWN_SIZE, module_mesh
+from web.timeline.columns import encode
+from web.viser.scene_bundle import taken_down, viser_server
+
+if TYPE_CHECKING:
+    import viser
+
+Array = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+
+SIZE: Final = 4.0
+"""Longest side of what is shown, in the scene's units."""
+ROD: Final = 0.3
+BEAD: Final = 0.46
+SOLID: Final[Rgb] = (92, 120, 164)
+GHOST: Final[Rgb] = (110, 120, 134)
+GHOST_OPACITY: Final = 0.13
+SOLID_OPACITY: Final = 0.34
+ADDED_OPACITY: Final = 0.55
+AZIMUTH_RAD: Final = np.deg2rad(-54.0)
+ELEVATION_RAD: Final = np.deg2rad(26.0)
+MARGIN: Final = (0.84, 0.76)
+UPRIGHT: Final = (1.0, 0.0, 0.0, 0.0)
+
+
+def preview_scene_of(report: Mapping[str, Any]) -> bytes:
+    """The scene of a preview's report, as one message of ``web.timeline.columns``.
+
+    The header holds the scene's ``messages`` as those of ``web.viser.scene_bundle``, a module's
+    ``hull`` as ``planner.chain.module`` tells it, the ``corners`` (8, 3) of what is shown and how
+    far a module reaches from its centre (``radius``), how the ``camera`` frames that, and
+    ``colours``: what is selected, and the ``ghost`` that cells become around a path. Lengths are in
+    the scene's units: it is the same size whatever the number of modules. The columns hold the
+    messages' arrays, the ``cells`` of the modules (n, 3), and their ``colours`` (n, 3) in sRGB
+    while they are no ghost.
+
+    Args:
+        report: As ``planner.pathfinding.prepare.Preparation.report`` gives it in full.
+    """
+    with viser_server() as server:
+        scene = _PreviewScene(server, report)
+        messages, arrays = taken_down(server)
+    module = scene.module
+    header = {
+        "messages": messages,
+        "hull": {
+            "modules": len(scene.positions),
+            "face_normals": module.face_normals.tolist(),
+            "vertices": (module.vertices * scene.unit).tolist(),
+        },
+        "corners": scene.corners.tolist(),
+        "radius": 0.62 * scene.unit,
+        "camera": {
+            "field_of_view_rad": float(FIELD_OF_VIEW_RAD),
+            "azimuth_rad": float(AZIMUTH_RAD),
+            "elevation_rad": float(ELEVATION_RAD),
+            "margin": MARGIN,
+        },
+        "colours": {"selected": SELECTED, "ghost": GHOST, "ghost_opacity": GHOST_OPACITY},
+    }
+    cells = np.asarray(report["cells"], dtype="<i4").reshape(-1, 3)
+    return encode(header, {**arrays, "cells": cells, "colours": scene.colours})
+
+
+class _PreviewScene:
+    """Draws a report into a viser server."""
+
+    def __init__(self, server: viser.ViserServer, report: Mapping[str, Any]) -> None:
+        self._scene = server.scene
+        # Without a chain there are only cells, which are cubes.
+        chained = report.get("positions") is not None
+        self.module: Module = module_named(report["module"]) if chained else CUBE
+        positions = report["positions"] if chained else report["cells"]
+        self.positions: Array = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
+        count = len(self.positions)
+        wxyzs = report.get("wxyzs")
+        self._wxyzs = np.tile(UPRIGHT, (count, 1)) if wxyzs is None else np.asarray(wxyzs)
+        mesh = report.get("mesh")
+        repair = {} if report["has_path"] else _repair(report)
+        self._added = np.asarray(repair.get("add", ()), dtype=np.float64).reshape(-1, 3)
+        self._dropped: list[list[int]] = repair.get("drop", [])
+        low, high = _bounds(np.concatenate([self.positions, self._added]), mesh)
+        self._middle = (low + high) / 2
+        self.unit = SIZE / float((high - low).max())
+        inner = self._placed(np.array([low + 0.5, high - 0.5]))
+        shares = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+        self.corners: Array = inner[0] + shares * (inner[1] - inner[0])
+        self.colours: Bytes = np.tile(np.array(NEUTRAL, np.uint8), (count, 1))
+        self._light(server)
+        if count:
+            self._draw(report)
+        if mesh is not None and len(mesh["faces"]):
+            self._scene.add_mesh_simple(
+                "/solid",
+                self._placed(np.asarray(mesh["vertices"], dtype=np.float64)),
+                np.asarray(mesh["faces"], dtype=np.int64),
+                color=SOLID,
+                opacity=SOLID_OPACITY,
+                flat_shading=False,
+                side="front",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+
+    def _light(self, server: viser.ViserServer) -> None:
+        self._scene.set_up_direction("+z")
+        self._scene.configure_default_lights(True, cast_shadow=False)
+        self._scene.configure_environment_map(None)
+        self._scene.add_light_hemisphere(
+            "/sky", sky_color=(255, 255, 255), ground_color=(176, 170, 160), intensity=1.9
+        )
+        self._scene.add_light_directional(
+            "/side", color=(255, 250, 242), intensity=0.9, position=(-0.3, -1.0, 0.5)
+        )
+        server.initial_camera.fov = FIELD_OF_VIEW_RAD
+
+    def _draw(self, report: Mapping[str, Any]) -> None:
+        if report["has_path"]:
+            self.colours = ramp_colours(np.linspace(0.0, 1.0, len(self.positions)))
+            # A path inside full modules would not be seen: they become a ghost around it.
+            ghost = np.tile(np.array(GHOST, np.uint8), (len(self.positions), 1))
+            self._modules("/cells", ghost, opacity=GHOST_OPACITY)
+            line = np.asarray(report["line"], dtype=np.float64)
+            self._path(line, ramp_colours(np.linspace(0.0, 1.0, len(line))))
+        else:
+            self._mark(report)
+            self._modules("/cells", self.colours)
+        # Wherever the page puts it.
+        self._modules("/selected", np.array([SELECTED], np.uint8), visible=False)
+
+    def _mark(self, report: Mapping[str, Any]) -> None:
+        """Cells that make trouble, and those that the repair would add, stand out."""
+        state = report.get("feasibility") or {}
+        index = {tuple(map(int, cell)): k for k, cell in enumerate(self.positions)}
+        bad = [cell for problem in state.get("problems", ()) for cell in problem["cells"]]
+        for cell in [*bad, *self._dropped]:
+            if (k := index.get(tuple(cell))) is not None:
+                self.colours[k] = ERROR
+        if len(self._added):
+            blue = np.tile(np.array(SELECTED, np.uint8), (len(self._added), 1))
+            self._cubes("/added", self._added, blue, opacity=ADDED_OPACITY)
+
+    def _path(self, cells: Array, colours: Bytes) -> None:
+        self._scene.add_frame("/path", show_axes=False)
+        steps = np.diff(cells, axis=0)
+        middles = (cells[1:] + cells[:-1]) / 2
+        axes = np.abs(steps).argmax(axis=1)
+        mixed = ((colours[1:].astype(np.float64) + colours[:-1]) / 2).astype(np.uint8)
+        for axis in range(3):
+            along = axes == axis
+            if along.any():
+                sides = np.full(3, ROD)
+                sides[axis] = 1.0
+                self._cubes(f"/path/rods{axis}", middles[along], mixed[along], sides=sides)
+        sizes = np.full(len(cells), ROD * 1.06)
+        sizes[[0, -1]] = BEAD * 1.3
+        self._cubes("/path/beads", cells, colours, scales=sizes)
+
+    def _modules(
+        self, name: str, colours: Bytes, *, opacity: float | None = None, visible: bool = True
+    ) -> None:
+        """The first modules of the chain, one for each colour, where they are when folded."""
+        mesh = module_mesh(self.module)
+        self._scene.add_batched_meshes_simple(
+            name,
+            mesh.vertices * self.unit,
+            mesh.faces,
+            self._wxyzs[: len(colours)],
+            self._placed(self.positions[: len(colours)]),
+            batched_colors=instance_colours(colours),
+            opacity=opacity,
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=visible,
+        )
+
+    def _cubes(
+        self,
+        name: str,
+        cells: Array,
+        colours: Bytes,
+        *,
+        opacity: float | None = None,
+        sides: Array | None = None,
+        scales: Array | None = None,
+    ) -> None:
+        cube = module_mesh(CUBE)
+        vertices = cube.vertices * self.unit
+        self._scene.add_batched_meshes_simple(
+            name,
+            vertices if sides is None else vertices * sides / SHOWN_SIZE,
+            cube.faces,
+            np.tile(UPRIGHT, (len(cells), 1)),
+            self._placed(cells),
+            batched_colors=instance_colours(colours),
+            batched_scales=None if scales is None else scales.astype(np.float32),
+            opacity=opacity,
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+    def _placed(self, points: Array) -> Array:
+        return (points - self._middle) * self.unit
+
+
+def _repair(report: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The repair that comes first, if there is one."""
+    state = report.get("feasibility") or {}
+    return next(iter(state.get("repairs", ())), {})
+
+
+def _bounds(cells: Array, mesh: Mapping[str, Any] | None) -> tuple[Array, Array]:
+    """The corners of the box around cells and solid."""
+    lows, highs = [np.full(3, np.inf)], [np.full(3, -np.inf)]
+    if len(cells):
+        lows.append(cells.min(axis=0) - 0.5)
+        highs.append(cells.max(axis=0) + 0.5)
+    if mesh is not None and len(mesh["vertices"]):
+        vertices = np.asarray(mesh["vertices"], dtype=np.float64)
+        lows.append(vertices.min(axis=0))
+        highs.append(vertices.max(axis=0))
+    if len(lows) == 1:
+        return np.full(3, -0.5), np.full(3, 0.5)
+    return np.min(lows, axis=0), np.max(highs, axis=0)

@@ -1,0 +1,185 @@
+"""Scene: a chain of modules in one viser server."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from web.pictures.camera import FIELD_OF_VIEW_RAD, View
+from web.pictures.colours import FIRST, LAST, error_colours, instance_colours, ramp_colours
+from web.pictures.meshes import SHOWN_SIZE, module_mesh, stud_mesh
+from web.timeline.view import Snapshot
+
+if TYPE_CHECKING:
+    import viser
+    from viser._messages import Message
+
+Array = NDArray[np.float64]
+
+WIDEST: Final = 14.0
+"""Length of the straight chain, or of what is in view of it, in the scene's units: viser's shadows
+reach 20 from the camera."""
+BESIDE: Final = 3
+"""A stretch and what is folded or bent beside it, about, in stretches; as in the camera's file."""
+LARGEST_PITCH: Final = 0.25
+GROUND_GAP: Final = 0.35
+PATH_THICKNESS: Final = 0.18
+SINK_S: Final = 0.05
+RISE_S: Final = 0.5
+
+
+def path_colours(modules: int) -> NDArray[np.uint8]:
+    """(modules - 1, 2, 3) sRGB bytes of the ends of a path's segments, from first to last."""
+    along = ramp_colours(np.linspace(0.0, 1.0, modules))
+    return np.stack([along[:-1], along[1:]], axis=1)
+
+
+def broadcast(server: viser.ViserServer, message: Message) -> None:
+    """Sends a message to all clients of a server, in order with what its scene sends."""
+    websocket: Any = server._websock_server  # pyright: ignore[reportPrivateUsage]
+    websocket.queue_message(message)
+
+
+class Scene:
+    """Draws snapshots of one chain; tells which module was clicked."""
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        chain: Chain,
+        *,
+        stretch: int | None = None,
+        shadows: bool = True,
+    ) -> None:
+        """Builds the scene; ``stretch`` as of ``web.timeline.view.Film``."""
+        self._server = server
+        self._chain = chain
+        span = len(chain) if stretch is None else min(len(chain), BESIDE * stretch)
+        self.pitch = min(LARGEST_PITCH, WIDEST / span)
+        self._ground: float | None = None
+        self._last: Snapshot | None = None
+        n = len(chain)
+        scene = server.scene
+        scene.set_up_direction("+z")
+        # One soft light from above with a shadow, and a sky that leaves the greys grey.
+        scene.configure_default_lights(True, cast_shadow=shadows)
+        scene.configure_environment_map(None)
+        scene.add_light_hemisphere(
+            "/sky", sky_color=(255, 255, 255), ground_color=(176, 170, 160), intensity=1.7
+        )
+        scene.add_light_directional(
+            "/side", color=(255, 250, 242), intensity=0.9, position=(-0.3, -1.0, 0.5)
+        )
+        server.initial_camera.fov = FIELD_OF_VIEW_RAD
+        mesh = module_mesh(chain.module)
+        self._modules = scene.add_batched_meshes_simple(
+            "/modules",
+            mesh.vertices * self.pitch,
+            mesh.faces,
+            np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
+            np.zeros((n, 3)),
+            batched_colors=np.zeros((n, 3), np.uint8),
+            lod="off",
+            cast_shadow=shadows,
+            receive_shadow=shadows,
+        )
+        stud = stud_mesh()
+        self._ends = scene.add_batched_meshes_simple(
+            "/ends",
+            stud.vertices * self.pitch,
+            stud.faces,
+            np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)),
+            np.zeros((2, 3)),
+            batched_colors=instance_colours(np.array([FIRST, LAST], np.uint8)),
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        # The way that the chain takes through its modules, for a look into them.
+        line = scene.add_line_segments(
+            "/path",
+            np.zeros((n - 1, 2, 3), np.float32),
+            instance_colours(path_colours(n)),
+            thickness=PATH_THICKNESS * self.pitch,
+        )
+        line.visible = False
+        self._floor = scene.add_grid(
+            "/ground",
+            width=60.0,
+            height=60.0,
+            cell_thickness=0.0,
+            section_thickness=0.0,
+            cell_size=100.0,
+            section_size=100.0,
+            shadow_opacity=0.16 if shadows else 0.0,
+            fade_distance=40.0,
+        )
+
+    def show(self, snapshot: Snapshot, *, scale_rad: float) -> None:
+        """Draws a snapshot; errors at or above ``scale_rad`` are fully red."""
+        self._last = snapshot
+        colours = error_colours(snapshot.module_error_rad, scale_rad)
+        with self._server.atomic():
+            self._modules.batched_positions = snapshot.positions * np.float32(self.pitch)
+            self._modules.batched_wxyzs = snapshot.wxyzs
+            self._modules.batched_colors = instance_colours(colours)
+            self._place_ends(snapshot)
+
+    def points(self, snapshot: Snapshot) -> Array:
+        """(m, 3) centres of the modules to have in view, in the scene's units."""
+        return snapshot.positions[: snapshot.framed].astype(np.float64) * self.pitch
+
+    @property
+    def radius(self) -> float:
+        """How far a module reaches from its centre in the scene's units."""
+        return self._chain.module.radius * self.pitch
+
+    def look(self, view: View) -> None:
+        """Moves the camera.
+
+        It goes with the poses, through the messages to all clients: those to one client are sent
+        apart, and chain and camera would not move together.
+        """
+        from viser._messages import SetCameraLookAtMessage, SetCameraPositionMessage
+
+        with self._server.atomic():
+            x, y, z = (float(v) for v in view.position)
+            broadcast(self._server, SetCameraPositionMessage((x, y, z)))
+            x, y, z = (float(v) for v in view.target)
+            broadcast(self._server, SetCameraLookAtMessage((x, y, z)))
+
+    def _place_ends(self, snapshot: Snapshot) -> None:
+        """Studs on the free faces: behind the first module, before the last one."""
+        wxyzs = snapshot.wxyzs[[0, -1]].astype(np.float64)
+        w, x, y, z = wxyzs.T
+        ahead = np.column_stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
+        out = ahead * np.array([[-1.0], [1.0]])
+        reach = SHOWN_SIZE * float(np.abs(self._chain.module.vertices[:, 0]).max())
+        at = snapshot.positions[[0, -1]] + out * reach
+        # Half a turn about z points the first stud backwards: q · (0, 0, 0, 1).
+        wxyzs[0] = (-z[0], y[0], -x[0], w[0])
+        self._ends.batched_positions = (at * self.pitch).astype(np.float32)
+        self._ends.batched_wxyzs = wxyzs.astype(np.float32)
+
+    def move_ground(self, seconds: float) -> bool:
+        """Lets the ground sink and rise to just below the chain; True while it moves."""
+        if self._last is None:
+            return False
+        low = self._ground_below(self._last)
+        before = low if self._ground is None else self._ground
+        after = low + (before - low) * math.exp(-seconds / (SINK_S if low < before else RISE_S))
+        if self._ground is not None and abs(after - self._ground) < 1e-3 * self.pitch:
+            return False
+        self._ground = after
+        middle = self._last.positions[: self._last.framed].mean(axis=0) * self.pitch
+        self._floor.position = (float(middle[0]), float(middle[1]), self._ground)
+        return True
+
+    def _ground_below(self, snapshot: Snapshot) -> float:
+        return (
+            float(snapshot.positions[: snapshot.framed, 2].min()) - 0.5 - GROUND_GAP
+        ) * self.pitch

@@ -1,0 +1,223 @@
+"""Scenery: all that a browser needs to know of a fold once, before its frames.
+
+The 3D view is viser's own client. Its scene is built here by viser, taken down as the messages
+that a viser server would send, and handed to the client by the page itself: no server of its own
+stands behind a view, and the frames that follow are computed where they are shown.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Generator
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Final, cast
+
+import msgspec
+import numpy as np
+import rich
+import zstandard
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.module import CUBE
+from planner.chain.rotations import wxyz_from_matrix
+from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, TURN_RAD_S
+from web.pictures.colours import (
+    ERROR,
+    FIRST,
+    LAST,
+    NEUTRAL,
+    SELECTED,
+    STUCK,
+    UNKNOWN,
+    error_ramp,
+    ramp_colours,
+)
+from web.pictures.meshes import SHOWN_SIZE
+from web.pictures.sketch import sketch_outline
+from web.timeline.columns import encode
+from web.viser.scene import Scene
+
+if TYPE_CHECKING:
+    import viser
+
+RAMP_STEPS: Final = 256
+_BINARY: Final = "__binary_index"
+_POINTER: Final[dict[str, Any]] = {
+    # A click in the view comes back as a ray; serialised scenes leave this out.
+    "type": "ScenePointerEnableMessage",
+    "event_type": "click",
+    "modifiers": [None],
+    "owner": "",
+}
+
+
+def scenery_of(chain: Chain, stretch: int | None = None) -> bytes:
+    """The scenery of a fold of ``chain``, as one message of ``web.timeline.columns``.
+
+    The header holds the chain's geometry (``planner.chain.module`` tells the words), the scene's
+    ``messages`` with ``{"column": name}`` in place of arrays, what a ``sketch`` draws, the
+    ``camera``'s constants and the ``colours``; the columns hold their arrays, and as ``folded_rad``
+    and ``folded_positions`` where the chain is going.
+
+    Args:
+        chain: The chain.
+        stretch: As of the fold's ``web.timeline.view.Film``.
+    """
+    module, n = chain.module, len(chain)
+    pitch, messages, arrays = _staged(module.name, n, stretch, chain)
+    header = {
+        "chain": {
+            "name": chain.name,
+            "module": module.name,
+            "modules": n,
+            "root": chain.root,
+            "rigid_links": module.rigid_links,
+            "hinges": module.hinges_per_joint,
+            "anchor": module.anchor.tolist(),
+            "axes": module.axes.tolist(),
+            "turn": wxyz_from_matrix(module.turn).tolist(),
+            "offset": module.offset.tolist(),
+            "face_normals": module.face_normals.tolist(),
+            "vertices": module.vertices.tolist(),
+            "radius": module.radius,
+            "hinge_names": list(module.hinge_names),
+            # Only cubes fill cells; what others are rounded to means nothing.
+            "cells": module is CUBE,
+            "pitch_m": chain.pitch_m,
+        },
+        "messages": messages,
+        "sketch": sketch_outline(module, n),
+        "camera": {
+            "field_of_view_rad": float(FIELD_OF_VIEW_RAD),
+            "azimuth_rad": float(AZIMUTH_RAD),
+            "elevation_rad": float(ELEVATION_RAD),
+            "turn_rad_s": float(TURN_RAD_S),
+            "stretch": stretch,
+        },
+        "pitch": pitch,
+        "shown_size": SHOWN_SIZE,
+        "reach": float(np.abs(module.vertices[:, 0]).max()),
+        "colours": {
+            "neutral": NEUTRAL,
+            "unknown": UNKNOWN,
+            "error": ERROR,
+            "selected": SELECTED,
+            "stuck": STUCK,
+            "first": FIRST,
+            "last": LAST,
+        },
+    }
+    columns = {
+        **arrays,
+        "ramp_error": error_ramp(RAMP_STEPS),
+        "ramp_even": ramp_colours(np.linspace(0.0, 1.0, RAMP_STEPS)),
+        "folded_rad": chain.folded_rad.astype("<f8"),
+        "folded_positions": chain.folded_poses.positions.astype("<f4"),
+    }
+    return encode(header, columns, planes=frozenset(columns))
+
+
+def opened_scene(record: bytes) -> tuple[list[tuple[float, dict[str, Any]]], list[memoryview]]:
+    """Messages, each with its time, and binary buffers of a ``.viser`` recording."""
+    size = int.from_bytes(record[:8], "little")
+    raw = zstandard.ZstdDecompressor().decompress(record[8:], max_output_size=size)
+    length = int.from_bytes(raw[:8], "little")
+    found = cast("dict[str, Any]", msgspec.msgpack.decode(raw[8 : 8 + length]))
+    buffers: list[memoryview] = []
+    at = 8 + length
+    for size in found["binaryBufferLengths"]:
+        at += -at % 8
+        buffers.append(memoryview(raw)[at : at + size])
+        at += size
+    return [(float(t), message) for t, message in found["messages"]], buffers
+
+
+_OPENING: Final = threading.Lock()
+_QUIET_LOCK: Final = threading.RLock()
+
+
+@contextlib.contextmanager
+def quiet() -> Generator[None]:
+    """Keeps viser's banner off the terminal, which it prints whatever ``verbose`` says."""
+    console = rich.get_console()
+    with _QUIET_LOCK:
+        before, console.quiet = console.quiet, True
+        try:
+            yield
+        finally:
+            console.quiet = before
+
+
+@contextlib.contextmanager
+def viser_server() -> Generator[viser.ViserServer]:
+    """A viser server that nobody can connect to but from this machine, for a moment."""
+    import viser  # late: a service starts before anybody looks
+
+    with _OPENING, quiet():
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        yield server
+    finally:
+        with _OPENING, quiet():
+            server.stop()
+
+
+@contextlib.contextmanager
+def viser_scene(
+    chain: Chain, stretch: int | None = None
+) -> Generator[tuple[viser.ViserServer, Scene]]:
+    """The scene of a chain in such a server."""
+    with viser_server() as server:
+        yield server, Scene(server, chain, stretch=stretch)
+
+
+def taken_down(server: viser.ViserServer) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:
+    """What a server shows: its messages with ``{"column": name}`` for arrays, and the arrays."""
+    messages, buffers = opened_scene(server.get_scene_serializer().serialize())
+    arrays: dict[str, NDArray[Any]] = {}
+
+    def named(value: Any) -> Any:
+        if isinstance(value, dict):
+            found = cast("dict[str, Any]", value)
+            if _BINARY in found:
+                name = f"buffer_{len(arrays)}"
+                arrays[name] = np.frombuffer(buffers[found[_BINARY]], found["dtype"])
+                return {"column": name}
+            return {k: named(v) for k, v in found.items()}
+        if isinstance(value, list | tuple):
+            return [named(v) for v in cast("list[Any]", value)]
+        return value
+
+    return [*(named(message) for _, message in messages), _POINTER], arrays
+
+
+class _Alike:
+    """A chain as a key: those of the same kind and length have the same scene."""
+
+    def __init__(self, chain: Chain, kind: str, modules: int, stretch: int | None) -> None:
+        self.chain = chain
+        self.stretch = stretch
+        self.key = (kind, modules, stretch)
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Alike) and other.key == self.key
+
+
+def _staged(
+    kind: str, modules: int, stretch: int | None, chain: Chain
+) -> tuple[float, list[dict[str, Any]], dict[str, NDArray[Any]]]:
+    return _staged_alike(_Alike(chain, kind, modules, stretch))
+
+
+@lru_cache(maxsize=64)
+def _staged_alike(
+    alike: _Alike,
+) -> tuple[float, list[dict[str, Any]], dict[str, NDArray[Any]]]:
+    with viser_scene(alike.chain, alike.stretch) as (server, scene):
+        return scene.pitch, *taken_down(server)

@@ -1,0 +1,99 @@
+"""Standalone: a whole fold in one HTML file that plays without a server, from a disk too.
+
+The page is the embedded one: the same scripts, viser's client, the scenery and a single reel of all
+frames. Scripts are named by an import map of data addresses, so that they need no bundling.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+from web.timeline.frame_batch import thinned, unpacked_bytes
+from web.timeline.view import Film
+from web.viser.client import client
+from web.viser.scene_bundle import scenery_of
+
+STATIC: Final = Path(__file__).parents[1] / "static"
+ENTRY: Final = "standalone.js"
+WORKER: Final = "drawing.js"
+STYLES: Final = ("base.css", "fold.css")
+MOST_BYTES: Final = 48 * 2**20
+"""Of a reel, unpacked; a longer fold is thinned, and told without its curves."""
+_IMPORT: Final = re.compile(r'(\bfrom\s+|\bimport\s+)"\./([a-z_]+\.js)"')
+
+Render = Callable[..., str]
+
+
+def standalone_html(
+    film: Film, render: Render, facts: Mapping[str, Any], *, curves: bytes | None = None
+) -> bytes:
+    """The page of one finished fold.
+
+    Args:
+        film: The fold's frames.
+        render: Fills the template ``standalone.html`` with the values it is given.
+        facts: What the page says of the fold, as for its own page.
+        curves: What plots are drawn of, as of ``web.timeline.metrics``.
+
+    Raises:
+        TimelineError: When the timeline is being replaced.
+    """
+    stride = max(1, -(-unpacked_bytes(film) // MOST_BYTES))
+    parts = {
+        "client": client().html.decode(),
+        "worker": (STATIC / WORKER).read_text(encoding="utf-8"),
+        "scenery": _text(scenery_of(film.chain, film.stretch)),
+        "reel": _text(thinned(film, stride)),
+        "curves": None if curves is None or stride > 1 else _text(curves),
+        "facts": dict(facts),
+    }
+    styles = "".join((STATIC / name).read_text(encoding="utf-8") for name in STYLES)
+    return render(
+        styles=styles,
+        imports=_script_json({"imports": _imports()}),
+        entry=f"foldback/{ENTRY}",
+        parts=_script_json(parts),
+        facts=facts,
+    ).encode()
+
+
+@cache
+def standalone_scripts() -> str:
+    """Changes with the scripts and styles of the page: letters and digits."""
+    found = hashlib.sha256(client().html + json.dumps(_imports()).encode())
+    for name in (WORKER, *STYLES):
+        found.update((STATIC / name).read_bytes())
+    return found.hexdigest()
+
+
+@cache
+def _imports() -> dict[str, str]:
+    """Names of the scripts that the page needs, and the scripts as addresses."""
+    found: dict[str, str] = {}
+    waiting = [ENTRY]
+    while waiting:
+        name = waiting.pop()
+        if f"foldback/{name}" in found:
+            continue
+        text = (STATIC / name).read_text(encoding="utf-8")
+        waiting += [match[2] for match in _IMPORT.finditer(text)]
+        named = _IMPORT.sub(r'\1"foldback/\2"', text)
+        found[f"foldback/{name}"] = f"data:text/javascript;base64,{_text(named.encode())}"
+    return found
+
+
+def _text(data: bytes) -> str:
+    return base64.b64encode(data).decode("ascii")
+
+
+def _script_json(value: Any) -> str:
+    """JSON that may stand inside a script element."""
+    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
