@@ -7,7 +7,7 @@ type Quaternion = [w: number, x: number, y: number, z: number];
 type Floats = Float32Array<ArrayBuffer> | Float64Array<ArrayBuffer>;
 type Column = Floats | Uint8Array<ArrayBuffer> | Uint16Array<ArrayBuffer> | Uint32Array<ArrayBuffer> | Int32Array<ArrayBuffer>;
 
-// Messages of web/columns.py.
+// Messages of web/timeline/columns.py.
 
 interface ColumnTold {
   name: string;
@@ -20,7 +20,7 @@ interface ColumnTold {
 }
 interface Message<Header, Arrays> { header: Header; arrays: Arrays }
 
-// Scenery: web/scenery.py.
+// Scenery: web/viser/scene_bundle.py.
 
 interface Chain {
   name: string;
@@ -82,7 +82,7 @@ interface Scenery extends Message<SceneryHeader, SceneryArrays> {
 }
 // What a scene is built of, whatever else is told with it.
 interface Staged extends Message<{ messages: SceneMessage[] }, Record<string, Column>> {}
-// web/preview_scene.py.
+// web/viser/preview_scene.py.
 interface PreviewScenery extends Message<{
   messages: SceneMessage[];
   hull: Hull;
@@ -92,7 +92,7 @@ interface PreviewScenery extends Message<{
   colours: { selected: Colour; ghost: Colour; ghost_opacity: number };
 }, Record<string, Column> & { cells: Int32Array<ArrayBuffer>; colours: Uint8Array<ArrayBuffer> }> {}
 
-// Frames: web/reel.py, web/window_columns.py and frames.js.
+// Frames: web/timeline/frame_batch.py, web/timeline/window_columns.py and js/player/frames.js.
 
 interface Phase { name: string; from: number; to: number }
 interface FilmOutline {
@@ -232,7 +232,7 @@ interface ViewTold {
   id?: unknown;
 }
 
-// Figures: web/measured.py.
+// Figures: web/timeline/metrics.py.
 
 interface PlotHeader { frames: number; rows: number; torque_at_some_frames: boolean; largest: Record<string, number> }
 type PlotName = "max_error_rad" | "min_clearance" | "hinges_moving" | "peak_torque_nm";
@@ -381,6 +381,6 @@ interface Elements {
 type ElementOf<Id extends string> = Id extends keyof Elements ? Elements[Id] : HTMLElement;
 
 interface Window {
-  foldback: { film: import("./static/film.js").Film; player: import("./static/player.js").Player; showing?: unknown };
+  foldback: { film: import("./static/js/player/timeline.js").Film; player: import("./static/js/player/player.js").Player; showing?: unknown };
   SwaggerUIBundle(options: Record<string, unknown>): void;
 }

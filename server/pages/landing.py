@@ -15,6 +15,7 @@ import numpy as np
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup
 
 from planner.chain.chain import Chain
 from planner.errors import PlannerError
@@ -31,6 +32,7 @@ from server.pages.quantities import sentence
 from server.pages.setting_words import ROWS, SOURCES
 from web.pictures.isometric import isometric_svg
 from web.pictures.isometric_modules import chain_svg
+from web.static_files import STATIC, scripts_of
 from web.viser.scene_bundle import scenery_of
 
 if TYPE_CHECKING:
@@ -38,7 +40,6 @@ if TYPE_CHECKING:
 
 router = APIRouter(include_in_schema=False)
 
-STATIC: Final = Path(__file__).parents[2] / "web" / "static"
 REEL: Final = STATIC.parent / "featured.reel"
 FEATURED: Final = "wrench-160"
 LARGEST_DRAWING: Final = 4000
@@ -57,7 +58,18 @@ POLICY: Final = "; ".join(
         "frame-ancestors 'self'",
     )
 )
-KNOWN: Final[dict[str, Any]] = {"paper_settings": ROWS, "setting_sources": SOURCES}
+
+
+@cache
+def entry(page_name: str) -> Markup:
+    """The entry module of a page, and all that it imports, to be fetched at the same time."""
+    first, *others = (f"/static/{name}" for name in scripts_of(f"js/pages/{page_name}.js"))
+    preloads = (Markup('<link rel="modulepreload" href="{}">').format(name) for name in others)
+    script = Markup('<script type="module" src="{}"></script>').format(first)
+    return Markup("").join((*preloads, script))
+
+
+KNOWN: Final[dict[str, Any]] = {"paper_settings": ROWS, "setting_sources": SOURCES, "entry": entry}
 """What every template may use."""
 HEADINGS: Final = {
     404: "There is nothing here",
@@ -205,7 +217,7 @@ async def facts_of_fold(request: Request, fold_id: str) -> Response:
     return await asyncio.to_thread(answer)
 
 
-@router.get("/static/{name}")
+@router.get("/static/{name:path}")
 async def static_file(request: Request, name: str) -> Response:
     """A style sheet, a script or a picture."""
     found = _static().get(name)
@@ -277,11 +289,12 @@ def _static() -> dict[str, tuple[bytes, str, str]]:
     kinds = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
     found: dict[str, tuple[bytes, str, str]] = {}
     drawn = Path(str(files("fastapi_offline"))) / "static"
-    for path in (*sorted(STATIC.iterdir()), *(drawn / name for name in SWAGGER)):
+    ours = {path.relative_to(STATIC).as_posix(): path for path in sorted(STATIC.rglob("*.*"))}
+    for name, path in {**ours, **{name: drawn / name for name in SWAGGER}}.items():
         data = path.read_bytes()
         kind = kinds.get(path.suffix) or mimetypes.guess_type(path.name)[0]
         etag = f'"{hashlib.sha256(data).hexdigest()[:20]}"'
-        found[path.name] = (data, kind or "application/octet-stream", etag)
+        found[name] = (data, kind or "application/octet-stream", etag)
     return found
 
 

@@ -12,7 +12,8 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
 from planner.motion.timeline import chain_from_attributes
-from server.pages.landing import STATIC, kept_answer, page
+from server.pages.landing import kept_answer, page
+from web.static_files import STATIC
 from web.viser.scene_bundle import scenery_of
 
 router = APIRouter(include_in_schema=False)

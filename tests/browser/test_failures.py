@@ -13,7 +13,7 @@ from planner.motion.timeline import Timeline
 from planner.pathfinding.assembly import layered_snake
 from tests.browser.conftest import keep, picture
 from tests.browser.test_fold_page import shown_frame
-from tests.planner.test_knots import OVERHAND, walk
+from tests.planner.pathfinding.test_knots import OVERHAND, walk
 from tests.server.service import SPIRAL, Service, over, owner
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]

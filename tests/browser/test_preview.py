@@ -12,8 +12,8 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.browser.conftest import called_off, keep, picture
+from tests.server.files.test_preview import CROSS, box, stl, voxels
 from tests.server.service import Service
-from tests.server.test_preview import CROSS, box, stl, voxels
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]

@@ -11,8 +11,8 @@ from playwright.sync_api import Page, expect
 
 from tests.browser.conftest import keep, picture
 from tests.browser.test_preview import choose, settled
+from tests.server.files.test_preview import stl
 from tests.server.service import Service
-from tests.server.test_preview import stl
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 Visit = Callable[..., Page]

@@ -16,8 +16,8 @@ from playwright.sync_api import Frame, Page, expect
 from viser import _messages as messages
 
 from tests.benchmarks.command import playing
+from tests.server.files.test_preview import stl
 from tests.server.service import Service
-from tests.server.test_preview import stl
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]

@@ -17,8 +17,8 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.plan.formats import write_chain, write_path, write_shape
 from planner.shapes.shape import Shape
+from tests.planner.shapes.test_readers_fuzz import SPICE, mutated
 from tests.planner.solids_made import MESH_KINDS, as_binvox, as_grid, as_vox, exported, zipped
-from tests.planner.test_readers_fuzz import SPICE, mutated
 
 CELLS: Final = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [1, 1, 1]])
 BLOCK: Final = np.argwhere(np.ones((2, 3, 2)))

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import re
 import threading
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from viser import _messages as messages
 
-import web
 from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
+from web.static_files import STATIC
 from web.timeline.columns import decode
 from web.viser.scene_bundle import scenery_of, viser_scene
 
@@ -49,7 +48,7 @@ def test_viser_still_has_the_messages_that_the_page_makes() -> None:
 
 def refused(header: dict[str, Any]) -> set[str]:
     """Types of a scene's messages that the view does not hand on to viser's client."""
-    bridge = (Path(web.__file__).parent / "static" / "bridge.js").read_text(encoding="utf-8")
+    bridge = (STATIC / "js/viewer/bridge.js").read_text(encoding="utf-8")
     taken = set(re.findall(r'"(\w+Message)"', bridge.partition("SHOWN")[2].partition("]")[0]))
     # None of them brings text that could be a script; of a theme the links are left out.
     assert not [name for name in taken if re.search("Gui|Notification|Html|Label", name)]

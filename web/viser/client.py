@@ -9,6 +9,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
+from web.static_files import text_of
+
 # The page unpacks its own program into an inline script, and asks nobody for anything.
 ALLOWED: Final = "; ".join(
     (
@@ -59,9 +61,9 @@ class Client:
 def client() -> Client:
     """The installed viser's client, told what to show by the page that frames it.
 
-    See ``static/bridge.js``; read once.
+    See ``static/js/viewer/bridge.js``; read once.
     """
-    bridge = (Path(__file__).parents[1] / "static" / "bridge.js").read_text(encoding="utf-8")
+    bridge = text_of("js/viewer/bridge.js")
     # Found without importing it: the page alone needs none of its server.
     installed = find_spec("viser")
     assert installed is not None and installed.origin is not None

@@ -12,21 +12,19 @@ import json
 import re
 from collections.abc import Callable, Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any, Final
 
+from web.static_files import IMPORT, STATIC, imported, scripts_of, text_of
 from web.timeline.frame_batch import thinned, unpacked_bytes
 from web.timeline.view import Film
 from web.viser.client import client
 from web.viser.scene_bundle import scenery_of
 
-STATIC: Final = Path(__file__).parents[1] / "static"
-ENTRY: Final = "standalone.js"
-WORKER: Final = "drawing.js"
-STYLES: Final = ("base.css", "fold.css")
+ENTRY: Final = "js/pages/standalone.js"
+WORKER: Final = "js/viewer/sketch_worker.js"
+STYLES: Final = ("css/base.css", "css/fold.css")
 MOST_BYTES: Final = 48 * 2**20
 """Of a reel, unpacked; a longer fold is thinned, and told without its curves."""
-_IMPORT: Final = re.compile(r'(\bfrom\s+|\bimport\s+)"\./([a-z_]+\.js)"')
 
 Render = Callable[..., str]
 
@@ -48,13 +46,13 @@ def standalone_html(
     stride = max(1, -(-unpacked_bytes(film) // MOST_BYTES))
     parts = {
         "client": client().html.decode(),
-        "worker": (STATIC / WORKER).read_text(encoding="utf-8"),
+        "worker": text_of(WORKER),
         "scenery": _text(scenery_of(film.chain, film.stretch)),
         "reel": _text(thinned(film, stride)),
         "curves": None if curves is None or stride > 1 else _text(curves),
         "facts": dict(facts),
     }
-    styles = "".join((STATIC / name).read_text(encoding="utf-8") for name in STYLES)
+    styles = "".join(text_of(name) for name in STYLES)
     return render(
         styles=styles,
         imports=_script_json({"imports": _imports()}),
@@ -76,17 +74,16 @@ def standalone_scripts() -> str:
 @cache
 def _imports() -> dict[str, str]:
     """Names of the scripts that the page needs, and the scripts as addresses."""
-    found: dict[str, str] = {}
-    waiting = [ENTRY]
-    while waiting:
-        name = waiting.pop()
-        if f"foldback/{name}" in found:
-            continue
-        text = (STATIC / name).read_text(encoding="utf-8")
-        waiting += [match[2] for match in _IMPORT.finditer(text)]
-        named = _IMPORT.sub(r'\1"foldback/\2"', text)
-        found[f"foldback/{name}"] = f"data:text/javascript;base64,{_text(named.encode())}"
-    return found
+    return {f"foldback/{name}": _address_of(name) for name in scripts_of(ENTRY)}
+
+
+def _address_of(name: str) -> str:
+    """A script as an address, its imports by name."""
+
+    def named(match: re.Match[str]) -> str:
+        return f'{match[1]}"foldback/{imported(name, match[2])}"'
+
+    return f"data:text/javascript;base64,{_text(IMPORT.sub(named, text_of(name)).encode())}"
 
 
 def _text(data: bytes) -> str:

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Follower, anglesOf, blended, distanceNeeded, framing, outward, positionOf } from "../../../web/static/camera.js";
-import { clearestSight } from "../../../web/static/sight.js";
+import { Follower, anglesOf, blended, distanceNeeded, framing, outward, positionOf } from "../../../web/static/js/viewer/camera.js";
+import { clearestSight } from "../../../web/static/js/viewer/viewpoint.js";
 import { close, unpack, vectors } from "./vectors.js";
 
 const SOME = Float64Array.from({ length: 90 }, (_, k) => 5 * Math.sin(7.3 * k + k * k));

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { COLOURINGS, colouring, ramped, roundUp } from "../../../web/static/colours.js";
+import { COLOURINGS, colouring, ramped, roundUp } from "../../../web/static/js/player/colours.js";
 import { close, recorded, unpack, vectors } from "./vectors.js";
 
 // Figures that tell the same of every frame.

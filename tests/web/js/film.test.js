@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Film } from "../../../web/static/film.js";
+import { Film } from "../../../web/static/js/player/timeline.js";
 import { close, closeTurns, recorded, turnOfEvents, unpack, vectors } from "./vectors.js";
 
 const TOTAL = 400;

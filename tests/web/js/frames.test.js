@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { decode } from "../../../web/static/columns.js";
-import { Window } from "../../../web/static/frames.js";
-import { Kinematics } from "../../../web/static/kinematics.js";
+import { decode } from "../../../web/static/js/lib/columns.js";
+import { Window } from "../../../web/static/js/player/frames.js";
+import { Kinematics } from "../../../web/static/js/lib/kinematics.js";
 import { close, closeTurns, unpack, vectors } from "./vectors.js";
 
 for (const { name, scenery, reel, frames } of vectors.windows) {

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Kinematics, picked } from "../../../web/static/kinematics.js";
-import { buriedBy, touching } from "../../../web/static/touching.js";
+import { Kinematics, picked } from "../../../web/static/js/lib/kinematics.js";
+import { buriedBy, touching } from "../../../web/static/js/player/touching.js";
 import { close, closeTurns, unpack, vectors } from "./vectors.js";
 
 for (const { name, scenery, given } of vectors.kinematics) {

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { LETTERS, letterCells } from "../../../web/static/letters.js";
-import { Painting, SIZE, cellOf, keyOf } from "../../../web/static/painting.js";
+import { LETTERS, letterCells } from "../../../web/static/js/viewer/letters.js";
+import { Painting, SIZE, cellOf, keyOf } from "../../../web/static/js/viewer/painting.js";
 
 function stroke(painting, cells, filled = true) {
   painting.begin();

@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
-import { distanceNeeded } from "../../../web/static/camera.js";
-import { Pair } from "../../../web/static/pair.js";
-import { Player } from "../../../web/static/player.js";
-import { Playhead } from "../../../web/static/playhead.js";
+import { distanceNeeded } from "../../../web/static/js/viewer/camera.js";
+import { Pair } from "../../../web/static/js/player/pair.js";
+import { Player } from "../../../web/static/js/player/player.js";
+import { Playhead } from "../../../web/static/js/player/playhead.js";
 import { close, recorded, turnOfEvents, vectors } from "./vectors.js";
 
 const PICTURE_MS = 1000 / 30;

@@ -1,7 +1,7 @@
 // What the frame of the 3D view says is looked at before it is believed.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Scene } from "../../../web/static/scene.js";
+import { Scene } from "../../../web/static/js/viewer/scene.js";
 
 // As a browser's, for what is pressed in the frame.
 globalThis.KeyboardEvent ??= class extends Event {

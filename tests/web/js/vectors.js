@@ -1,8 +1,8 @@
 // What Python computed for these tests, and how it is compared; tests/web/test_javascript.py writes it.
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
-import { decode } from "../../../web/static/columns.js";
-import { Film } from "../../../web/static/film.js";
+import { decode } from "../../../web/static/js/lib/columns.js";
+import { Film } from "../../../web/static/js/player/timeline.js";
 
 const path = process.env.FOLDBACK_VECTORS;
 if (!path) throw new Error("FOLDBACK_VECTORS names no file: run these by `pytest tests/web/test_javascript.py`");

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { placeIn } from "../../../web/static/place.js";
-import { degrees, duration, newtonMetres, radians, refusal, whole } from "../../../web/static/words.js";
+import { placeIn } from "../../../web/static/js/player/address.js";
+import { degrees, duration, newtonMetres, radians, refusal, whole } from "../../../web/static/js/lib/text.js";
 
 test("numbers are told with two figures, and nothing as nothing", () => {
   assert.equal(whole(1234567.4), "1\u2009234\u2009567");

@@ -1,0 +1,155 @@
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.pathfinding import METHODS
+from planner.pathfinding.assembly import peelable
+from planner.pathfinding.candidates import find_paths, ranked
+from planner.pathfinding.knots import knot_of
+from planner.pathfinding.lattice import spread, surface
+from planner.pathfinding.snake import snake_path
+from planner.shapes.shape import Shape
+from tests.planner.pathfinding.test_knots import OVERHAND, walk
+
+Ints = NDArray[np.int64]
+
+
+def box(*sides: int) -> list[tuple[int, ...]]:
+    return list(product(*map(range, sides)))
+
+
+BENT = Shape.from_cells(box(6, 2, 2) + box(2, 6, 2), name="bent")  # 2×2×2 blocks
+PLATE = Shape.from_cells([c for c in box(5, 5, 2) if c[:2] != (2, 2)], name="plate")
+BOX = Shape.from_cells(box(4, 3, 2), name="box")
+# Blocks on no common grid: the upper one is half a block aside.
+STEP = Shape.from_cells(box(4, 2, 2) + [(x + 1, y, z + 2) for x, y, z in box(2, 2, 2)])
+
+
+@pytest.mark.parametrize(
+    ("shape", "made_by"), [(BOX, "snake"), (BENT, "blocks"), (STEP, "blocks"), (PLATE, "exact")]
+)
+def test_the_method_is_chosen_by_the_shape(shape: Shape, made_by: str) -> None:
+    search = find_paths(shape)
+    assert search.method == made_by
+    assert 1 <= len(search.paths) <= 4
+    assert search.reason == ""
+    for path in search.paths:
+        assert np.array_equal(np.unique(path.cells, axis=0), shape.cells)
+        assert (path.name, path.pitch_m) == (shape.name, shape.pitch_m)
+
+
+CUP = Shape.from_cells(
+    [c for c in box(10, 10, 10) if not (min(c[:2]) >= 4 and max(c[:2]) < 6 and c[2] >= 4)]
+)
+
+
+@pytest.mark.parametrize("shape", [CUP, Shape.from_cells(box(10, 9, 8))])
+def test_large_shapes_are_peeled(shape: Shape) -> None:
+    search = find_paths(shape)
+    assert search.method == "assembly"
+    best = search.paths[0].cells
+    assert peelable(best).score == 1.0
+    assert np.array_equal(np.unique(best, axis=0), shape.cells)
+    start = (0, 0, 0)
+    begun = find_paths(shape, start=start)
+    assert begun.paths and tuple(begun.paths[0].cells[0]) == start
+
+
+def test_an_order_of_assembly_may_be_asked_for_and_may_not_be_there() -> None:
+    assert find_paths(BENT, method="assembly").method == "assembly"
+    none = find_paths(PLATE, method="assembly")
+    assert none.paths == () and "no box" in none.reason
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", [BOX, BENT, PLATE])
+def test_the_same_seed_gives_the_same_candidates(shape: Shape) -> None:
+    one, same = (find_paths(shape, seed=3, method="exact") for _ in range(2))
+    assert len(one.paths) == len(same.paths)
+    for a, b in zip(one.paths, same.paths, strict=True):
+        assert np.array_equal(a.cells, b.cells)
+
+
+def test_another_seed_gives_other_candidates() -> None:
+    one, other = (find_paths(BENT, seed=seed).paths[-1].cells for seed in (1, 2))
+    assert not np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("method", ["blocks", "exact"])
+def test_the_candidate_whose_neighbours_are_closest_comes_first(method: str) -> None:
+    spreads = [spread(path.cells) for path in find_paths(BENT, method=method).paths]
+    assert spreads == sorted(spreads)
+
+
+@pytest.mark.slow
+def test_a_knotted_candidate_comes_last() -> None:
+    overhand = walk(OVERHAND)
+    assert knot_of(overhand).verdict == "knotted"
+    winding = snake_path((5, 5, 4))
+    assert spread(overhand) < spread(winding)
+    assert ranked([overhand, winding])[0] is winding
+
+
+@pytest.mark.parametrize("method", ["auto", "exact"])
+@pytest.mark.parametrize("shape", [BOX, BENT, PLATE])
+def test_ends_lie_on_the_surface_when_asked_for(shape: Shape, method: str) -> None:
+    search = find_paths(shape, method=method, ends="surface")
+    assert search.paths
+    for path in search.paths:
+        assert surface(path.cells)[[0, -1]].all()
+
+
+@pytest.mark.parametrize(
+    ("shape", "method", "start"),
+    [
+        (BENT, "blocks", (0, 5, 1)),
+        (STEP, "blocks", (2, 1, 3)),
+        (BOX, "snake", (3, 0, 1)),
+        (BOX, "auto", (2, 1, 1)),
+        (PLATE, "exact", (0, 3, 1)),
+    ],
+)
+def test_a_path_begins_where_it_is_told_to(
+    shape: Shape, method: str, start: tuple[int, int, int]
+) -> None:
+    search = find_paths(shape, method=method, start=start)
+    assert search.paths
+    for path in search.paths:
+        assert tuple(path.cells[0]) == start
+
+
+@pytest.mark.parametrize(
+    ("shape", "method", "word"),
+    [
+        (PLATE, "blocks", "2×2×2"),
+        (BENT, "snake", "box"),
+        (Shape.from_cells([(0, 0, 0), (1, 0, 0), (5, 0, 0)]), "auto", "parts"),
+        (Shape.from_cells(box(2, 2, 2) + [(9, 0, 0)] * 1), "exact", "parts"),
+    ],
+)
+def test_no_path_is_explained(shape: Shape, method: str, word: str) -> None:
+    search = find_paths(shape, method=method)
+    assert search.paths == ()
+    assert word in search.reason
+
+
+def test_disconnected_blocks_are_explained() -> None:
+    parts = Shape.from_cells(box(2, 2, 2) + [(x + 4, y, z) for x, y, z in box(2, 2, 2)])
+    for method in ("auto", "blocks"):
+        search = find_paths(parts, method=method)
+        assert search.paths == () and "parts" in search.reason
+
+
+def test_wishes_that_are_none_are_refused() -> None:
+    assert METHODS == ("auto", "blocks", "exact", "snake")
+    with pytest.raises(InputError, match="expected one of: auto, blocks, exact, snake"):
+        find_paths(BOX, method="magic")
+    with pytest.raises(InputError, match="any or surface"):
+        find_paths(BOX, ends="inside")
+    with pytest.raises(InputError, match="cell of the shape"):
+        find_paths(BOX, start=(9, 9, 9))

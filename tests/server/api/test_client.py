@@ -1,0 +1,336 @@
+"""The Python client, against the real service; also through a relay that breaks things."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from foldback_client import Client, Problem, Progress, Retries
+from foldback_client.upload import FoldWishes, MovieWishes, Wishes
+from tests.server.here import ServiceHere
+from tests.server.relay import relayed
+from tests.server.service import PATIENCE_S, SNAKE, Service
+
+ROOT = Path(__file__).parents[3]
+QUICK = Retries(first_s=0.01)
+FOLDS = "/api/folds"
+
+
+def client_of(service: Service, **options: Any) -> Client:
+    return Client(str(service.http.base_url), **{"retries": QUICK, **options})
+
+
+def test_a_fold_is_asked_for_followed_and_taken_away(service: Service, tmp_path: Path) -> None:
+    told: list[Progress] = []
+    with client_of(service) as client:
+        fold = client.fold(SNAKE, seed=41).wait(PATIENCE_S, told.append)
+        assert fold.verified and not fold.existing
+        assert [progress.status for progress in told][-1] == "verified"
+        assert told[-1].frames == fold.state["progress"]["frames"] > 0
+        pages = list(fold.frames(stride=7, poses=True))
+        with np.load(fold.download("plan.npz", tmp_path / "mine.npz")) as plan:
+            folded = plan["joint_angles_rad"][-1]
+        total = pages[0].total
+        assert sum(len(page) for page in pages) == len(range(0, total, 7))
+        last = next(fold.frames(start=total - 1))
+        np.testing.assert_allclose(last.joint_angles_rad[-1], folded, atol=1e-8)
+        assert pages[0].positions.shape == (len(pages[0]), 16, 3)
+        assert last.positions is None and isinstance(last.phase[0], np.integer)
+        for name in ("plan.json", "model.xml", "certificate.json", "urdf", "csv"):
+            assert fold.download(name, tmp_path).stat().st_size > 100
+        assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
+        again = client.get(fold.id)
+        assert again.verified and again.state == fold.refresh().state
+        assert fold.id in {each.id for each in client.folds()}
+        fold.delete()
+        with pytest.raises(Problem) as caught:
+            fold.refresh()
+    assert (caught.value.status, caught.value.code) == (404, "no-such-fold")
+
+
+def test_frames_come_page_by_page(service: Service, finished: Any) -> None:
+    # A second web process on the same folds, which gives few frames at once.
+    sparing = ServiceHere(service.data_dir, frames_per_answer=20).start()
+    with client_of(sparing) as client:
+        pages = list(client.get(finished["id"]).frames(start=3))
+    assert sparing.stop() == 0
+    assert len(pages) > 2
+    assert [page.start for page in pages[1:]] == [page.stop for page in pages[:-1]]
+    assert (pages[0].start, pages[-1].stop) == (3, pages[-1].total)
+
+
+def test_all_kinds_of_sources_are_taken(desk: Service, tmp_path: Path) -> None:
+    path = tmp_path / "path.json"
+    path.write_text(json.dumps(SNAKE))
+    solid = np.zeros((4, 4, 2), bool)
+    solid[:, :3] = True
+    with client_of(desk) as client:
+        by_cells = client.fold(SNAKE)
+        by_array = client.fold(np.array(SNAKE))
+        with open(path, "rb") as file:
+            by_file = client.fold(file)
+        by_path = client.fold(path)
+        by_bytes = client.fold(path.read_bytes(), filename="another.json")
+        assert {f.id for f in (by_array, by_file, by_path, by_bytes)} == {by_cells.id}
+        assert by_bytes.existing
+        assert client.fold(path.read_bytes(), seed=5, module_size=0.9).id != by_cells.id
+        assert client.fold(solid, modules=24, method="exact").state["modules"] == 24
+        assert client.fold(shape="box-4x4x4").state["shape"] == "box-4x4x4"
+        preview = client.preview(solid, modules=24, method="exact", start=(0, 0, 0))
+        assert len(preview["cells"]) == 24 and preview["start"] == [0, 0, 0]
+        wishes: Any = {"modules": 24, "method": "exact"}
+        assert client.fold(preview=preview["id"], **wishes).state["modules"] == 24
+        assert "wrench-160" in {shape["name"] for shape in client.shapes()}
+        with pytest.raises(ValueError, match="1 dimensions"):
+            client.fold(np.arange(3))
+        with pytest.raises(TypeError, match="expected one of them"):
+            client.fold(SNAKE, shape="box-4x4x4")
+        with pytest.raises(TypeError, match="module_sise"):
+            client.fold(SNAKE, module_sise=0.9)  # pyright: ignore[reportCallIssue]
+
+
+def test_the_wishes_are_those_of_the_interface(desk: Service) -> None:
+    described = desk.http.get("/api/openapi.json").json()
+
+    def fields(path: str) -> set[str]:
+        body = described["paths"][path]["post"]["requestBody"]["content"]
+        (schema,) = (content["schema"] for content in body.values())
+        reference = schema.get("$ref") or schema["allOf"][0]["$ref"]
+        return set(described["components"]["schemas"][reference.rpartition("/")[2]]["properties"])
+
+    assert set(FoldWishes.__annotations__) | {"file", "shape"} == fields(FOLDS)
+    assert set(Wishes.__annotations__) | {"file", "shape", "full"} == fields("/api/shapes/preview")
+    assert set(MovieWishes.__annotations__) == fields("/api/folds/{fold_id}/movies")
+
+
+def test_a_movie_is_asked_for_and_taken(service: Service, finished: Any, tmp_path: Path) -> None:
+    drawn: list[tuple[int, int]] = []
+    with client_of(service) as client:
+        path = client.get(finished["id"]).movie(
+            tmp_path / "fold.gif",
+            on_progress=lambda done, of: drawn.append((done, of)),
+            width=64,
+            height=64,
+            fps=5,
+            seconds=1.0,
+            timeout_s=PATIENCE_S,
+        )
+        assert path.read_bytes().startswith(b"GIF8")
+        assert drawn and drawn[0][1] == 5
+        with pytest.raises(Problem) as caught:
+            client.get(finished["id"]).movie(tmp_path / "large.mp4", width=100_000)
+    assert caught.value.status == 422
+    assert not (tmp_path / "large.mp4").exists()
+
+
+def test_problems_say_what_the_service_said(desk: Service) -> None:
+    with client_of(desk) as client, pytest.raises(Problem) as caught:
+        client.fold(b'{"format": "foldback-path/1", "cells": [[0,0,0],[5,0,0],[6,0,0]]}')
+    problem = caught.value
+    assert problem.status == 422 and problem.code and problem.detail in str(problem)
+    assert problem.where and problem.where in str(problem)
+    with client_of(desk) as client, pytest.raises(Problem, match="bad-link"):
+        client.ask("GET", "http://example.org/api/folds")
+
+
+def test_only_owners_cancel(desk: Service) -> None:
+    with client_of(desk) as mine, client_of(desk) as other:
+        fold = mine.fold(SNAKE, seed=42)
+        assert fold.token == mine.token
+        with pytest.raises(Problem) as caught:
+            other.get(fold.id).cancel()
+        assert (caught.value.status, caught.value.code) == (403, "not-owner")
+        assert fold.cancel().status == "cancelled"
+        assert fold.over and not fold.verified
+
+
+def test_a_shape_that_others_asked_for_too_is_nobody_s(desk: Service) -> None:
+    with client_of(desk) as first, client_of(desk) as second:
+        assert first.fold(shape="wrench-80").id == second.fold(shape="wrench-80").id
+        fold = second.fold(shape="wrench-80")
+        assert (fold.existing, fold.token) == (True, None)
+        with pytest.raises(Problem, match="no-owner-token"):
+            fold.cancel()
+
+
+def test_an_upload_whose_answer_was_lost_has_one_owner(desk: Service) -> None:
+    def lose_the_first(method: str, path: str, time: int) -> str | None:
+        return "lose" if (method, path, time) == ("POST", FOLDS, 1) else None
+
+    with (
+        relayed(desk.http.base_url, lose_the_first) as relay,
+        Client(relay.address, retries=QUICK) as client,
+    ):
+        fold = client.fold(SNAKE, seed=43)
+        assert relay.asked.count(("POST", FOLDS)) == 2
+        assert fold.existing  # the first one did arrive
+        assert fold.cancel().status == "cancelled"
+
+
+def test_a_deletion_whose_answer_was_lost_is_done(desk: Service) -> None:
+    def lose(method: str, path: str, time: int) -> str | None:
+        return "lose" if method == "DELETE" and time == 1 else None
+
+    with (
+        relayed(desk.http.base_url, lose) as relay,
+        Client(relay.address, retries=QUICK) as client,
+    ):
+        client.fold(SNAKE, seed=44).delete()
+        assert [method for method, _ in relay.asked].count("DELETE") == 2
+        with pytest.raises(Problem, match="no-such-fold"):
+            client.get("nosuchfold").delete()
+
+
+@pytest.mark.parametrize("status", [429, 503])
+def test_a_busy_service_is_asked_again(desk: Service, status: int) -> None:
+    with (
+        relayed(desk.http.base_url, lambda m, p, time: status if time < 4 else None) as relay,
+        Client(relay.address, retries=QUICK) as client,
+    ):
+        assert client.shapes()
+        assert len(relay.asked) == 4
+
+
+def test_not_for_ever_nor_for_what_will_not_change(desk: Service) -> None:
+    three = Retries(attempts=3, first_s=0.01)
+    busy = relayed(desk.http.base_url, lambda method, path, time: 503)
+    for_long = relayed(desk.http.base_url, lambda method, path, time: 429, retry_after="600")
+    broken = relayed(desk.http.base_url, lambda method, path, time: 500)
+    for relaying, count, status in ((busy, 3, 503), (for_long, 1, 429), (broken, 1, 500)):
+        with relaying as relay, Client(relay.address, retries=three) as client:
+            with pytest.raises(Problem) as caught:
+                client.shapes()
+            assert (caught.value.status, len(relay.asked)) == (status, count)
+            assert caught.value.code == f"http-{status}"
+    assert Retries().pause_s(1, 600.0) is None
+    away = pytest.raises(ConnectionError, match="3 attempts")
+    with Client("http://127.0.0.1:9", retries=three) as client, away:
+        client.shapes()
+
+
+def test_waits_grow_and_differ() -> None:
+    retries = Retries(attempts=20, first_s=1.0, longest_s=30.0)
+    waits = [retries.pause_s(attempt) or 0.0 for attempt in range(1, 20)]
+    for attempt, wait in enumerate(waits):
+        assert min(30.0, 2.0**attempt) / 2 <= wait <= min(30.0, 2.0**attempt)
+    assert len(set(waits)) == len(waits)
+    assert (retries.pause_s(1, 7.0) or 0.0) > 7.0
+    assert retries.pause_s(20) is None
+
+
+@pytest.mark.parametrize("trouble", [429, 503, "cut"])
+def test_a_fold_is_followed_without_its_events(desk: Service, trouble: int | str) -> None:
+    with client_of(desk) as owner:
+        fold = owner.fold(SNAKE, seed=50 + len(str(trouble)))
+
+        def no_events(method: str, path: str, time: int) -> int | str | None:
+            if not path.endswith("/events"):
+                return None
+            if time == 3:
+                fold.cancel()
+            return trouble
+
+        with (
+            relayed(desk.http.base_url, no_events) as relay,
+            Client(relay.address, retries=QUICK) as client,
+        ):
+            assert client.get(fold.id).wait(PATIENCE_S).status == "cancelled"
+            assert [path.endswith("/events") for _, path in relay.asked].count(True) == 3
+
+
+def test_waiting_ends_when_it_has_lasted_long_enough(desk: Service) -> None:
+    with client_of(desk) as client:
+        fold = client.fold(SNAKE, seed=46)
+        with pytest.raises(TimeoutError, match="still queued after"):
+            fold.wait(0.3)
+        assert fold.status == "queued"
+
+
+def test_a_download_is_whole_or_not_there(service: Service, finished: Any, tmp_path: Path) -> None:
+    def cut(until: int) -> Any:
+        return lambda method, path, time: "cut" if "plan" in path and time < until else None
+
+    mine = tmp_path / "plan.npz"
+    with (
+        relayed(service.http.base_url, cut(3)) as relay,
+        Client(relay.address, retries=QUICK) as client,
+    ):
+        client.get(finished["id"]).download("plan.npz", mine)
+        whole = service.http.get(f"/api/folds/{finished['id']}/plan.npz").content
+        assert mine.read_bytes() == whole
+    mine.write_bytes(b"older")
+    with (
+        relayed(service.http.base_url, cut(100)) as relay,
+        Client(relay.address, retries=QUICK) as client,
+        pytest.raises(ConnectionError),
+    ):
+        client.get(finished["id"]).download("plan.npz", mine)
+    assert mine.read_bytes() == b"older"
+    assert [path.name for path in tmp_path.iterdir()] == ["plan.npz"]
+
+
+def run(code: str, *arguments: str, cwd: Path) -> str:
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code, *arguments],
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_it_needs_httpx_alone(service: Service, finished: Any, tmp_path: Path) -> None:
+    code = """
+import sys
+
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        mine = ("mujoco", "fastapi", "numpy", "pydantic", "planner", "server", "web", "scipy")
+        if name.partition(".")[0] in mine:
+            raise ImportError(f"{name} is not to be imported")
+
+sys.meta_path.insert(0, Blocked())
+from foldback_client import Client
+with Client(sys.argv[1]) as client:
+    page = next(client.get(sys.argv[2]).frames())
+print(type(page.joint_angles_rad).__name__, len(page))
+"""
+    said = run(code, str(service.http.base_url), finished["id"], cwd=tmp_path)
+    assert re.fullmatch(r"list \d+", said.strip())
+
+
+def test_the_code_of_its_page_runs(service: Service, tmp_path: Path) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "api.md").read_text(), re.S)
+    code = code.replace("http://127.0.0.1:8000", str(service.http.base_url).rstrip("/"))
+    said = run(code, cwd=tmp_path)
+    assert "verified" in said and "urdf" in said
+    assert list(tmp_path.iterdir()) == [tmp_path / "plan.npz"]
+
+
+def test_the_example_runs(service: Service, tmp_path: Path) -> None:
+    example = ROOT / "examples" / "07_fold_by_api.py"
+    arguments = ("--url", str(service.http.base_url), "--shape", "wrench-24")
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(example), *arguments],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "clearance" in done.stdout and "joints, folded" in done.stdout
+    assert len(list(tmp_path.iterdir())) == 2

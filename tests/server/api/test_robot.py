@@ -1,0 +1,402 @@
+"""What a robot gets of a fold: trajectories, torques, and a motion in real time."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+from websockets import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from planner.plan.plan import Plan
+from server.cli.command_line import application
+from server.files.trajectories import STREAMS_OF_ADDRESS
+from tests.server.cli.test_command_line import foldback
+from tests.server.here import ServiceHere
+from tests.server.service import PATIENCE_S, SNAKE, Service
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "06_drive_a_robot.py"
+Finished = dict[str, Any]
+
+
+class Robot:
+    """A robot at the other end of a socket."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self.socket = socket
+        self.last: dict[str, Any] = {}
+
+    def hear(self) -> dict[str, Any]:
+        said = json.loads(self.socket.recv(timeout=30))
+        if said["is"] in ("begin", "target"):
+            self.last = {"number": 0, "time_s": 0.0, **said}
+        return said
+
+    def say(self, do: str, **more: object) -> None:
+        self.socket.send(json.dumps({"do": do, **more}))
+
+    def until(self, wanted: str, error: float = 0.0) -> dict[str, Any]:
+        """Answers all that it is to follow with an error, until it hears what is wanted."""
+        while (said := self.hear())["is"] != wanted:
+            if said["is"] in ("begin", "target"):
+                self.say("report", error_rad=error, number=self.last["number"])
+        return said
+
+
+def address(service: Service, fold_id: str, **asked: object) -> str:
+    base = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
+    return f"{base}/api/folds/{fold_id}/play?{urlencode(asked)}"
+
+
+def played(service: Service, finished: Finished, **asked: object) -> ClientConnection:
+    return connect(address(service, finished["id"], **asked), max_size=None)
+
+
+def refusal(socket: ClientConnection) -> tuple[str, int]:
+    """The word and the code with which a socket is closed."""
+    robot = Robot(socket)
+    said = robot.hear()
+    assert said["is"] == "problem", said
+    with pytest.raises(ConnectionClosed) as shut:
+        robot.hear()
+    assert shut.value.rcvd is not None
+    return said["code"], shut.value.rcvd.code
+
+
+def test_a_robot_that_follows_is_led_to_the_folded_shape(
+    service: Service, finished: Finished
+) -> None:
+    plan = service.http.get(f"/api/folds/{finished['id']}/plan.json").json()
+    with played(service, finished, speed=20, speeds=True) as socket:
+        robot = Robot(socket)
+        begin = robot.hear()
+        assert begin["is"] == "begin"
+        assert begin["schema"] == "foldback-play/1"
+        assert begin["joint_names"] == plan["joint_names"]
+        assert begin["frames"] == len(plan["time_s"])
+        assert begin["joint_angles_rad"] == pytest.approx(plan["joint_angles_rad"][0], abs=1e-5)
+        assert robot.hear()["because"] == "start"
+        robot.say("report", error_rad=0.0)
+        times = [0.0]
+        while (said := robot.hear())["is"] != "end":
+            if said["is"] == "target":
+                times.append(said["time_s"])
+                assert len(said["joint_speeds_rad_s"]) == len(begin["joint_names"])
+                robot.say("report", error_rad=0.01, number=said["number"])
+        assert said["because"] == "folded"
+        assert times == sorted(times)
+        assert times[-1] == pytest.approx(begin["duration_s"], abs=1e-5)
+        assert robot.last["joint_angles_rad"] == pytest.approx(
+            plan["joint_angles_rad"][-1], abs=1e-5
+        )
+
+
+def test_it_waits_while_the_error_is_above_the_threshold(
+    service: Service, finished: Finished
+) -> None:
+    with played(service, finished, speed=2, threshold_rad=0.1, max_acceleration=100) as socket:
+        robot = Robot(socket)
+        robot.until("going", error=0.05)
+        waiting = robot.until("waiting", error=0.2)
+        assert waiting["because"] == "error"
+        assert waiting["error_rad"] == 0.2
+        for _ in range(30):  # the clock runs down, and stands
+            if robot.hear()["is"] == "target":
+                robot.say("report", error_rad=0.2, number=robot.last["number"])
+        stood = robot.last["time_s"]
+        robot.say("report", error_rad=0.2, number=robot.last["number"])
+        assert robot.hear()["time_s"] == stood
+        going = robot.until("going", error=0.05)
+        assert going["time_s"] >= stood
+        assert robot.until("end", error=0.05)["because"] == "folded"
+
+
+def test_the_service_finds_the_error_from_measured_angles(
+    service: Service, finished: Finished
+) -> None:
+    with played(service, finished, speed=0.1) as socket:
+        robot = Robot(socket)
+        off = np.array(robot.hear()["joint_angles_rad"])
+        robot.say("report", joint_angles_rad=off.tolist())  # before there is any target
+        while robot.hear()["is"] != "target":
+            pass
+        off[3] += 0.4
+        robot.say("report", joint_angles_rad=off.tolist(), number=robot.last["number"])
+        while (said := robot.hear())["is"] != "waiting":
+            pass
+        assert said["because"] == "error"
+        assert said["error_rad"] == pytest.approx(0.4, abs=0.02)
+
+
+def test_no_target_comes_before_the_robot_is_where_it_begins(
+    service: Service, finished: Finished
+) -> None:
+    with played(service, finished, rate_hz=100) as socket:
+        robot = Robot(socket)
+        angles = robot.hear()["joint_angles_rad"]
+        assert robot.hear()["because"] == "start"
+        robot.say("report", joint_angles_rad=[angle + 1.5 for angle in angles])
+        waiting = robot.hear()
+        assert (waiting["because"], waiting["error_rad"]) == ("error", pytest.approx(1.5))
+        with pytest.raises(TimeoutError):
+            socket.recv(timeout=0.3)  # thirty ticks
+        robot.say("report", joint_angles_rad=angles)
+        assert robot.hear()["is"] == "going"
+        target = robot.hear()
+        assert (target["is"], target["number"]) == ("target", 1)
+        assert target["joint_angles_rad"] == pytest.approx(angles, abs=1e-3)
+
+
+def test_it_pauses_resumes_and_stops_when_asked(service: Service, finished: Finished) -> None:
+    with played(service, finished, speed=0.5) as socket:
+        robot = Robot(socket)
+        robot.until("going")
+        robot.say("pause")
+        assert robot.until("waiting")["because"] == "pause"
+        robot.say("resume")
+        robot.until("going")
+        robot.say("stop")
+        assert robot.until("end")["because"] == "stop"
+
+
+def test_a_robot_that_falls_silent_stops_the_clock(service: Service, finished: Finished) -> None:
+    with played(service, finished, speed=0.1, silence_s=0.2, rate_hz=20) as socket:
+        robot = Robot(socket)
+        robot.until("going")
+        while (said := robot.hear())["is"] != "waiting":
+            pass
+        assert said["because"] == "silence"
+        assert robot.until("going")["time_s"] < 1.0  # it is told its target again, and answers
+
+
+def test_targets_do_not_run_ahead_of_a_slow_robot(service: Service, finished: Finished) -> None:
+    with played(service, finished, speed=0.1, silence_s=30) as socket:
+        robot = Robot(socket)
+        robot.until("going")
+        answered = robot.last["number"]
+        while (said := robot.hear())["is"] != "waiting":
+            pass
+        assert said["because"] == "behind"
+        assert robot.last["number"] - answered < 20
+        robot.say("report", error_rad=0.0, number=robot.last["number"])
+        robot.until("going")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "no JSON",
+        "[]",
+        '{"do": "fly"}',
+        '{"do": "report"}',
+        '{"do": "report", "error_rad": -1}',
+        '{"do": "report", "error_rad": NaN}',
+        '{"do": "report", "joint_angles_rad": [0, 1]}',
+        '{"do": "report", "error_rad": 0, "joint_angles_rad": []}',
+    ],
+)
+def test_what_makes_no_sense_is_told_and_moves_nothing(
+    service: Service, finished: Finished, text: str
+) -> None:
+    with played(service, finished) as socket:
+        robot = Robot(socket)
+        socket.send(text)
+        while (said := robot.hear())["is"] != "problem":
+            assert said["is"] != "going"
+        assert said["code"] == "bad-message"
+
+
+@pytest.mark.parametrize(
+    "asked", [{"speed": 0}, {"speed": "fast"}, {"threshold_rad": 9}, {"rate_hz": 1e9}, {"sped": 1}]
+)
+def test_a_wrong_question_is_refused(
+    service: Service, finished: Finished, asked: dict[str, object]
+) -> None:
+    with played(service, finished, **asked) as socket:
+        assert refusal(socket) == ("bad-request", 1008)
+
+
+def test_only_finished_and_verified_folds_are_played(
+    service: Service, desk: Service, finished: Finished, here_with: Callable[..., ServiceHere]
+) -> None:
+    with connect(address(desk, "no-such-fold")) as socket:
+        assert refusal(socket) == ("no-such-fold", 1008)
+    with connect(address(desk, desk.fold(SNAKE)["id"])) as socket:
+        assert refusal(socket) == ("not-ready", 1008)
+    doubtful = here_with()
+    doubtful.take_over(service, finished["id"])
+    path = doubtful.directory(finished["id"]) / "plan.npz"
+    plan = Plan.load(path)
+    replace(plan, certificate=replace(plan.certificate, verdict="failed: so it says")).save_npz(
+        path
+    )
+    with played(doubtful.start(), finished) as socket:
+        assert refusal(socket) == ("not-verified", 1008)
+
+
+def test_messages_are_bounded(service: Service, finished: Finished) -> None:
+    with played(service, finished) as socket:
+        robot = Robot(socket)
+        robot.say("report", error_rad=0.0, nonsense="x" * 100_000)
+        while (said := robot.hear())["is"] != "problem":
+            pass
+        assert said["code"] == "too-large"
+    with played(service, finished, speed=0.01) as socket:
+        robot = Robot(socket)
+        with contextlib.suppress(ConnectionClosed):  # it may be hung up on at once
+            for _ in range(1200):  # within the same second, or the next
+                robot.say("resume")
+        while (said := robot.hear())["is"] != "problem":
+            pass
+        assert said["code"] == "too-fast"
+
+
+def test_one_visitor_cannot_drive_all_robots(service: Service, finished: Finished) -> None:
+    # A second one on the same folds, which lets a visitor drive one robot.
+    other = ServiceHere(service.data_dir, max_robots_of_visitor=1).start()
+    with played(other, finished) as first:
+        assert Robot(first).hear()["is"] == "begin"
+        with played(other, finished) as second:
+            assert refusal(second) == ("too-many-robots", 1013)
+    assert other.stop() == 0
+
+
+def test_the_messages_are_described(service: Service, finished: Finished) -> None:
+    schema = service.http.get("/api/play-schema").json()
+    assert schema["title"] == "foldback-play/1"
+    assert {"Ask", "Begin", "Target", "Waiting", "Going", "Report", "End"} <= set(schema["$defs"])
+    answer = service.http.get(f"/api/folds/{finished['id']}/play")
+    assert answer.status_code == 426
+    assert answer.json()["code"] == "websocket"
+
+
+def test_trajectories_are_given_in_both_forms(service: Service, finished: Finished) -> None:
+    here = f"/api/folds/{finished['id']}/trajectory"
+    limits = {"max_speed": 0.5, "max_acceleration": 1.0}
+    document = service.http.get(here, params=limits).json()
+    assert (document["plan_verified"], document["min_clearance"]) == (True, None)
+    assert np.abs(document["joint_speeds_rad_s"]).max() <= 0.5 + 1e-6
+    table = service.http.get(here, params={**limits, "format": "csv", "rate": 20})
+    assert table.headers["content-type"].startswith("text/csv")
+    rows = [line.split(",") for line in table.text.splitlines()]
+    assert len(rows[0]) == 1 + 2 * len(document["joint_names"])
+    assert float(rows[-1][0]) == pytest.approx(document["duration_s"], abs=1e-6)
+    for wrong in ({"max_speed": 0}, {"format": "xml"}, {"rate": -1}):
+        assert service.http.get(here, params=wrong).status_code == 422
+    slow = {"max_speed": 1e-3, "rate": 1e4}
+    assert service.http.get(here, params=slow).json()["code"] == "too-large"
+    assert service.http.get("/api/folds/none/trajectory").status_code == 404
+
+
+def test_only_a_few_trajectories_are_sent_at_once(service: Service, finished: Finished) -> None:
+    here = f"/api/folds/{finished['id']}/trajectory"
+    slowly = {"max_speed": 0.1}
+    known = service.http.get(here, params=slowly).json()
+    moments = 4e6 / (2 * len(known["joint_names"]))
+    long = {**slowly, "rate": moments / known["duration_s"], "format": "csv"}
+    with contextlib.ExitStack() as slow:
+        for _ in range(STREAMS_OF_ADDRESS):  # they take the beginning, and wait
+            assert slow.enter_context(service.http.stream("GET", here, params=long)).is_success
+        busy = service.http.get(here)
+        assert (busy.status_code, busy.json()["code"]) == (429, "too-many-motions")
+        assert busy.headers["retry-after"]
+    deadline = time.monotonic() + PATIENCE_S
+    while service.http.get(here).status_code != 200:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_motors_are_judged(service: Service, finished: Finished) -> None:
+    here = f"/api/folds/{finished['id']}/motors"
+    asked = {"module_mass": 0.1, "pitch": 0.05, "motor_torque": 0.01}
+    weak = service.http.get(here, params=asked).json()
+    assert weak["would_do"] is False
+    assert weak["verdict"].startswith("would not do: joint_")
+    strong = service.http.get(here, params={**asked, "motor_torque": 100}).json()
+    assert strong["would_do"] is True
+    assert strong["joints"][0]["peak_torque_nm"] == weak["joints"][0]["peak_torque_nm"]
+    table = service.http.get(here, params={**asked, "format": "csv"}).text.splitlines()
+    assert len(table) == 1 + len(weak["joints"])
+    falling = service.http.get(here, params={**asked, "floating": True})
+    assert (falling.status_code, falling.json()["code"]) == (422, "bad-build")
+    assert service.http.get(here).status_code == 422
+
+
+def test_the_command_line_does_the_same(
+    service: Service, finished: Finished, tmp_path: Path
+) -> None:
+    directory = service.directory(finished["id"])
+    out, table = tmp_path / "robot.json", tmp_path / "motors.csv"
+
+    def retime(*more: str) -> subprocess.CompletedProcess[str]:
+        limits = ["--max-speed", "0.5", "--max-acceleration", "1", "--json"]
+        return foldback("retime", str(directory), *limits, *more)
+
+    torques = ["--module-mass", "0.1", "--pitch", "0.05", "--table", str(table)]
+    done = retime("--out", str(out), *torques, "--motor-torque", "0.01")
+    assert done.returncode == 3, done.stderr
+    report = json.loads(done.stdout.splitlines()[-1])
+    here = f"/api/folds/{finished['id']}"
+    limits = {"max_speed": 0.5, "max_acceleration": 1.0}
+    assert report["plan_verified"] is True
+    unchecked = service.http.get(f"{here}/trajectory", params=limits).json()
+    checked = {**unchecked, "min_clearance": report["min_clearance"]}
+    assert json.loads(out.read_text()) == checked
+    asked = {**limits, "module_mass": 0.1, "pitch": 0.05, "motor_torque": 0.01}
+    assert report["motors"] == service.http.get(f"{here}/motors", params=asked).json()
+    certificate = finished["state"]["summary"]["certificate"]
+    assert report["min_clearance"] == pytest.approx(certificate["min_clearance"], abs=0.01)
+    assert len(table.read_text().splitlines()) == 1 + len(report["motors"]["joints"])
+    assert 0.0 < report["clearance_bound"] <= report["min_clearance"]
+    refused = retime("--out", str(tmp_path / "robot.txt"))
+    assert refused.returncode == 2
+    assert json.loads(refused.stdout)["error"]["code"] == "unknown-form"
+
+
+def test_what_cannot_be_proved_clear_would_not_do(
+    service: Service, finished: Finished, tmp_path: Path
+) -> None:
+    plan = Plan.load(service.directory(finished["id"]) / "plan.npz")
+    # Modules of full size touch: they overlap nowhere, and nothing can be proved of them.
+    full = replace(plan.certificate, module_size=1.0)
+    replace(plan, certificate=full).save_npz(tmp_path / "plan.npz")
+    out = str(tmp_path / "robot.csv")
+    limits = ["--max-speed", "0.5", "--max-acceleration", "1", "--out", out]
+    command = ["retime", str(tmp_path), *limits]
+    done = CliRunner().invoke(application(), command)
+    assert "clearance at least 0 of a pitch" in " ".join(done.stdout.split())
+    assert done.exit_code == 3
+    command.append("--no-check")
+    unseen = CliRunner().invoke(application(), command)
+    assert unseen.exit_code == 0
+
+
+@pytest.mark.parametrize(("stiffness", "waits"), [("5", False), ("0.05", True)])
+def test_the_example_drives_a_simulated_robot(
+    service: Service, finished: Finished, tmp_path: Path, stiffness: str, waits: bool
+) -> None:
+    base = str(service.http.base_url).rstrip("/")
+    options = ["--url", base, "--fold", finished["id"], "--speed", "2", "--stiffness", stiffness]
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(EXAMPLE), *options],
+        cwd=tmp_path,
+        env={"PATH": ""},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "'because': 'folded'" in done.stdout.splitlines()[-1]
+    assert ("'because': 'error'" in done.stdout) is waits

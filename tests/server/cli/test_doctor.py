@@ -1,0 +1,349 @@
+"""The doctor: each thing that it looks at is broken for real, and it says so and what to do."""
+
+from __future__ import annotations
+
+import http.server
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+import sqlalchemy as sa
+from alembic import command
+from sqlalchemy.orm import Session
+
+from server.doctor import data, drawing, machine
+from server.doctor.doctor import CHECKS
+from server.doctor.finding import Finding, examine
+from server.processes.movie_task import GL_SETTING
+from server.settings import Settings
+from server.store.schema_version import config
+from server.store.tables import engine_for, migrate
+from tests.server.cli.test_command_line import foldback
+from tests.server.postgres import DATABASES, Postgres
+from tests.server.rows import a_fold
+from tests.server.service import Service
+
+
+def settings(tmp_path: Path, **values: Any) -> Settings:
+    return Settings(**{"data_dir": tmp_path / "data", **values})
+
+
+def powerless() -> list[str]:
+    """Root may write anywhere, unless it gives that power up."""
+    if os.geteuid() != 0:
+        return []
+    return ["setpriv", "--bounding-set=-dac_override,-dac_read_search"]
+
+
+def alone(check: str, *prefix: str, **values: Any) -> Finding:
+    """What a check finds in a process of its own, started by another program."""
+    code = (
+        "import json\nfrom dataclasses import asdict\n"
+        "from server.doctor import data, drawing\nfrom server.settings import Settings\n"
+        f"print(json.dumps(asdict({check}(Settings(**json.loads({json.dumps(values)!r}))))))"
+    )
+    done = subprocess.run(
+        [*prefix, sys.executable, "-c", code],
+        cwd=Path(__file__).parents[3],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return Finding(**json.loads(done.stdout))
+
+
+@pytest.mark.processes
+def test_all_is_well_and_nothing_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in os.environ:
+        if name.startswith("FOLDBACK_"):
+            monkeypatch.delenv(name)
+    answer = foldback("doctor", "--json", "--port", "0", "--data-dir", str(tmp_path / "data"))
+    found = json.loads(answer.stdout)
+    assert answer.returncode == 0, answer.stdout
+    assert [finding["name"] for finding in found] == [name for name, _ in CHECKS]
+    assert not [f for f in found if f["verdict"] == "problem"]
+    assert all(f["remedy"] is None for f in found if f["verdict"] == "ok")
+    assert all(f["remedy"] for f in found if f["verdict"] != "ok")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_problem_is_told_in_a_line_and_by_the_exit_code(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import typer
+
+    from server.cli.doctor import doctor
+
+    monkeypatch.setattr("server.doctor.doctor.CHECKS", (("database", data.database),))
+    (tmp_path / "foldback.db").write_bytes(b"garbage\n" * 1000)
+    with pytest.raises(typer.Exit) as ended:
+        doctor(data_dir=tmp_path)
+    assert ended.value.exit_code == 1
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith("problem  database: sqlite:///")
+    assert "file is not a database" in line
+    assert "restore a backup" in line
+    (tmp_path / "foldback.db").unlink()
+    doctor(data_dir=tmp_path)
+
+
+def test_a_check_that_fails_keeps_no_other_from_running(tmp_path: Path) -> None:
+    def broken(settings: Settings) -> Finding:
+        raise RuntimeError("boom")
+
+    first, second = examine([("broken", broken), ("clock", machine.clock)], settings(tmp_path))
+    assert (first.verdict, first.name) == ("problem", "broken")
+    assert "boom" in first.found
+    assert second.verdict == "ok"
+
+
+def test_a_package_that_is_too_old(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert machine.python(settings(tmp_path)).verdict == "ok"
+    old = tmp_path / "numpy-0.1.dist-info"
+    old.mkdir()
+    (old / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.1\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    found = machine.python(settings(tmp_path))
+    assert found.verdict == "problem"
+    assert "numpy is 0.1, expected" in found.found
+
+
+@pytest.mark.processes
+def test_a_directory_that_cannot_be_written(tmp_path: Path) -> None:
+    closed = tmp_path / "closed"
+    closed.mkdir(mode=0o500)
+    found = alone("data.directory", *powerless(), data_dir=str(closed / "data"))
+    assert found.verdict == "problem"
+    assert f"{closed} cannot be written (Permission denied)" in found.found
+    closed.chmod(0o700)
+    assert data.directory(settings(closed)).verdict == "ok"
+
+
+def test_a_disk_that_is_full_or_does_not_last(tmp_path: Path) -> None:
+    found = data.directory(settings(tmp_path, min_free_disk_bytes=2**60))
+    assert found.verdict == "problem" and "MiB free" in found.found
+    assert "expire" in (found.remedy or "")
+    found = data.directory(settings(tmp_path, data_dir="/dev/shm/foldback-nowhere"))
+    assert found.verdict == "warning" and "tmpfs" in found.found
+
+
+@pytest.mark.parametrize(
+    ("check", "file"), [(data.database, "foldback.db"), (data.jobs, "jobs.db")]
+)
+def test_a_database_file_that_is_garbage(tmp_path: Path, check: Any, file: str) -> None:
+    here = settings(tmp_path, data_dir=tmp_path)
+    assert check(here).verdict == "ok"
+    assert not (tmp_path / file).exists()
+    (tmp_path / file).write_bytes(b"garbage\n" * 1000)
+    found = check(here)
+    assert found.verdict == "problem"
+    assert "not a database" in found.found
+    assert (tmp_path / file).read_bytes() == b"garbage\n" * 1000
+
+
+@pytest.mark.parametrize("kind", DATABASES)
+def test_a_schema_that_is_behind_or_ahead(
+    kind: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    url = None if kind == "sqlite" else request.getfixturevalue("postgres").database()
+    here = settings(tmp_path, data_dir=tmp_path, database_url=url)
+    engine = engine_for(here.store_url)
+    with engine.begin() as connection:
+        alembic = config()
+        alembic.attributes["connection"] = connection
+        command.upgrade(alembic, "0001")
+    found = data.database(here)
+    assert found.verdict == "warning"
+    assert "version 0001, 7 behind 0008" in found.found
+    assert "foldback serve" in (found.remedy or "")
+    migrate(engine)
+    assert data.database(here).verdict == "ok"
+    with engine.begin() as connection:
+        connection.execute(sa.text("UPDATE alembic_version SET version_num = '0099'"))
+    found = data.database(here)
+    assert found.verdict == "problem"
+    assert "newer" in found.found
+    engine.dispose()
+
+
+@pytest.mark.parametrize("check", [data.database, data.jobs])
+def test_a_database_server_that_is_not_there(
+    tmp_path: Path, postgres: Postgres, check: Any
+) -> None:
+    url = postgres.database()
+    assert check(settings(tmp_path, database_url=url, jobs_url=url)).verdict == "ok"
+    gone = url.replace("foldback@", "foldback:geheim@").replace(f":{postgres.port}/", ":1/")
+    found = check(settings(tmp_path, database_url=gone, jobs_url=gone))
+    assert found.verdict == "problem"
+    assert "geheim" not in found.line
+    missing = check(settings(tmp_path, database_url=f"{url}x", jobs_url=f"{url}x"))
+    assert missing.verdict == "problem" and "does not exist" in missing.found
+
+
+def test_a_storage_that_is_none(tmp_path: Path) -> None:
+    here = settings(tmp_path, data_dir=tmp_path)
+    here.folds_dir.mkdir()
+    assert data.storage(here).verdict == "ok"
+    assert not list(here.folds_dir.iterdir())
+    here.folds_dir.rmdir()
+    here.folds_dir.touch()
+    found = data.storage(here)
+    assert found.verdict == "problem"
+    assert "NotADirectoryError" in found.found
+
+
+@pytest.fixture
+def alien() -> Iterator[int]:
+    """The port of a program that is not foldback."""
+
+    class Quiet(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(b'{"status": "ok"}')
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    server = http.server.HTTPServer(("127.0.0.1", 0), Quiet)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    yield server.server_port
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def test_a_port_that_is_taken(tmp_path: Path, alien: int, desk: Service) -> None:
+    found = machine.port(settings(tmp_path, port=alien))
+    assert found.verdict == "problem"
+    assert "another program" in found.found
+    ours = urlsplit(str(desk.http.base_url)).port
+    found = machine.port(settings(tmp_path, port=ours))
+    assert found.verdict == "ok"
+    assert "foldback already answers" in found.found
+
+
+def test_an_address_of_another_machine(tmp_path: Path) -> None:
+    found = machine.port(settings(tmp_path, host="203.0.113.1", port=8123))
+    assert found.verdict == "problem"
+    assert "FOLDBACK_HOST" in (found.remedy or "")
+
+
+@pytest.mark.parametrize(("limit", "verdict"), [(200, "problem"), (512, "warning"), (1024, "ok")])
+def test_few_open_files(tmp_path: Path, limit: int, verdict: str) -> None:
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (limit, before[1]))
+    try:
+        found = machine.files(settings(tmp_path))
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+    assert found.verdict == verdict
+    assert f"{limit} may be open" in found.found
+    assert verdict == "ok" or "ulimit" in (found.remedy or "")
+
+
+def test_memory_of_what_reads_and_retimes_beside_folds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(machine, "_allowed_bytes", lambda: [1500 * 2**20])
+    found = machine.memory(settings(tmp_path, child_memory_bytes=2**28))
+    assert found.verdict == "warning"
+    assert "the 5 processes that read uploads" in found.found
+
+
+def test_more_folds_than_memory(tmp_path: Path) -> None:
+    assert machine.memory(settings(tmp_path, child_memory_bytes=2**28)).verdict == "ok"
+    found = machine.memory(settings(tmp_path, workers=64, folds_per_worker=64))
+    assert found.verdict == "warning"
+    assert "4096 folds at once" in found.found
+
+
+def test_names_on_an_address_that_others_reach(tmp_path: Path) -> None:
+    assert machine.names(settings(tmp_path)).verdict == "ok"
+    assert machine.names(settings(tmp_path, host="0.0.0.0")).verdict == "warning"
+    assert machine.names(settings(tmp_path, allowed_hosts="*")).verdict == "warning"
+    named = settings(tmp_path, host="0.0.0.0", allowed_hosts="fold.example.org")
+    assert machine.names(named).verdict == "ok"
+
+
+def test_a_clock_that_went_back(tmp_path: Path) -> None:
+    here = settings(tmp_path, data_dir=tmp_path)
+    engine = engine_for(here.store_url)
+    migrate(engine)
+    assert machine.clock(here).verdict == "ok"
+    with Session(engine) as session, session.begin():
+        session.add(a_fold("later", created_at=time.time() + 7200))
+    engine.dispose()
+    found = data.database(here)
+    assert found.verdict == "warning" and "s apart" in found.found
+    later = time.time() + 7200
+    os.utime(tmp_path / "foldback.db", (later, later))
+    found = machine.clock(here)
+    assert found.verdict == "warning" and "2.0 hours" in found.found
+
+
+@pytest.mark.processes
+def test_no_opengl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(GL_SETTING, "egl")
+    monkeypatch.setenv("__EGL_VENDOR_LIBRARY_DIRS", str(tmp_path))  # there is no driver
+    found = drawing.gl(settings(tmp_path))
+    assert found.verdict == "warning"
+    assert "no movies: egl: " in found.found
+    assert "apt-get install" in (found.remedy or "")
+    monkeypatch.setenv(GL_SETTING, "off")
+    assert "switched off" in drawing.gl(settings(tmp_path)).found
+
+
+@pytest.mark.processes
+def test_an_opengl_that_crashes_does_not_take_the_doctor_along(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(
+        "import os, signal\n"
+        f"if os.environ.get({GL_SETTING!r}): os.kill(os.getpid(), signal.SIGSEGV)"
+    )
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
+    found = drawing.gl(settings(tmp_path))
+    assert found.verdict == "warning"
+    assert "egl: it crashed (signal 11); osmesa: it crashed (signal 11)" in found.found
+
+
+def test_no_encoder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "nowhere"))
+    assert drawing.encoder(settings(tmp_path)).verdict == "warning"
+    poor = tmp_path / "ffmpeg"
+    poor.write_text("#!/bin/sh\necho ' V..... mpeg4   MPEG-4'\n")
+    poor.chmod(0o755)
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(poor))
+    found = drawing.encoder(settings(tmp_path))
+    assert found.verdict == "warning" and "lacks x264" in found.found
+
+
+@pytest.mark.processes
+def test_kernels_that_cannot_be_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert str(tmp_path) in drawing.kernels(settings(tmp_path)).found
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    monkeypatch.setenv("HOME", "/proc/nowhere")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
+    root = Path(__file__).parents[3]
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(root / "planner", tmp_path / "planner", ignore=ignored)
+    (tmp_path / "planner" / "kernels").chmod(0o500)
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{root}")
+    found = alone("drawing.kernels", *powerless())
+    (tmp_path / "planner" / "kernels").chmod(0o700)
+    assert found.verdict == "problem"
+    assert "cannot cache" in found.found
+    assert "NUMBA_CACHE_DIR" in (found.remedy or "")

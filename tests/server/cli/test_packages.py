@@ -1,0 +1,98 @@
+"""The packages depend on each other in one direction, and are whole when installed."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+import zipfile
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+TYPES = ".d.ts"
+"""Types of the pages' scripts, which only their checker reads."""
+FORBIDDEN = {"planner": {"web", "server"}, "web": {"server"}, "server": {"tests", "examples"}}
+
+
+@cache
+def statements(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """Those that import something, wherever in a file."""
+    nodes = ast.walk(ast.parse(path.read_text()))
+    return [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)]
+
+
+def imports(path: Path) -> set[str]:
+    """The top-level packages that a file imports."""
+    found: set[str] = set()
+    for node in statements(path):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif node.level == 0:
+            found.add((node.module or "").partition(".")[0])
+    return found
+
+
+@pytest.mark.parametrize("package", FORBIDDEN)
+def test_imports_go_one_way(package: str) -> None:
+    files = list((ROOT / package).rglob("*.py"))
+    assert files
+    backwards = {
+        str(path.relative_to(ROOT)): sorted(wrong)
+        for path in files
+        if (wrong := imports(path) & FORBIDDEN[package])
+    }
+    assert not backwards
+
+
+def test_relative_imports_are_not_used() -> None:
+    for package in FORBIDDEN:
+        for path in (ROOT / package).rglob("*.py"):
+            for node in statements(path):
+                assert not (isinstance(node, ast.ImportFrom) and node.level), path
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What is installed, as one file."""
+    place = tmp_path_factory.mktemp("wheel")
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(place)],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+    )
+    (built,) = place.glob("*.whl")
+    return built
+
+
+def test_the_wheel_carries_everything_that_is_not_code(wheel: Path) -> None:
+    carried = set(zipfile.ZipFile(wheel).namelist())
+    wanted = {
+        str(path.relative_to(ROOT))
+        for package in ("planner", "web", "server")
+        for path in (ROOT / package).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts and not path.name.endswith(TYPES)
+    }
+    shapes = {f"server/shapes/{p.name}" for p in (ROOT / "examples" / "shapes").glob("*.json")}
+    assert len(shapes) >= 7
+    assert (wanted | shapes) <= carried, sorted((wanted | shapes) - carried)
+    assert not [name for name in carried if name.startswith(("tests", "examples"))]
+    assert not [name for name in carried if name.endswith((TYPES, "package.json"))]
+
+
+def test_the_installed_gallery_is_that_of_the_checkout(tmp_path: Path, wheel: Path) -> None:
+    """The gallery is found without a checkout around the packages."""
+    unpacked = tmp_path / "installed"
+    zipfile.ZipFile(wheel).extractall(unpacked)
+    code = "from server.store.gallery import gallery; print(*(s.name for s in gallery()))"
+    names = subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(unpacked)!r}); {code}"],
+        cwd=tmp_path,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout.split()
+    assert sorted(names) == sorted(p.stem for p in (ROOT / "examples" / "shapes").glob("*.json"))

@@ -1,0 +1,305 @@
+"""Attacks by strangers: others' folds, hostile names, forged addresses, senseless questions."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from server.pages.landing import script_json
+from server.settings import Settings
+from server.store.folds import new_id, new_token
+from tests.server.service import SNAKE, Service, owner
+
+ServiceWith = Callable[..., Service]
+PAGE = {"Accept": "text/html"}
+NAMES = (
+    '"><script>alert(1)</script>.json',
+    "</script><script>alert(1)</script>",
+    "..\\..\\x.json",
+    "../../../etc/passwd",
+    "a\r\nSet-Cookie: a=b\r\n\r\n<script>.json",
+    "gpj.\u202exe.json",
+    "n" * 10_000,
+    "a\x00b.json",
+    "=cmd|' /C calc'!A0.json",
+    "{{7*7}}${7*7}",
+    "'; DROP TABLE folds; --",
+    "\ud83d\ude00".encode("utf-16", "surrogatepass").decode("utf-16"),
+)
+
+
+def path_file(name: str, at: int) -> bytes:
+    cells = [[at, i, 0] for i in range(5)]
+    return json.dumps({"format": "foldback-path/1", "name": name, "cells": cells}).encode()
+
+
+@pytest.mark.parametrize("number", range(len(NAMES)))
+def test_a_hostile_name_stays_a_name(desk: Service, number: int) -> None:
+    name = NAMES[number]
+    plain = name.encode().replace(b'"', b"%22").replace(b"\r", b"").replace(b"\n", b"")
+    body = (
+        b'--x\r\nContent-Disposition: form-data; name="file"; filename="' + plain[:3000] + b'"'
+        b"\r\n\r\n" + path_file(name, number) + b"\r\n--x--\r\n"
+    )
+    kind = {"Content-Type": "multipart/form-data; boundary=x"}
+    answer = desk.http.post("/api/folds", content=body, headers=kind)
+    assert answer.status_code == 202, answer.text
+    fold_id = answer.json()["id"]
+    state = desk.state(fold_id)
+    assert len(state["name"]) <= 200 and state["name"].isprintable()
+    page = desk.http.get(f"/folds/{fold_id}", headers=PAGE)
+    assert "<script>alert" not in page.text
+    assert "49" not in re.findall(r"<title>(.*?)</title>", page.text, re.S)[0]
+    assert "set-cookie" not in page.headers
+    with desk.http.stream("GET", f"/api/folds/{fold_id}/events") as stream:
+        lines = stream.iter_lines()
+        assert next(lines) == "event: progress" and next(lines).startswith("data: {")
+    assert {p.name for p in (desk.directory(fold_id)).iterdir()} <= {
+        "input",
+        "request.json",
+        "cells.json",
+    }
+    assert "a=b" not in desk.log.read_text() and "\x00" not in desk.log.read_text()
+
+
+def test_what_is_taken_away_of_a_hostile_name_is_harmless(service: Service) -> None:
+    name = '=1+1"</script><script>alert(1)</script>&\r\nX: y'
+    path = {**json.loads(path_file(name, 0)), "cells": SNAKE}
+    answer = service.http.post("/api/folds", files={"file": ("a.json", json.dumps(path))})
+    accepted = answer.json()
+    service.wait_over(accepted["id"])
+    where = f"/folds/{accepted['id']}"
+    exports = service.http.get(f"/api{where}/exports").json()["exports"]
+    files = [f"/api/folds/{accepted['id']}/exports/{e['name']}" for e in exports]
+    files += [f"/api{where}/plan.json", f"/api{where}/model.xml", f"{where}/standalone.html"]
+    files += [f"/api{where}/trajectory?format=csv", f"/api{where}/motors?module_mass=1&format=csv"]
+    for file in files:
+        answer = service.http.get(file)
+        assert answer.status_code == 200, (file, answer.text[:300])
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        assert "x" not in answer.headers
+        if "text/csv" in answer.headers["content-type"]:
+            fields = [field for line in answer.text.splitlines() for field in line.split(",")]
+            assert not any(field.startswith(("=", "+", "@", "\t", "-c")) for field in fields)
+        elif "xml" in answer.headers["content-type"] or file.endswith((".xml", "urdf", "mjcf")):
+            if answer.content[:2] != b"PK":
+                assert not list(ElementTree.fromstring(answer.text).iter("script"))
+        elif "html" in answer.headers["content-type"]:
+            assert "<script>alert" not in answer.text
+            assert answer.headers["content-security-policy"].startswith("sandbox")
+        if "attachment" in (told := answer.headers.get("content-disposition", "")):
+            assert re.fullmatch(r'attachment; filename="[A-Za-z0-9._-]+"', told), told
+
+
+def test_text_in_a_script_element_does_not_end_it() -> None:
+    assert "<" not in script_json({"name": "</script><!--<script>"})
+    assert "&" not in script_json("&lt;")
+
+
+def test_ids_and_tokens_cannot_be_guessed() -> None:
+    ids, tokens = {new_id() for _ in range(1000)}, {new_token() for _ in range(1000)}
+    assert len(ids) == len(tokens) == 1000
+    assert all(len(i) == 20 and set(i) <= set("abcdefghijkmnpqrstuvwxyz23456789") for i in ids)
+    assert all(len(token) >= 32 for token in tokens)
+
+
+def test_a_link_lets_look_and_no_more(desk: Service) -> None:
+    form = {"file": ("a.json", path_file("mine", 50))}
+    mine = desk.http.post("/api/folds", files=form).json()
+    other = desk.http.post("/api/folds", files={"file": ("b.json", path_file("b", 51))}).json()
+    here = f"/api/folds/{mine['id']}"
+    for token, status in ((None, 401), ("short", 401), ("é" * 40, 401), (other, 403)):
+        value = other["owner_token"] if token is other else token
+        headers = {} if value is None else {"Authorization": f"Bearer {value}".encode()}
+        for method, path in (("POST", f"{here}/cancel"), ("DELETE", here)):
+            answer = desk.http.request(method, path, headers=headers)
+            assert answer.status_code in (status, 403), answer.text
+    assert desk.state(mine["id"])["status"] == "queued"
+    # Whoever has no fold is not told whether there is one.
+    gone = "a" * 20
+    for headers in ({}, owner(other)):
+        for method, path in (("POST", f"/api/folds/{gone}/cancel"), ("DELETE", "/api/folds/x")):
+            assert desk.http.request(method, path, headers=headers).status_code == 404
+    listed = {
+        fold["id"] for fold in desk.http.get("/api/folds", headers=owner(other)).json()["folds"]
+    }
+    assert other["id"] in listed and mine["id"] not in listed
+    answer = desk.http.get("/api/folds", headers=owner(mine))
+    assert answer.headers["cache-control"].startswith("private")
+    assert desk.http.delete(here, headers=owner(mine)).status_code == 204
+    assert desk.http.get(here).status_code == 404
+
+
+def test_search_engines_are_told_no_secret_link(desk: Service) -> None:
+    secret = desk.http.post("/api/folds", files={"file": ("a.json", path_file("s", 60))}).json()
+    public = desk.http.post("/api/folds", data={"shape": "mallet-64"}).json()
+    told = desk.http.post(
+        "/api/shapes/preview",
+        files={"file": ("a.json", path_file("s", 61))},
+        data={"full": "false"},
+    ).json()
+    for listed, paths in {
+        "noindex": (
+            f"/folds/{secret['id']}",
+            f"/folds/{secret['id']}/facts",
+            f"/folds/{secret['id']}/picture.png",
+            f"/folds/{secret['id']}/standalone.html",
+            f"/api/folds/{secret['id']}",
+            f"/api/folds/{secret['id']}/plan.json",
+            f"/embed/{secret['id']}",
+            f"/compare?a={secret['id']}&b={public['id']}",
+            told["links"]["page"],
+            "/shapes/new",
+            "/view",
+            "/embed/view",
+        ),
+        "all": (
+            f"/folds/{public['id']}",
+            "/",
+            "/gallery",
+            "/what-folds",
+            "/paper",
+            "/shapes/mallet-64.svg",
+        ),
+    }.items():
+        for path in paths:
+            assert desk.http.get(path).headers["x-robots-tag"] == listed, path
+    # Who may not come in does not read what is said there.
+    assert desk.http.get("/robots.txt").status_code == 404
+
+
+BAD_IDS = ("..", "%2e%2e", "..%2f..%2fsecret", "a%00b", "%0d%0aX:y", "~root", "%ff%fe", "a" * 5000)
+
+
+@pytest.mark.parametrize("bad", BAD_IDS)
+def test_no_id_leads_out_of_the_data(desk: Service, bad: str) -> None:
+    for path in (
+        "/api/folds/{}",
+        "/api/folds/{}/frames",
+        "/api/folds/{}/plan.json",
+        "/api/folds/{}/exports/x",
+        "/api/folds/{}/movies/{}",
+        "/api/folds/{}/movies/{}/file",
+        "/api/folds/{}/events",
+        "/api/shapes/{}.json",
+        "/folds/{}",
+        "/folds/{}/standalone.html",
+        "/folds/{}/picture.png",
+        "/folds/{}/reel",
+        "/previews/{}",
+        "/previews/{}/scene/{}",
+        "/previews/{}/drawing.svg?key={}",
+        "/static/{}",
+        "/embed/{}",
+        "/compare?a={}&b={}",
+        "/gallery?q={}&type={}",
+    ):
+        answer = desk.http.get(path.replace("{}", bad))
+        assert answer.status_code < 500, (path, answer.text)
+        assert "x" not in answer.headers
+        assert answer.headers["x-content-type-options"] == "nosniff"
+    for form in ({"fold": bad}, {"refold": bad, "shape": "mallet-64"}, {"preview": "a\x00"}):
+        assert 400 <= desk.http.post("/api/folds", data=form).status_code < 500
+
+
+SENSELESS = ("nan", "inf", "1e999", "-1", "1" + "0" * 30, "0x10", "", "1e-400", "٣", "9" * 5000)
+
+
+@pytest.mark.parametrize("value", SENSELESS)
+def test_senseless_questions_are_answered(
+    service: Service, finished: dict[str, Any], value: str
+) -> None:
+    here = f"/api/folds/{finished['id']}"
+    for question in (
+        f"{here}/frames?from={value}",
+        f"{here}/frames?to={value}",
+        f"{here}/frames?stride={value}",
+        f"{here}/trajectory?max_speed={value}",
+        f"{here}/trajectory?rate={value}",
+        f"{here}/motors?module_mass={value}",
+        f"{here}/motors?module_mass=1&pitch={value}",
+        f"{here}/motors?module_mass=1&gravity={value}",
+        f"/folds/{finished['id']}/reel?from={value}",
+        f"/folds/{finished['id']}/reel?to={value}&wait={value}",
+        f"/folds/{finished['id']}/figures?part={value}",
+        f"/gallery?modules={value}&least={value}&q={value}",
+    ):
+        answer = service.http.get(question)
+        assert answer.status_code < 500 or answer.json()["code"] == "busy", (question, answer.text)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        "damping=" + "9" * 5000,
+        "," * 100_000,
+        "damping=1e999",
+        "step_s=٠.٠١",
+        "damping=1_0e-2",
+        "damping=0x1",
+        "__class__=1",
+        "damping=<script>",
+        "damping=0.1\x00",
+        "damping=\ud800".encode("utf-8", "surrogatepass"),
+    ],
+    ids=lambda settings: ascii(settings[:20]),
+)
+def test_hostile_settings_are_refused(desk: Service, settings: str | bytes) -> None:
+    form: dict[str, Any] = {"shape": "mallet-64", "preset": "paper", "settings": settings}
+    answer = desk.http.post("/api/folds", data=form)
+    assert 400 <= answer.status_code < 500, answer.text
+    assert len(answer.text) < 1000
+
+
+def test_other_methods_do_nothing(desk: Service) -> None:
+    for method in ("PUT", "PATCH", "TRACE", "CONNECT", "PROPFIND", "OPTIONS"):
+        for path in ("/api/folds", "/", "/api/folds/x"):
+            answer = desk.http.request(method, path)
+            assert answer.status_code in (400, 404, 405), (method, path, answer.status_code)
+            assert "access-control-allow-origin" not in answer.headers
+
+
+@pytest.mark.parametrize(("proxies", "same"), [("192.0.2.0/24", True), ("127.0.0.0/8,::1", False)])
+def test_only_proxies_say_where_somebody_comes_from(
+    here_with: ServiceWith, proxies: str, same: bool
+) -> None:
+    service = here_with(trusted_proxies=proxies, largest_queue_of_visitor=1).start()
+    service.fold(shape="mallet-64")
+    forged = {"X-Forwarded-For": "198.51.100.7"}
+    answer = service.http.post("/api/folds", data={"shape": "wrench-160"}, headers=forged)
+    assert answer.status_code == (429 if same else 202)
+    # What a visitor says himself stands before what the proxy says of him.
+    forged = {"X-Forwarded-For": "203.0.113.9, 198.51.100.7"}
+    answer = service.http.post("/api/folds", data={"shape": "box-4x4x4"}, headers=forged)
+    assert answer.status_code in (422, 429)
+
+
+def test_trusted_proxies_are_networks() -> None:
+    assert Settings(trusted_proxies="10.0.0.0/8, ::1").trusted_proxies == ("10.0.0.0/8", "::1")  # type: ignore[arg-type]
+    for wrong in ("*", "proxy.example", "10.0.0.0/99"):
+        with pytest.raises(ValueError, match="expected an address or a network"):
+            Settings(trusted_proxies=wrong)  # type: ignore[arg-type]
+
+
+def test_a_forged_host_is_text(here_with: ServiceWith) -> None:
+    service = here_with(allowed_hosts="*").start()
+    answer = service.http.get("/", headers={"Host": 'evil"><script>alert(1)</script>'})
+    assert "<script>alert" not in answer.text
+    assert answer.headers["cache-control"] == "no-store"
+
+
+def test_the_page_of_the_table_names_tests_that_exist() -> None:
+    root = Path(__file__).parents[3]
+    text = (root / "docs" / "security.md").read_text()
+    named = re.findall(r"`(tests/[\w/]+\.py)::(test_\w+)`", text)
+    assert len(named) >= 30
+    for file, test in named:
+        assert f"def {test}(" in (root / file).read_text(), f"{file} has no {test}"
+    for setting in re.findall(r"`FOLDBACK_([A-Z_]+)`", text):
+        assert setting.lower() in Settings.model_fields, setting

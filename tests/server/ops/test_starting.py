@@ -1,0 +1,61 @@
+"""What is said when the service can't start, and what to do."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from server.cli import serve
+from server.cli import worker as worker_command
+from server.cli.serve import server_of
+from server.jobs import worker
+from server.settings import Settings
+from tests.server.cli.test_command_line import foldback
+
+MISSING = [
+    ({"database_url": "postgresql://nobody@127.0.0.1:1/none"}, "the database does not answer"),
+    ({"storage_url": "nonsense://bucket"}, "expected something like s3://bucket/prefix"),
+]
+
+
+def leave_the_process_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is that of the tests."""
+    for module in (worker, serve, worker_command):
+        for name in ("keep_secrets", "set_up_logs"):
+            monkeypatch.setattr(module, name, lambda *_: None, raising=False)
+
+
+@pytest.mark.parametrize("start", [server_of, worker.work])
+@pytest.mark.parametrize(("settings", "words"), MISSING)
+def test_what_is_missing_and_what_to_do(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    start: Callable[[Settings], object],
+    settings: dict[str, str],
+    words: str,
+) -> None:
+    leave_the_process_alone(monkeypatch)
+    with pytest.raises(SystemExit) as ended:
+        start(Settings(data_dir=tmp_path, **settings))  # type: ignore[arg-type]
+    assert ended.value.code == 1
+    said = capsys.readouterr().err
+    assert words in said and "foldback doctor" in said
+
+
+@pytest.mark.parametrize("command", ["serve", "worker"])
+def test_one_line_and_what_to_do(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in os.environ:
+        if name.startswith("FOLDBACK_"):
+            monkeypatch.delenv(name)
+    monkeypatch.setenv("FOLDBACK_DATA_DIR", "/proc/foldback")
+    monkeypatch.setenv("FOLDBACK_WORKERS", "0")
+    leave_the_process_alone(monkeypatch)
+    done = foldback(command)
+    assert done.returncode == 1
+    assert "cannot be used" in done.stderr
+    assert "foldback doctor" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,104 @@
+"""Traces of folds: sent to a receiver that understands them, and to nobody unless told so."""
+
+from __future__ import annotations
+
+import http.server
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTraceServiceRequest
+
+from server.ops.tracing import NoTracingError, tracing
+from server.settings import Settings
+
+CODE = """
+import os, sys
+from dbos import DBOS
+from server.jobs.queue import WORKFLOW
+from server.settings import Settings
+from server.ops.tracing import send_rest, tracing
+settings = Settings()
+DBOS(config={"name": "foldback", "system_database_url": settings.queue_url, **tracing(settings)})
+def fold(fold_id):
+    for stage in ("read", "explode"):
+        DBOS.run_step({"name": stage}, len, fold_id)
+fold = DBOS.workflow(name=WORKFLOW)(fold)
+DBOS.launch()
+from dbos import SetWorkflowID
+with SetWorkflowID("thefold"):
+    fold("thefold")
+send_rest(settings)
+os._exit(0)
+"""
+
+
+@pytest.fixture
+def receiver() -> Iterator[tuple[str, list[ExportTraceServiceRequest]]]:
+    """The address of an OTLP receiver, and what it has got."""
+    got: list[ExportTraceServiceRequest] = []
+
+    class Receiver(http.server.BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            assert self.path == "/v1/traces"
+            body = self.rfile.read(int(self.headers["Content-Length"]))
+            got.append(ExportTraceServiceRequest.FromString(body))
+            self.send_response(200)
+            self.end_headers()
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Receiver)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}/v1/traces", got
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+@pytest.mark.slow
+def test_a_fold_is_a_trace_with_a_span_for_each_stage(
+    tmp_path: Path, receiver: tuple[str, list[ExportTraceServiceRequest]]
+) -> None:
+    endpoint, got = receiver
+    done = subprocess.run(
+        [sys.executable, "-c", CODE],
+        env={
+            "PYTHONPATH": str(Path(__file__).parents[3]),
+            "FOLDBACK_DATA_DIR": str(tmp_path),
+            "FOLDBACK_OTLP_ENDPOINT": endpoint,
+        },
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    spans = [
+        span
+        for request in got
+        for resource in request.resource_spans
+        for scope in resource.scope_spans
+        for span in scope.spans
+    ]
+    named = {span.name: span for span in spans}
+    assert {"fold", "read", "explode"} <= named.keys()
+    assert named["read"].parent_span_id == named["fold"].span_id
+    assert len({span.trace_id for span in spans}) == 1
+    about = {attribute.key: attribute.value.string_value for attribute in named["fold"].attributes}
+    assert about["operationUUID"] == "thefold"
+
+
+def test_nothing_is_traced_unless_told_so() -> None:
+    assert tracing(Settings()) == {}
+
+
+def test_missing_packages_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("server.ops.tracing.NEEDED", ("opentelemetry.nowhere.sdk",))
+    with pytest.raises(NoTracingError, match=r"foldback\[otel\]"):
+        tracing(Settings(otlp_endpoint="http://127.0.0.1:4318/v1/traces"))

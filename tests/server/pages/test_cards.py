@@ -1,0 +1,92 @@
+"""Cards of the gallery: which of them an address asks for, and what has become of a shape."""
+
+from __future__ import annotations
+
+import pytest
+
+from server.pages.cards import (
+    KINDS,
+    SELECTED,
+    Card,
+    Sieve,
+    Standing,
+    cards,
+    kinds,
+    selected,
+    standings,
+)
+from server.store.folds import Store
+from server.store.gallery import Gallery
+from tests.server.store.test_rows import row
+from tests.server.store.test_rows import store as store
+
+HEART = Card(name="heart", title="Heart", module="cube", modules=216, tags=("sign",))
+RING = Card(
+    name="tetra-ring",
+    title="Ring of twelve",
+    module="tetrahedron",
+    modules=12,
+    tags=("tetrahedra", "ring"),
+)
+VERIFIED = Standing(status="verified", fold="a")
+
+
+@pytest.mark.parametrize(
+    ("query", "found"),
+    [
+        ({}, "both"),
+        ({"type": "cube"}, "heart"),
+        ({"type": "tetrahedron"}, "ring"),
+        ({"type": "<script>"}, "both"),
+        ({"kind": "ring"}, "ring"),
+        ({"status": "verified"}, "heart"),
+        ({"status": "new"}, "ring"),
+        ({"modules": "100-200"}, ""),
+        ({"modules": "-100"}, "ring"),
+        ({"modules": "216-216"}, "heart"),
+        ({"modules": "nonsense"}, "both"),
+        ({"least": "13", "most": ""}, "heart"),
+        ({"q": "  HEART "}, "heart"),
+        ({"q": "twelve ring"}, "ring"),
+        ({"q": "signs"}, "heart"),
+        ({"q": "216 modules"}, "heart"),
+        ({"q": "heart ring"}, ""),
+        ({"q": "eart"}, ""),
+        ({"q": "t"}, "ring"),
+    ],
+)
+def test_an_address_says_which_are_wanted(query: dict[str, str], found: str) -> None:
+    sieve = Sieve.of(query)
+    let = [
+        name
+        for name, card, standing in (("heart", HEART, VERIFIED), ("ring", RING, Standing()))
+        if sieve.lets(card, standing)
+    ]
+    assert let == {"both": ["heart", "ring"], "": []}.get(found, [found])
+
+
+def test_every_selected_shape_is_there_and_every_kind_has_a_name() -> None:
+    gallery = Gallery()
+    assert [card.name for card in selected(gallery)] == list(SELECTED)
+    assert len(cards(gallery)) == len(gallery.shapes())
+    assert {tag for tag, _ in kinds(gallery)} <= set(KINDS)
+
+
+def test_the_best_of_several_folds_counts(store: Store) -> None:
+    folds = [
+        ("heart", "failed"),
+        ("heart", "verified"),
+        ("heart", "running"),
+        ("cat", "queued"),
+        ("cat", "failed"),
+        ("dog", "cancelled"),
+        (None, "verified"),
+    ]
+    for number, (shape, status) in enumerate(folds):
+        values = {"id": f"fold{number}", "shape": shape, "status": status, "public": True}
+        assert store.add(row(None, **values), "token")
+    assert store.add(row(None, id="private", shape="dog", status="verified", public=False), "t")
+    assert standings(store) == {
+        "heart": Standing(status="verified", fold="fold1"),
+        "cat": Standing(status="running", fold="fold3"),
+    }

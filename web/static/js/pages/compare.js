@@ -1,0 +1,62 @@
+// Two folds beside each other.
+import { Bar } from "../player/bar.js";
+import { COLOURINGS, MEASURED, colouring } from "../player/colours.js";
+import { Film, Source } from "../player/timeline.js";
+import { showScale } from "../panels/legend.js";
+import { Pair } from "../player/pair.js";
+import { Player } from "../player/player.js";
+import { hasWebGL } from "../viewer/scene.js";
+import { Sketch } from "../viewer/sketch.js";
+import { Stage } from "../viewer/stage.js";
+import { toast } from "../panels/toast.js";
+import { copyText, element, get, radians } from "../lib/text.js";
+
+const START_MS = 600; // two 3D views at once would keep both drawings waiting
+const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+/** @type {Facts[]} */
+const facts = JSON.parse(get("facts").textContent);
+/** @type {Promise<boolean>} */
+const webgl = new Promise((told) => { setTimeout(() => told(hasWebGL()), START_MS); });
+
+const sides = facts.map(({ id, running }, k) => {
+  const side = get(`side-${k}`);
+  const frame = /** @type {HTMLIFrameElement} */ (side.querySelector("iframe"));
+  const canvas = /** @type {HTMLCanvasElement} */ (side.querySelector("canvas"));
+  const now = /** @type {HTMLElement} */ (side.querySelector(".side-now"));
+  const sketch = new Sketch(canvas);
+  const stage = new Stage(frame, {
+    open: () => player.standIn?.takeOver(),
+    touch: () => { if (player.is.follow) pair.send({ do: "set", follow: false }); },
+    pick: (origin, direction) => player.pick(origin, direction),
+  });
+  const player = new Player(new Film(new Source(`/folds/${id}`), { over: !running }), {
+    stage, sketch, calm, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),
+  });
+  new ResizeObserver(() => player.show(true)).observe(frame);
+  player.on("state", (/** @type {State} */ { error_rad: error }) => {
+    now.textContent = error === null ? "No error recorded here" : `Error ${radians(error)}`;
+  });
+  webgl.then((there) => setTimeout(() => { if (there) frame.src = "/view"; }, 1500 * k));
+  return { player, stage };
+});
+const pair = new Pair(sides.map(({ player }) => player));
+const bar = new Bar(pair);
+addEventListener("keydown", (event) => bar.key(event));
+pair.on("begun", () => { if (!calm) pair.send({ do: "play" }); });
+const colours = get("colour-by");
+colours.append(...COLOURINGS.filter(([key]) => !MEASURED.has(key)).map(([key, label]) => element("option", { value: key }, label)));
+colours.onchange = () => {
+  for (const { player } of sides) player.colourBy(colouring(colours.value, player.film, null));
+  scale();
+};
+const scale = () => {
+  const { colouring: chosen, film } = sides[0].player;
+  if (chosen) showScale(chosen, film);
+};
+pair.on("outline", scale);
+get("through").onclick = () => {
+  const on = get("through").getAttribute("aria-pressed") !== "true";
+  get("through").setAttribute("aria-pressed", String(on));
+  for (const { stage } of sides) stage.seeThrough(on);
+};
+get("share").onclick = () => copyText(location.href, () => toast("Link copied"), () => toast(location.href));

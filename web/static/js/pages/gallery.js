@@ -1,0 +1,83 @@
+// The gallery: shows the shapes that are wanted, and keeps what is wanted in the address.
+import { askForFold } from "../lib/fold_request.js";
+import { get } from "../lib/text.js";
+
+const sieve = get("sieve");
+const cards = /** @type {HTMLElement[]} */ ([...get("cards").children]);
+const PATIENCE_MS = 250;
+
+function wanted() {
+  const form = new FormData(sieve);
+  const text = (/** @type {string} */ name) => String(form.get(name) ?? "");
+  const number = (/** @type {string} */ name) => (text(name) === "" ? null : Math.max(0, Math.floor(Number(text(name)))));
+  return {
+    type: text("type"),
+    kind: text("kind"),
+    status: text("status"),
+    q: text("q").trim().replace(/\s+/g, " "),
+    least: number("least"),
+    most: number("most"),
+  };
+}
+
+/**
+ * @param {ReturnType<typeof wanted>} wish
+ * @param {HTMLElement} card
+ */
+function lets({ type, kind, status, q, least, most }, { dataset }) {
+  const modules = Number(dataset.modules);
+  return (!type || dataset.type === type)
+    && (!kind || (dataset.kinds ?? "").split(" ").includes(kind))
+    && (!status || dataset.status === status)
+    && (least === null || modules >= least)
+    && (most === null || modules <= most)
+    && q.toLowerCase().split(" ").every((word) => ` ${dataset.words}`.includes(` ${word}`));
+}
+
+function sift() {
+  const wish = wanted();
+  let count = 0;
+  for (const card of cards) {
+    card.hidden = !lets(wish, card);
+    if (!card.hidden) count++;
+  }
+  const found = count === cards.length ? `${count} shapes` : `${count} of ${cards.length} shapes`;
+  if (get("found").textContent !== found) get("found").textContent = found;
+  get("nothing").hidden = count > 0;
+  const kept = new URLSearchParams();
+  for (const key of /** @type {const} */ (["type", "kind", "status", "q"])) if (wish[key]) kept.set(key, wish[key]);
+  if (wish.least !== null || wish.most !== null) kept.set("modules", `${wish.least ?? ""}-${wish.most ?? ""}`);
+  history.replaceState(null, "", `${location.pathname}${kept.size ? `?${kept}` : ""}`);
+}
+
+if (sieve) {
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let timer;
+  const soon = () => { clearTimeout(timer); timer = setTimeout(sift, PATIENCE_MS); };
+  sieve.addEventListener("input", (event) => { if (event.target instanceof HTMLInputElement && event.target.type === "radio") sift(); else soon(); });
+  sieve.addEventListener("submit", (event) => { event.preventDefault(); clearTimeout(timer); sift(); });
+  get("all").onclick = (event) => {
+    event.preventDefault();
+    for (const input of /** @type {Iterable<HTMLInputElement>} */ (sieve.elements)) {
+      if (input.type === "radio") input.checked = !input.value;
+      else input.value = "";
+    }
+    sift();
+    /** @type {HTMLInputElement} */ (sieve.elements.namedItem("q")).focus();
+  };
+  // A browser that comes back fills the fields in again as they were left.
+  addEventListener("pageshow", sift);
+}
+
+for (const card of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-shape]"))) {
+  card.onclick = async (event) => {
+    event.preventDefault();
+    if (card.getAttribute("aria-busy")) return;
+    card.setAttribute("aria-busy", "true");
+    get("message").textContent = "";
+    const refused = await askForFold({ shape: card.dataset.shape ?? "" });
+    card.removeAttribute("aria-busy");
+    get("message").textContent = refused;
+    if (refused) get("message").scrollIntoView({ block: "center" });
+  };
+}

@@ -1,0 +1,136 @@
+// Films that play where they stand: one at a time is loaded and drawn.
+import { Film, Recording } from "../player/timeline.js";
+import { Pair } from "../player/pair.js";
+import { Player } from "../player/player.js";
+import { Sketch } from "../viewer/sketch.js";
+import { PHASES, element, radians, seconds } from "../lib/text.js";
+
+const SPEED = 1.2;
+const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+/**
+ * What is in every figure.
+ * @param {HTMLElement} figure
+ * @param {string} selector
+ */
+const within = (figure, selector) => /** @type {HTMLElement} */ (figure.querySelector(selector));
+
+// A figure whose stills have become films, until it is closed.
+class Showing {
+  /** @param {HTMLElement} figure */
+  constructor(figure) {
+    this.figure = figure;
+    this.seen = true;
+    this.resting = false;
+    this.bar = within(figure, ".run-bar");
+    this.scrub = /** @type {HTMLInputElement} */ (within(figure, ".run-scrub"));
+    this.toggle = within(figure, ".run-bar button");
+    this.views = /** @type {HTMLElement[]} */ ([...figure.querySelectorAll(".run-view[data-film]")]);
+    this.players = this.views.map((view) => this.played(view));
+    this.head = this.players.length > 1 ? new Pair(this.players) : this.players[0];
+    /** @type {(() => void) | null} */
+    this.then = null;
+    this.head.on("state", (/** @type {State} */ state) => this.show(state));
+    this.head.on("begun", () => {
+      for (const player of this.players) player.mark(stuckAt(figure).modules);
+      this.head.send({ do: "set", speed: SPEED, loop: figure.matches(".headline") });
+      this.then?.();
+      this.then = null;
+    });
+    this.scrub.oninput = () => this.head.send({ do: "seek", frame: Number(this.scrub.value) });
+    this.toggle.onclick = () => this.head.send({ do: "toggle" });
+    this.watch = new IntersectionObserver(([{ isIntersecting: seen }]) => this.look(seen));
+    this.watch.observe(figure);
+    figure.classList.add("open");
+    this.bar.hidden = false;
+    start(figure).hidden = true;
+  }
+
+  /** @param {HTMLElement} view */
+  played(view) {
+    const canvas = element("canvas", { class: "run-sketch", role: "img", "aria-label": view.dataset.label });
+    view.append(canvas);
+    const player = new Player(new Film(new Recording(view.dataset.film ?? "")), {
+      sketch: new Sketch(canvas, () => view.classList.add("moving")),
+      aspect: () => canvas.clientWidth / Math.max(1, canvas.clientHeight),
+    });
+    new ResizeObserver(() => player.show(true)).observe(canvas);
+    return player;
+  }
+
+  // Once the films are there.
+  /** @param {() => void} then */
+  when(then) {
+    if (this.players.every(({ shown }) => shown)) then(); else this.then = then;
+  }
+
+  play() { this.when(() => this.head.send({ do: "play" })); }
+
+  where() {
+    const { frame, modules } = stuckAt(this.figure);
+    this.when(() => {
+      this.head.send({ do: "seek", frame });
+      for (const player of this.players) player.lookAt(modules);
+    });
+  }
+
+  // What nobody sees does not move.
+  /** @param {boolean} seen */
+  look(seen) {
+    const { playing } = this.head.playhead.is;
+    if (!seen && playing) { this.resting = true; this.head.send({ do: "pause" }); }
+    if (seen && this.resting) { this.resting = false; this.head.send({ do: "play" }); }
+  }
+
+  /** @param {State} state */
+  show({ playing, frame, frames, phase, time_s: time, error_rad: error }) {
+    this.scrub.max = String(frames - 1);
+    this.scrub.value = String(Math.round(frame));
+    const words = [PHASES[phase], time === null ? null : seconds(time), error === null ? null : `error ${radians(error)}`];
+    const told = words.filter(Boolean).join(" · ");
+    within(this.figure, ".run-now").textContent = told;
+    this.scrub.setAttribute("aria-valuetext", `${PHASES[phase]}, frame ${Math.round(frame) + 1} of ${frames}`);
+    this.toggle.setAttribute("aria-label", playing ? "Pause" : "Play");
+    this.toggle.querySelector("use")?.setAttribute("href", playing ? "#i-pause" : "#i-play");
+  }
+
+  close() {
+    this.watch.disconnect();
+    this.head.send({ do: "pause" });
+    for (const { film, sketch } of this.players) { film.stop(); sketch?.worker?.terminate(); sketch?.canvas.remove(); }
+    for (const view of this.views) view.classList.remove("moving");
+    this.figure.classList.remove("open");
+    this.bar.hidden = true;
+    start(this.figure).hidden = false;
+  }
+}
+
+const start = (/** @type {HTMLElement} */ figure) => within(figure, ".run-start");
+
+/** @param {HTMLElement} figure */
+function stuckAt({ dataset: { stuckFrame, stuck } }) {
+  return { frame: Number(stuckFrame ?? 0), modules: stuck ? stuck.split(" ").map(Number) : [] };
+}
+
+/** @type {Showing | null} */
+let showing = null;
+/** @param {HTMLElement} figure */
+function opened(figure) {
+  if (showing?.figure === figure) return showing;
+  showing?.close();
+  showing = new Showing(figure);
+  window.foldback = { film: showing.players[0].film, player: showing.players[0], showing }; // for the console
+  return showing;
+}
+
+for (const figure of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll(".run:has([data-film])"))) {
+  const button = start(figure);
+  button.hidden = false;
+  button.onclick = () => { opened(figure).play(); within(figure, ".run-toggle").focus(); };
+  const where = /** @type {HTMLElement | null} */ (figure.querySelector(".run-where"));
+  if (!where) continue;
+  where.hidden = false;
+  where.onclick = () => opened(figure).where();
+}
+const first = /** @type {HTMLElement | null} */ (document.querySelector("[data-plays]"));
+if (first && !calm) opened(first).play();

@@ -1,0 +1,405 @@
+// The preview page: wishes in the panel, their report in figures, and the scene that shows it.
+import { UNREACHABLE, askForFold } from "../lib/fold_request.js";
+import { changed, follow, refused } from "../panels/paper_settings.js";
+import { PreviewStage } from "../viewer/preview_scene.js";
+import { hasWebGL } from "../viewer/scene.js";
+import { duration, element, get, refusal, sentence, whole } from "../lib/text.js";
+
+/** @type {{ id: string, most_modules: number }} */
+const facts = JSON.parse(get("facts").textContent);
+const layers = /** @type {HTMLElement[]} */ ([...get("layers").children]);
+const LEAST = 8;
+const PATIENCE_MS = 220;
+const DRAW_MS = 100;
+/** @type {Record<string, string>} */
+const HINTS = {
+  auto: "The way that suits the shape.",
+  blocks: "Each voxel becomes 2×2×2 modules: there is a path in any case, and it folds best.",
+  exact: "One module for each voxel. Finer, but there may be no path.",
+  snake: "Back and forth, layer by layer. For boxes only.",
+};
+
+// Wishes live in the address, so that a link shows the same.
+const query = new URLSearchParams(location.search);
+const [method, start] = [query.get("method") ?? "", query.get("start") ?? ""];
+/**
+ * @typedef {object} Wishes
+ * @property {string} module
+ * @property {number | null} modules
+ * @property {string} method
+ * @property {string} ends
+ * @property {boolean} repair
+ * @property {boolean} as_voxels
+ * @property {string | null} start
+ * @property {number} seed
+ */
+
+/** @type {Wishes} */
+const wishes = {
+  module: query.get("module") === "tetrahedron" ? "tetrahedron" : "cube",
+  modules: Number(query.get("modules")) || null,
+  method: Object.hasOwn(HINTS, method) ? method : "auto",
+  ends: query.get("ends") === "surface" ? "surface" : "any",
+  repair: query.get("repair") === "true",
+  as_voxels: query.get("as_voxels") === "true",
+  start: /^-?\d+,-?\d+,-?\d+$/.test(start) ? start : null,
+  seed: Number(query.get("seed")) || 0,
+};
+/** @type {Report | null} */
+let report = null;
+/** @type {{ module: number, cell: number[] | null } | null} */
+let picked = null;
+let running = false;
+let again = false;
+/** @type {ReturnType<typeof setTimeout> | undefined} */
+let timer;
+
+const modulesAt = (/** @type {number} */ place) => Math.round(LEAST * (facts.most_modules / LEAST) ** (place / 1000));
+const placeOf = (/** @type {number} */ modules) => Math.round((1000 * Math.log(modules / LEAST)) / Math.log(facts.most_modules / LEAST));
+
+function form() {
+  const fields = new FormData();
+  fields.set("preview", facts.id);
+  for (const [key, value] of Object.entries(wishes)) if (value !== null) fields.set(key, String(value));
+  return fields;
+}
+
+function remember() {
+  const kept = new URLSearchParams();
+  for (const [key, value] of Object.entries(wishes)) {
+    if (value && !["auto", "any", "cube"].includes(String(value))) kept.set(key, String(value));
+  }
+  history.replaceState(null, "", `${location.pathname}${kept.size ? `?${kept}` : ""}`);
+}
+
+/** @param {boolean} on */
+function busy(on) {
+  get("progress").hidden = !on;
+  document.body.classList.toggle("busy-now", on);
+  get("fold").disabled = on || !report?.has_path;
+  settle();
+}
+
+// What is shown is not yet, or is, that of the figures.
+function settle() {
+  document.querySelector(".stage")?.setAttribute("aria-busy", String(running || stage.waiting));
+}
+
+/**
+ * @param {string} text
+ * @param {string} more
+ * @param {boolean} still
+ */
+function cover(text, more = "", still = true) {
+  get("cover").classList.remove("gone", "drawn");
+  get("drawing").hidden = true;
+  get("cover").classList.toggle("still", still);
+  get("cover-text").textContent = text;
+  get("cover-more").textContent = more;
+  get("cover-button").hidden = !still;
+}
+
+/** @param {string} text */
+function problem(text) {
+  get("problem").hidden = !text;
+  get("problem").textContent = text;
+}
+
+// One request at a time; what was wished for meanwhile is asked for next.
+async function look() {
+  clearTimeout(timer);
+  if (running) { again = true; return; }
+  running = true;
+  busy(true);
+  remember();
+  const body = form();
+  body.set("full", "false");
+  try {
+    const answer = await fetch("/api/shapes/preview", { method: "POST", body });
+    const told = await answer.json().catch(() => ({}));
+    if (answer.ok) {
+      picked = null;
+      problem(sentence(told.not_started));
+      // What is shown is another path, so that one is folded unless something else is wished for.
+      if (told.not_started) { wishes.start = null; remember(); }
+      report = told;
+      show(told);
+    } else {
+      const said = refusal(told, answer.status);
+      wishes.start = null;
+      if (report) {
+        report = { ...report, has_path: false };
+        problem(said);
+        get("verdict").textContent = "No preview for these wishes";
+      } else cover("This shape cannot be shown", said);
+    }
+  } catch {
+    problem(UNREACHABLE);
+    if (!report) cover("The server cannot be reached", "Check the connection, then load the page again.");
+  }
+  running = false;
+  busy(false);
+  if (again) { again = false; look(); }
+}
+
+function soon() {
+  clearTimeout(timer);
+  document.body.classList.add("busy-now");
+  timer = setTimeout(look, PATIENCE_MS);
+}
+
+/**
+ * @param {string} id
+ * @param {string} text
+ * @param {"" | "bad"} tone
+ */
+function put(id, text, tone = "") {
+  get(id).textContent = text;
+  get(id).dataset.tone = tone;
+}
+
+/** @param {Report} told */
+function expected(told) {
+  const seconds = get("preset").value === "paper" ? told.expected_as_published_s : told.expected_s;
+  put("expected", told.has_path ? duration(seconds) : "–");
+}
+
+/** @param {Report} told */
+function show(told) {
+  const { kind, name, modules, iou, feasibility, knot, has_path: path } = told;
+  get("name").textContent = name;
+  document.title = `${name}, preview · foldback`;
+  const kept = iou === null ? "" : ` · ${Math.round(100 * iou)} % of the shape`;
+  const parts = told.module === "cube" ? "modules" : "tetrahedra";
+  get("verdict").textContent = path ? `${whole(modules)} ${parts}${kept}` : `${whole(modules)} cells, no path yet`;
+
+  const resizable = kind === "mesh";
+  const fixed = kind === "path" || kind === "chain";
+  get("what").hidden = kind === "chain";
+  get("how").hidden = fixed;
+  get("method-part").hidden = get("method-hint").hidden = wishes.module !== "cube";
+  get("modules-part").hidden = !resizable;
+  if (resizable && !wishes.modules) set(modules, false);
+  const asked = told.asked ?? modules;
+  const nearest = asked === modules ? "" : `${whole(modules)} is nearest to ${whole(asked)}`;
+  get("got").textContent = [bound, nearest].filter(Boolean).join("; ") || "Also possible";
+  const near = [told.below, told.above].flatMap((n) => (n && n !== modules && n <= facts.most_modules ? [n] : []));
+  get("nearest").replaceChildren(...near.map((count) => {
+    const button = element("button", { type: "button", title: "The nearest count that can be reached" }, whole(count));
+    button.onclick = () => { set(count); look(); };
+    return button;
+  }));
+
+  get("iou-part").hidden = iou === null;
+  put("iou", iou === null ? "" : `${Math.round(100 * iou)} %`);
+  get("iou-part").style.setProperty("--share", String(iou ?? 0));
+  expected(told);
+  put("candidates", String(told.candidates));
+  const knots = { unknot: "None", knotted: "Knotted", undecided: "Undecided" };
+  put("knot", knot ? knots[knot.verdict] : "–", knot?.verdict === "knotted" ? "bad" : "");
+  get("knot").title = knot?.determinant ? `determinant ${knot.determinant}` : "";
+  if (knot?.verdict === "knotted" && knot.determinant) get("knot").textContent += ` (${knot.determinant})`;
+
+  const problems = feasibility?.problems ?? [];
+  get("trouble").hidden = path;
+  get("trouble-title").textContent = feasibility?.feasible === false
+    ? "There is no path through these cells" : "No path was found";
+  get("problems").replaceChildren(...problems.map(({ detail }) => element("li", {}, sentence(detail))));
+  const ways = path ? [] : repairs(feasibility);
+  get("repairs").replaceChildren(...ways);
+  const repaired = told.notes.find((note) => note.startsWith("Repaired"));
+  get("repaired").hidden = !(wishes.repair && repaired);
+  get("repaired-text").textContent = repaired ?? "";
+
+  begin();
+  const unordered = told.as_voxels && !wishes.as_voxels ? told.notes[0] : null;
+  get("unordered").hidden = !unordered;
+  get("unordered").textContent = unordered ?? "";
+  const notes = told.notes.filter((note) => note !== repaired && note !== unordered);
+  get("notes-part").hidden = !notes.length;
+  get("notes").replaceChildren(...notes.map((note) => element("li", {}, sentence(note))));
+  get("fold").textContent = path ? `Fold ${whole(modules)} modules` : "Fold";
+  get("legend").hidden = !path;
+  get("layers").hidden = false;
+  for (const button of layers) {
+    button.hidden = (button.dataset.layer === "solid" && !resizable) || (button.dataset.layer === "path" && !path);
+  }
+  show3d(told.key);
+  if (!viewing) draw(told.key);
+}
+
+// A drawing stands for the 3D view until that is there, or instead of it.
+/** @param {string} key */
+function draw(key) {
+  const drawing = get("drawing");
+  drawing.onload = () => {
+    if (viewing) return;
+    get("cover").classList.remove("gone", "still");
+    get("cover").classList.add("drawn");
+    drawing.hidden = false;
+    get("cover-button").hidden = true;
+    tell3d();
+    setTimeout(start3d, DRAW_MS);
+  };
+  drawing.onerror = () => { drawing.hidden = true; tell3d(); start3d(); };
+  drawing.src = `/previews/${facts.id}/drawing.svg?key=${key}`;
+}
+
+function tell3d() {
+  const why = flat ? "WebGL is missing or switched off" : failed ? "The 3D view could not be loaded" : "";
+  get("cover-text").textContent = why ? `${why}, so this is a drawing.` : "Starting the 3D view…";
+  get("cover-more").textContent = why ? "The figures hold all the same, and the shape can be folded." : "";
+}
+
+// To ask is to start the browser's 3D graphics, which takes a second where they are software.
+function start3d() {
+  if (started) return;
+  started = true;
+  if (hasWebGL()) { get("view").src = "/view"; if (report) show3d(report.key); return; }
+  flat = true;
+  if (get("drawing").hidden) cover("This browser shows no 3D graphics", "WebGL is missing or switched off. The figures hold all the same, and the shape can be folded.");
+  else tell3d();
+}
+
+/** @param {string} key */
+function show3d(key) {
+  if (!started || flat) return;
+  failed = false;
+  stage.show(`/previews/${facts.id}/scene/${key}`);
+  settle();
+}
+
+// The module that was clicked, or the one that the chain was asked to begin in.
+function begin() {
+  const here = report?.has_path ? picked : null;
+  const first = here?.module === 0;
+  get("start").hidden = !here && !wishes.start;
+  get("start-button").hidden = Boolean(first && !wishes.start);
+  if (report && here && !(first && wishes.start)) {
+    get("start-text").textContent = `Module ${whole(here.module + 1)} of ${whole(report.modules)}${first ? ", the first" : ""}`;
+    get("start-button").textContent = "Start here";
+  } else if (wishes.start) {
+    get("start-text").textContent = `Starts in (${wishes.start.replaceAll(",", ", ")})`;
+    get("start-button").textContent = "Undo";
+  }
+}
+
+// Cells are others with other wishes, so that a cell to start in means nothing any more.
+function elsewhere() { wishes.start = null; }
+
+/** @param {Report["feasibility"]} feasibility */
+function repairs(feasibility) {
+  const ways = (feasibility?.repairs ?? []).filter(({ add, drop }) => add.length || drop.length).slice(0, 1).map((repair) => {
+    const button = element("button", { type: "button", class: "button primary" }, `Repair: ${repair.detail.charAt(0).toLowerCase()}${repair.detail.slice(1).replace(/\.$/, "")}`);
+    button.onclick = () => {
+      wishes.repair = true;
+      if (repair.doubled) wishes.modules = repair.modules;
+      elsewhere();
+      look();
+    };
+    return button;
+  });
+  const apart = feasibility?.problems.some(({ code }) => code === "disconnected"); // so are their blocks
+  if (wishes.method !== "blocks" && wishes.module === "cube" && !apart) {
+    const button = element("button", { type: "button", class: "button" }, "Use blocks: 2×2×2 modules for each voxel");
+    button.onclick = () => { choose("method", "blocks"); elsewhere(); look(); };
+    ways.push(button);
+  }
+  return ways;
+}
+
+// How many there may be; what is beyond is taken as the bound, which is then said.
+let bound = "";
+/** @param {number} modules */
+function bounded(modules) {
+  const count = Math.min(facts.most_modules, Math.max(LEAST, Math.round(modules) || LEAST));
+  bound = count === facts.most_modules ? `At most ${whole(count)} modules` : modules < LEAST ? `At least ${LEAST} modules` : "";
+  return count;
+}
+
+/**
+ * @param {number} modules
+ * @param {boolean} wished
+ */
+function set(modules, wished = true) {
+  const count = bounded(modules);
+  if (wished) { wishes.modules = count; elsewhere(); }
+  get("modules").value = String(placeOf(count));
+  get("modules").setAttribute("aria-valuetext", `${count} modules`);
+  get("modules-number").value = String(count);
+}
+
+/**
+ * @param {"module" | "method" | "ends"} name
+ * @param {string} value
+ */
+function choose(name, value) {
+  wishes[name] = value;
+  const input = /** @type {HTMLInputElement | null} */ (document.querySelector(`[name="${name}"][value="${value}"]`));
+  if (input) input.checked = true;
+  get("method-hint").textContent = HINTS[wishes.method];
+}
+
+get("wishes").addEventListener("submit", (event) => { event.preventDefault(); look(); });
+get("modules").addEventListener("input", () => { set(modulesAt(Number(get("modules").value))); soon(); });
+get("modules-number").addEventListener("change", () => { set(Number(get("modules-number").value)); look(); });
+get("seed").addEventListener("change", () => { wishes.seed = Math.max(0, Math.floor(Number(get("seed").value)) || 0); elsewhere(); look(); });
+follow(get("preset"));
+get("preset").addEventListener("change", () => { if (report) expected(report); });
+for (const input of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll(".choice input"))) {
+  input.addEventListener("change", () => { choose(/** @type {"module" | "method" | "ends"} */ (input.name), input.value); if (input.name !== "ends") elsewhere(); look(); });
+}
+get("unrepair").onclick = () => { wishes.repair = false; elsewhere(); look(); };
+get("start-button").onclick = () => {
+  wishes.start = get("start-button").textContent === "Undo" ? null : picked?.cell?.join(",") ?? null;
+  look();
+};
+for (const button of layers) {
+  button.onclick = () => {
+    const on = button.getAttribute("aria-pressed") !== "true";
+    button.setAttribute("aria-pressed", String(on));
+    stage.layer(button.dataset.layer ?? "", on);
+  };
+}
+
+get("fold").onclick = async () => {
+  if (!report) return;
+  const button = get("fold");
+  button.disabled = true;
+  button.textContent = "Sending…";
+  problem("");
+  const body = form();
+  const preset = get("preset").value;
+  body.set("preset", preset);
+  if (preset === "paper") for (const [key, value] of Object.entries(changed())) body.set(key, value);
+  if (report.as_voxels) body.set("as_voxels", "true");
+  const said = await askForFold(body);
+  if (!said) return;
+  problem(said); // takes its room first, so that the field is seen beside it
+  problem(refused(said));
+  button.disabled = false;
+  button.textContent = `Fold ${whole(report.modules)} modules`;
+};
+
+// The scene.
+let viewing = false;
+let started = false;
+let flat = false;
+let failed = false;
+const stage = new PreviewStage(get("view"), {
+  pick: (module, cell) => { picked = module === null ? null : { module, cell }; begin(); },
+  settled: settle,
+  shown: () => {
+    viewing = true;
+    stage.painted(() => { if (viewing) get("cover").classList.add("gone"); });
+  },
+  failed: () => { failed = true; viewing = false; if (report) draw(report.key); },
+});
+
+addEventListener("pageshow", (event) => { if (event.persisted) busy(false); });
+choose("module", wishes.module);
+choose("method", wishes.method);
+choose("ends", wishes.ends);
+get("seed").value = String(wishes.seed);
+if (wishes.modules) { const { start: asked } = wishes; set(wishes.modules); wishes.start = asked; }
+look();

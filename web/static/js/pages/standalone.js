@@ -1,0 +1,58 @@
+// A whole fold in one file: everything that the page needs is in the page.
+import { decode } from "../lib/columns.js";
+import { Drawer } from "../panels/drawer.js";
+import { Figures } from "../player/figures.js";
+import { Sketch } from "../viewer/sketch.js";
+import { toast } from "../panels/toast.js";
+import { view } from "../viewer/fold_view.js";
+import { get } from "../lib/text.js";
+
+/**
+ * What the page holds: texts of messages, and pages and scripts of others.
+ * @typedef {object} Parts
+ * @property {string} scenery
+ * @property {string} reel
+ * @property {string | null} curves
+ * @property {string} worker
+ * @property {string} client
+ * @property {Facts} facts
+ */
+
+/** @type {Parts} */
+const parts = JSON.parse(get("parts").textContent);
+
+/**
+ * @template {Message<object, object>} Told
+ * @param {string} text
+ * @returns {Promise<Told>}
+ */
+function unpacked(text) {
+  const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+  return /** @type {Promise<Told>} */ (/** @type {unknown} */ (decode(bytes.buffer)));
+}
+
+// A film of one reel.
+/** @type {FilmSource} */
+const source = {
+  scenery: () => unpacked(parts.scenery),
+  reel: () => unpacked(parts.reel),
+};
+
+// Curves only; what is told of single modules would make the file many times as long.
+class Kept extends Figures {
+  /**
+   * @template {Message<object, Record<string, Column>>} [Told=Message<PlotHeader, Record<PlotName, Floats>>]
+   * @param {string} query
+   * @returns {Promise<Told | null>}
+   */
+  async get(query) { return parts.curves && !query ? unpacked(parts.curves) : null; }
+
+  row() { return null; }
+}
+
+Sketch.script = URL.createObjectURL(new Blob([parts.worker], { type: "text/javascript" }));
+const figures = new Kept("");
+const drawer = new Drawer(toast);
+drawer.facts(parts.facts);
+view({ source, figures, drawer, load: (frame) => { frame.srcdoc = parts.client; } });
+figures.begin();

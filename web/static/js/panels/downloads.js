@@ -1,0 +1,188 @@
+// What can be taken away from a fold: files, a movie, and what a robot needs.
+import { proof, tokenOf } from "../lib/fold_request.js";
+import { element, wordsOf } from "../lib/text.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+const LOOK_MS = 1000;
+
+/** @param {string} name */
+function icon(name) {
+  const made = document.createElementNS(SVG, "svg");
+  made.setAttribute("class", "icon");
+  made.setAttribute("aria-hidden", "true");
+  const use = document.createElementNS(SVG, "use");
+  use.setAttribute("href", `#i-${name}`);
+  made.append(use);
+  return made;
+}
+
+// A line of a list of files.
+/** @param {FileTold} told */
+export const file = ({ label, hint, href }) => element("li", {}, element("a", { href, download: true }, icon("download"), element("span", {}, label, element("small", {}, hint))));
+
+/**
+ * @param {string} label
+ * @param {string} name
+ * @param {[value: string, text: string][]} options
+ */
+function choice(label, name, options) {
+  return element("label", {}, label, element("select", { name }, ...options.map(([value, text]) => element("option", { value }, text))));
+}
+
+/**
+ * @param {string} label
+ * @param {string} name
+ * @param {string} value
+ */
+function number(label, name, value) {
+  return element("label", {}, label, element("input", { name, type: "number", value, step: "any", min: "0", required: true, inputmode: "decimal" }));
+}
+
+// What is filled in, by its name.
+/**
+ * @param {HTMLFormElement} form
+ * @returns {Record<string, string>}
+ */
+const fieldsOf = (form) => Object.fromEntries(Array.from(new FormData(form), ([name, value]) => [name, String(value)]));
+
+export class TakeAway {
+  /** @param {HTMLElement} panel */
+  constructor(panel) {
+    this.panel = panel;
+    /** @type {string | null} */
+    this.shown = null;
+    this.id = "";
+    this.api = "";
+  }
+
+  /** @param {Facts} facts */
+  facts(facts) {
+    const key = JSON.stringify([facts.downloads, facts.id, facts.movies, facts.robot]);
+    if (key === this.shown) return;
+    this.shown = key;
+    this.id = facts.id;
+    this.api = `/api/folds/${facts.id}`;
+    if (!facts.downloads.length) {
+      this.panel.replaceChildren(element("p", { class: "hint" }, facts.downloads_hint));
+      return;
+    }
+    this.panel.replaceChildren(
+      element("h3", {}, "Files"), element("ul", { class: "downloads" }, ...facts.downloads.map(file)),
+      ...(facts.movies ? [element("h3", {}, "Movie"), this.movie()] : []),
+      ...(facts.robot ? [element("h3", {}, "For a robot"), this.robot()] : []));
+  }
+
+  movie() {
+    const form = element("form", { class: "wishes" },
+      choice("Format", "format", [["mp4", "MP4"], ["gif", "GIF"]]),
+      choice("Size", "size", [["1280x720", "1280 × 720"], ["1920x1080", "1920 × 1080"], ["720x1280", "720 × 1280, upright"], ["640x360", "640 × 360"]]),
+      choice("Length", "seconds", [["10", "10 s"], ["6", "6 s"], ["20", "20 s"]]),
+      choice("Shows", "part", [["fold", "The fold"], ["all", "All of the timeline"]]),
+      choice("Camera", "turn", [["30", "Turns a little"], ["0", "Stands still"], ["360", "Goes around once"]]),
+      choice("Ground", "theme", [["light", "Light"], ["dark", "Dark"]]),
+      element("div", { class: "wide" }, element("button", { class: "button", type: "submit" }, "Make the movie")));
+    const state = element("p", { class: "movie-state", role: "status" });
+    const bar = element("progress", { max: "1", value: "0", hidden: true, "aria-label": "Movie" });
+    const chosen = (/** @type {string} */ name) => /** @type {HTMLSelectElement} */ (form.elements.namedItem(name));
+    chosen("format").onchange = () => {
+      const gif = chosen("format").value === "gif";
+      chosen("size").value = gif ? "640x360" : "1280x720";
+      for (const option of chosen("size").options) option.disabled = gif && option.value !== "640x360";
+    };
+    form.onsubmit = async (event) => {
+      event.preventDefault();
+      const { format, size, seconds, part, turn, theme } = fieldsOf(form);
+      const [width, height] = size.split("x").map(Number);
+      const button = /** @type {HTMLButtonElement} */ (form.querySelector("button"));
+      button.disabled = true;
+      state.replaceChildren("Asking…");
+      try {
+        /** @type {Movie} */
+        const movie = await this.ask(`${this.api}/movies`, {
+          format, width, height, seconds: Number(seconds), turn_deg: Number(turn), theme, ...(part === "all" ? { first_frame: 0 } : {}),
+        });
+        await this.follow(movie, state, bar);
+      } catch (error) {
+        state.replaceChildren(wordsOf(error));
+      }
+      bar.hidden = true;
+      button.disabled = false;
+    };
+    return element("div", {}, form, bar, state);
+  }
+
+  /**
+   * @template Told
+   * @param {string} address
+   * @param {Record<string, unknown> | null} body
+   * @returns {Promise<Told>}
+   */
+  async ask(address, body = null) {
+    const headers = { "Content-Type": "application/json", ...proof(tokenOf(this.id)) };
+    const answer = await fetch(address, body === null ? {} : { method: "POST", headers, body: JSON.stringify(body) })
+      .catch(() => { throw new Error("The server cannot be reached. Try again in a moment."); });
+    const told = await answer.json().catch(() => ({}));
+    if (!answer.ok) throw new Error(told.detail ?? `The server answered ${answer.status}.`);
+    return told;
+  }
+
+  /**
+   * @param {Movie} movie
+   * @param {HTMLElement} state
+   * @param {HTMLProgressElement} bar
+   */
+  async follow(movie, state, bar) {
+    let now = movie;
+    while (now.status === "queued" || now.status === "running") {
+      bar.hidden = false;
+      bar.value = now.frames_done / now.frames_total;
+      state.replaceChildren(now.status === "queued" ? "Waiting for its turn" : `Picture ${now.frames_done} of ${now.frames_total}`);
+      await new Promise((done) => { setTimeout(done, LOOK_MS); });
+      now = await this.ask(now.links.self);
+    }
+    if (now.status === "failed") throw new Error(now.problem?.detail ?? "The movie could not be made.");
+    state.replaceChildren(element("a", { href: now.links.file, download: true, class: "button primary" }, `Download the ${now.format === "gif" ? "GIF" : "MP4"}`));
+  }
+
+  robot() {
+    const form = element("form", { class: "wishes" },
+      number("Joint speed, rad/s", "max_speed", "1"), number("Acceleration, rad/s²", "max_acceleration", "2"),
+      number("Module mass, kg", "module_mass", "0.1"), number("Pitch, m", "pitch", "0.05"),
+      number("Motor torque, N·m", "motor_torque", "3"),
+      choice("The chain", "held", [["held", "Held in the middle"], ["floating", "Floating, no gravity"]]),
+      element("div", { class: "wide" },
+        element("button", { class: "button", type: "submit" }, "Would these motors do?")));
+    const links = element("ul", { class: "downloads" });
+    const verdict = element("p", { class: "movie-state", role: "status" });
+    const fill = () => {
+      const { max_speed: speed, max_acceleration: acceleration } = fieldsOf(form);
+      const asked = `max_speed=${encodeURIComponent(speed)}&max_acceleration=${encodeURIComponent(acceleration)}`;
+      links.replaceChildren(
+        file({ label: "Trajectory, CSV", hint: "Joint angles and speeds with time stamps", href: `${this.api}/trajectory?${asked}&format=csv` }),
+        file({ label: "Trajectory, JSON", hint: "The same, foldback-trajectory/1", href: `${this.api}/trajectory?${asked}&format=json` }));
+    };
+    form.oninput = fill;
+    fill();
+    form.onsubmit = async (event) => {
+      event.preventDefault();
+      const { held, ...asked } = fieldsOf(form);
+      if (held === "floating") Object.assign(asked, { floating: "true", gravity: "0" });
+      verdict.replaceChildren("Working it out…");
+      try {
+        /** @type {{ verdict: string }} */
+        const told = await this.ask(`${this.api}/motors?${new URLSearchParams(asked)}`);
+        const table = file({ label: "Torque table, CSV", hint: "Peak and RMS torque of each joint", href: `${this.api}/motors?${new URLSearchParams({ ...asked, format: "csv" })}` });
+        verdict.replaceChildren(told.verdict);
+        links.querySelector("[data-table]")?.remove();
+        table.dataset.table = "";
+        links.append(table);
+      } catch (error) {
+        verdict.replaceChildren(wordsOf(error));
+      }
+    };
+    const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${this.api}/play`;
+    return element("div", {}, form, verdict, links,
+      element("p", { class: "hint" }, "Joint targets in real time, which wait when the robot falls behind:"),
+      element("p", {}, element("code", { class: "address" }, address)));
+  }
+}

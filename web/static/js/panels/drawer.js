@@ -1,0 +1,100 @@
+// Details at the side: the selected module, plots, properties, what can be taken away.
+import { copyText, element, get } from "../lib/text.js";
+
+const LONG = 28; // characters; beside their label they would stand in a narrow column
+const BEFORE_AFTER = "Smoothing, before and after";
+const TABS = ["attempts", "module", "plots", "properties", "downloads"];
+
+export class Drawer {
+  /** @param {(text: string) => void} toast */
+  constructor(toast) {
+    this.toast = toast;
+    get("details").onclick = () => this.open(Boolean(get("drawer").hidden));
+    get("drawer-close").onclick = () => this.close();
+    addEventListener("keydown", (event) => this.key(event));
+    const tabs = TABS.filter((name) => get(`tab-${name}`));
+    for (const name of tabs) {
+      const tab = get(`tab-${name}`);
+      tab.onclick = () => this.choose(name);
+      tab.onkeydown = (event) => {
+        const by = event.key === "ArrowRight" ? 1 : event.key === "ArrowLeft" ? -1 : 0;
+        if (!by) return;
+        const there = tabs.filter((other) => !get(`tab-${other}`).hidden);
+        const next = there[(there.indexOf(name) + by + there.length) % there.length];
+        this.choose(next);
+        get(`tab-${next}`).focus();
+      };
+    }
+  }
+
+  /** @param {boolean} open */
+  open(open) {
+    get("drawer").hidden = !open;
+    get("details").setAttribute("aria-expanded", String(open));
+  }
+
+  close() {
+    this.open(false);
+    get("details").focus();
+  }
+
+  /** @param {KeyboardEvent} event */
+  key(event) {
+    if (event.key !== "Escape" || event.defaultPrevented || get("drawer").hidden || document.querySelector("dialog[open]")) return;
+    event.preventDefault();
+    this.close();
+  }
+
+  // Opens the drawer at a tab.
+  /** @param {string} name */
+  openAt(name) {
+    this.choose(name);
+    this.open(true);
+  }
+
+  /** @param {string} name */
+  choose(name) {
+    for (const other of TABS) {
+      if (!get(`tab-${other}`)) continue;
+      const chosen = other === name;
+      get(`tab-${other}`).setAttribute("aria-selected", String(chosen));
+      get(`tab-${other}`).tabIndex = chosen ? 0 : -1;
+      get(`panel-${other}`).hidden = !chosen;
+    }
+  }
+
+  /** @param {Facts} facts */
+  facts(facts) {
+    const groups = facts.properties.map(({ heading, rows }) => {
+      const list = element("dl", { class: "rows" });
+      for (const { label, value } of rows) {
+        const long = value.length > LONG;
+        list.append(element("dt", { class: long && "above" }, label), element("dd", { class: long && "below" }, value));
+      }
+      return element("div", { class: "group" }, element("h3", {}, heading), list);
+    });
+    const { smoothing } = facts;
+    if (smoothing) groups.unshift(this.smoothing(smoothing));
+    const copy = element("button", { class: "button", type: "button" }, "Copy all");
+    copy.onclick = () => {
+      const changed = smoothing ? [{ heading: BEFORE_AFTER, rows: smoothing.rows.map(({ label, before, after, ratio }) => ({ label, value: `${before} → ${after} (${ratio})` })) }] : [];
+      const text = [...changed, ...facts.properties]
+        .map(({ heading, rows }) => [heading, ...rows.map(({ label, value }) => `  ${label}: ${value}`)].join("\n"))
+        .join("\n");
+      copyText(text, () => this.toast("Properties copied"), () => this.toast("Copying is not allowed here"));
+    };
+    get("panel-properties").replaceChildren(...groups, element("div", { class: "drawer-foot" }, copy));
+  }
+
+  // What smoothing has changed.
+  /** @param {Smoothing} smoothing */
+  smoothing({ rows, note, compare }) {
+    const table = element("table", { class: "joints" },
+      element("thead", {}, element("tr", {},
+        ...["Figure", "Before", "After", "Ratio"].map((text) => element("th", { scope: "col" }, text)))),
+      element("tbody", {}, ...rows.map(({ label, ...values }) =>
+        element("tr", {}, element("th", { scope: "row" }, label), ...Object.values(values).map((text) => element("td", {}, text))))));
+    return element("div", { class: "group" }, element("h3", {}, BEFORE_AFTER), rows.length ? table : null,
+      element("p", { class: "hint" }, note), compare ? element("a", { class: "button", href: compare }, "Compare on one playhead") : null);
+  }
+}

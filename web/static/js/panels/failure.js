@@ -1,0 +1,94 @@
+// Why a fold is not verified: a card over the view, the modules where it sticks, what was tried.
+import { element, get } from "../lib/text.js";
+
+const NAMED = 4; // modules that are named one by one
+const PAIR = 2; // modules that the text names
+const narrow = matchMedia("(max-width: 760px)");
+
+export class Failure {
+  /** @param {{ player: import("../player/player.js").Player, bar: import("../player/bar.js").Bar, drawer: import("./drawer.js").Drawer }} around */
+  constructor({ player, bar, drawer }) {
+    this.player = player;
+    this.drawer = drawer;
+    /** @type {Failing | null} */
+    this.found = null;
+    bar.onStuck = () => this.go();
+    get("stuck-go").onclick = () => this.go();
+    get("stuck-attempts").onclick = () => {
+      drawer.openAt("attempts");
+      if (narrow.matches) this.unfold(false);
+    };
+    get("stuck-fold").onclick = () => this.unfold(Boolean(get("stuck-more").hidden));
+    player.on("begun", () => this.mark());
+    this.bar = bar;
+  }
+
+  /** @param {Facts} facts */
+  facts({ failure, attempts, frames }) {
+    this.found = frames ? failure : null;
+    get("stuck").hidden = !this.found;
+    this.bar.sticksAt(this.found);
+    get("tab-attempts").hidden = attempts.length < (failure ? 1 : 2);
+    get("stuck-attempts").hidden = !attempts.length;
+    get("stuck-attempts").textContent = attempts.length === 1 ? "What was tried" : `All ${attempts.length} attempts`;
+    get("panel-attempts").replaceChildren(...this.panel(failure, attempts));
+    if (!this.found) return;
+    const { heading, text, modules } = this.found;
+    get("stuck-heading").textContent = heading;
+    get("stuck-text").textContent = text;
+    get("stuck-modules").textContent = modules.length > PAIR ? named(modules) : "";
+    get("stuck-swatch").hidden = !modules.length;
+    get("stuck-go").textContent = modules.length ? "Show where" : "Show how far it came";
+    this.unfold(!narrow.matches);
+    this.mark();
+  }
+
+  /** @param {boolean} open */
+  unfold(open) {
+    if (!open && get("stuck-more").contains(document.activeElement)) get("stuck-fold").focus();
+    get("stuck-more").hidden = !open;
+    get("stuck-fold").setAttribute("aria-expanded", String(open));
+  }
+
+  mark() {
+    if (this.player.film.chain) this.player.mark(this.found?.modules ?? []);
+  }
+
+  // To the frame where it sticks, with the camera at the modules.
+  go() {
+    if (!this.found) return;
+    const { frame, modules } = this.found;
+    this.player.send({ do: "seek", ...(frame === null ? { percent: 100 } : { frame }) });
+    this.player.lookAt(modules);
+    if (narrow.matches) this.unfold(false);
+  }
+
+  /**
+   * @param {Failing | null} failure
+   * @param {Attempt[]} attempts
+   */
+  panel(failure, attempts) {
+    const parts = [];
+    if (failure) {
+      parts.push(element("h2", {}, failure.heading), element("p", {}, failure.text));
+      if (failure.modules.length) {
+        const links = failure.modules.map((module) => {
+          const link = element("button", { class: "inline", type: "button" }, String(module));
+          link.onclick = () => { this.go(); this.player.send({ do: "select", module }); };
+          return link;
+        });
+        parts.push(element("p", { class: "stuck-list" }, element("i", { class: "swatch stuck", "aria-hidden": "true" }), links.length === 1 ? "Module" : "Modules", ...links));
+      }
+    }
+    const tried = attempts.map(({ strategy, how, end, tone }, k) => element("li", { "data-tone": tone },
+      element("b", {}, `${k + 1}. ${strategy}`), element("small", {}, how), element("p", {}, end)));
+    if (tried.length) parts.push(element("h3", {}, "What was tried"), element("ol", { class: "attempts" }, ...tried));
+    return parts;
+  }
+}
+
+/** @param {number[]} modules */
+function named(modules) {
+  const some = modules.slice(0, NAMED).join(", ");
+  return `Modules ${some}${modules.length > NAMED ? ", …" : ""}`;
+}

@@ -1,0 +1,146 @@
+// Figures along the whole fold, with the playhead in them; a click goes there.
+import { newtonMetres, radians, whole } from "../lib/text.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+const COLUMNS = 360;
+const HIGH = 100;
+/**
+ * @typedef {object} Plot
+ * @property {PlotName} name
+ * @property {string} label
+ * @property {(value: number) => string} text
+ * @property {(...values: number[]) => number} worst
+ */
+
+/** @type {Plot[]} */
+const PLOTS = [
+  { name: "max_error_rad", label: "Largest joint error", text: radians, worst: Math.max },
+  { name: "min_clearance", label: "Least clearance", text: (v) => `${Number(v.toPrecision(2))} pitch`, worst: Math.min },
+  { name: "hinges_moving", label: "Hinges moving", text: whole, worst: Math.max },
+  { name: "peak_torque_nm", label: "Largest torque", text: newtonMetres, worst: Math.max },
+];
+const SOME_FRAMES = "looked at in some frames, straight lines between them";
+
+/**
+ * @param {string} name
+ * @param {Record<string, string | number>} attributes
+ */
+function svg(name, attributes = {}) {
+  const made = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, String(value));
+  return made;
+}
+
+// The worst value in each of a few hundred columns; NaN where there is none.
+/**
+ * @param {Floats} values
+ * @param {Plot["worst"]} worst
+ */
+function columns(values, worst) {
+  const count = Math.min(COLUMNS, values.length);
+  return Array.from({ length: count }, (_, k) => {
+    let found = NaN;
+    for (let i = Math.floor((k * values.length) / count); i < Math.floor(((k + 1) * values.length) / count); i++) {
+      if (Number.isFinite(values[i])) found = Number.isNaN(found) ? values[i] : worst(found, values[i]);
+    }
+    return found;
+  });
+}
+
+export class Plots {
+  /**
+   * @param {HTMLElement} panel
+   * @param {import("../player/player.js").Player} player
+   * @param {import("../player/figures.js").Figures} figures
+   */
+  constructor(panel, player, figures) {
+    this.panel = panel;
+    this.player = player;
+    this.figures = figures;
+    /** @type {NonNullable<ReturnType<Plots["plot"]>>[]} */
+    this.made = [];
+    const hint = document.createElement("p");
+    hint.className = "hint";
+    hint.textContent = "Plots come with a finished fold.";
+    panel.replaceChildren(hint);
+    figures.on("begun", () => this.build());
+    player.on("state", (/** @type {State} */ state) => this.show(state));
+  }
+
+  build() {
+    const { plots } = this.figures;
+    if (!plots) return;
+    this.made = PLOTS.map((plot) => this.plot(plot, plots[plot.name])).filter((made) => made !== null);
+    this.panel.replaceChildren(...this.made.map(({ box }) => box));
+    if (this.player.shown) this.show({ frame: this.player.playhead.frame });
+  }
+
+  /**
+   * @param {Plot} plot
+   * @param {Floats} values
+   */
+  plot({ name, label, text, worst }, values) {
+    const drawn = columns(values, worst);
+    const known = drawn.filter(Number.isFinite);
+    if (!known.length) return null;
+    const high = Math.max(...known, 0);
+    const low = Math.min(...known, 0);
+    const span = high - low || 1;
+    const y = (/** @type {number} */ v) => HIGH - ((v - low) / span) * HIGH;
+    let path = "";
+    let open = false;
+    drawn.forEach((v, k) => {
+      if (!Number.isFinite(v)) { open = false; return; }
+      path += `${open ? "L" : "M"}${((1000 * (k + 0.5)) / drawn.length).toFixed(1)} ${y(v).toFixed(1)}`;
+      open = true;
+    });
+    const box = document.createElement("figure");
+    box.className = "plot";
+    const caption = document.createElement("figcaption");
+    const title = document.createElement("span");
+    title.textContent = label;
+    const now = document.createElement("b");
+    caption.append(title, now);
+    const picture = svg("svg", { viewBox: `0 0 1000 ${HIGH}`, preserveAspectRatio: "none", role: "img", "aria-label": `${label}: ${text(low)} to ${text(high)}` });
+    if (low < 0) picture.append(svg("rect", { class: "plot-bad", x: 0, width: 1000, y: y(0), height: HIGH - y(0) }));
+    const line = svg("line", { class: "plot-head", y1: 0, y2: HIGH });
+    picture.append(svg("line", { class: "plot-zero", x1: 0, x2: 1000, y1: y(0), y2: y(0) }), svg("path", { class: "plot-line", d: path }), line);
+    const scale = document.createElement("small");
+    scale.textContent = `${text(low)} to ${text(high)}`;
+    if (name === "peak_torque_nm" && this.figures.plots?.torque_at_some_frames) scale.textContent += `, ${SOME_FRAMES}`;
+    box.append(caption, picture, scale);
+    const go = (/** @type {MouseEvent} */ event) => {
+      const { left, width } = picture.getBoundingClientRect();
+      const share = Math.min(1, Math.max(0, (event.clientX - left) / width));
+      this.player.send({ do: "seek", frame: Math.round(share * (values.length - 1)) });
+    };
+    picture.addEventListener("pointerdown", (event) => { picture.setPointerCapture(event.pointerId); go(event); });
+    picture.addEventListener("pointermove", (event) => { if (event.buttons) go(event); });
+    return { box, values, text, now, line, name };
+  }
+
+  /** @param {{ frame: number }} state */
+  show({ frame }) {
+    const { frames } = this.figures.plots ?? {};
+    if (!frames) return;
+    const x = (1000 * Math.min(frame, frames - 1)) / Math.max(1, frames - 1);
+    for (const { values, text, now, line } of this.made) {
+      line.setAttribute("x1", String(x));
+      line.setAttribute("x2", String(x));
+      const value = values[Math.min(frames - 1, Math.round(frame))];
+      now.textContent = Number.isFinite(value) ? text(value) : "–";
+    }
+  }
+
+  // The frame at which a figure is worst, or null.
+  /** @param {string} name */
+  worst(name) {
+    const plot = PLOTS.find((p) => p.name === name);
+    const values = plot && this.figures.plots?.[plot.name];
+    if (!plot || !values) return null;
+    /** @type {number | null} */
+    let at = null;
+    values.forEach((v, k) => { if (Number.isFinite(v) && (at === null || plot.worst(values[at], v) !== values[at])) at = k; });
+    return at;
+  }
+}

@@ -1,0 +1,127 @@
+// A fold while it is computed: stage, share, steps a second, place in the queue.
+import { proof, tokenOf } from "../lib/fold_request.js";
+import { STAGES, duration, get, whole } from "../lib/text.js";
+
+const ASK_MS = 1000; // between two questions where no stream tells, at first
+const LONGEST_ASK_MS = 10000;
+const LONGER = 1.5;
+const LOST = 404;
+const CANCEL_MS = 10000;
+const READY = "getting ready";
+const COMPILING = "compiling"; // as planner/progress.py says
+const SMOOTHING = "smoothing"; // in place of an explosion
+const OVER = ["verified", "failed", "cancelled"];
+
+export class Progress {
+  /**
+   * @param {Facts} facts
+   * @param {{ onDone: (facts: Facts) => void, toast: (text: string) => void }} around
+   */
+  constructor(facts, { onDone, toast }) {
+    this.facts = facts;
+    this.onDone = onDone;
+    this.toast = toast;
+    this.token = tokenOf(facts.id);
+    this.cancelling = false;
+    /** @type {EventSource | null} */
+    this.events = null;
+    /** @type {ReturnType<typeof setTimeout> | null} */
+    this.asking = null;
+    /** @type {ProgressTold | null} */
+    this.now = null;
+    if (facts.running) this.listen();
+    get("cancel").onclick = () => this.cancel();
+  }
+
+  listen() {
+    get("progress").hidden = false;
+    get("cancel").hidden = !this.token;
+    const events = new EventSource(`/api/folds/${this.facts.id}/events`);
+    this.events = events;
+    events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
+    events.onopen = () => this.askNoMore();
+    // Refused, since many are open, or broken: then it is asked until the end, or until it is back.
+    events.onerror = () => { if (!this.asking) this.ask(ASK_MS); };
+    events.addEventListener("done", () => this.end());
+  }
+
+  /** @param {number} pause */
+  ask(pause) {
+    this.asking = setTimeout(async () => {
+      let answer = null;
+      try { answer = await fetch(`/api/folds/${this.facts.id}`); } catch { /* it does not answer */ }
+      if (!this.asking) return; // a stream is there again
+      /** @type {ProgressTold | null} */
+      const now = answer?.ok ? (await answer.json()).progress : null;
+      if (answer?.status === LOST || (now && OVER.includes(now.status))) this.end();
+      else {
+        if (now) this.show(now);
+        this.ask(Math.min(LONGER * pause, LONGEST_ASK_MS));
+      }
+    }, pause);
+  }
+
+  askNoMore() {
+    clearTimeout(this.asking ?? undefined);
+    this.asking = null;
+  }
+
+  /** @param {ProgressTold} now */
+  show(now) {
+    this.now = now;
+    if (OVER.includes(now.status)) return; // the verdict follows
+    const queue = now.queue_position ?? 0;
+    let text = now.message === SMOOTHING ? "Smoothing" : STAGES[now.stage] ?? "Waiting";
+    if (this.cancelling) text = "Cancelling…";
+    else if (now.status === "queued") {
+      text = queue > 0 ? `In the queue, place ${queue}` : "In the queue";
+      if (now.wait_s != null) text += ` · ${duration(now.wait_s)}`;
+      else if (queue > 0) text += " · no worker is running just now";
+    } else if (now.message === READY) text = "Getting ready";
+    else if (now.message === COMPILING) text = "Compiling the solvers, once: takes up to a minute";
+    else {
+      const parts = [`${text} ${Math.floor(100 * (now.fraction ?? 0))} %`];
+      if (now.steps) parts.push(`${whole(now.steps)} steps`);
+      if (now.simulated_s) parts.push(`${whole(now.simulated_s)} s simulated`);
+      else if (now.steps_per_second) parts.push(`${whole(now.steps_per_second)} steps/s`);
+      text = parts.join(" · ");
+    }
+    this.say(text);
+    const bar = /** @type {HTMLElement} */ (get("progress").firstElementChild);
+    bar.style.transform = `scaleX(${now.status === "queued" ? 0 : now.fraction ?? 0})`;
+  }
+
+  /** @param {string} text */
+  say(text) {
+    get("verdict").dataset.tone = "busy";
+    get("verdict").textContent = text;
+    if (!get("cover").classList.contains("gone")) get("cover-text").textContent = text;
+  }
+
+  async end() {
+    this.events?.close();
+    this.askNoMore();
+    get("progress").hidden = true;
+    get("cancel").hidden = true;
+    const answer = await fetch(`/folds/${this.facts.id}/facts`);
+    if (answer.ok) this.onDone(await answer.json());
+  }
+
+  async cancel() {
+    get("cancel").disabled = true;
+    this.cancelling = true;
+    this.say("Cancelling…");
+    const answer = await fetch(`/api/folds/${this.facts.id}/cancel`, {
+      method: "POST",
+      headers: proof(this.token),
+    });
+    if (answer.ok) setTimeout(() => { this.cancelling = false; }, CANCEL_MS);
+    if (!answer.ok) {
+      this.cancelling = false;
+      if (this.now) this.show(this.now);
+      get("cancel").disabled = false;
+      get("cancel").hidden = answer.status === 403;
+      this.toast(answer.status === 403 ? "Others have asked for it too: it goes on" : "It could not be cancelled");
+    }
+  }
+}

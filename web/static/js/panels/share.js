@@ -1,0 +1,51 @@
+// Sharing: a link to what is seen now, a frame for other pages, one file that plays by itself.
+import { file } from "./downloads.js";
+import { copyText, get } from "../lib/text.js";
+
+
+export class Share {
+  /**
+   * @param {Facts} facts
+   * @param {import("../player/address.js").Place} place
+   * @param {(text: string) => void} toast
+   */
+  constructor(facts, place, toast) {
+    this.place = place;
+    this.toast = toast;
+    this.dialog = get("sharing");
+    get("share").onclick = () => this.open();
+    get("share-here").onchange = () => this.fill();
+    for (const name of /** @type {const} */ (["share-link", "share-embed"])) {
+      const button = /** @type {HTMLElement | null} */ (this.dialog.querySelector(`[data-copy=${name}]`));
+      if (button) button.onclick = () => this.copy(get(name));
+    }
+    this.embed = facts.embed;
+  }
+
+  // What there is without a server, once there is something.
+  /** @param {Facts} facts */
+  facts({ files }) {
+    get("share-files").hidden = !files.length;
+    get("share-list").replaceChildren(...files.map(file));
+  }
+
+  open() {
+    this.fill();
+    this.dialog.showModal();
+    get("share-link").select();
+  }
+
+  fill() {
+    const here = this.place.here();
+    const path = get("share-here").checked ? here : location.pathname;
+    get("share-link").value = location.origin + path;
+    if (!this.embed) return;
+    const hash = path.includes("#") ? path.slice(path.indexOf("#")) : "";
+    get("share-embed").value = `<iframe src="${location.origin}${this.embed}${hash}" title="${document.title.replaceAll('"', "")}" width="720" height="480" style="border:0" allow="fullscreen" loading="lazy"></iframe>`;
+  }
+
+  /** @param {HTMLInputElement | HTMLTextAreaElement} field */
+  copy(field) {
+    copyText(field.value, () => this.toast("Copied"), () => field.select());
+  }
+}

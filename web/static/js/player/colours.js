@@ -1,0 +1,169 @@
+// What a module's colour says. Red alone means error, one blue alone means selected, grey means that
+// nothing was recorded; all else is told by an even ramp that colour-blind people read as well.
+import { newtonMetres, radians } from "../lib/text.js";
+
+const SAMPLES = 48; // moments that a scale is found from
+const NEAR = 0.5; // pitches; modules farther apart all look alike
+
+// The colourings there are, in the order of the menu.
+/** @type {[key: string, label: string][]} */
+export const COLOURINGS = [
+  ["error", "Joint error"],
+  ["error-even", "Joint error, colour-blind safe"],
+  ["position", "Position error"],
+  ["torque", "Torque"],
+  ["speed", "Joint speed"],
+  ["clearance", "Clearance"],
+  ["chain", "Place in the chain"],
+];
+
+// Those that need figures.js.
+export const MEASURED = new Set(["position", "torque", "clearance"]);
+
+// Shares of a ramp (n), NaN where nothing is known, as 3n sRGB bytes.
+/**
+ * @param {Numbers} shares
+ * @param {Uint8Array} ramp
+ * @param {Colour} unknown
+ */
+export function ramped(shares, ramp, unknown) {
+  const last = ramp.length / 3 - 1;
+  const colours = new Uint8Array(3 * shares.length);
+  for (let i = 0; i < shares.length; i++) {
+    const share = shares[i];
+    if (Number.isNaN(share)) { for (let c = 0; c < 3; c++) colours[3 * i + c] = unknown[c]; continue; }
+    const k = 3 * Math.round(Math.min(1, Math.max(0, share)) * last);
+    colours[3 * i] = ramp[k]; colours[3 * i + 1] = ramp[k + 1]; colours[3 * i + 2] = ramp[k + 2];
+  }
+  return colours;
+}
+
+// The end of a scale: 1, 2 or 5 times a power of ten.
+/** @param {number} value */
+export function roundUp(value) {
+  if (!(value > 0)) return 1;
+  const power = 10 ** Math.floor(Math.log10(value));
+  for (const factor of [1, 2, 5, 10]) if (value <= factor * power * (1 + 1e-9)) return factor * power;
+  return 10 * power;
+}
+
+const largest = (/** @type {Floats} */ values) => Array.from(values).reduce((most, v) => (v > most ? v : most), 0);
+
+/**
+ * What a colouring is made of.
+ * @typedef {object} Scale
+ * @property {(shown: Snapshot) => Floats} values
+ * @property {number | (() => number)} high
+ * @property {number} [low]
+ * @property {"ramp_even" | "ramp_error"} [ramp]
+ * @property {(value: number) => string} text
+ * @property {string | null} [none] what grey means
+ * @property {((value: number) => boolean) | null} [bad] what is as red as an error
+ */
+
+/** @typedef {Pick<import("./figures.js").Figures, "row" | "largest">} Measured */
+
+export class Colouring {
+  // `values` tells a figure of each module at a moment, `high` the end of the scale.
+  /**
+   * @param {string} key
+   * @param {import("./timeline.js").Film} film
+   * @param {Scale} scale
+   */
+  constructor(key, film, { values, high, low = 0, ramp = "ramp_even", text, none = "not recorded", bad = null }) {
+    this.key = key;
+    this.film = film;
+    /** @type {Measured | null} */
+    this.figures = null;
+    this.values = values;
+    this.low = low;
+    this.high = high;
+    this.ramp = ramp;
+    this.text = text;
+    this.none = none;
+    this.bad = bad;
+    this.label = COLOURINGS.find(([name]) => name === key)?.[1] ?? "";
+  }
+
+  /** @param {Snapshot} shown */
+  of(shown) {
+    const { header, arrays } = this.film.scenery;
+    const values = this.values(shown);
+    const high = typeof this.high === "function" ? this.high() : this.high;
+    const colours = ramped(values.map((v) => (v - this.low) / (high - this.low)), arrays[this.ramp], header.colours.unknown);
+    const { bad } = this;
+    if (bad) values.forEach((v, i) => { if (bad(v)) colours.set(header.colours.error, 3 * i); });
+    return colours;
+  }
+
+  legend() {
+    const ramp = this.film.scenery.arrays[this.ramp];
+    const last = ramp.length / 3 - 1;
+    const stops = Array.from({ length: 9 }, (_, k) => Array.from(ramp.subarray(3 * Math.round((k / 8) * last)).slice(0, 3)).join(" "));
+    const high = typeof this.high === "function" ? this.high() : this.high;
+    return {
+      title: this.label, low: this.text(this.low), high: this.text(high), none: this.none,
+      ramp: `linear-gradient(to right, ${stops.map((stop) => `rgb(${stop})`).join(", ")})`,
+    };
+  }
+}
+
+// The end of a scale that fits a figure all along the film, as far as it is here.
+/**
+ * @param {import("./timeline.js").Film} film
+ * @param {(shown: Snapshot) => Floats} values
+ */
+function scaled(film, values) {
+  let most = 0;
+  for (let k = 0; k <= SAMPLES; k++) {
+    const frame = film.nearest(Math.round((film.last * k) / SAMPLES));
+    const there = frame === null ? null : film.peek(frame);
+    if (there) most = Math.max(most, largest(values(there)));
+  }
+  return roundUp(most);
+}
+
+/**
+ * @param {string} key
+ * @param {import("./timeline.js").Film} film
+ * @param {Measured | null | undefined} figures
+ */
+export function colouring(key, film, figures) {
+  const { chain } = film;
+  /**
+   * @param {Scale["values"]} values
+   * @param {Scale["text"]} text
+   * @param {Partial<Scale>} more
+   */
+  const per = (values, text, more = {}) => new Colouring(key, film, { values, text, high: () => scale(), ...more });
+  const unknown = () => new Float32Array(chain.modules).fill(NaN);
+  // A scale is looked for when it is first asked for, and again while frames still come in.
+  let [known, version] = [0, -1];
+  const scale = () => {
+    if (version !== film.version) [known, version] = [scaled(film, made.values), film.version];
+    return known;
+  };
+  const measured = (/** @type {FigureName} */ name) => figures?.largest(name) ?? 0;
+  /** @type {Record<string, () => Colouring>} */
+  const makers = {
+    error: () => per((shown) => film.moduleErrors(shown.errors), radians, { high: () => film.errorScale, ramp: "ramp_error" }),
+    "error-even": () => per((shown) => film.moduleErrors(shown.errors), radians, { high: () => film.errorScale }),
+    position: () => per((shown) => figures?.row(shown.low)?.position_error ?? unknown(), (v) => `${round(v)} pitch`, {
+      high: () => roundUp(measured("position_error")),
+    }),
+    speed: () => per((shown) => film.carried(film.speeds(shown.frame), (a, b) => Math.max(Math.abs(a), Math.abs(b))), (v) => `${round(v)} rad/s`),
+    torque: () => per((shown) => {
+      const torques = figures?.row(shown.low)?.torque;
+      return torques ? film.carried(torques, (a, b) => Math.max(Math.abs(a), Math.abs(b))) : unknown();
+    }, newtonMetres, { high: () => roundUp(measured("torque")) }),
+    clearance: () => per((shown) => figures?.row(shown.low)?.clearance ?? unknown(), (v) => `${round(v)} pitch`, {
+      high: NEAR, bad: (v) => v < 0, none: "not measured yet",
+    }),
+    chain: () => per(() => Float32Array.from({ length: chain.modules }, (_, i) => i), (v) => `Module ${Math.round(v)}`, { high: chain.modules - 1, none: null }),
+  };
+  const made = (makers[key] ?? makers.error)();
+  made.figures = figures ?? null;
+  return made;
+}
+
+export const round = (/** @type {number} */ v) => Number(v.toPrecision(2));

@@ -1,0 +1,75 @@
+// Figures of a fold, frame by frame, that are worked out after it: clearances, torques, position errors.
+import { decode } from "../lib/columns.js";
+import { Teller } from "../lib/emitter.js";
+
+const KEPT = 24; // stretches
+const AT_ONCE = 2;
+const RETRY_MS = 2000;
+
+export class Figures extends Teller {
+  /** @param {string} id */
+  constructor(id) {
+    super();
+    this.under = `/folds/${id}/figures`;
+    /** @type {Curves | null} */
+    this.plots = null;
+    /** @type {Map<number, FigurePart>} */
+    this.parts = new Map();
+    /** @type {Set<number>} */
+    this.loading = new Set();
+  }
+
+  /**
+   * @template {Message<object, Record<string, Column>>} [Told=Message<PlotHeader, Record<PlotName, Floats>>]
+   * @param {string} query
+   * @returns {Promise<Told | null>}
+   */
+  async get(query) {
+    const answer = await fetch(`${this.under}${query}`);
+    return answer.status === 200 ? /** @type {Promise<Told>} */ (decode(await answer.arrayBuffer())) : null;
+  }
+
+  // Looks whether they are there; what a plot draws comes with them.
+  async begin() {
+    if (this.plots) return true;
+    const found = await this.get("").catch(() => null);
+    if (!found) return false;
+    this.plots = { ...found.header, ...found.arrays };
+    this.tell("begun");
+    return true;
+  }
+
+  /** @param {FigureName} name */
+  largest(name) { return this.plots?.largest[name] ?? 0; }
+
+  // The figures of one frame; null until they are here, which `loaded` tells.
+  /**
+   * @param {number} frame
+   * @returns {FigureRow | null}
+   */
+  row(frame) {
+    if (!this.plots || frame >= this.plots.frames) return null;
+    const { rows } = this.plots;
+    const index = Math.floor(frame / rows);
+    const part = this.parts.get(index);
+    if (!part) { this.load(index); return null; }
+    const k = frame - index * rows;
+    const { arrays, header: { widths } } = part;
+    const of = (/** @type {FigureName} */ name) => arrays[name].subarray(k * widths[name], (k + 1) * widths[name]);
+    return { clearance: of("clearance"), nearest: of("nearest"), torque: of("torque"), position_error: of("position_error") };
+  }
+
+  /** @param {number} index */
+  async load(index) {
+    if (this.loading.has(index) || this.loading.size >= AT_ONCE) return;
+    this.loading.add(index);
+    /** @type {Promise<FigurePart | null>} */
+    const asked = this.get(`?part=${index}`);
+    const found = await asked.catch(() => null);
+    if (!found) { setTimeout(() => this.loading.delete(index), RETRY_MS); return; }
+    this.loading.delete(index);
+    this.parts.set(index, found);
+    if (this.parts.size > KEPT) this.parts.delete([...this.parts.keys()][0]);
+    this.tell("loaded");
+  }
+}

@@ -1,0 +1,26 @@
+// The fold in motion on the first page.
+import { Film, Recording } from "./timeline.js";
+import { Player } from "./player.js";
+import { Sketch } from "../viewer/sketch.js";
+
+const SPEED = 1.6;
+
+// Plays the film whose address `hero` names on its canvas.
+/**
+ * @param {HTMLElement} hero
+ * @param {HTMLCanvasElement} canvas
+ * @param {{ calm: boolean }} visitor
+ */
+export function playHero(hero, canvas, { calm }) {
+  const sketch = new Sketch(canvas, () => hero.classList.add("moving"));
+  const player = new Player(new Film(new Recording(hero.dataset.film ?? "")), {
+    sketch, aspect: () => canvas.clientWidth / Math.max(1, canvas.clientHeight),
+  });
+  new ResizeObserver(() => player.show(true)).observe(canvas);
+  player.on("begun", () => {
+    player.send({ do: "set", loop: true, speed: SPEED, turn: !calm });
+    if (!calm) player.send({ do: "play" });
+  });
+  window.foldback = { film: player.film, player }; // for the console
+  return player;
+}

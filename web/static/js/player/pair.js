@@ -1,0 +1,134 @@
+// Two folds on one playhead: each goes through a phase in step with the other, however many frames it
+// has there; one that has no such phase waits.
+import { Playhead } from "./playhead.js";
+import { Teller } from "../lib/emitter.js";
+
+/** @typedef {import("./player.js").Player} Player */
+
+export class Pair extends Teller {
+  /** @param {Player[]} players */
+  constructor(players) {
+    super();
+    this.players = players;
+    /** @type {Phase[]} */
+    this.phases = [];
+    this.last = 0;
+    this.playhead = new Playhead(this);
+    /** @type {number | null} */
+    this.clock = null;
+    this.due = false;
+    this.told = "";
+    for (const player of players) player.on("outline", () => this.begin());
+  }
+
+  get growing() { return this.players.some(({ film }) => film.growing); }
+
+  // The phases of both, as long as the longer of them.
+  begin() {
+    const outlines = this.players.map(({ film }) => film.outline);
+    if (this.players.some(({ shown, film }) => !shown || !film.outline)) return;
+    const first = this.phases.length === 0;
+    const { names } = outlines[0];
+    const long = (/** @type {string} */ name) => Math.max(...outlines.map(({ phases }) => phases.filter((p) => p.name === name).reduce((sum, p) => sum + p.to - p.from, 0)));
+    const order = names.filter((name) => long(name) > 0).sort((a, b) => this.place(outlines, a) - this.place(outlines, b));
+    let from = 0;
+    this.phases = order.map((name) => {
+      const phase = { name, from, to: from + long(name) };
+      from = phase.to;
+      return phase;
+    });
+    this.last = Math.max(0, from - 1);
+    const scale = Math.max(...outlines.map((outline) => outline.error_scale_rad));
+    for (const { film } of this.players) film.sharedScale = scale;
+    this.tell("outline", {
+      frames: from, phases: this.phases, errors: this.errors(outlines), error_scale_rad: scale, growing: this.growing,
+    });
+    if (first) this.tell("begun");
+    this.sync();
+  }
+
+  // Where a phase stands in the fold that has it.
+  /**
+   * @param {FilmOutline[]} outlines
+   * @param {string} name
+   */
+  place(outlines, name) {
+    return Math.min(...outlines.map(({ phases }) => phases.findIndex((p) => p.name === name)).filter((k) => k >= 0));
+  }
+
+  // The larger error of the two, column by column.
+  /** @param {FilmOutline[]} outlines */
+  errors(outlines) {
+    return Array.from({ length: 240 }, (_, k) => {
+      const frame = (this.last * k) / 240;
+      const values = this.players.map((player, n) => {
+        const { frames, errors } = outlines[n];
+        return errors[Math.min(errors.length - 1, Math.floor((this.frameOf(player, frame) / frames) * errors.length))];
+      }).filter((v) => v !== null && v !== undefined);
+      return values.length ? Math.max(...values) : null;
+    });
+  }
+
+  /**
+   * @param {Player} player
+   * @param {number} frame
+   */
+  frameOf({ film }, frame) {
+    const at = this.phaseAt(frame);
+    const { phases } = film.outline;
+    const own = phases.find(({ name }) => name === at.name);
+    if (own) return own.from + (Math.min(1, (frame - at.from) / Math.max(1, at.to - 1 - at.from))) * (own.to - 1 - own.from);
+    const after = phases.find(({ name }) => this.phases.findIndex((p) => p.name === name) > this.phases.indexOf(at));
+    return after ? after.from : film.last;
+  }
+
+  /** @param {number} frame */
+  phaseAt(frame) { return this.phases.find(({ to }) => frame < to) ?? this.phases[this.phases.length - 1]; }
+
+  /** @param {Command} message */
+  send(message) {
+    if (!this.phases.length) return false;
+    if (message.do === "select") { for (const player of this.players) player.send(message); return true; }
+    if (!this.playhead.do(message)) return false;
+    if (message.do === "set") for (const player of this.players) player.send(this.ofCamera(message));
+    this.sync();
+    return true;
+  }
+
+  // What of a message is about the camera.
+  /**
+   * @param {Command & { do: "set" }} message
+   * @returns {Command}
+   */
+  ofCamera(message) {
+    return {
+      do: "set", ...("follow" in message ? { follow: message.follow } : {}), ...("turn" in message ? { turn: message.turn } : {}),
+    };
+  }
+
+  sync() {
+    const frame = this.playhead.shown;
+    for (const player of this.players) player.send({ do: "seek", frame: this.frameOf(player, frame) });
+    const at = this.phaseAt(frame);
+    const errors = this.players.map(({ shown }) => (shown ? Array.from(shown.errors).reduce((most, e) => (e > most ? e : most), -1) : -1)).filter((e) => e >= 0);
+    const state = {
+      ...this.playhead.is, frame: this.playhead.frame, frames: this.last + 1, growing: this.growing, phase: at.name,
+      time_s: null, error_rad: errors.length ? Math.max(...errors) : null,
+    };
+    const text = JSON.stringify(state);
+    if (text !== this.told) { this.told = text; this.tell("state", state); }
+    this.wake();
+  }
+
+  wake() {
+    if (this.due || !(this.playhead.is.playing || this.playhead.is.live)) { if (!this.due) this.clock = null; return; }
+    this.due = true;
+    requestAnimationFrame((ms) => {
+      this.due = false;
+      const now = ms / 1000;
+      const passed = this.clock === null ? 0 : Math.min(0.2, Math.max(0, now - this.clock));
+      this.clock = now;
+      if (this.playhead.advance(passed, now)) this.sync(); else this.wake();
+    });
+  }
+}

@@ -1,0 +1,434 @@
+// A visitor's playhead over a film, and what follows from it: the pose, its colours, the camera.
+//
+// It takes the messages of playhead.js and one more, select {module}: highlight a module, null for
+// none. It tells what is by events: waiting, begun, outline, state, module, drawn, painted.
+import { Follower, anglesOf, blended, distanceNeeded, fewPoints, framing, outward, positionOf } from "../viewer/camera.js";
+import { colouring } from "./colours.js";
+import { picked } from "../lib/kinematics.js";
+import { Playhead } from "./playhead.js";
+import { clearestSight } from "../viewer/viewpoint.js";
+import { StandIn } from "../viewer/fallback.js";
+import { Teller } from "../lib/emitter.js";
+
+const LONGEST_TICK_S = 0.2;
+const TELL_MS = 200;
+const GOAL_EVERY = 12;
+const GOAL_EVERY_S = 0.2; // or of a film that is played, if that is more
+const GOALS_ASIDE = 4;
+const GOAL_SPREAD = 1.8;
+const MOST_GOALS = 4000;
+const ROOM = 1.08; // how much farther than needed the camera stays, so that nothing touches the edge
+const STEEPEST = 1.2;
+const USUAL_ASPECT = 1.6;
+const BESIDE = 0.4; // how blue the neighbours of the selected module are
+const AROUND = 3; // pitches around what is looked at that stay in view
+
+// As planner/chain/module.py calls a hinge.
+/**
+ * @param {Chain} chain
+ * @param {number} j
+ */
+function nameOf({ rigid_links: rigid, hinge_names: names }, j) {
+  const hinge = names[j % names.length];
+  return `joint_${rigid + Math.floor(j / names.length)}${hinge && `_${hinge}`}`;
+}
+
+/** @typedef {import("./timeline.js").Film} Film */
+/** @typedef {import("../viewer/stage.js").Stage} Stage */
+/** @typedef {import("../viewer/sketch.js").Sketch} Sketch */
+
+export class Player extends Teller {
+  // Shows on `stage`, for which `sketch` may stand in; without a stage on the sketch alone. For who
+  // wants little to move, the camera is where a frame that is sought asks for it at once.
+  /**
+   * @param {Film} film
+   * @param {{ stage?: Stage | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean }} shownOn
+   */
+  constructor(film, { stage = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false }) {
+    super();
+    this.calm = calm;
+    this.film = film;
+    this.stage = stage;
+    this.sketch = sketch;
+    this.standIn = stage && sketch ? new StandIn(sketch.canvas, stage, sketch) : null;
+    if (this.standIn) {
+      this.standIn.busy = () => this.busy;
+      this.standIn.painted = () => this.tell("painted", this.shown?.frame);
+    }
+    this.aspectNow = aspect;
+    /** @type {number | undefined} */
+    this.aspect = undefined;
+    this.playhead = new Playhead(film);
+    /** @type {import("./colours.js").Colouring | null} */
+    this.colouring = null;
+    /** @type {number | null} */
+    this.selected = null;
+    /** @type {number[]} */
+    this.marked = [];
+    /** @type {number[] | null} */
+    this.looked = null;
+    this.seeks = false;
+    /** @type {Snapshot | null} */
+    this.shown = null;
+    this.told = "";
+    this.toldAt = 0;
+    this.lastPlaying = false;
+    this.follower = new Follower();
+    /** @type {[azimuth: number, elevation: number] | null} */
+    this.direction = null;
+    /** @type {Map<number, View>} */
+    this.goals = new Map();
+    /** @type {number | null} */
+    this.clock = null;
+    this.due = false;
+    this.gliding = false;
+    this.changed = false;
+    film.on("waiting", () => { this.shown = null; this.tell("waiting"); });
+    film.on("begun", () => this.begin());
+    film.on("grew", () => this.grew());
+    film.on("loaded", () => { if (this.shown && !this.shown.exact) this.show(true); });
+    if (film.chain) queueMicrotask(() => this.begin());
+  }
+
+  // What a message does.
+
+  /** @param {Command} message */
+  send(message) {
+    if (!this.film.chain || !this.colouring) return false;
+    const { follow } = this.is;
+    if (message.do === "set" && "follow" in message) this.lookAt([]);
+    if (message.do === "select") this.select(message.module);
+    else if (!this.playhead.do(message)) return false;
+    if (message.do === "set") {
+      if (this.is.follow && !follow) this.takeOver();
+      this.aim();
+    }
+    this.show();
+    return true;
+  }
+
+  get is() { return this.playhead.is; }
+
+  /** @param {number | null} module */
+  select(module) {
+    if (module !== null && !(module >= 0 && module < this.film.chain.modules)) return;
+    this.selected = module;
+    this.show(true);
+    this.tellModule();
+  }
+
+  // Modules that stay highlighted.
+  /** @param {number[]} modules */
+  mark(modules) {
+    this.marked = modules.filter((module) => module < this.film.chain.modules);
+    this.show(true);
+  }
+
+  // Has the camera follow some modules instead of the whole chain; none for all again.
+  /** @param {number[]} modules */
+  lookAt(modules) {
+    if (!modules.length && !this.looked) return;
+    this.looked = modules.length ? modules : null;
+    if (this.looked && !this.is.follow) {
+      this.playhead.do({ do: "set", follow: true });
+      this.takeOver();
+    }
+    this.direction = null;
+    this.seeks = Boolean(this.looked);
+    this.goals.clear();
+    this.show(true);
+  }
+
+  // From where the modules to look at are seen best; once more when their frame is there.
+  /** @param {Snapshot} shown */
+  seek(shown) {
+    const { azimuth_rad: azimuth, elevation_rad: elevation } = this.film.scenery.header.camera;
+    this.direction = clearestSight(shown.positions, this.looked ?? [], [azimuth, elevation], outward);
+    this.seeks = !shown.exact;
+    this.goals.clear();
+  }
+
+  /**
+   * @param {Vector} origin
+   * @param {Vector} direction
+   */
+  pick(origin, direction) {
+    if (!this.shown) return;
+    const module = picked(this.film.chain, this.shown, origin, direction);
+    if (module === null && this.selected === null) return;
+    this.send({ do: "select", module: module === this.selected ? null : module });
+  }
+
+  // Another way to colour the modules; see colours.js.
+  /** @param {import("./colours.js").Colouring} chosen */
+  colourBy(chosen) {
+    this.colouring = chosen;
+    this.tell("colouring", chosen);
+    this.show(true);
+  }
+
+  // What time does.
+
+  begin() {
+    const { film, playhead } = this;
+    this.shown = null;
+    this.colourBy(colouring(this.colouring?.key ?? "error", film, this.colouring?.figures));
+    this.follower = new Follower();
+    this.goals.clear();
+    this.selected = this.selected !== null && this.selected < film.chain.modules ? this.selected : null;
+    this.stage?.set(film.scenery);
+    this.sketch?.set(film.scenery);
+    if (film.growing) { this.is.live = true; playhead.frame = film.last; }
+    playhead.frame = Math.min(playhead.frame, film.last);
+    this.tell("begun");
+    this.show(true);
+    this.tellOutline();
+  }
+
+  grew() {
+    if (!this.film.chain) return;
+    this.goals.clear();
+    this.tellOutline();
+    this.show(true);
+  }
+
+  tellOutline() {
+    const { film } = this;
+    const { modules, rigid_links: rigid } = film.chain;
+    this.tell("outline", { ...film.outline, frames: film.total, growing: film.growing, modules, joints: modules - 1 - rigid });
+  }
+
+  get busy() {
+    const { is } = this;
+    return this.changed || this.gliding || is.playing || is.live || is.turn;
+  }
+
+  // Asks for one more tick.
+  wake() {
+    if (this.due) return;
+    this.due = true;
+    requestAnimationFrame((now) => { this.due = false; this.tick(now / 1000); });
+  }
+
+  /** @param {number} now */
+  tick(now) {
+    const passed = this.clock === null ? 0 : Math.min(Math.max(now - this.clock, 0), LONGEST_TICK_S);
+    if (!this.film.chain || !this.shown) { this.clock = null; return; }
+    if (this.playhead.advance(passed, now)) this.show();
+    const drawn = this.changed;
+    this.changed = false;
+    let moved = this.stage?.scenery ? this.stage.moveGround(passed, this.shown) : false;
+    if (this.is.follow) moved = this.glide(passed) || moved;
+    this.gliding = moved;
+    if (drawn || moved) this.draw();
+    this.clock = this.busy ? now : null;
+    if (this.busy) this.wake();
+  }
+
+  // Takes the snapshot that the playhead is at.
+  show(again = false) {
+    const { film, playhead } = this;
+    if (!film.chain || !this.colouring) return;
+    const frame = playhead.shown;
+    const moved = !this.shown || this.shown.frame !== frame || !this.shown.exact;
+    if (moved || again) {
+      const shown = film.snapshot(frame);
+      if (!shown) return;
+      this.shown = shown;
+      if (this.seeks) this.seek(shown);
+      this.aim();
+      this.changed = true;
+      if (this.selected !== null && moved) this.tellModule();
+    }
+    if (this.shown) this.tellState(this.shown);
+    this.wake();
+  }
+
+  // While a drawing stands in, as often as one can read: every word has to be put into the picture.
+  /** @param {Snapshot} shown */
+  tellState(shown) {
+    const { film, is, playhead } = this;
+    const now = performance.now();
+    if (this.standIn?.latest && is.playing && this.lastPlaying && now - this.toldAt < TELL_MS && playhead.frame < film.last) return;
+    Object.assign(this, { toldAt: now, lastPlaying: is.playing });
+    let error = -1;
+    for (const e of shown.errors) if (Math.abs(e) > error) error = Math.abs(e);
+    const state = {
+      ...is, frame: playhead.frame, frames: film.total, growing: film.growing, time_s: shown.time_s, phase: shown.phase, error_rad: error < 0 ? null : error,
+    };
+    const text = JSON.stringify(state);
+    if (text === this.told) return;
+    this.told = text;
+    this.tell("state", state);
+  }
+
+  tellModule() {
+    const { film, shown, selected: index } = this;
+    if (index === null || !shown) { this.tell("module", { index: null }); return; }
+    const { chain } = film;
+    const first = (index - chain.rigid_links) * chain.hinges;
+    const columns = first >= 0 && first < film.joints ? Array.from({ length: chain.hinges }, (_, k) => first + k) : [];
+    const at = film.foldedPositions;
+    this.tell("module", {
+      index,
+      modules: chain.modules,
+      cell: chain.cells ? [0, 1, 2].map((k) => Math.round(at[3 * index + k])) : null,
+      joints: columns.map((j) => ({
+        name: nameOf(chain, j), column: j, angle_rad: shown.angle(j), target_rad: film.foldedRad[j],
+        error_rad: Number.isNaN(shown.errors[j]) ? null : Math.abs(shown.errors[j]),
+      })),
+      shown,
+    });
+  }
+
+  colours() {
+    if (!this.colouring || !this.shown) return new Uint8Array(0);
+    const colours = this.colouring.of(this.shown);
+    const { selected } = this;
+    const { selected: blue, stuck } = this.film.scenery.header.colours;
+    for (const module of this.marked) colours.set(stuck, 3 * module);
+    if (selected === null) return colours;
+    for (const beside of [selected - 1, selected + 1]) {
+      if (beside < 0 || beside >= this.film.chain.modules) continue;
+      for (let c = 0; c < 3; c++) colours[3 * beside + c] += (blue[c] - colours[3 * beside + c]) * BESIDE;
+    }
+    colours.set(blue, 3 * selected);
+    return colours;
+  }
+
+  draw() {
+    const { shown, is, view } = this;
+    if (!shown) return;
+    const colours = this.colours();
+    if (this.standIn) this.standIn.draw(shown, colours, view, is.follow);
+    else if (view) this.sketch?.draw(shown, colours, view, null);
+    this.tell("drawn", shown.frame);
+  }
+
+  // The camera.
+
+  get view() { return this.follower.view && { position: positionOf(this.follower.view), target: this.follower.view.target }; }
+
+  get pitch() { return this.film.scenery.header.pitch; }
+
+  // A place in pitches as the scene has it.
+  /**
+   * @param {number} x
+   * @param {number} y
+   * @param {number} z
+   * @returns {Vector}
+   */
+  inUnits(x, y, z) { return [x * this.pitch, y * this.pitch, z * this.pitch]; }
+
+  // What the camera looks at of the modules to have in view; looked up once for a snapshot.
+  /**
+   * @param {Snapshot} snapshot
+   * @returns {Vector[]}
+   */
+  points(snapshot) {
+    if (this.looked) {
+      return this.looked.map((i) => this.inUnits(snapshot.positions[3 * i], snapshot.positions[3 * i + 1], snapshot.positions[3 * i + 2]));
+    }
+    snapshot.points ??= fewPoints(snapshot.positions, snapshot.framed).map((p) => this.inUnits(...p));
+    return snapshot.points;
+  }
+
+  get seeing() {
+    const { camera, chain } = this.film.scenery.header;
+    const radius = this.looked ? AROUND : chain.radius;
+    return { radius: radius * this.pitch, aspect: this.aspect ?? USUAL_ASPECT, field: camera.field_of_view_rad, home: camera.azimuth_rad };
+  }
+
+  /**
+   * @param {Snapshot} snapshot
+   * @param {number | null} azimuth
+   */
+  frameIt(snapshot, azimuth = null) {
+    const [direction, elevation] = this.direction ?? [null, this.film.scenery.header.camera.elevation_rad];
+    return framing(this.points(snapshot), { ...this.seeing, azimuth: azimuth ?? direction, elevation });
+  }
+
+  get goalEvery() { return Math.max(GOAL_EVERY, Math.round(GOAL_EVERY_S * this.playhead.pace)); }
+
+  // Where the camera should be around a frame: looked up once.
+  /** @param {number} index */
+  goal(index) {
+    let found = this.goals.get(index);
+    if (!found) {
+      const snapshot = this.film.peek(index * this.goalEvery);
+      if (!snapshot) return null;
+      found = this.frameIt(snapshot);
+      if (!snapshot.exact) return found;
+      if (this.goals.size > MOST_GOALS) this.goals.clear();
+      this.goals.set(index, found);
+    }
+    return found;
+  }
+
+  // Looks ahead and back along the film, so that the camera moves evenly and in time.
+  aim() {
+    const { shown, is, film } = this;
+    if (!shown || !is.follow) return;
+    const aspect = this.aspectNow();
+    if (aspect > 0 && aspect !== this.aspect) { this.aspect = aspect; this.goals.clear(); }
+    this.aspect ??= USUAL_ASPECT;
+    const nearest = this.frameIt(shown, is.turn && this.follower.view ? this.follower.view.azimuth : null);
+    let goal = nearest;
+    const here = shown.frame / this.goalEvery;
+    const end = film.last / this.goalEvery;
+    // Towards both ends of a whole film it looks less far, and at rest there it frames exactly.
+    const reach = film.growing ? GOALS_ASIDE : Math.min(GOALS_ASIDE, here, end - here);
+    if (reach > 1e-6 && !is.turn) {
+      const views = [goal];
+      const weights = [1];
+      const middle = Math.round(here);
+      for (let k = Math.max(middle - GOALS_ASIDE, 0); k <= Math.min(middle + GOALS_ASIDE, Math.floor(end)); k++) {
+        const view = this.goal(k);
+        if (!view) continue;
+        views.push(view);
+        weights.push(Math.exp(-((((k - here) / reach) * GOAL_SPREAD) ** 2)));
+      }
+      goal = blended(views, weights, nearest);
+    }
+    goal = { ...goal, distance: Math.max(goal.distance, ROOM * this.needed(shown, goal)) };
+    const still = !(is.playing || is.live || is.turn);
+    this.follower.aim(goal, !this.follower.view || (this.calm && still));
+    this.gliding = true;
+    this.wake();
+  }
+
+  /**
+   * @param {Snapshot} snapshot
+   * @param {View} view
+   */
+  needed(snapshot, view) { return distanceNeeded(this.points(snapshot), view, this.seeing); }
+
+  /** @param {number} passed */
+  glide(passed) {
+    const { is, shown, follower } = this;
+    if (this.aspectNow() !== this.aspect) { follower.view = null; this.aim(); }
+    if (is.turn && follower.view) {
+      follower.view = { ...follower.view, azimuth: follower.view.azimuth + this.film.scenery.header.camera.turn_rad_s * passed };
+      this.aim();
+    }
+    const moved = follower.move(passed) || is.turn;
+    if (moved && follower.view && shown) {
+      const least = this.needed(shown, follower.view);
+      if (follower.view.distance < least) follower.view = { ...follower.view, distance: least };
+    }
+    return moved;
+  }
+
+  // Goes on from where the visitor has turned the camera, and keeps that direction.
+  takeOver() {
+    const camera = this.stage?.camera;
+    if (!camera) return;
+    const [azimuth, elevation] = anglesOf(camera.position, camera.target);
+    this.direction = [azimuth, Math.min(STEEPEST, Math.max(-STEEPEST, elevation))];
+    this.goals.clear();
+    this.follower.view = {
+      target: camera.target, azimuth, elevation: this.direction[1],
+      distance: Math.hypot(...camera.position.map((v, k) => v - camera.target[k])),
+    };
+  }
+}

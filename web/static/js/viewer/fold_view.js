@@ -1,0 +1,78 @@
+// What every page that shows one fold has: the film, the 3D view with the drawing that stands in for
+// it, the timeline, the legend and, where there are panels for them, module and plots.
+import { Bar } from "../player/bar.js";
+import { Film } from "../player/timeline.js";
+import { Legend } from "../panels/legend.js";
+import { ModulePanel } from "../panels/module_panel.js";
+import { Place } from "../player/address.js";
+import { Player } from "../player/player.js";
+import { Plots } from "../panels/plots.js";
+import { hasWebGL } from "./scene.js";
+import { Sketch } from "./sketch.js";
+import { Stage } from "./stage.js";
+import { get } from "../lib/text.js";
+
+const DRAW_MS = 250;
+const PATIENCE_MS = 1500;
+export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+/**
+ * @typedef {object} Viewed
+ * @property {FilmSource} source
+ * @property {import("../player/figures.js").Figures} figures
+ * @property {(frame: HTMLIFrameElement) => void} load
+ * @property {boolean} [over]
+ * @property {import("../panels/drawer.js").Drawer | null} [drawer]
+ * @property {boolean} [play]
+ */
+
+// `load` begins to load viser's client into the frame; `drawer` is shown when a module is selected.
+/** @param {Viewed} viewed */
+export function view({ source, figures, load, over = true, drawer = null, play = !calm }) {
+  const film = new Film(source, { over });
+  const frame = get("view");
+  const stage = new Stage(frame, {
+    open: () => player.standIn?.takeOver(),
+    pick: (origin, direction) => player.pick(origin, direction),
+    touch: () => { if (player.is.follow) player.send({ do: "set", follow: false }); },
+  });
+  // The page draws the fold by itself until the 3D view, which takes longer to start, has taken over.
+  const sketch = new Sketch(get("sketch"), () => {
+    get("cover").classList.add("gone");
+    setTimeout(start3d, DRAW_MS);
+  });
+  const player = new Player(film, { stage, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight), calm });
+  if (player.standIn) player.standIn.onOpen = () => get("cover").classList.add("gone");
+  const plots = get("panel-plots") ? new Plots(get("panel-plots"), player, figures) : null;
+  const bar = new Bar(player, (name) => plots?.worst(name) ?? null);
+  const place = new Place(player);
+  new Legend(player, figures);
+  if (get("panel-module")) new ModulePanel(get("panel-module"), player, figures, () => drawer?.openAt("module"));
+  get("through").onclick = () => {
+    const on = get("through").getAttribute("aria-pressed") !== "true";
+    get("through").setAttribute("aria-pressed", String(on));
+    stage.seeThrough(on);
+  };
+  new ResizeObserver(() => player.show(true)).observe(frame);
+  addEventListener("keydown", (event) => bar.key(event));
+
+  let started = false;
+  function start3d() {
+    if (started) return;
+    started = true;
+    // To ask is to start the browser's 3D graphics, which takes a second where they are software.
+    if (hasWebGL()) { load(frame); return; }
+    get("flat").hidden = false;
+    if (!sketch.worker) get("cover-text").textContent = "This browser shows no 3D graphics";
+  }
+  setTimeout(start3d, sketch.worker ? PATIENCE_MS : 0);
+
+  let begun = false;
+  player.on("begun", () => {
+    if (begun) return;
+    begun = true;
+    if (!place.go() && !film.growing && play) player.send({ do: "play" });
+  });
+  window.foldback = { film, player }; // for the console
+  return { film, player, stage, sketch, bar, place, plots };
+}

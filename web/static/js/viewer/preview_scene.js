@@ -1,0 +1,161 @@
+// The 3D scene of a preview: layers that come and go, and one module that stands out; see
+// web/viser/preview_scene.py.
+import { framing, positionOf } from "./camera.js";
+import { decode } from "../lib/columns.js";
+import { picked } from "../lib/kinematics.js";
+import { Scene, cameraTo, linear, update, visibility } from "./scene.js";
+
+const MOST_TRIES = 8;
+const RETRY_S = 2;
+
+/**
+ * @typedef {object} PreviewHeard
+ * @property {() => void} shown
+ * @property {() => void} failed
+ * @property {() => void} settled
+ * @property {(module: number | null, cell: number[] | null) => void} pick
+ */
+/** @typedef {"solid" | "cells" | "path"} Layer */
+
+/** @extends {Scene<PreviewScenery>} */
+export class PreviewStage extends Scene {
+  // Heard are: shown() when a scene can be seen, failed() when it cannot be had, settled() after
+  // either, and pick(module, cell), null and null for a click beside.
+  /**
+   * @param {HTMLIFrameElement} frame
+   * @param {PreviewHeard} heard
+   */
+  constructor(frame, heard) {
+    super(frame, { touch: () => { this.touched = true; } });
+    this.listener = heard;
+    /** @type {Record<string, boolean>} */
+    this.layers = { solid: true, cells: true, path: true };
+    /** @type {number | null} */
+    this.selected = null;
+    this.touched = false;
+    /** @type {string | null} */
+    this.address = null;
+    this.waiting = false;
+    new ResizeObserver(() => this.look()).observe(frame);
+  }
+
+  // Shows the scene at an address, unless another one is wished for meanwhile.
+  /** @param {string} address */
+  async show(address) {
+    if (address === this.address) { this.select(null); return; }
+    this.address = address;
+    this.waiting = true;
+    const scenery = await this.fetched(address);
+    if (address !== this.address) return;
+    this.waiting = false;
+    if (scenery) this.set(scenery);
+    else { this.address = null; this.listener.failed(); }
+    this.listener.settled();
+  }
+
+  /**
+   * @param {string} address
+   * @returns {Promise<PreviewScenery | null>}
+   */
+  async fetched(address) {
+    for (let tries = 0; tries < MOST_TRIES && address === this.address; tries++) {
+      const answer = await fetch(address).catch(() => null);
+      if (answer?.ok) return answer.arrayBuffer().then((bytes) => /** @type {Promise<PreviewScenery>} */ (decode(bytes))).catch(() => null);
+      if (answer && answer.status !== 503) return null;
+      const wait = Number(answer?.headers.get("Retry-After")) || RETRY_S;
+      await new Promise((done) => { setTimeout(done, 1000 * wait); });
+    }
+    return null;
+  }
+
+  /** @param {PreviewScenery} scenery */
+  set(scenery) {
+    this.selected = null;
+    super.set(scenery);
+  }
+
+  build() {
+    super.build();
+    this.apply(Object.keys(this.layers).flatMap((name) => this.layered(name)));
+    this.paint();
+    this.look();
+    this.listener.shown();
+  }
+
+  /**
+   * @param {string} name
+   * @param {boolean} on
+   */
+  layer(name, on) {
+    this.layers[name] = on;
+    if (!this.open) return;
+    this.apply(this.layered(name));
+    if (name === "path") this.paint();
+  }
+
+  /** @param {string} name */
+  layered(name) { return this.nodes.has(`/${name}`) ? [visibility(`/${name}`, this.layers[name])] : []; }
+
+  /** @param {number | null} module */
+  select(module) {
+    if (module === this.selected) return;
+    this.selected = module;
+    this.paint();
+  }
+
+  /**
+   * @param {Vector} origin
+   * @param {Vector} direction
+   */
+  pick(origin, direction) {
+    const { scenery } = this;
+    if (!scenery) return;
+    const module = this.nodes.has("/cells") ? picked(scenery.header.hull, this.modules(), origin, direction) : null;
+    this.select(module);
+    this.listener.pick(module, module === null ? null : [...scenery.arrays.cells.subarray(3 * module, 3 * module + 3)]);
+  }
+
+  // Where the modules are, as the scene has them.
+  modules() {
+    const { header, arrays } = /** @type {PreviewScenery} */ (this.scenery);
+    const cells = header.messages.find((message) => message.props && message.name === "/cells");
+    const columns = /** @type {Record<string, { column: string }>} */ (cells?.props);
+    return { positions: arrays[columns.batched_positions.column], wxyzs: arrays[columns.batched_wxyzs.column] };
+  }
+
+  // Around the path the modules are a ghost; the selected one is whole in any case.
+  paint() {
+    const { scenery } = this;
+    if (!scenery || !this.open || !this.nodes.has("/cells")) return;
+    const { selected: blue, ghost, ghost_opacity: opacity } = scenery.header.colours;
+    const { selected } = this;
+    const through = this.nodes.has("/path") && this.layers.path;
+    const colours = scenery.arrays.colours.slice();
+    if (through) for (let i = 0; i < colours.length; i++) colours[i] = ghost[i % 3];
+    if (selected !== null) colours.set(blue, 3 * selected);
+    const messages = [
+      update("/cells", { opacity: through ? opacity : null, batched_colors: colours.map((byte) => linear[byte]) }),
+      visibility("/selected", selected !== null),
+    ];
+    if (selected !== null) {
+      const { positions, wxyzs } = this.modules();
+      messages.push(update("/selected", {
+        batched_positions: positions.slice(3 * selected, 3 * selected + 3),
+        batched_wxyzs: wxyzs.slice(4 * selected, 4 * selected + 4),
+      }));
+    }
+    this.apply(messages);
+  }
+
+  // Keeps the shape in view of a window that changes, until somebody turned it.
+  look() {
+    const { clientWidth: wide, clientHeight: high } = this.frame;
+    if (!this.open || !this.scenery || this.touched || !wide || !high) return;
+    const { corners, radius, camera } = this.scenery.header;
+    const view = framing(corners.flat(), {
+      radius, aspect: wide / high, field: camera.field_of_view_rad,
+      azimuth: camera.azimuth_rad, elevation: camera.elevation_rad, margin: camera.margin,
+    });
+    this.apply(cameraTo({ position: positionOf(view), target: view.target }));
+  }
+}

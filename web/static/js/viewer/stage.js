@@ -1,0 +1,173 @@
+// The stage: the 3D scene of a fold, given a pose, colours and a camera frame by frame.
+import { Scene, cameraTo, linear, update, visibility } from "./scene.js";
+import { buriedBy } from "../player/touching.js";
+
+const GROUND_GAP = 0.35;
+const SINK_S = 0.05;
+const RISE_S = 0.5;
+const SEEN_THROUGH = 0.22;
+const NOWHERE = -1e6;
+const KEYS = ["ArrowLeft", "ArrowRight", "Home", "End", " ", "Escape"]; // those of bar.js and drawer.js
+const SEEN = ["/modules", "/ground"]; // what takes long to draw
+
+/** @extends {Scene<Scenery>} */
+export class Stage extends Scene {
+  // Heard is one more than by a scene: pick(origin, direction) in pitches.
+  /**
+   * @param {HTMLIFrameElement} frame
+   * @param {SceneHeard} heard
+   */
+  constructor(frame, heard) {
+    super(frame, heard, KEYS);
+    /** @type {[Snapshot, Uint8Array, Eye | null] | null} */
+    this.latest = null;
+    /** @type {number | null} */
+    this.ground = null;
+    this.pitch = 1;
+    /** @type {Uint8Array | null} */
+    this.sent = null;
+    this.through = false;
+    /** @type {Int32Array | null} */
+    this.buried = null;
+    this.away = false;
+  }
+
+  // The scene of another chain.
+  /** @param {Scenery} scenery */
+  set(scenery) {
+    this.pitch = scenery.header.pitch;
+    this.ground = null;
+    this.latest = null;
+    this.sent = null;
+    this.buried = scenery.neighbours ? buriedBy(scenery.neighbours, scenery.header.chain.modules) : null;
+    super.set(scenery);
+  }
+
+  build() {
+    super.build();
+    this.sent = null;
+    this.away = false;
+    if (this.through) this.seeThrough(true);
+    if (this.latest) this.draw(...this.latest);
+  }
+
+  /**
+   * @param {Vector} origin
+   * @param {Vector} direction
+   */
+  pick(origin, direction) { this.heard.pick?.([origin[0] / this.pitch, origin[1] / this.pitch, origin[2] / this.pitch], direction); }
+
+  // Shows poses in colours (3n sRGB bytes); `view` moves the camera, null leaves it.
+  /**
+   * @param {Snapshot} snapshot
+   * @param {Uint8Array} colours
+   * @param {Eye | null} view
+   */
+  draw(snapshot, colours, view) {
+    this.latest = [snapshot, colours, view];
+    if (!this.open) return;
+    const messages = [update("/modules", this.modules(snapshot, colours)), update("/ends", this.ends(snapshot))];
+    if (this.away) messages.push(...SEEN.map((name) => visibility(name, true)));
+    this.away = false;
+    if (this.through) messages.push(update("/path", { points: this.path(snapshot) }));
+    if (this.ground !== null) {
+      const [x, y] = this.middle(snapshot);
+      messages.push({ type: "SetPositionMessage", owner: "", name: "/ground", position: [x * this.pitch, y * this.pitch, this.ground] });
+    }
+    if (view) messages.push(...cameraTo(view));
+    this.apply(messages);
+  }
+
+  // Nobody looks: viser's client, which draws once a second all the same, has less to draw until the
+  // next `draw`.
+  rest() {
+    if (this.away || !this.open) return;
+    this.away = true;
+    this.apply(SEEN.map((name) => visibility(name, false)));
+  }
+
+  // Colours are sent when they are others.
+  /**
+   * @param {Snapshot} snapshot
+   * @param {Uint8Array} colours
+   */
+  modules(snapshot, colours) {
+    /** @type {Record<string, Floats | Uint8Array>} */
+    const updates = { batched_positions: this.positions(snapshot), batched_wxyzs: snapshot.wxyzs };
+    const { sent } = this;
+    if (!sent || colours.some((byte, k) => byte !== sent[k])) {
+      updates.batched_colors = colours.map((byte) => linear[byte]);
+      this.sent = colours;
+    }
+    return updates;
+  }
+
+  // Modules that others hide are put where no camera looks: viser draws what is in view.
+  /** @param {WindowPoses} poses */
+  positions({ positions, core = 0 }) {
+    const found = positions.map((v) => v * this.pitch);
+    if (!this.buried || this.through) return found;
+    for (let i = 0; i < core; i++) if (this.buried[i] <= core) found[3 * i + 2] = NOWHERE;
+    return found;
+  }
+
+  // Lets one look through the modules at the way that the chain takes in them.
+  /** @param {boolean} on */
+  seeThrough(on) {
+    this.through = on;
+    if (!this.open || !this.scenery) return;
+    this.apply([
+      update("/modules", { opacity: on ? SEEN_THROUGH : null, cast_shadow: !on, receive_shadow: !on }),
+      visibility("/path", on),
+    ]);
+    if (this.latest) this.draw(...this.latest);
+  }
+
+  /** @param {Poses} poses */
+  path({ positions }) {
+    const n = positions.length / 3;
+    const points = new Float32Array(6 * (n - 1));
+    for (let i = 0; i < n - 1; i++) for (let k = 0; k < 6; k++) points[6 * i + k] = positions[3 * i + k] * this.pitch;
+    return points;
+  }
+
+  /** @param {Snapshot} snapshot */
+  middle({ positions, framed }) {
+    const sum = [0, 0];
+    for (let i = 0; i < framed; i++) { sum[0] += positions[3 * i]; sum[1] += positions[3 * i + 1]; }
+    return [sum[0] / framed, sum[1] / framed];
+  }
+
+  // Studs on the free faces: behind the first module, before the last one.
+  /** @param {Poses} poses */
+  ends({ positions, wxyzs }) {
+    const { shown_size: size, reach } = /** @type {Scenery} */ (this.scenery).header;
+    const n = positions.length / 3;
+    const at = new Float32Array(6);
+    const turn = new Float32Array(8);
+    [[0, -1], [n - 1, 1]].forEach(([i, side], k) => {
+      const [w, x, y, z] = wxyzs.subarray(4 * i, 4 * i + 4);
+      const ahead = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)];
+      for (let c = 0; c < 3; c++) at[3 * k + c] = (positions[3 * i + c] + side * size * reach * ahead[c]) * this.pitch;
+      // Half a turn about z points the first stud backwards.
+      turn.set(side < 0 ? [-z, y, -x, w] : [w, x, y, z], 4 * k);
+    });
+    return { batched_positions: at, batched_wxyzs: turn };
+  }
+
+  // Lets the ground sink and rise to just below what is in view of the chain; true while it moves.
+  /**
+   * @param {number} seconds
+   * @param {Snapshot} snapshot
+   */
+  moveGround(seconds, { positions, framed }) {
+    let low = Infinity;
+    for (let k = 2; k < 3 * framed; k += 3) low = Math.min(low, positions[k]);
+    low = (low - 0.5 - GROUND_GAP) * this.pitch;
+    const before = this.ground ?? low;
+    const after = low + (before - low) * Math.exp(-seconds / (low < before ? SINK_S : RISE_S));
+    if (this.ground !== null && Math.abs(after - this.ground) < 1e-3 * this.pitch) return false;
+    this.ground = after;
+    return true;
+  }
+}
