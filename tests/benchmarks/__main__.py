@@ -22,8 +22,8 @@ from tests.benchmarks.peeling import peeling
 from tests.benchmarks.plan_files import plan_files
 from tests.benchmarks.portfolio import portfolio
 from tests.benchmarks.scaling import scaling
-from tests.benchmarks.seeds import seeds
 from tests.benchmarks.smoothing import smoothing
+from tests.benchmarks.success_map.seeds import seeds
 from tests.benchmarks.sweeps import sweeps
 from tests.benchmarks.tetrahedra import tetrahedra
 

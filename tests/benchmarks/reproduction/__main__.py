@@ -15,7 +15,7 @@ from planner.pipeline.warm_up import warm_up
 from tests.benchmarks.reproduction.experiments import experiments
 from tests.benchmarks.reproduction.reproduce import reproduce, tell
 from tests.benchmarks.reproduction.runs import stored_runs
-from tests.benchmarks.stored import version_of
+from tests.benchmarks.success_map.stored import version_of
 
 ROOT: Final = Path(__file__).parents[3]
 PAPER: Final = ROOT / "web" / "paper"

@@ -12,7 +12,7 @@ from tests.benchmarks.reproduction.document import document
 from tests.benchmarks.reproduction.experiments import Experiment
 from tests.benchmarks.reproduction.runs import Case, run, stored_runs
 from tests.benchmarks.reproduction.telling import told
-from tests.benchmarks.stored import run_missing, stored
+from tests.benchmarks.success_map.stored import run_missing, stored
 
 
 def reproduce(

@@ -27,7 +27,7 @@ from planner.plan.plan import Plan
 from tests.benchmarks.machine import processor, reference_seconds
 from tests.benchmarks.reproduction.experiments import Experiment, experiments
 from tests.benchmarks.reproduction.pictures import Moment, keep_pictures
-from tests.benchmarks.stored import version_of
+from tests.benchmarks.success_map.stored import version_of
 from web.timeline.view import Film
 
 STARTS: Final = Path(__file__).parents[3] / "out" / "reproduction"

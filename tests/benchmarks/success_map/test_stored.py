@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from planner.progress import Progress
-from tests.benchmarks.stored import run_missing, stored, version_of
+from tests.benchmarks.success_map.stored import run_missing, stored, version_of
 
 # Any frozen dataclass will do.
 CASES = [Progress(stage="explode", fraction=0.0, steps=k) for k in range(7)]

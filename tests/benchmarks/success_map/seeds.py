@@ -1,7 +1,7 @@
 """The gallery and meshes of blocks with five seeds each: how many fold at once, how many at all.
 
-``python -m tests.benchmarks.seeds`` runs what is missing in ``out/seeds-….jsonl``, a file for each
-version of the planner; it can be stopped at any time and goes on where it was.
+``python -m tests.benchmarks.success_map.seeds`` runs what is missing in ``out/seeds-….jsonl``, a
+file for each version of the planner; it can be stopped at any time and goes on where it was.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from planner.errors import InputError
 from planner.pipeline.request import Request
 from planner.pipeline.warm_up import warm_up
 from tests.benchmarks.meshes import MESHES
-from tests.benchmarks.stored import judge, run_missing, version_of
+from tests.benchmarks.success_map.stored import judge, run_missing, version_of
 from tests.benchmarks.tables import Section
 
-OUT: Final = Path(__file__).parents[2] / "out"
+OUT: Final = Path(__file__).parents[3] / "out"
 SEEDS: Final = 5
 MODULES: Final = 240
 """Of a mesh: some thirty blocks of 2×2×2."""

@@ -10,10 +10,18 @@ import numpy as np
 import pytest
 
 from planner.chain.path import Path
-from tests.benchmarks import success_map
-from tests.benchmarks.stored import stored
-from tests.benchmarks.success_map import BOXES, KINDS, METHODS, Case, cases, path_of, run
-from tests.benchmarks.success_picture import picture
+from tests.benchmarks.success_map import __main__ as success
+from tests.benchmarks.success_map.__main__ import (
+    BOXES,
+    KINDS,
+    METHODS,
+    Case,
+    cases,
+    path_of,
+    run,
+)
+from tests.benchmarks.success_map.picture import picture
+from tests.benchmarks.success_map.stored import stored
 
 pytestmark = pytest.mark.slow
 
@@ -49,18 +57,18 @@ def test_each_case_is_run_once_and_large_ones_only_where_they_end() -> None:
 
 def test_it_goes_on_where_it_was(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
     runs, drawing = tmp_path / "runs.jsonl", tmp_path / "map.svg"
-    monkeypatch.setattr(success_map, "RUNS", runs)
-    monkeypatch.setattr(success_map, "PICTURE", drawing)
-    monkeypatch.setattr(success_map, "BOXES", {32: BOXES[32]})
-    monkeypatch.setattr(success_map, "METHODS", {"one-by-one": METHODS["one-by-one"]})
-    monkeypatch.setattr(success_map, "SEEDS", {32: 1})
-    monkeypatch.setattr(success_map, "KINDS", FEW)
-    monkeypatch.setattr(success_map, "warm_up", lambda: None)
+    monkeypatch.setattr(success, "RUNS", runs)
+    monkeypatch.setattr(success, "PICTURE", drawing)
+    monkeypatch.setattr(success, "BOXES", {32: BOXES[32]})
+    monkeypatch.setattr(success, "METHODS", {"one-by-one": METHODS["one-by-one"]})
+    monkeypatch.setattr(success, "SEEDS", {32: 1})
+    monkeypatch.setattr(success, "KINDS", FEW)
+    monkeypatch.setattr(success, "warm_up", lambda: None)
     monkeypatch.setattr("sys.argv", ["success-map"])
-    success_map.main()
+    success.main()
     first = runs.read_text()
     assert len(first.splitlines()) == len(FEW)
-    success_map.main()
+    success.main()
     assert runs.read_text() == first
     assert {case.kind for case in stored(runs, Case)} == set(FEW)
     drawn = ElementTree.parse(drawing).getroot()

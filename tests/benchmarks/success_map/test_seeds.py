@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from tests.benchmarks import seeds
-from tests.benchmarks.seeds import SEEDS, Case, cases, run, section_of
+from tests.benchmarks.success_map import seeds
+from tests.benchmarks.success_map.seeds import SEEDS, Case, cases, run, section_of
 
 pytestmark = pytest.mark.slow
 

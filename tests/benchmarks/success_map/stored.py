@@ -24,7 +24,7 @@ Row = dict[str, Any]
 
 def version_of(package: str) -> str:
     """A few letters that differ when a module of the package does."""
-    root = Path(__file__).parents[2]
+    root = Path(__file__).parents[3]
     found = hashlib.sha256()
     for module in sorted((root / package).rglob("*.py")):
         found.update(str(module.relative_to(root)).encode() + module.read_bytes())

@@ -31,12 +31,12 @@ from planner.pipeline.request import Request
 from planner.pipeline.warm_up import warm_up
 from planner.plan.formats import write_path
 from planner.shapes.shape import Shape
-from tests.benchmarks.stored import judge, run_missing
-from tests.benchmarks.success_picture import Shares, picture
+from tests.benchmarks.success_map.picture import Shares, picture
+from tests.benchmarks.success_map.stored import judge, run_missing
 
 Ints = NDArray[np.int64]
-ROOT: Final = FilePath(__file__).parents[2]
-RUNS: Final = FilePath(__file__).parent / "data" / "success-map.jsonl"
+ROOT: Final = FilePath(__file__).parents[3]
+RUNS: Final = FilePath(__file__).parents[1] / "data" / "success-map.jsonl"
 PICTURE: Final = ROOT / "web" / "static" / "success-map.svg"
 MODULE_SIZE: Final = 0.95
 BUDGET_S: Final = 60.0

@@ -1,0 +1,195 @@
+"""Draws the rooms of the code and the imports between them, and lists them in house.md.
+
+A test holds the code to the floors below, and both files to what this would write.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+HERE: Final = Path(__file__).parent
+ROOT: Final = HERE.parent
+PAGE: Final = HERE / "house.md"
+PICTURE: Final = HERE / "house.svg"
+BEGIN, END = "<!-- rooms -->\n", "<!-- end of rooms -->\n"
+FLOORS: Final = (
+    ("planner",),
+    ("planner.kernels",),
+    ("planner.chain",),
+    ("planner.shapes", "planner.motion", "planner.simulation"),
+    ("planner.clearance", "planner.readers"),
+    ("planner.pathfinding", "planner.playback"),
+    ("planner.explosion", "planner.certificate"),
+    ("planner.plan",),
+    ("planner.robot",),
+    ("planner.exports",),
+    ("planner.pipeline",),
+    ("web",),
+    ("web.pictures",),
+    ("web.timeline",),
+    ("web.viser",),
+    ("web.movies",),
+    ("server.settings",),
+    ("server.store",),
+    ("server.ops",),
+    ("server.http",),
+    ("server.processes",),
+    ("server.files",),
+    ("server.jobs",),
+    ("server.api",),
+    ("server.pages",),
+    ("server.app",),
+    ("server.doctor",),
+    ("server.cli",),
+)
+"""From the ground up. A room imports from lower floors, or from itself."""
+FLOOR_OF: Final = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
+ELSEWHERE: Final = ("server.migrations",)
+"""Folders that are laid out as alembic wants them."""
+WIDTH, COLUMN, STEP, BOX = 1020, 340, 58, 38
+COLOURS: Final = {"planner": "#2f6fb2", "web": "#3a8a5c", "server": "#b06a2c"}
+
+
+@dataclass(frozen=True, slots=True)
+class Import:
+    """That a module imports from another: both by their dotted names."""
+
+    module: str
+    imported: str
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """All modules of the three packages by their dotted names."""
+    paths = (path for package in COLOURS for path in (ROOT / package).rglob("*.py"))
+    named = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in paths}
+    return {name.removesuffix(".__init__"): path for name, path in sorted(named.items())}
+
+
+def room_of(module: str) -> str | None:
+    """The room that a module is in; None of those elsewhere.
+
+    Raises:
+        KeyError: Where it is in none.
+    """
+    if module.startswith(ELSEWHERE):
+        return None
+    package, _, rest = module.partition(".")
+    room = f"{package}.{rest.partition('.')[0]}"
+    if room in FLOOR_OF:
+        return room
+    if modules()[module].parent == ROOT / package:
+        return package if package in FLOOR_OF else None
+    raise KeyError(f"{module} is in no room: add its folder to FLOORS in docs/make_house.py")
+
+
+def imports() -> list[Import]:
+    """All imports between modules of the three packages, those inside of functions too."""
+    found: list[Import] = []
+    known = modules()
+    for module, path in known.items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names: list[str] = []
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                inner = [f"{node.module}.{alias.name}" for alias in node.names]
+                names = [name if name in known else node.module for name in inner]
+            found += [Import(module, name) for name in names if name in known]
+    return found
+
+
+def arrows() -> Counter[tuple[str, str]]:
+    """How many imports there are from one room of another."""
+    pairs = ((room_of(each.module), room_of(each.imported)) for each in imports())
+    return Counter((a, b) for a, b in pairs if a and b and a != b)
+
+
+def files_of(room: str) -> list[Path]:
+    """The files of a room, its face apart."""
+    return [
+        path
+        for module, path in modules().items()
+        if path.name != "__init__.py" and room_of(module) == room
+    ]
+
+
+def about(room: str) -> str:
+    """The first line of what a room says of itself."""
+    path = modules()[room]
+    return (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n")[0]
+
+
+def table() -> str:
+    """The rooms from the top down, in Markdown."""
+    lines = ["| room | what it is for | files |", "|---|---|---|"]
+    for room in (room for floor in reversed(FLOORS) for room in floor):
+        names = ", ".join(f"`{path.stem}`" for path in files_of(room))
+        lines.append(f"| `{room.replace('.', '/')}` | {about(room)} | {names} |")
+    return "\n".join(lines) + "\n"
+
+
+def with_table(page: str) -> str:
+    """The page with the table as it should be."""
+    before, _, rest = page.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return f"{before}{BEGIN}\n{table()}\n{END}{after}"
+
+
+def drawn() -> str:
+    """The picture: a column for each package, a box for each room, a line for what it imports."""
+    columns = {
+        package: [
+            rooms
+            for rooms in ([r for r in floor if r.split(".")[0] == package] for floor in FLOORS)
+            if rooms
+        ]
+        for package in COLOURS
+    }
+    height = STEP * max(map(len, columns.values())) + 60
+    at: dict[str, tuple[float, float, float]] = {}
+    for column, floors in enumerate(columns.values()):
+        for k, rooms in enumerate(floors):
+            wide = (COLUMN - 50) / len(rooms)
+            for j, room in enumerate(rooms):
+                middle = column * COLUMN + 25 + wide * (j + 0.5)
+                at[room] = (middle, height - 30 - STEP * (k + 0.5), wide - 8)
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" '
+        'font-family="system-ui, sans-serif" font-size="13">',
+        "<title>Rooms of the code; every import points down or to the left</title>",
+        f'<rect width="{WIDTH}" height="{height}" fill="#fbfaf7"/>',
+    ]
+    for (room, other), count in sorted(arrows().items()):
+        (x, y, _), (u, v, _) = at[room], at[other]
+        bend = 60 if abs(x - u) < 1 else 0
+        parts.append(
+            f'<path d="M{x:.0f} {y:.0f} C{x - bend:.0f} {y + 25:.0f} {u - bend:.0f} {v - 25:.0f} '
+            f'{u:.0f} {v:.0f}" fill="none" stroke="{COLOURS[room.split(".")[0]]}" '
+            f'stroke-width="{min(0.6 + 0.08 * count, 4):.1f}" stroke-opacity=".28"/>'
+        )
+    for room, (x, y, wide) in at.items():
+        package, _, name = room.partition(".")
+        count = len(files_of(room))
+        words = f"{name or 'ground'} · {count}" if count > 1 else name or "ground"
+        parts.append(
+            f'<rect x="{x - wide / 2:.0f}" y="{y - BOX / 2:.0f}" width="{wide:.0f}" '
+            f'height="{BOX}" rx="6" fill="#fff" stroke="{COLOURS[package]}"/>'
+            f'<text x="{x:.0f}" y="{y + 4:.0f}" text-anchor="middle" fill="#222">{words}</text>'
+        )
+    for column, package in enumerate(COLOURS):
+        parts.append(
+            f'<text x="{(column + 0.5) * COLUMN:.0f}" y="{height - 10}" text-anchor="middle" '
+            f'font-weight="600" fill="{COLOURS[package]}">{package}</text>'
+        )
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+if __name__ == "__main__":
+    PICTURE.write_text(drawn(), encoding="utf-8")
+    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

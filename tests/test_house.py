@@ -1,0 +1,69 @@
+"""The rooms of the code: each of a size to live in, each importing from lower floors only."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from docs.make_house import (
+    ELSEWHERE,
+    FLOOR_OF,
+    PAGE,
+    PICTURE,
+    ROOT,
+    about,
+    drawn,
+    imports,
+    modules,
+    room_of,
+    with_table,
+)
+
+FEWEST, MOST = 5, 25
+ROOMS = [room for room in FLOOR_OF if "." in room and modules()[room].name == "__init__.py"]
+
+
+def test_every_import_points_to_a_lower_floor() -> None:
+    up = [
+        f"{each.module} imports {each.imported}"
+        for each in imports()
+        if (room := room_of(each.module)) is not None
+        and (other := room_of(each.imported)) not in (None, room)
+        and FLOOR_OF[str(other)] >= FLOOR_OF[room]
+        and each.module != "planner"  # hands on the names of all rooms, each when it is asked for
+    ]
+    assert up == []
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_has_a_purpose_and_a_size_to_live_in(room: str) -> None:
+    files = [path for path in modules()[room].parent.iterdir() if path.is_file()]
+    assert FEWEST <= len(files) <= MOST
+    assert about(room).endswith(".")
+
+
+def test_no_folder_is_forgotten() -> None:
+    folders = {".".join(p.parent.relative_to(ROOT).parts) for p in modules().values()}
+    named = {f for f in folders if not f.startswith(ELSEWHERE) and "." in f}
+    assert named == set(ROOMS)
+
+
+@pytest.mark.parametrize("folder", ["tests", "examples", "docs", "web/static/js"])
+def test_other_folders_are_no_larger(folder: str) -> None:
+    for path in (ROOT / folder, *(ROOT / folder).rglob("*")):
+        if path.is_dir() and path.name not in ("__pycache__", "shapes", "snapshots"):
+            assert len([p for p in path.iterdir() if p.is_file()]) <= MOST, path
+
+
+def test_the_page_tells_the_rooms_as_they_are() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    assert with_table(page) == page, "run `python -m docs.make_house`"
+    assert drawn() == PICTURE.read_text(encoding="utf-8"), "run `python -m docs.make_house`"
+
+
+def test_what_the_page_names_is_there() -> None:
+    page, _, _ = PAGE.read_text(encoding="utf-8").partition("<!-- rooms -->")
+    named = [name for name in re.findall(r"`([\w./]+)`", page) if "/" in name]
+    assert named
+    assert [name for name in named if not (ROOT / name).exists()] == []
