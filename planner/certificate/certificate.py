@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED, told_honestly
-from planner.chain.alignment import aligned_distances
 from planner.chain.chain import Chain
+from planner.chain.rotations import aligned_distances
 from planner.chain.statics import static_torque
 from planner.clearance.linked import ExemptPairs, Place, exempt_pairs
 from planner.clearance.sweep import Sweep, check_windows, sweep

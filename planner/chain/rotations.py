@@ -1,4 +1,4 @@
-"""Rotations: quaternions (w, x, y, z) and matrices, any number of leading axes."""
+"""Rotations: quaternions (w, x, y, z), matrices, and the rotation that lays points over others."""
 
 from __future__ import annotations
 
@@ -28,3 +28,16 @@ def wxyz_from_matrix(matrix: Array) -> Array:
     out = np.empty((len(rows), 4))
     quaternions(rows, out)
     return out.reshape(*np.shape(matrix)[:-2], 4)
+
+
+def aligned_distances(points: Array, target: Array) -> Array:
+    """(n,) distances that remain after the best rigid motion of (n, 3) points onto a target.
+
+    Kabsch: A solution for the best rotation to relate two sets of vectors, 1976.
+    """
+    moved = points - points.mean(axis=0)
+    fixed = target - target.mean(axis=0)
+    left, _, right = np.linalg.svd(moved.T @ fixed)
+    handed = np.sign(np.linalg.det(left @ right))
+    rotation = left @ np.diag([1.0, 1.0, handed]) @ right
+    return np.linalg.norm(moved @ rotation - fixed, axis=1)

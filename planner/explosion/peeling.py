@@ -31,7 +31,7 @@ from planner.motion.record import Record, RecordStatus
 from planner.motion.windows import Windows
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.model import Base, Material, Rod
-from planner.simulation.peeling_parameters import PeelingParameters
+from planner.simulation.parameters import PeelingParameters
 from planner.simulation.segments import Acceleration, Segments, State
 
 Array = NDArray[np.float64]

@@ -29,9 +29,9 @@ from planner.simulation.parameters import (
     ExplosionParameters,
     PaperExplosionParameters,
     Parameters,
+    PeelingParameters,
     unknown_strategy,
 )
-from planner.simulation.peeling_parameters import PeelingParameters
 
 BASELINE: Final = "one-by-one"
 OFF_SQUARE: Final = 1e-4

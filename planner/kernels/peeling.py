@@ -20,7 +20,7 @@ Ints = NDArray[np.int64]
 
 
 class Caps(NamedTuple):
-    """What may happen in one step, see ``planner.simulation.peeling_parameters``."""
+    """What may happen in one step, see ``planner.simulation.parameters``."""
 
     joint_rad: float
     pair: float

@@ -17,8 +17,8 @@ from planner.pipeline.parallel import Tries, make_try
 from planner.pipeline.portfolio import MOST_SEEDS, Choice, Try
 from planner.pipeline.request import Request
 from planner.progress import Cancelled, Progress, Report
+from planner.robot import WAYS
 from planner.robot.smoothed import smoothed_record
-from planner.robot.smoothing_ways import WAYS
 from planner.simulation.parameters import ExplosionParameters
 
 

@@ -13,7 +13,7 @@ from planner.pipeline.request import Request
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.playback.unfolding import START_CHAIN, START_PLAN, Unfolding
-from planner.robot.smoothing_ways import RECORDED_PLAN
+from planner.robot import RECORDED_PLAN
 
 
 def write_request(directory: FilePath, request: Request, data: bytes) -> None:

@@ -19,7 +19,7 @@ from planner.errors import UNREADABLE
 from planner.files import write_json
 from planner.pipeline.candidates import FILE as CANDIDATES
 from planner.playback.unfolding import START_CHAIN, START_PLAN
-from planner.robot.smoothing_ways import RECORDED_PLAN
+from planner.robot import RECORDED_PLAN
 
 FILE: Final = "manifest.json"
 FORMAT: Final = "foldback-manifest/1"

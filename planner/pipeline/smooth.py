@@ -11,7 +11,7 @@ from planner.pipeline.stages import run_stages
 from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
 from planner.progress import Report, silent
-from planner.robot.smoothing_ways import RECORDED_PLAN
+from planner.robot import RECORDED_PLAN
 
 
 def smooth_plan(

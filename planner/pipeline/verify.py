@@ -40,7 +40,7 @@ from planner.plan.replay import Replay, replay
 from planner.playback.playback import Playback, simulates
 from planner.playback.unfolding import START_CHAIN, START_PLAN
 from planner.progress import Report, silent
-from planner.robot.smoothing_ways import RECORDED_PLAN
+from planner.robot import RECORDED_PLAN
 from planner.simulation.parameters import Parameters, preset
 
 ROUNDED_WITHIN: Final = 1e-9

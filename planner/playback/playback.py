@@ -11,8 +11,8 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.alignment import aligned_distances
 from planner.chain.chain import Chain
+from planner.chain.rotations import aligned_distances
 from planner.errors import InputError, SimulationError
 from planner.motion.angle_steps import packed_frames, snapped, unpacked_frames
 from planner.motion.frames import Frames, Phase

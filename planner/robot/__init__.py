@@ -1,1 +1,17 @@
-"""For robots: motions made smoother, times that joints can keep, trajectories and motors."""
+"""For robots: motions made smoother, times that joints can keep, trajectories and motors.
+
+How a plan may be smoothed stands here, known without anything that smooths.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+RECORDED_PLAN: Final = "recorded.npz"
+"""In a smoothed fold's directory: the plan that is smoothed."""
+SMOOTHED, SOFTENED, RECORDED = "smoothed", "softened", "recorded"
+WAYS: Final = (SMOOTHED, SOFTENED, RECORDED)
+"""What is tried, each when the certificate refuses what came of the one before: shortcuts and
+means, a few of them, none at all."""
+MOST_ANGLES: Final = 2**23
+"""Frames times hinges of a plan that may be smoothed."""

@@ -21,9 +21,9 @@ from planner.motion.record import Record
 from planner.plan.plan import Plan
 from planner.playback.reference import record_lengths
 from planner.progress import Cancelled, never
+from planner.robot import MOST_ANGLES, RECORDED, SMOOTHED
 from planner.robot.quality import Quality
 from planner.robot.smoothing import DISTANCE_WEIGHT, LOOKS, smooth, spacing_of
-from planner.robot.smoothing_ways import MOST_ANGLES, RECORDED, SMOOTHED
 
 Array = NDArray[np.float64]
 FEW_LOOKS: Final = LOOKS // 4

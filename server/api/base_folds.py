@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from planner.playback.unfolding import START_CHAIN, START_PLAN
-from planner.robot.smoothing_ways import RECORDED_PLAN
+from planner.robot import RECORDED_PLAN
 from server.api.context import Context
 from server.http.problems import Problem
 from server.store.tables import FoldRow

@@ -22,10 +22,10 @@ from server.processes.children import Child, ChildError, Children
 from server.processes.fork_server import ForkServer
 from server.processes.limits import ChildLimits
 from server.settings import Settings
+from server.store.fold_files import frames_promised
 from server.store.folds import NoSuchFoldError, Store
 from server.store.gallery import Gallery
 from server.store.object_store import StorageError
-from server.store.timelines import frames_promised
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 KEEP_EVERY_S: Final = 0.7

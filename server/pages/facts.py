@@ -19,7 +19,7 @@ from planner.exports import exports_of
 from planner.motion.timeline import Timeline
 from planner.pathfinding.duration import expected_seconds
 from planner.pipeline.request import LARGEST_SEED, Request
-from planner.robot.smoothing_ways import MOST_ANGLES
+from planner.robot import MOST_ANGLES
 from planner.simulation.parameters import AUTO
 from server.api.finding import RUNNING, Found, has_motion
 from server.api.schemas import export_href
@@ -29,7 +29,7 @@ from server.pages.quantities import DIGITS, PRESETS, STRATEGIES, length_m, quant
 from server.pages.quantities import parameters as parameters_in_words
 from server.pages.setting_words import changed, in_a_line
 from server.pages.smoothing_words import note_of, rows_of
-from server.store.timelines import frames_promised
+from server.store.fold_files import frames_promised
 
 VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
 

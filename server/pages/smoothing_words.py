@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-from planner.robot.smoothing_ways import RECORDED, SOFTENED
+from planner.robot import RECORDED, SOFTENED
 from server.pages.quantities import number
 
 

@@ -99,8 +99,8 @@ def _smoothed(directory: Path, request: dict[str, Any]) -> dict[str, Any]:
     """The same for a plan that is to be smoothed."""
     from planner.pipeline.request import Request
     from planner.plan.plan import Plan
+    from planner.robot import RECORDED_PLAN
     from planner.robot.smoothed import check_smoothable
-    from planner.robot.smoothing_ways import RECORDED_PLAN
 
     Request(preset=request["preset"], strategy=request["strategy"], smooth=True).check()
     plan = Plan.load(directory / RECORDED_PLAN)

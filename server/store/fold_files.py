@@ -7,6 +7,7 @@ have copies of what the last epoch has kept.
 
 from __future__ import annotations
 
+import json
 import os
 import secrets
 import shutil
@@ -340,3 +341,12 @@ def _epoch_of(place: Path) -> int | None:
         return int((place / EPOCH).read_bytes())
     except (OSError, ValueError):
         return None
+
+
+def frames_promised(directory: Path) -> int:
+    """Frames that the timeline in a fold's directory promises."""
+    try:
+        attributes = (directory / "timeline.zarr" / "zarr.json").read_bytes()
+        return int(json.loads(attributes)["attributes"]["frames"])
+    except (OSError, ValueError, KeyError):
+        return 0

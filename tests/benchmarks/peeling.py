@@ -22,7 +22,7 @@ from planner.explosion.peeling import peel
 from planner.pathfinding.assembly import assembly_path, layered_snake
 from planner.pathfinding.candidates import find_paths
 from planner.shapes.shape import Shape
-from planner.simulation.peeling_parameters import PeelingParameters
+from planner.simulation.parameters import PeelingParameters
 from tests.benchmarks.tables import Section
 
 SHAPES = ("12x8x12", "12x8x12:blocks", "cup-12", "ball-16", "16x16x16", "20x20x24")

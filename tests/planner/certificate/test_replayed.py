@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.chain.alignment import aligned_distances
 from planner.chain.path import Path
+from planner.chain.rotations import aligned_distances
 from planner.exports import mjcf
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.fold_directory import write_request

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.chain.alignment import aligned_distances
+from planner.chain.rotations import aligned_distances
 from tests.planner.chains import random_rotation
 
 

@@ -24,8 +24,7 @@ from planner.pathfinding.assembly import assembly_path, solid_path
 from planner.pathfinding.snake import snake_path
 from planner.playback.kinematic import windowed_frames
 from planner.progress import Progress
-from planner.simulation.parameters import PlaybackParameters
-from planner.simulation.peeling_parameters import PeelingParameters
+from planner.simulation.parameters import PeelingParameters, PlaybackParameters
 from tests.planner.chains import coil, knotted, line
 
 DEFAULT = PeelingParameters()

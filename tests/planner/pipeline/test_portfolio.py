@@ -26,8 +26,7 @@ from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
-from planner.simulation.parameters import ExplosionParameters
-from planner.simulation.peeling_parameters import PeelingParameters
+from planner.simulation.parameters import ExplosionParameters, PeelingParameters
 from tests.planner.peels import snake
 
 BOTH = ("simultaneous", "peel")

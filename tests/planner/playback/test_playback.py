@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from planner.certificate.certificate import certify
-from planner.chain.alignment import aligned_distances
 from planner.chain.chain import Chain
 from planner.chain.path import Path
+from planner.chain.rotations import aligned_distances
 from planner.errors import InputError
 from planner.motion.angle_steps import STEP_RAD
 from planner.motion.frames import Frames

@@ -26,8 +26,8 @@ from planner.pipeline.stages import run_stages
 from planner.pipeline.verify import verify
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
+from planner.robot import RECORDED, SMOOTHED, SOFTENED
 from planner.robot.smoothed import check_smoothable, smoothed_record
-from planner.robot.smoothing_ways import RECORDED, SMOOTHED, SOFTENED
 from tests.planner.conftest import Folded
 from tests.planner.plans import changed
 
