@@ -12,12 +12,12 @@ from fastapi.responses import FileResponse, Response
 from planner.errors import InputError
 from planner.exports import EXPORTS, export_named, exports_of
 from server.api.context import Context
-from server.api.finding import has_motion
 from server.api.folds import Here, problems
 from server.api.schemas import ExportBody, ExportList, FramesBody
 from server.http.client_address import address_of
 from server.http.problems import Problem
 from server.store.folds import FoldRow
+from server.store.shown import has_motion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -4,54 +4,50 @@ from __future__ import annotations
 
 import asyncio
 import re
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
-RUNNING: Final = ("queued", "running")
-"""Statuses of folds that are not over."""
+from fastapi import Request
+
+from server.files.workshop import Workshop
+from server.jobs.queue import Jobs
+from server.settings import Settings
+from server.store.shown import FoldSource, Found
+
+if TYPE_CHECKING:
+    from web.timeline.views import Films
+
 FOLD_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
-    """A fold: its row and the directory of its files.
+class Viewing(Protocol):
+    """What the pages of a fold need: of a service, or of one who looks at a directory.
 
-    Attributes:
-        recorded: Of a smoothed fold, the id of the one that was smoothed, while that is there.
+    There are neither jobs nor settings where nothing is computed.
     """
 
-    row: Any
-    directory: Path
-    recorded: str | None = None
+    @property
+    def store(self) -> FoldSource: ...
+    @property
+    def films(self) -> Films: ...
+    @property
+    def workshop(self) -> Workshop: ...
+    @property
+    def jobs(self) -> Jobs | None: ...
+    @property
+    def settings(self) -> Settings | None: ...
 
 
-def find_now(app: Any, fold_id: str) -> Found | None:
+def viewing_of(request: Request) -> Viewing:
+    """What the application has that a request for a fold's page came to."""
+    viewing: Viewing = request.app.state.context
+    return viewing
+
+
+def find_now(request: Request, fold_id: str) -> Found | None:
     """The fold of that id, or None; asks the database, so not for the event loop's own thread."""
-    if not FOLD_ID.fullmatch(fold_id):
-        return None
-    store = app.state.context.store
-    row = _row(store, fold_id)
-    if row is None:
-        return None
-    store.looked(row)
-    smooths = getattr(row, "smooths", None)
-    recorded = smooths if smooths and _row(store, smooths) is not None else None
-    return Found(row, store.folders.shown(row), recorded)
+    return viewing_of(request).store.find(fold_id) if FOLD_ID.fullmatch(fold_id) else None
 
 
-def _row(store: Any, fold_id: str) -> Any:
-    try:
-        return store.fold(fold_id)
-    except LookupError:
-        return None
-
-
-async def find_fold(app: Any, fold_id: str) -> Found | None:
+async def find_fold(request: Request, fold_id: str) -> Found | None:
     """The fold of that id, or None."""
-    return await asyncio.to_thread(find_now, app, fold_id)
-
-
-def has_motion(summary: Any) -> bool:
-    """Whether a plan of this summary has frames."""
-    return bool((summary or {}).get("playback"))
+    return await asyncio.to_thread(find_now, request, fold_id)

@@ -16,9 +16,10 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 
 from planner.errors import TimelineError
-from server.api.finding import RUNNING, find_now
+from server.api.finding import find_now, viewing_of
 from server.http.response_cache import mark
 from server.store.folds import NoSuchFoldError
+from server.store.shown import RUNNING
 from web.timeline.frame_batch import kept_reel
 from web.timeline.metrics import kept_figures
 from web.timeline.view import Film
@@ -104,7 +105,7 @@ async def figures(
     """Figures of a fold that is over: curves of all frames, or everything of one stretch."""
 
     def answer() -> Response:
-        found = find_now(request.app, fold_id)
+        found = find_now(request, fold_id)
         if found is None:
             raise NoSuchFoldError(fold_id)
         if found.row.status in RUNNING:
@@ -145,10 +146,10 @@ def _nothing() -> Response:
 
 
 def _film(request: Request, fold_id: str) -> Film | None:
-    found = find_now(request.app, fold_id)
+    found = find_now(request, fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)
-    film = request.app.state.context.films.get(found.directory / "timeline.zarr")
+    film = viewing_of(request).films.get(found.directory / "timeline.zarr")
     if film is not None and not film.growing:
         mark(request, found.row)
     return film if film is not None and len(film) else None

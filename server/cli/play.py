@@ -7,7 +7,7 @@ import json
 import threading
 import webbrowser
 from collections.abc import AsyncGenerator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Final
@@ -28,28 +28,10 @@ from server.api import frames as films
 from server.files.workshop import Workshop
 from server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
 from server.pages import landing, share
+from server.store.shown import Found, ShownFold
 from web.timeline.views import Films
 
 ONLY: Final = "fold"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FolderRow:
-    """What a fold's page asks of a row, read from the fold's files."""
-
-    id: str
-    name: str
-    status: str
-    modules: int
-    module: str
-    preset: str | None
-    settings: str
-    seed: int | None
-    summary: dict[str, Any]
-    stage: str | None = None
-    error: dict[str, Any] | None = None
-    progress: dict[str, Any] = field(default_factory=dict)
-    public: bool = False
 
 
 class FolderStore:
@@ -58,27 +40,19 @@ class FolderStore:
     def __init__(self, directory: Path) -> None:
         self._directory = directory
 
-    def fold(self, fold_id: str) -> FolderRow | None:
-        """The row of the one fold."""
-        return row_of(self._directory) if fold_id == ONLY else None
+    def find(self, fold_id: str) -> Found | None:
+        """The one fold, under its one id."""
+        return Found(self.fold(fold_id), self._directory) if fold_id == ONLY else None
+
+    def fold(self, fold_id: str) -> ShownFold:
+        """What is known of it."""
+        del fold_id
+        return row_of(self._directory)
 
     def directory(self, fold_id: str) -> Path:
         """Where its files are."""
         del fold_id
         return self._directory
-
-    @property
-    def folders(self) -> FolderStore:
-        """Itself: its files are where they are."""
-        return self
-
-    def shown(self, row: FolderRow) -> Path:
-        """Where the files of its fold are."""
-        del row
-        return self._directory
-
-    def looked(self, row: FolderRow) -> None:
-        """Nothing here expires."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +66,7 @@ class FolderContext:
     settings: None = None
 
 
-def row_of(directory: Path) -> FolderRow:
+def row_of(directory: Path) -> ShownFold:
     """The row of a fold's directory.
 
     Raises:
@@ -119,15 +93,15 @@ def row_of(directory: Path) -> FolderRow:
         summary |= where(directory)
     if plan.get("start"):
         summary["refold"] = {"start": plan["start"]["name"]}
-    return FolderRow(
+    return ShownFold(
         id=ONLY,
         name=chain.name,
         status=status,
         modules=len(chain),
         module=chain.module.name,
-        preset=request.get("preset") or plan.get("preset"),
+        preset=str(request.get("preset") or plan.get("preset") or ""),
         settings=_settings(request.get("preset"), request.get("settings")),
-        seed=request.get("seed", plan.get("seed")),
+        seed=int(request.get("seed", plan.get("seed")) or 0),
         summary=summary,
     )
 

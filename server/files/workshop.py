@@ -6,7 +6,7 @@ import asyncio
 import shutil
 from collections.abc import Callable, Hashable
 from pathlib import Path
-from typing import Any, Final, Protocol, TypeVar
+from typing import Final, Protocol, TypeVar
 
 from planner.files import write_whole
 from server.files.single_flight import SingleFlight
@@ -23,7 +23,7 @@ Thing = TypeVar("Thing")
 class Folds(Protocol):
     """What a workshop asks of a store."""
 
-    def fold(self, fold_id: str, /) -> Any:
+    def fold(self, fold_id: str, /) -> object:
         """The row of a fold."""
         ...
 

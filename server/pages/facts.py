@@ -21,7 +21,6 @@ from planner.pathfinding.duration import expected_seconds
 from planner.pipeline.request import LARGEST_SEED, Request
 from planner.robot import MOST_ANGLES
 from planner.simulation.parameters import AUTO
-from server.api.finding import RUNNING, Found, has_motion
 from server.api.schemas import export_href
 from server.pages import certificate_words
 from server.pages.failures import attempts, exploding, failure
@@ -30,6 +29,7 @@ from server.pages.quantities import parameters as parameters_in_words
 from server.pages.setting_words import changed, in_a_line
 from server.pages.smoothing_words import note_of, rows_of
 from server.store.fold_files import frames_promised
+from server.store.shown import RUNNING, Found, ShownFold, has_motion
 
 VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
 
@@ -108,16 +108,18 @@ def shown_name(name: str) -> str:
     return name
 
 
-def _title(row: Any) -> str:
+def _title(row: ShownFold) -> str:
     """What the fold is called; a refold, by both shapes."""
     name = shown_name(row.name) or "New fold"
-    if getattr(row, "smooths", None):
+    if row.smooths:
         return f"{name}, smoothed"
-    start = getattr(row, "refold", None)
+    start = row.refold
     return f"{shown_name(start)} → {name}" if start else name
 
 
-def _verdict(row: Any, summary: dict[str, Any], certificate: dict[str, Any]) -> dict[str, str]:
+def _verdict(
+    row: ShownFold, summary: dict[str, Any], certificate: dict[str, Any]
+) -> dict[str, str]:
     modules = f"{row.modules} modules" if row.modules else None
     if row.status == "verified":
         strategy = (summary.get("explosion") or {}).get("strategy")
@@ -134,7 +136,7 @@ def _verdict(row: Any, summary: dict[str, Any], certificate: dict[str, Any]) -> 
     return {"tone": "busy", "text": " · ".join(p for p in (word, modules) if p)}
 
 
-def _problem(row: Any, summary: dict[str, Any]) -> dict[str, str] | None:
+def _problem(row: ShownFold, summary: dict[str, Any]) -> dict[str, str] | None:
     error = row.error or {}
     if row.status == "failed":
         text = str(error.get("detail") or summary.get("reason") or "No reason was recorded.")
@@ -150,12 +152,12 @@ def _problem(row: Any, summary: dict[str, Any]) -> dict[str, str] | None:
     return None
 
 
-def _published(row: Any) -> dict[str, str]:
+def _published(row: ShownFold) -> dict[str, str]:
     """The fields of a form that ask for a fold's preset with its settings."""
     return {"preset": row.preset, **({"settings": row.settings} if row.settings else {})}
 
 
-def _again(row: Any) -> dict[str, Any] | None:
+def _again(row: ShownFold) -> dict[str, Any] | None:
     """What may be tried where there is no plan: words for a button, and the form to send."""
     form: dict[str, Any] = {"fold": row.id, **_published(row), "seed": row.seed}
     if row.module_size is not None:
@@ -190,7 +192,7 @@ def _compare(found: Found) -> list[dict[str, Any]]:
     seed = (row.seed + 1) % (LARGEST_SEED + 1)
     other = {**form, **_published(row), "seed": seed}
     another = {"text": "Another seed", "hint": f"Seed {seed}", "form": other}
-    if getattr(row, "smooths", None):
+    if row.smooths:
         recorded = {"text": "As recorded", "hint": "What was smoothed", "id": found.recorded}
         return [recorded, another] if found.recorded else [another]
     ways = (
@@ -220,7 +222,7 @@ def _about(seconds: float) -> str:
     return "about a minute" if seconds >= 45 else "less than a minute"
 
 
-def _smoothable(row: Any, summary: dict[str, Any]) -> bool:
+def _smoothable(row: ShownFold, summary: dict[str, Any]) -> bool:
     """Whether smoothing is worth asking for: not twice, and not of what is too long for it."""
     if row.status != "verified" or summary.get("refold") or summary.get("smoothing"):
         return False
@@ -244,21 +246,21 @@ def _not_simulated(playback: dict[str, Any]) -> str | None:
     return certificate_words.NOT_SIMULATED if playback.get("kind") == "kinematic" else None
 
 
-def _limit(row: Any) -> float:
+def _limit(row: ShownFold) -> float:
     """How far the hinges of a fold's modules turn."""
-    return MODULES.get(getattr(row, "module", None) or CUBE.name, CUBE).angle_limit_rad
+    return MODULES.get(row.module, CUBE).angle_limit_rad
 
 
-def _joints(row: Any) -> int | None:
+def _joints(row: ShownFold) -> int | None:
     if not row.modules:
         return None
-    module = getattr(row, "module", None)
+    module = row.module
     rigid = MODULES[module].rigid_links if module in MODULES else CUBE.rigid_links
     return int(row.modules) - 1 - rigid
 
 
 def _properties(
-    row: Any, summary: dict[str, Any], certificate: dict[str, Any], directory: Path
+    row: ShownFold, summary: dict[str, Any], certificate: dict[str, Any], directory: Path
 ) -> list[dict[str, Any]]:
     """Groups of labels and values, each group with a heading."""
     explosion = summary.get("explosion") or {}

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from server.pages.quantities import STRATEGIES, quantity, sentence
+from server.store.shown import ShownFold
 
 HEADINGS: Final = {
     "knot": "Stuck: a knot",
@@ -40,7 +41,7 @@ ENDS: Final = {
 }
 
 
-def failure(row: Any, summary: dict[str, Any]) -> dict[str, Any] | None:
+def failure(row: ShownFold, summary: dict[str, Any]) -> dict[str, Any] | None:
     """Where a fold sticks that is over and not verified; None of others.
 
     Returns:
@@ -75,7 +76,7 @@ def exploding(summary: dict[str, Any]) -> int | None:
     return frames if isinstance(frames, int) else None
 
 
-def _stopped(row: Any, words: str) -> str:
+def _stopped(row: ShownFold, words: str) -> str:
     """What ended a fold from outside, and where it was then."""
     parts = ["it was cancelled"] if row.status == "cancelled" else []
     if detail := (row.error or {}).get("detail"):

@@ -21,7 +21,8 @@ from planner.chain.chain import Chain
 from planner.errors import PlannerError
 from planner.motion.timeline import chain_from_attributes
 from planner.readers import read
-from server.api.finding import Found, find_now
+from server.api.context import context_of
+from server.api.finding import find_now, viewing_of
 from server.http.problems import Problem
 from server.http.response_cache import mark
 from server.http.security import LISTED
@@ -30,6 +31,8 @@ from server.pages.facts import fold_facts
 from server.pages.pictures import picture_answer
 from server.pages.quantities import sentence
 from server.pages.setting_words import ROWS, SOURCES
+from server.store.folds import Store
+from server.store.shown import Found
 from web.pictures.isometric import isometric_svg
 from web.pictures.isometric_modules import chain_svg
 from web.static_files import STATIC, scripts_of
@@ -83,7 +86,7 @@ PAWN: Final = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1))
 @router.get("/", response_class=HTMLResponse)
 async def landing(request: Request) -> Response:
     """The first page."""
-    context = request.app.state.context
+    context = context_of(request)
     featured = await asyncio.to_thread(_featured, context.store)
     still = await asyncio.to_thread(_still, context.gallery, FEATURED, 480)
     return page(
@@ -106,7 +109,7 @@ async def what_folds() -> Response:
 @router.get("/featured/scenery")
 async def featured_scenery(request: Request) -> Response:
     """What is known of the chain on the first page."""
-    gallery = request.app.state.context.gallery
+    gallery = context_of(request).gallery
     return kept_answer(
         request, await asyncio.to_thread(lambda: scenery_of(_featured_chain(gallery)))
     )
@@ -115,7 +118,7 @@ async def featured_scenery(request: Request) -> Response:
 @router.get("/featured/picture.png")
 async def featured_picture(request: Request) -> Response:
     """What networks show beside a link to the first page."""
-    picture = await asyncio.to_thread(_social, request.app.state.context.gallery)
+    picture = await asyncio.to_thread(_social, context_of(request).gallery)
     return picture_answer(picture, listed=True)
 
 
@@ -168,7 +171,7 @@ def kept_answer(
 @router.get("/shapes/{name}.svg")
 async def drawing_of_shape(request: Request, name: str) -> Response:
     """The drawing of a gallery shape."""
-    svg = await asyncio.to_thread(_still, request.app.state.context.gallery, name, 160)
+    svg = await asyncio.to_thread(_still, context_of(request).gallery, name, 160)
     if svg is None:
         return Response("not found", status_code=404, media_type="text/plain")
     headers = {
@@ -186,7 +189,7 @@ async def fold_page(request: Request, fold_id: str) -> Response:
 
 
 def _fold_page(request: Request, fold_id: str) -> Response:
-    found = find_now(request.app, fold_id)
+    found = find_now(request, fold_id)
     if found is None:
         return not_found_page(
             "There is no such fold", "The link may be incomplete, or the fold was deleted."
@@ -209,7 +212,7 @@ async def facts_of_fold(request: Request, fold_id: str) -> Response:
     """What the page says about the fold, for a page that is open when it ends."""
 
     def answer() -> Response:
-        found = find_now(request.app, fold_id)
+        found = find_now(request, fold_id)
         if found is None:
             return JSONResponse({"detail": "There is no such fold."}, status_code=404)
         return JSONResponse(_facts(request, found), headers={"Cache-Control": "no-store"})
@@ -314,7 +317,7 @@ def _drawn(gallery: Gallery, name: str, size: int) -> str | None:
         return None
 
 
-def _featured(store: Any) -> str | None:
+def _featured(store: Store) -> str | None:
     """The fold of the shape that plays on the first page, if somebody has folded it here."""
     rows = [
         row for row in store.list_public() if row.shape == FEATURED and row.status == "verified"
@@ -354,10 +357,10 @@ def _origin(request: Request) -> str:
 
 
 def _facts(request: Request, found: Found) -> dict[str, Any]:
-    context = request.app.state.context
-    settings = context.settings
+    viewing = viewing_of(request)
+    settings = viewing.settings
     embed = settings is not None and bool(settings.embed_origins)
-    return fold_facts(found, api=context.jobs is not None, embed=embed)
+    return fold_facts(found, api=viewing.jobs is not None, embed=embed)
 
 
 def script_json(value: Any) -> str:

@@ -14,12 +14,14 @@ from fastapi.responses import Response
 from planner.errors import PlannerError
 from planner.files import write_whole
 from planner.motion.timeline import chain_from_attributes
-from server.api.finding import RUNNING, find_fold
+from server.api.context import context_of
+from server.api.finding import find_fold
 from server.files.workshop import newer
 from server.http.client_address import address_of
 from server.http.security import LISTED
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store
+from server.store.shown import RUNNING
 
 router = APIRouter(include_in_schema=False)
 
@@ -32,14 +34,14 @@ MINUTE_S: Final = 60
 @router.get("/folds/{fold_id}/picture.png")
 async def picture_of_fold(request: Request, fold_id: str) -> Response:
     """The folded shape, 1200×630; drawn once when the fold is over."""
-    found = await find_fold(request.app, fold_id)
+    found = await find_fold(request, fold_id)
     if found is None:
         return _no_picture()
     path, over = found.directory / EXPORTS_DIR / NAME, found.row.status not in RUNNING
     data = await asyncio.to_thread(_kept, path) if over else None
     if data is None:
         # A crowd that comes with a link waits for the first one's.
-        context = request.app.state.context
+        context = context_of(request)
         data = await context.workshop.made(
             (path, over),
             lambda: _drawn(context.store, fold_id, path, keep=over),

@@ -10,6 +10,7 @@ from typing import Any, Final
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
+from server.api.context import context_of
 from server.files.previews import KEY, NoSuchPreviewError, Previews, read_report
 from server.http.client_address import address_of
 from server.pages.facts import shown_name
@@ -31,7 +32,7 @@ async def editor(request: Request) -> Response:
 @router.get("/previews/{preview_id}", response_class=HTMLResponse)
 async def preview_page(request: Request, preview_id: str) -> Response:
     """The page of a preview."""
-    context = request.app.state.context
+    context = context_of(request)
     try:
         filename = await asyncio.to_thread(context.previews.filename, preview_id)
     except NoSuchPreviewError:
@@ -51,7 +52,7 @@ async def preview_page(request: Request, preview_id: str) -> Response:
 @router.get("/previews/{preview_id}/drawing.svg")
 async def drawing_of_preview(request: Request, preview_id: str, key: str = "") -> Response:
     """A drawing of what came of the wishes of that key, in nobody's words but ours."""
-    previews = request.app.state.context.previews
+    previews = context_of(request).previews
     svg = await asyncio.to_thread(_drawing, previews, preview_id, key)
     if svg is None:
         return Response("not found", status_code=404, media_type="text/plain")
@@ -65,7 +66,7 @@ async def drawing_of_preview(request: Request, preview_id: str, key: str = "") -
 @router.get("/previews/{preview_id}/scene/{key}")
 async def scene_of_preview(request: Request, preview_id: str, key: str) -> Response:
     """The same in 3D, for viser's client in the preview's page: see ``web.viser.preview_scene``."""
-    data = await request.app.state.context.preview_scenes.scene(
+    data = await context_of(request).preview_scenes.scene(
         preview_id, key, visitor=address_of(request)
     )
     return Response(data, media_type=BINARY, headers={"Cache-Control": KEPT})

@@ -15,12 +15,13 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, HTMLResponse, Response
 
 from planner.errors import TimelineError
-from server.api.finding import RUNNING, Found, find_fold
+from server.api.finding import find_fold, viewing_of
 from server.http.client_address import address_of
 from server.http.problems import Problem
 from server.pages.facts import fold_facts
 from server.pages.landing import POLICY, not_found_page, page, rendered, script_json
 from server.store.folds import NoSuchFoldError
+from server.store.shown import RUNNING, Found
 from web.timeline.metrics import curves_of
 from web.timeline.view import Film
 from web.viser.client import client
@@ -48,7 +49,7 @@ async def embedded_view(request: Request) -> Response:
 @router.get("/embed/{fold_id}", response_class=HTMLResponse)
 async def embedded(request: Request, fold_id: str) -> Response:
     """A fold for the frame of another page: look, scrub, and a way to the whole page."""
-    found = await find_fold(request.app, fold_id)
+    found = await find_fold(request, fold_id)
     if found is None:
         answer = not_found_page(
             "There is no such fold", "The link may be incomplete, or the fold was deleted."
@@ -69,7 +70,7 @@ async def compare(
     b: Annotated[str, Query(pattern=FOLD_ID)],
 ) -> Response:
     """Two folds on one playhead."""
-    sides = [await find_fold(request.app, fold_id) for fold_id in (a, b)]
+    sides = [await find_fold(request, fold_id) for fold_id in (a, b)]
     if None in sides:
         return not_found_page(
             "One of these folds is not there", "The link may be incomplete, or it was deleted."
@@ -85,7 +86,7 @@ async def standalone(request: Request, fold_id: str) -> Response:
     """The fold in one file that plays by itself; made once."""
     found = await _finished(request, fold_id)
     facts = await asyncio.to_thread(fold_facts, found, api=False)
-    path = await request.app.state.context.workshop.file(
+    path = await viewing_of(request).workshop.file(
         fold_id,
         "standalone.html",
         _of_film(found, lambda film: _standalone(found.directory, film, facts)),
@@ -100,7 +101,7 @@ async def standalone(request: Request, fold_id: str) -> Response:
 async def recording(request: Request, fold_id: str) -> Response:
     """The fold as viser's own client plays it; made once."""
     found = await _finished(request, fold_id)
-    path = await request.app.state.context.workshop.file(
+    path = await viewing_of(request).workshop.file(
         fold_id,
         "recording.viser",
         _of_film(found, recording_of),
@@ -141,10 +142,10 @@ def _page(**values: Any) -> str:
 
 
 async def _finished(request: Request, fold_id: str) -> Found:
-    found = await find_fold(request.app, fold_id)
+    found = await find_fold(request, fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)
-    films = request.app.state.context.films
+    films = viewing_of(request).films
     film = await asyncio.to_thread(films.get, found.directory / TIMELINE)
     if found.row.status in RUNNING or film is None or not len(film):
         raise Problem(
@@ -168,6 +169,6 @@ def _file(path: Path, name: str, kind: str, media_type: str) -> Response:
 
 
 def _ancestors(request: Request) -> str:
-    settings = request.app.state.context.settings
+    settings = viewing_of(request).settings
     origins = settings.embed_origins if settings is not None else ()
     return " ".join(["frame-ancestors 'self'", *origins])

@@ -21,6 +21,7 @@ from sqlalchemy.orm import Session, sessionmaker
 from server.settings import Settings
 from server.store.fair_queue import expected_s, turn_of
 from server.store.fold_files import Folders, NoSuchFoldError
+from server.store.shown import Found, ShownFold
 from server.store.tables import (
     ENDED,
     CounterRow,
@@ -116,6 +117,19 @@ class Store:
         if row is None:
             raise NoSuchFoldError(fold_id)
         return row
+
+    def find(self, fold_id: str) -> Found | None:
+        """The fold of that id, which somebody looks at now; None when there is none."""
+        try:
+            row = self.fold(fold_id)
+        except NoSuchFoldError:
+            return None
+        self.looked(row)
+        recorded = None
+        if row.smooths is not None:
+            with suppress(NoSuchFoldError):
+                recorded = self.fold(row.smooths).id
+        return Found(ShownFold.of(row), self.folders.shown(row), recorded)
 
     def list_public(self, limit: int = 100) -> Sequence[FoldRow]:
         """Folds of gallery shapes that nobody has cancelled, newest first."""

@@ -23,7 +23,6 @@ from mcap.reader import make_reader
 
 from planner.exports import EXPORTS, Export, export_named
 from planner.plan.plan import Plan
-from server.api.finding import Found
 from server.files import exports as exports_module
 from server.files.exports import Exports
 from server.files.workshop import AT_ONCE, MOST_WAITING, Workshop
@@ -32,6 +31,7 @@ from server.pages.facts import fold_facts
 from server.settings import Settings
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError, Store, new_token
+from server.store.shown import Found, ShownFold
 from server.store.tables import FoldRow
 from tests.server.cli.test_command_line import foldback
 from tests.server.service import SNAKE, Service
@@ -231,11 +231,14 @@ def test_plans_too_large_for_the_service_are_for_the_command_line(
 
 def test_a_plan_without_frames_offers_no_motion(store: Store, fold: FoldRow) -> None:
     fold.summary = {**fold.summary, "playback": None}
-    downloads = fold_facts(Found(fold, store.directory(fold.id)))["downloads"]
+    downloads = fold_facts(Found(ShownFold.of(fold), store.directory(fold.id)))["downloads"]
     assert [one["href"].rpartition("/")[2] for one in downloads] == [
         one.name for one in EXPORTS if not one.moving
     ]
-    assert fold_facts(Found(fold, store.directory(fold.id)), api=False)["downloads"] == []
+    assert (
+        fold_facts(Found(ShownFold.of(fold), store.directory(fold.id)), api=False)["downloads"]
+        == []
+    )
 
 
 def test_the_command_writes_what_is_asked_for(

@@ -8,7 +8,6 @@ import re
 import shutil
 from contextlib import closing
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -23,7 +22,6 @@ from planner.simulation.parameters import (
     PlaybackParameters,
     preset,
 )
-from server.api.finding import Found
 from server.api.schemas import Fold
 from server.pages import quantities
 from server.pages.facts import fold_facts
@@ -31,6 +29,7 @@ from server.pages.quantities import length_m, number, parameters, quantity
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.leases import Leases
+from server.store.shown import Found, ShownFold
 from server.store.worker_identity import Slots
 from tests.server.rows import a_fold
 from tests.server.service import SNAKE, Service
@@ -102,7 +101,7 @@ def found(directory: Path, frames: int, **values: Any) -> Found:
         "error": None,
         **values,
     }
-    return Found(SimpleNamespace(**row), directory)
+    return Found(ShownFold(**row), directory)
 
 
 def test_what_a_page_says_is_read_from_something_small(
