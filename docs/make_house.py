@@ -34,7 +34,7 @@ FLOORS: Final = (
     ("web.timeline",),
     ("web.viser",),
     ("web.movies",),
-    ("server.settings",),
+    ("server.errors", "server.settings"),
     ("server.store",),
     ("server.ops",),
     ("server.http",),

@@ -11,19 +11,19 @@ from dataclasses import replace
 from importlib.metadata import version
 from typing import Final
 
-from fastapi import FastAPI, Request, Response
+from fastapi import FastAPI
 
 from server.api import artifacts, folds, frames, health, movies, robot, shapes
 from server.api.context import Context
 from server.api.fold_states import Watch
 from server.files.exports import Exports
 from server.files.preview_scenes import PreviewScenes
-from server.files.previews import NoSuchPreviewError, Previews
+from server.files.previews import Previews
 from server.files.trajectories import Trajectories
+from server.files.uploads import Uploads
 from server.files.workshop import Workshop
 from server.http import problems
 from server.http.access_log import Access
-from server.http.problems import Problem
 from server.http.request_rate import RequestRate
 from server.http.response_cache import Lately
 from server.http.security import (
@@ -35,8 +35,8 @@ from server.http.security import (
     hosts_of,
 )
 from server.http.streams import Streams
-from server.http.uploads import Uploads, UploadsAtOnce
-from server.jobs.movies import Movies, NoSuchMovieError
+from server.http.uploads import UploadsAtOnce
+from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
 from server.ops.metrics import Metrics
 from server.ops.readiness import Readiness
@@ -47,10 +47,9 @@ from server.processes.gate import Gate
 from server.processes.limits import READERS, ChildLimits
 from server.processes.scratch import Scratch
 from server.settings import Settings
-from server.store.folds import NoSuchFoldError, Store
+from server.store.folds import Store
 from server.store.gallery import Gallery
 from server.store.leases import Leases
-from server.store.object_store import StorageError
 from server.store.stats import Census
 from web.timeline.views import Films
 
@@ -124,28 +123,6 @@ def create_app(
     )
     problems.install(app, landing.problem_page)
 
-    async def on_no_such_fold(request: Request, error: Exception) -> Response:
-        return problems.no_such_fold().response()
-
-    async def on_no_such_preview(request: Request, error: Exception) -> Response:
-        return problems.no_such_preview().response()
-
-    async def on_no_such_movie(request: Request, error: Exception) -> Response:
-        return problems.no_such_movie().response()
-
-    async def on_storage(request: Request, error: Exception) -> Response:
-        log.error("%s", error)
-        return Problem(
-            503,
-            "storage",
-            "The storage of the service does not answer just now; try again in a moment.",
-            headers={"Retry-After": "5"},
-        ).response()
-
-    app.add_exception_handler(NoSuchFoldError, on_no_such_fold)
-    app.add_exception_handler(StorageError, on_storage)
-    app.add_exception_handler(NoSuchMovieError, on_no_such_movie)
-    app.add_exception_handler(NoSuchPreviewError, on_no_such_preview)
     for module in ROUTERS:
         app.include_router(module.router)
     app.include_router(robot.schemas)

@@ -14,8 +14,8 @@ from planner.exports import EXPORTS, export_named, exports_of
 from server.api.context import Context
 from server.api.folds import Here, problems
 from server.api.schemas import ExportBody, ExportList, FramesBody
+from server.errors import Conflict, NotFound, Unusable
 from server.http.client_address import address_of
-from server.http.problems import Problem
 from server.store.folds import FoldRow
 from server.store.shown import has_motion
 
@@ -62,8 +62,7 @@ def get_frames(
     total, chain = len(timeline), timeline.chain
     end = total if stop is None else min(stop, total)
     if start > end:
-        raise Problem(
-            422,
+        raise Unusable(
             "no-such-frames",
             f"got frames {start} to {end}, expected a stretch of the {total} there are.",
             where="query.from",
@@ -136,7 +135,7 @@ async def get_export(request: Request, fold_id: str, name: str, context: Here) -
     try:
         export = export_named(name)
     except InputError as error:
-        raise Problem(404, "no-such-export", error.detail) from error
+        raise NotFound("no-such-export", error.detail) from error
     path = await context.exports.file(fold_id, export, visitor=address_of(request))
     return FileResponse(
         path,
@@ -184,16 +183,15 @@ def _download(row: FoldRow, name: str) -> str:
     return f"{stem[:60] or 'fold'}-{name}"
 
 
-def not_there(row: FoldRow, what: str) -> Problem:
+def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
     """The problem that a fold has not made something, or not yet."""
     if row.over:
         reason = f" ({row.error['detail']})" if row.error else ""
-        return Problem(404, "no-such-artifact", f"This fold ended without its {what}{reason}.")
-    return Problem(
-        409,
+        return NotFound("no-such-artifact", f"This fold ended without its {what}{reason}.")
+    return Conflict(
         "not-ready",
         f"The {what} is not there yet: the fold is {row.status}. Follow its events.",
-        headers={"Retry-After": "1"},
+        retry_after_s=1,
     )
 
 

@@ -12,7 +12,7 @@ from typing import Final, Literal
 from planner.playback.unfolding import START_CHAIN, START_PLAN
 from planner.robot import RECORDED_PLAN
 from server.api.context import Context
-from server.http.problems import Problem
+from server.errors import Conflict, Unusable
 from server.store.tables import FoldRow
 
 Use = Literal["refold", "smooth"]
@@ -57,16 +57,15 @@ def beginning_of(context: Context, fold_id: str, use: Use) -> Beginning:
 
     Raises:
         NoSuchFoldError: When there is no such fold.
-        Problem: When it is not over (409), or ended without a plan (422).
+        ServiceError: When it is not over, or ended without a plan.
     """
     row, directory = context.store.fold(fold_id), context.store.directory(fold_id)
     if not row.over:
-        raise Problem(
-            409,
+        raise Conflict(
             f"{use}-not-ready",
             f"{row.name} is still {row.status}, expected a finished fold; {use} it when it is "
             "over.",
-            headers={"Retry-After": "5"},
+            retry_after_s=5,
         )
     files = {name: directory / source for name, source in FILES[use].items()}
     return _beginning(use, fold_id, row, files)
@@ -89,8 +88,7 @@ def _beginning(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path])
         with open(plan, "rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
     except (OSError, ValueError) as error:
-        raise Problem(
-            422,
+        raise Unusable(
             f"{use}-no-plan",
             f"{name} ended without a plan, expected a fold that has one; fold it again.",
         ) from error

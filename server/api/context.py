@@ -14,10 +14,10 @@ from server.files.exports import Exports
 from server.files.preview_scenes import PreviewScenes
 from server.files.previews import Previews
 from server.files.trajectories import Trajectories
+from server.files.uploads import Uploads
 from server.files.workshop import Workshop
 from server.http.client_address import address_of
 from server.http.streams import Streams
-from server.http.uploads import Uploads
 from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
 from server.ops.metrics import Metrics

@@ -23,10 +23,10 @@ from server.api.base_folds import beginning_noted, beginning_of
 from server.api.context import Context, context_of
 from server.api.schemas import Accepted, Fold, Folds, Links, ProblemBody, Shape, Shapes
 from server.api.submit import Submission, input_noted, noted, submit
+from server.errors import Forbidden, Unidentified, Unusable
 from server.files.cancelled import sweep_cancelled
 from server.files.previews import ShapeWishes
 from server.http.client_address import address_of
-from server.http.problems import Problem
 from server.http.response_cache import mark
 from server.http.uploads import FormRoute
 from server.store.folds import new_token
@@ -175,12 +175,12 @@ def post_fold(
         asked = Asked(preset=preset, settings=settings)
         asked.check()
     except InputError as error:
-        raise Problem.of_input(error) from None
+        raise Unusable.of(error) from None
     source, filename = input_of(context, file, shape, preview, fold, smooth)
     if smooth is not None and refold is not None:
         source.close()
-        raise Problem(
-            422, "smooth-or-refold", "got the form fields 'smooth' and 'refold', expected one."
+        raise Unusable(
+            "smooth-or-refold", "got the form fields 'smooth' and 'refold', expected one."
         )
     with source:
         cells = _previewed(context, preview, replace(wishes, seed=seed))
@@ -305,8 +305,8 @@ def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
     store = context.store
     row, token = store.fold(fold_id), _needed(credentials)
     if row.public:
-        raise Problem(
-            403, "public", "This fold belongs to the gallery, which everybody sees; it stays."
+        raise Forbidden(
+            "public", "This fold belongs to the gallery, which everybody sees; it stays."
         )
     if not store.delete(fold_id, token):
         raise _not_owner()
@@ -328,7 +328,7 @@ def input_of(
     Raises:
         NoSuchFoldError: When there is no such fold.
         NoSuchPreviewError: When the preview is not there any more.
-        Problem: When it is none of them, or several.
+        ServiceError: When it is none of them, or several.
     """
     given = [
         name
@@ -342,8 +342,7 @@ def input_of(
         if value is not None
     ]
     if len(given) != 1:
-        raise Problem(
-            422,
+        raise Unusable(
             "file-or-shape",
             f"got {' and '.join(given) or 'none'} of the form fields 'file', 'shape', "
             "'preview', 'fold' and 'smooth', expected one of them.",
@@ -357,8 +356,7 @@ def input_of(
         return input_noted(context.store.directory(again))
     found = context.gallery.shape(shape or "")
     if found is None:
-        raise Problem(
-            422,
+        raise Unusable(
             "no-such-shape",
             f"got the shape {quote(shape)!r}, expected one of "
             f"{context.gallery.nearest((shape or '')[:100])}; GET /api/shapes lists them.",
@@ -389,18 +387,15 @@ def token_of(credentials: HTTPAuthorizationCredentials | None) -> str | None:
 def _needed(credentials: HTTPAuthorizationCredentials | None) -> str:
     if (token := token_of(credentials)) is not None:
         return token
-    raise Problem(
-        401,
+    raise Unidentified(
         "no-owner-token",
         "This needs the owner token that came with the answer to the upload, as "
         "'Authorization: Bearer …'.",
-        headers={"WWW-Authenticate": "Bearer"},
     )
 
 
-def _not_owner() -> Problem:
-    return Problem(
-        403,
+def _not_owner() -> Forbidden:
+    return Forbidden(
         "not-owner",
         "This token is not that of the fold's owner; a fold of the gallery has none once several "
         "have asked for it.",

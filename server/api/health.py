@@ -10,7 +10,7 @@ from fastapi.responses import JSONResponse, PlainTextResponse, Response
 from sqlalchemy.exc import SQLAlchemyError
 
 from server.api.folds import Here, problems
-from server.http.problems import Problem
+from server.errors import Forbidden
 from server.ops.metrics import MEDIA_TYPE
 from server.ops.readiness import Readiness
 from server.store.stats import Census
@@ -53,8 +53,7 @@ def get_ready(request: Request) -> JSONResponse:
 async def get_metrics(request: Request, context: Here) -> Response:
     """Figures in Prometheus' text format, for this machine alone unless `metrics_public` is set."""
     if not (context.settings.metrics_public or _from_here(request)):
-        raise Problem(
-            403,
+        raise Forbidden(
             "not-public",
             "The figures are for this machine alone; an operator opens them with "
             "FOLDBACK_METRICS_PUBLIC=true.",

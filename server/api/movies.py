@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from planner.errors import InputError
 from server.api.folds import Bearer, Here, problems, token_of
 from server.api.schemas import Fault
-from server.http.problems import Problem
+from server.errors import Conflict, Forbidden, Unusable
 from server.jobs.movies import MovieState
 from web.movies.movie import Movie
 
@@ -111,7 +111,7 @@ def post_movie(
     try:
         movie = Movie.of(wishes.model_dump())
     except InputError as error:
-        raise Problem.of_input(error) from None
+        raise Unusable.of(error) from None
     token = token_of(credentials)
     of_owner = token is not None and context.store.owns(fold_id, token)
     visitor = context.visitor(request)
@@ -144,7 +144,7 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     row = context.store.fold(fold_id)
     path = context.movies.file(fold_id, movie_id)
     if path is None:
-        raise Problem(409, "not-ready", "The movie is not there yet.", headers={"Retry-After": "1"})
+        raise Conflict("not-ready", "The movie is not there yet.", retry_after_s=1)
     stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in row.name).strip("-")
     return FileResponse(
         path,
@@ -165,8 +165,7 @@ def delete_movie(fold_id: str, movie_id: str, context: Here, credentials: Bearer
     state = context.movies.state(fold_id, movie_id)
     token = credentials.credentials if credentials else ""
     if not state.owned_by(token) and not context.store.owns(fold_id, token):
-        raise Problem(
-            403,
+        raise Forbidden(
             "not-owner",
             "This needs the token that came with the answer to the wish, or that of the fold's "
             "owner, as 'Authorization: Bearer …'.",

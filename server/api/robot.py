@@ -36,9 +36,19 @@ from server.api.robot_messages import (
     Wrong,
     schema,
 )
+from server.errors import (
+    Conflict,
+    NotFound,
+    ServiceError,
+    TooLarge,
+    TooMany,
+    TooSlow,
+    Unavailable,
+    Unusable,
+    WebsocketNeeded,
+)
 from server.files.trajectories import MotorsWanted, Retimed, Wanted
 from server.http.client_address import address_of
-from server.http.problems import Problem
 from server.store.folds import FoldRow, NoSuchFoldError
 
 if TYPE_CHECKING:
@@ -107,8 +117,7 @@ async def get_trajectory(
     moments = len(trajectory.time_s) if rate is None else rate * trajectory.duration_s + 2
     numbers = 2.0 * moments * len(trajectory.joint_names)
     if numbers > LARGEST_ANSWER:
-        raise Problem(
-            413,
+        raise TooLarge(
             "too-large",
             f"got {numbers:.3g} numbers, expected at most {LARGEST_ANSWER:.3g}; lower the rate, or "
             "use `foldback retime`.",
@@ -119,7 +128,7 @@ async def get_trajectory(
             trajectory, form, name=found.name, plan_verified=found.verified, rate_hz=rate
         )
     except InputError as error:
-        raise Problem.of_input(error) from error
+        raise Unusable.of(error) from error
     return _Stream(
         parts,
         media_type=MEDIA_TYPES[form],
@@ -164,8 +173,7 @@ async def get_motors(
     """By inverse dynamics over the motion that `trajectory` gives for the same bounds."""
     row, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
     if row.modules > MOST_MODULES:
-        raise Problem(
-            413,
+        raise TooLarge(
             "too-large",
             f"got {row.modules} modules, expected at most {MOST_MODULES}; use `foldback retime`.",
         )
@@ -180,7 +188,7 @@ async def get_motors(
     try:
         data = await context.trajectories.motors(wanted, motors, address_of(request))
     except InputError as error:
-        raise Problem.of_input(error) from error
+        raise Unusable.of(error) from error
     headers = {"Content-Disposition": 'attachment; filename="motors.csv"'} if form == "csv" else {}
     return Response(data, media_type=MEDIA_TYPES[form], headers=headers)
 
@@ -189,11 +197,9 @@ async def get_motors(
 def get_play(fold_id: str) -> Response:
     """Says that this is a websocket."""
     del fold_id
-    raise Problem(
-        426,
+    raise WebsocketNeeded(
         "websocket",
         "Motions are played over a websocket; docs/robot.md and /api/play-schema describe it.",
-        headers={"Upgrade": "websocket"},
     )
 
 
@@ -217,9 +223,9 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
             await _close(websocket, DONE)
     except msgspec.ValidationError as error:
         await _refuse(websocket, REFUSED, "bad-request", f"{error}.")
-    except Problem as problem:
-        code = TRY_LATER if problem.status in (429, 503) else REFUSED
-        await _refuse(websocket, code, problem.code, problem.detail)
+    except ServiceError as refused:
+        code = TRY_LATER if isinstance(refused, TooMany | Unavailable) else REFUSED
+        await _refuse(websocket, code, refused.code, refused.detail)
 
 
 class _Stream(StreamingResponse):
@@ -268,7 +274,7 @@ async def _retimed(
     try:
         return await context.trajectories.of(wanted, visitor)
     except InputError as error:
-        raise Problem.of_input(error) from error
+        raise Unusable.of(error) from error
 
 
 async def _playable(context: Context, fold_id: str, ask: Ask, visitor: str) -> Retimed:
@@ -278,11 +284,9 @@ async def _playable(context: Context, fold_id: str, ask: Ask, visitor: str) -> R
             raise NoSuchFoldError(fold_id)
         found = await _retimed(context, fold_id, ask.max_speed, ask.max_acceleration, visitor)
     except NoSuchFoldError:
-        raise Problem(404, "no-such-fold", "There is no fold at this address.") from None
+        raise NotFound("no-such-fold", "There is no fold at this address.") from None
     if not found.verified:
-        raise Problem(
-            409, "not-verified", "This plan is not verified, so no robot is driven along it."
-        )
+        raise Conflict("not-verified", "This plan is not verified, so no robot is driven along it.")
     return found
 
 
@@ -360,7 +364,7 @@ class _Hand:
                 pace.behind = self._number - self._answered >= self._ahead
             pace.advance(now)
             if now - self._heard > GONE_S:
-                raise Problem(408, "gone", f"Nothing was heard for {GONE_S:g} s.")
+                raise TooSlow("gone", f"Nothing was heard for {GONE_S:g} s.")
             reason = pace.waiting(now)
             if reason != said:
                 said = reason
@@ -409,11 +413,11 @@ class _Hand:
             second = int(self._clock())
             window, count = second, (count + 1 if second == window else 1)
             if count > MOST_MESSAGES_A_SECOND:
-                raise Problem(
-                    429, "too-fast", f"More than {MOST_MESSAGES_A_SECOND} messages in a second."
+                raise TooMany(
+                    "too-fast", f"More than {MOST_MESSAGES_A_SECOND} messages in a second."
                 )
             if len(data) > 4096 + BYTES_A_JOINT * joints:
-                raise Problem(413, "too-large", f"A message of {len(data)} bytes is too large.")
+                raise TooLarge("too-large", f"A message of {len(data)} bytes is too large.")
             try:
                 message = DECODER.decode(data)
                 self._heard = self._clock()
@@ -467,7 +471,7 @@ class _Hand:
             async with asyncio.timeout(GONE_S):
                 await self._websocket.send_text(ENCODER.encode(message).decode())
         except TimeoutError:
-            raise Problem(408, "gone", f"Nothing was taken for {GONE_S:g} s.") from None
+            raise TooSlow("gone", f"Nothing was taken for {GONE_S:g} s.") from None
 
 
 _TOLD: Final = (

@@ -16,7 +16,7 @@ from fastapi.responses import Response
 from planner.pipeline.request import LARGEST_SEED
 from server.api.folds import ID, Here, Wishes, input_of, problems
 from server.api.schemas import Preview, Shape, Shapes
-from server.http.problems import Problem
+from server.errors import NotFound, Unusable
 from server.http.uploads import FormRoute
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"], route_class=FormRoute)
@@ -58,8 +58,7 @@ async def post_preview(
     """Voxels, a path through them, and whether there is one. `POST /api/folds` takes its id."""
     settings = context.settings
     if wishes.modules is not None and wishes.modules > settings.max_modules:
-        raise Problem(
-            422,
+        raise Unusable(
             "too-many-modules",
             f"got {wishes.modules} modules, expected at most {settings.max_modules}.",
         )
@@ -108,7 +107,7 @@ def get_shape(name: str, context: Here) -> Response:
     """A file to start one's own from."""
     shape = context.gallery.shape(name)
     if shape is None:
-        raise Problem(404, "no-such-shape", "The gallery has no shape of this name.")
+        raise NotFound("no-such-shape", "The gallery has no shape of this name.")
     return Response(
         shape.data,
         media_type="application/json",

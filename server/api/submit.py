@@ -18,9 +18,9 @@ from planner.pipeline.request import Request
 from planner.simulation.parameters import AUTO
 from server.api.base_folds import Beginning
 from server.api.context import Context
+from server.errors import Conflict, NoRoom, NotFound, TooMany, Unavailable, Unusable, nearly_full
 from server.files.previews import ShapeWishes
-from server.http.problems import Problem
-from server.http.uploads import Upload, no_room
+from server.files.uploads import Upload
 from server.processes.children import ChildError
 from server.processes.read_task import LARGEST_DRAWING
 from server.store.fold_files import size_of
@@ -113,7 +113,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
     """Accepts a submission: checks it, keeps it safe, and puts it into the queue.
 
     Raises:
-        Problem: When it can't be used (422), there is too much to do (429), or no room (507).
+        ServiceError: When it can't be used, there is too much to do, or no room.
     """
     if (known := _known(context, submission)) is not None:
         return known
@@ -163,10 +163,10 @@ def submit(context: Context, submission: Submission) -> Receipt:
             context.store.folders.remove(fold_id)
             if (known := _known(context, submission)) is not None:
                 return known
-            raise Problem(409, "changed-meanwhile", "The same fold just ended; try again.")
+            raise Conflict("changed-meanwhile", "The same fold just ended; try again.")
     except OSError as error:
-        raise Problem(
-            507, "no-room", f"The upload could not be stored ({error.strerror}); try again later."
+        raise NoRoom(
+            "no-room", f"The upload could not be stored ({error.strerror}); try again later."
         ) from error
     finally:
         shutil.rmtree(aside, ignore_errors=True)
@@ -178,7 +178,7 @@ def input_noted(directory: Path) -> tuple[BinaryIO, str | None]:
     """What a fold was made of: its input, open, and what it was called.
 
     Raises:
-        Problem: When they are not there any more.
+        NotFound: When they are not there any more.
     """
     filename = _request(directory)["filename"]
     try:
@@ -194,9 +194,9 @@ def _request(directory: Path) -> dict[str, Any]:
         raise _no_input() from error
 
 
-def _no_input() -> Problem:
-    return Problem(
-        404, "no-input", "The input of this fold is not there any more; send the file again."
+def _no_input() -> NotFound:
+    return NotFound(
+        "no-input", "The input of this fold is not there any more; send the file again."
     )
 
 
@@ -204,7 +204,7 @@ def noted(directory: Path) -> tuple[ShapeWishes, list[list[int]] | None]:
     """How a fold's input was to become a chain, and cells for a drawing if there are some.
 
     Raises:
-        Problem: When they are not there any more.
+        NotFound: When they are not there any more.
     """
     request = _request(directory)
     names = {each.name for each in fields(ShapeWishes)} - {"seed"}
@@ -256,15 +256,14 @@ def _check_room(context: Context, submission: Submission) -> None:
         ),
     ):
         if waiting >= most:
-            raise Problem(
-                429,
+            raise TooMany(
                 "queue-full",
                 f"{waiting} folds {whose} are waiting, which is the most there may be; try again "
                 f"in {RETRY_AFTER_S} s.",
-                headers={"Retry-After": str(RETRY_AFTER_S)},
+                retry_after_s=RETRY_AFTER_S,
             )
     if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
-        raise no_room()
+        raise nearly_full()
 
 
 def _write(directory: Path, submission: Submission) -> None:
@@ -309,13 +308,12 @@ def _read(context: Context, directory: Path, beginning: Beginning | None, visito
     except InputError as error:
         if beginning is not None:
             error = context.gallery.advised(error, beginning.module, beginning.modules)
-        raise Problem.of_input(error) from None
+        raise Unusable.of(error) from None
     except ChildError as error:
-        raise Problem(503, error.code, error.detail) from None
+        raise Unavailable(error.code, error.detail) from None
     modules = int(found["modules"])
     if modules > context.settings.max_modules:
-        raise Problem(
-            422,
+        raise Unusable(
             "too-many-modules",
             f"got a chain of {modules} modules, expected at most {context.settings.max_modules}; "
             "use a coarser shape.",

@@ -10,8 +10,8 @@ from zipfile import BadZipFile
 from planner.errors import InputError
 from planner.motion.angle_steps import unpacked_bytes
 from planner.readers.limits import megabytes
+from server.errors import NotFound, TooLarge
 from server.files.workshop import Workshop
-from server.http.problems import Problem
 from server.store.folds import Store
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ class Exports:
 
         Raises:
             NoSuchFoldError: When this is not an id.
-            Problem: When the plan has no such export (404) or is too large to make it here (413),
-                too many are being made (429, 503), or the disk is full (507).
+            ServiceError: When the plan has no such export or is too large to make it here,
+                too many are being made, or the disk is full.
         """
         directory = await asyncio.to_thread(self._store.directory, fold_id)
         kept = directory / export.filename
@@ -61,8 +61,7 @@ def _written(path: Path, export: Export) -> bytes:
 
     # A robot's model holds no frames; all the others do.
     if (export.moving or export.name == "json") and (size := _unpacked(path)) > LARGEST_PLAN:
-        raise Problem(
-            413,
+        raise TooLarge(
             "too-large",
             f"got a plan of {megabytes(size)}, expected at most {megabytes(LARGEST_PLAN)}; take "
             f"{PLAN} away and use `foldback export`.",
@@ -70,7 +69,7 @@ def _written(path: Path, export: Export) -> bytes:
     try:
         return export.write(Plan.load(path))
     except InputError as error:
-        raise Problem(404, "no-such-artifact", error.detail, where=error.where) from error
+        raise NotFound("no-such-artifact", error.detail, where=error.where) from error
 
 
 def _unpacked(path: Path) -> int:

@@ -37,7 +37,7 @@ class PreviewScenes:
 
         Raises:
             NoSuchPreviewError: When there is no such upload or report.
-            Problem: When too many scenes of the visitor are being made (429), or of all (503).
+            ServiceError: When too many scenes of the visitor are being made, or of all.
         """
         if not KEY.fullmatch(key):
             raise NoSuchPreviewError(preview_id)

@@ -20,6 +20,16 @@ from typing import Any, BinaryIO, Final
 
 from planner.chain.module import CUBE
 from planner.errors import InputError
+from server.errors import (
+    NoRoom,
+    NoSuch,
+    ServiceError,
+    TooMany,
+    TooSlow,
+    Unavailable,
+    Unusable,
+    nearly_full,
+)
 from server.files.stored_previews import (
     UPLOAD,
     HeldPreview,
@@ -28,8 +38,7 @@ from server.files.stored_previews import (
     superfluous,
     visitor_noted,
 )
-from server.http.problems import Problem
-from server.http.uploads import Upload, no_room
+from server.files.uploads import Upload
 from server.processes.children import ChildError, Reader
 from server.settings import Settings
 from server.store.folds import new_id
@@ -66,8 +75,13 @@ class ShapeWishes:
         return {k: v for k, v in asdict(self).items() if k != "seed" and v != plain[k]}
 
 
-class NoSuchPreviewError(LookupError):
+class NoSuchPreviewError(NoSuch):
     """There is no preview with this id, or not any more."""
+
+    def __init__(self, preview_id: str) -> None:
+        super().__init__(
+            "no-such-preview", "There is no such preview, or not any more; send the file again."
+        )
 
 
 class Previews:
@@ -90,7 +104,7 @@ class Previews:
         """Moves an upload of a visitor here; its id, which nobody can guess.
 
         Raises:
-            Problem: When the disk has no room for it.
+            NoRoom: When the disk has no room for it.
         """
         self._sweep(upload.size, visitor)
         preview_id = new_id()
@@ -99,11 +113,10 @@ class Previews:
             (upload.directory / UPLOAD).write_text(about)
             os.rename(upload.directory, self._root / preview_id)
         except OSError as error:
-            raise Problem(
-                507,
+            raise NoRoom(
                 "no-room",
                 f"The upload could not be stored ({error.strerror}); try later.",
-                headers={"Retry-After": "60"},
+                retry_after_s=60,
             ) from error
         self._elsewhere.keep(preview_id, self._root / preview_id)
         return preview_id
@@ -182,8 +195,7 @@ class Previews:
 
         Raises:
             NoSuchPreviewError: When there is no such upload.
-            Problem: When it cannot be used (422), took too long (504), or too many
-                wait (429, 503).
+            ServiceError: When it cannot be used, took too long, or too many wait.
         """
         place = self.place(preview_id, wishes.key)
         directory = place.parent
@@ -192,15 +204,14 @@ class Previews:
         if (known := read_report(place)) is not None:
             return known
         if sum(1 for _ in directory.iterdir()) > MOST_WISHES:
-            raise Problem(
-                429,
+            raise TooMany(
                 "too-many-previews",
                 "Too many previews of one file; send it again.",
-                headers={"Retry-After": "60"},
+                retry_after_s=60,
             )
         self._sweep()  # reports may be much larger than what they tell of
         if shutil.disk_usage(self._root).free < self._settings.min_free_disk_bytes:
-            raise no_room()
+            raise nearly_full()
         place.mkdir(exist_ok=True)
         request = {"filename": self.filename(preview_id), **asdict(wishes)}
         request["time_limit_s"] = self._settings.preview_search_seconds
@@ -208,12 +219,12 @@ class Previews:
         try:
             reader.call("preview", place, visitor=visitor, cancelled=gone)
         except InputError as error:
-            raise Problem.of_input(error) from None
+            raise Unusable.of(error) from None
         except ChildError as error:
             raise _problem(error, self._settings.preview_seconds) from None
         found = read_report(place)
         if found is None and gone is not None and gone():
-            raise Problem(503, "gone", "Nobody waited for this preview any more.")
+            raise Unavailable("gone", "Nobody waited for this preview any more.")
         if found is None:
             raise NoSuchPreviewError(preview_id)
         self._elsewhere.keep_report(place)
@@ -263,14 +274,13 @@ def _held(directory: Path) -> Generator[HeldPreview]:
         return
 
 
-def _problem(error: ChildError, seconds: float) -> Problem:
+def _problem(error: ChildError, seconds: float) -> ServiceError:
     if error.code == "time-limit":
-        return Problem(
-            504,
+        return TooSlow(
             "preview-too-slow",
             f"no path was found within the {seconds:g} s that a preview may take; ask for fewer "
             "modules, or for the method 'blocks'.",
         )
     if error.code == "no-start":
-        return Problem(503, error.code, error.detail)
-    return Problem(422, "unreadable", f"reading the file failed: {error.detail}")
+        return Unavailable(error.code, error.detail)
+    return Unusable("unreadable", f"reading the file failed: {error.detail}")

@@ -13,7 +13,7 @@ from collections.abc import Callable, Hashable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Final, TypeVar
 
-from server.http.problems import Problem
+from server.errors import ServiceError, TooMany, Unavailable
 
 RETRY_AFTER_S: Final = 3
 Thing = TypeVar("Thing")
@@ -61,7 +61,7 @@ class SingleFlight:
         """What ``make`` returns; whoever asks for the same key meanwhile gets the same.
 
         Raises:
-            Problem: When too many of the visitor's wait (429), or of all (503).
+            ServiceError: When too many of the visitor's wait, or of all.
         """
         making = self._making.get(key)
         if making is None:
@@ -107,14 +107,13 @@ class SingleFlight:
     def _check(self, visitor: str | None) -> None:
         own = list(self._visitors.values()).count(visitor) if visitor is not None else 0
         if own >= self._most_of_visitor:
-            raise self._busy(429, f"{own} other {self._what} of yours are being made")
+            raise self._busy(TooMany, f"{own} other {self._what} of yours are being made")
         if len(self._making) >= self._most:
-            raise self._busy(503, f"{len(self._making)} other {self._what} are being made")
+            raise self._busy(Unavailable, f"{len(self._making)} other {self._what} are being made")
 
-    def _busy(self, status: int, why: str) -> Problem:
-        return Problem(
-            status,
+    def _busy(self, kind: type[ServiceError], why: str) -> ServiceError:
+        return kind(
             "busy",
             f"{why}; try again in a moment.",
-            headers={"Retry-After": str(RETRY_AFTER_S)},
+            retry_after_s=RETRY_AFTER_S,
         )

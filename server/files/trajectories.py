@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 from zipfile import BadZipFile, ZipFile
 
 from planner.readers.limits import megabytes
+from server.errors import NoRoom, NotFound, ServiceError, TooLarge, Unavailable
 from server.files.single_flight import SingleFlight
-from server.http.problems import Problem
 from server.http.streams import Streams
 from server.processes.children import ChildError, Pool
 from server.processes.scratch import MOTORS, PLAN, Scratch
@@ -65,12 +65,11 @@ class Wanted:
 
         Raises:
             OSError: When there is none.
-            Problem: When it is too large (413).
+            TooLarge: When it is too large.
         """
         found = plan.stat()
         if found.st_size > LARGEST_PLAN:
-            raise Problem(
-                413,
+            raise TooLarge(
                 "too-large",
                 f"got a plan of {megabytes(found.st_size)}, expected at most "
                 f"{megabytes(LARGEST_PLAN)}; take plan.npz away and use `foldback retime`.",
@@ -173,8 +172,8 @@ class Trajectories:
         """The trajectory that is wanted; worked out once for all who want it.
 
         Raises:
-            Problem: When it takes too much (413), too many wait (429, 503) or are in use (503), or
-                the disk is full (507).
+            ServiceError: When it takes too much, too many wait or are in use, or
+                the disk is full.
             InputError: When the plan cannot be retimed.
         """
         known = self._used.get(wanted)
@@ -185,11 +184,10 @@ class Trajectories:
         if self.nbytes > self._used_bytes:
             self._kept = Kept(self._kept_bytes)
         if self.nbytes > self._used_bytes:
-            raise Problem(
-                503,
+            raise Unavailable(
                 "busy",
                 "Long motions are being played to others; try again in a moment.",
-                headers={"Retry-After": "30"},
+                retry_after_s=30,
             )
         return known
 
@@ -197,7 +195,7 @@ class Trajectories:
         """The torques that a trajectory needs, as ``planner.robot.motors.MotorTable`` writes them.
 
         Raises:
-            Problem: As ``of``.
+            ServiceError: As ``of``.
             InputError: When the plan cannot be retimed, or the motors cannot be built.
         """
 
@@ -216,7 +214,7 @@ class Trajectories:
         """Begins to send a trajectory; what comes back is to be called once at the end.
 
         Raises:
-            Problem: When as many are being sent as there may be (429).
+            TooMany: When as many are being sent as there may be.
         """
         sent = ExitStack()
         sent.enter_context(self._streams.opened(address))
@@ -254,7 +252,7 @@ class Trajectories:
         try:
             shutil.copyfile(wanted.plan, place / PLAN)
         except FileNotFoundError as error:
-            raise Problem(404, "no-such-fold", "This fold has just been deleted.") from error
+            raise NotFound("no-such-fold", "This fold has just been deleted.") from error
         try:
             return self._pool.call(task, place)
         except ChildError as error:
@@ -265,7 +263,7 @@ def _copy(source: Path, target: Path, most: int) -> None:
     """Copies a file that may still grow.
 
     Raises:
-        Problem: When it has more bytes than ``most`` (413).
+        TooLarge: When it has more bytes than ``most``.
     """
     with open(source, "rb") as read, open(target, "wb") as written:
         while piece := read.read(PIECE_BYTES):
@@ -278,7 +276,7 @@ def _loaded(directory: Path, most: int) -> Trajectory:
     """The trajectory in a directory.
 
     Raises:
-        Problem: When it unpacks to more bytes than ``most`` (413), or is none (503).
+        ServiceError: When it unpacks to more bytes than ``most``, or is none.
     """
     from planner.robot.trajectory import REST, Trajectory
 
@@ -288,26 +286,24 @@ def _loaded(directory: Path, most: int) -> Trajectory:
                 raise _too_large()
         return Trajectory.load(directory)
     except (BadZipFile, OSError, ValueError, KeyError, TypeError, MemoryError) as error:
-        raise Problem(
-            503,
+        raise Unavailable(
             "crashed",
             "The computing process has left no trajectory that can be read; try again.",
-            headers={"Retry-After": "5"},
+            retry_after_s=5,
         ) from error
 
 
-def _too_large() -> Problem:
-    return Problem(
-        413,
+def _too_large() -> TooLarge:
+    return TooLarge(
         "too-large",
         "This motion takes more time or memory than it may here; take plan.npz away and use "
         "`foldback retime`.",
     )
 
 
-def _problem(error: ChildError) -> Problem:
+def _problem(error: ChildError) -> ServiceError:
     if error.code in ("time-limit", "cpu-limit", "memory-limit"):
         return _too_large()
     if error.code in ("disk-full", "disk-failed"):
-        return Problem(507, "no-room", error.detail, headers={"Retry-After": "60"})
-    return Problem(503, error.code, error.detail, headers={"Retry-After": "5"})
+        return NoRoom("no-room", error.detail, retry_after_s=60)
+    return Unavailable(error.code, error.detail, retry_after_s=5)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
 from planner.files import write_whole
+from server.errors import NoRoom
 from server.files.single_flight import SingleFlight
-from server.http.problems import Problem, no_such_fold
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError
 
@@ -94,7 +94,7 @@ class Workshop:
 
         Raises:
             NoSuchFoldError: When there is no such fold.
-            Problem: When too many wait (429, 503), or the disk is full (507).
+            ServiceError: When too many wait, or the disk is full.
         """
         directory = await asyncio.to_thread(self._store.directory, fold_id)
         plain = (self._folder or directory / EXPORTS_DIR) / name
@@ -121,14 +121,14 @@ class Workshop:
         try:
             place = path.parent if self._folder else directory
             if shutil.disk_usage(place).free < self._min_free_disk_bytes + len(data):
-                raise Problem(507, "no-room", "The disk of the service is nearly full; try later.")
+                raise NoRoom("no-room", "The disk of the service is nearly full; try later.")
             path.parent.mkdir(exist_ok=True)
             write_whole(path, data)
         except FileNotFoundError as error:  # the fold was deleted in the meantime
-            raise no_such_fold() from error
+            raise NoSuchFoldError(fold_id) from error
         except OSError as error:
-            raise Problem(
-                507, "no-room", f"The file could not be stored ({error.strerror}); try later."
+            raise NoRoom(
+                "no-room", f"The file could not be stored ({error.strerror}); try later."
             ) from error
         try:
             self._store.fold(fold_id)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import logging
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import Any, Final
 
@@ -24,17 +25,55 @@ from starlette.exceptions import HTTPException
 
 from planner.errors import InputError
 from planner.pipeline.request import Request as Asked
+from server.errors import (
+    FULL_RETRY_S,
+    Conflict,
+    Forbidden,
+    Malformed,
+    NoRoom,
+    NoSuch,
+    NotFound,
+    ServiceError,
+    TooLarge,
+    TooMany,
+    TooSlow,
+    Unavailable,
+    Unidentified,
+    Unusable,
+    WebsocketNeeded,
+)
 from server.http.access_log import request_id_of
+from server.store.object_store import StorageError
 
 MEDIA_TYPE: Final = "application/problem+json"
 DISK_ERRORS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG})
 DATABASE_RETRY_S: Final = 5
-DISK_RETRY_S: Final = 60
+STORAGE_RETRY_S: Final = 5
 log = logging.getLogger("foldback.web")
+STATUSES: Final[Mapping[type, int]] = {
+    Malformed: 400,
+    Unidentified: 401,
+    Forbidden: 403,
+    NotFound: 404,
+    Conflict: 409,
+    TooLarge: 413,
+    Unusable: 422,
+    WebsocketNeeded: 426,
+    TooMany: 429,
+    Unavailable: 503,
+    TooSlow: 504,
+    NoRoom: 507,
+}
+HEADERS: Final[Mapping[int, Mapping[str, str]]] = {
+    401: {"WWW-Authenticate": "Bearer"},
+    426: {"Upgrade": "websocket"},
+}
+"""What HTTP wants to be said with a status."""
 CODES: Final = {404: "not-found", 408: "too-slow", 413: "too-large"}
 
 
-class Problem(Exception):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
     """An answer that is a problem.
 
     Attributes:
@@ -45,26 +84,27 @@ class Problem(Exception):
         headers: Further headers of the answer.
     """
 
-    def __init__(
-        self,
-        status: int,
-        code: str,
-        detail: str,
-        *,
-        where: str | None = None,
-        headers: Mapping[str, str] | None = None,
-    ) -> None:
-        super().__init__(detail)
-        self.status = status
-        self.code = code
-        self.detail = detail
-        self.where = where
-        self.headers = dict(headers or {})
+    status: int
+    code: str
+    detail: str
+    where: str | None = None
+    headers: Mapping[str, str] = field(default_factory=dict[str, str])
 
     @classmethod
-    def of_input(cls, error: InputError) -> Problem:
-        """The problem that an input cannot be used."""
-        return cls(422, error.code, error.detail, where=error.where)
+    def of(cls, error: ServiceError) -> Problem:
+        """How HTTP says an error of the service."""
+        status = next(STATUSES[kind] for kind in type(error).__mro__ if kind in STATUSES)
+        again = error.retry_after_s
+        return cls(
+            status=status,
+            code=error.code,
+            detail=error.detail,
+            where=error.where,
+            headers={
+                **HEADERS.get(status, {}),
+                **({} if again is None else {"Retry-After": str(again)}),
+            },
+        )
 
     def body(self) -> dict[str, Any]:
         """The JSON object."""
@@ -84,48 +124,32 @@ class Problem(Exception):
         )
 
 
-def no_such_fold() -> Problem:
-    """For an id that is not, or is no longer, a fold."""
-    return Problem(404, "no-such-fold", "There is no fold at this address; it may be deleted.")
+def response_of(error: ServiceError) -> JSONResponse:
+    """The answer of what stands before the application and its handlers."""
+    return Problem.of(error).response()
 
 
-def no_such_preview() -> Problem:
-    """For an id that is not, or is no longer, a preview."""
-    return Problem(
-        404, "no-such-preview", "There is no such preview, or not any more; send the file again."
-    )
-
-
-def no_such_movie() -> Problem:
-    """For an id that is not, or is no longer, a movie of that fold."""
-    return Problem(
-        404, "no-such-movie", "There is no such movie, or not any more; ask for it anew."
-    )
-
-
-def of_trouble(error: BaseException | None) -> Problem | None:
-    """The problem that the database does not answer or the disk is full, if it is one."""
+def of_trouble(error: BaseException | None) -> ServiceError | None:
+    """The error that the database does not answer or the disk is full, if it is one."""
     if isinstance(error, OperationalError) and "disk is full" in str(error.orig):
         return _disk()
     fault = isinstance(error, DataError | IntegrityError | ProgrammingError)
     if isinstance(error, DBAPIError | PoolTimeoutError) and not fault:
-        return Problem(
-            503,
+        return Unavailable(
             "no-database",
             f"The database does not answer; nothing was lost. Try again in {DATABASE_RETRY_S} s.",
-            headers={"Retry-After": str(DATABASE_RETRY_S)},
+            retry_after_s=DATABASE_RETRY_S,
         )
     if isinstance(error, OSError) and error.errno in DISK_ERRORS:
         return _disk()
     return None
 
 
-def _disk() -> Problem:
-    return Problem(
-        507,
+def _disk() -> NoRoom:
+    return NoRoom(
         "no-room",
         "The disk of the service takes nothing any more; nothing was lost. Try again later.",
-        headers={"Retry-After": str(DISK_RETRY_S)},
+        retry_after_s=FULL_RETRY_S,
     )
 
 
@@ -143,42 +167,60 @@ def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
             return problem.response()
         return page(problem)
 
-    async def on_problem(request: Request, error: Exception) -> Response:
-        assert isinstance(error, Problem)
-        return answer(request, error)
+    async def on_error(request: Request, error: Exception) -> Response:
+        assert isinstance(error, ServiceError)
+        return answer(request, Problem.of(error))
+
+    async def on_no_such(request: Request, error: Exception) -> Response:
+        assert isinstance(error, NoSuch)
+        return response_of(error)  # pages say it themselves; what else asks takes files away
+
+    async def on_storage(request: Request, error: Exception) -> Response:
+        log.error("%s", error)
+        return response_of(
+            Unavailable(
+                "storage",
+                "The storage of the service does not answer just now; try again in a moment.",
+                retry_after_s=STORAGE_RETRY_S,
+            )
+        )
 
     async def on_http(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
         if (trouble := of_trouble(error.__cause__)) is not None:  # while a form came in
             log.error("%s: %r", trouble.code, error.__cause__)
-            return answer(request, trouble)
+            return answer(request, Problem.of(trouble))
         phrase = HTTPStatus(error.status_code).phrase
         code = CODES.get(error.status_code, phrase.lower().replace(" ", "-"))
-        problem = Problem(error.status_code, code, str(error.detail), headers=error.headers)
+        headers = error.headers or {}
+        problem = Problem(
+            status=error.status_code, code=code, detail=str(error.detail), headers=headers
+        )
         return answer(request, problem)
 
     async def on_validation(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)
         first = error.errors()[0]
         if (refusal := _refusal(first)) is not None:
-            return answer(request, Problem.of_input(refusal))
+            return answer(request, Problem.of(Unusable.of(refusal)))
         where = ".".join(str(part) for part in first["loc"])
-        problem = Problem(422, "bad-request", f"{first['msg']}.", where=where)
-        return answer(request, problem)
+        return answer(request, Problem.of(Unusable("bad-request", f"{first['msg']}.", where=where)))
 
     async def on_trouble(request: Request, error: Exception) -> Response:
         trouble = of_trouble(error)
         if trouble is None:
             raise error
         log.error("%s: %r", trouble.code, error)
-        return answer(request, trouble)
+        return answer(request, Problem.of(trouble))
 
     async def on_anything(request: Request, error: Exception) -> Response:
         words = "Something went wrong inside the service; nothing was lost. Try again."
         headers = request_id_of(request.scope)
-        return answer(request, Problem(500, "internal", words, headers=headers))
+        return answer(request, Problem(status=500, code="internal", detail=words, headers=headers))
 
-    app.add_exception_handler(Problem, on_problem)
+    app.add_exception_handler(ServiceError, on_error)
+    app.add_exception_handler(NoSuch, on_no_such)
+    app.add_exception_handler(StorageError, on_storage)
     app.add_exception_handler(HTTPException, on_http)
     app.add_exception_handler(RequestValidationError, on_validation)
     app.add_exception_handler(SQLAlchemyError, on_trouble)

@@ -11,8 +11,9 @@ from typing import Final
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from server.errors import TooMany
 from server.http.client_address import address_of
-from server.http.problems import Problem
+from server.http.problems import response_of
 
 MOST_VISITORS: Final = 50_000
 """Whose buckets are remembered; one that is forgotten begins full."""
@@ -86,11 +87,10 @@ class RequestRate:
             await receive()
             await send({"type": "websocket.close", "code": 1013, "reason": "too many requests"})
         else:
-            problem = Problem(
-                429,
+            refusal = TooMany(
                 "too-many-requests",
                 f"got more requests from your address than the {self._rate:g} a second that are "
                 f"answered; try again in {ceil(wait_s)} s.",
-                headers={"Retry-After": str(ceil(wait_s))},
+                retry_after_s=ceil(wait_s),
             )
-            await problem.response()(scope, receive, send)
+            await response_of(refusal)(scope, receive, send)

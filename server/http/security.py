@@ -13,7 +13,8 @@ from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from planner.readers.limits import megabytes
-from server.http.problems import Problem
+from server.errors import Forbidden, Malformed
+from server.http.problems import response_of
 
 PAGE_POLICY: Final = "; ".join(
     (
@@ -108,13 +109,12 @@ class AllowedHosts:
             await receive()
             await send({"type": "websocket.close", "code": 1008, "reason": "unknown host"})
             return
-        problem = Problem(
-            400,
+        refusal = Malformed(
             "unknown-host",
             f"got the host {host[:100]!r}, which is none of the names of this service; an operator "
             "adds names with FOLDBACK_ALLOWED_HOSTS.",
         )
-        await problem.response()(scope, receive, send)
+        await response_of(refusal)(scope, receive, send)
 
 
 class PrintingAddresses:
@@ -129,10 +129,8 @@ class PrintingAddresses:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handles one request."""
         if scope["type"] == "http" and UNPRINTED.search(scope["path"] + _query(scope)):
-            problem = Problem(
-                400, "bad-address", "got an address with characters that do not print."
-            )
-            await problem.response()(scope, receive, send)
+            refusal = Malformed("bad-address", "got an address with characters that do not print.")
+            await response_of(refusal)(scope, receive, send)
             return
         await self._app(scope, receive, send)
 
@@ -183,10 +181,10 @@ class SameOrigin:
             and scope["method"] not in SAFE_METHODS
             and not self._allowed(Headers(scope=scope))
         ):
-            problem = Problem(
-                403, "foreign-origin", "Pages of other sites may not change anything here."
+            refusal = Forbidden(
+                "foreign-origin", "Pages of other sites may not change anything here."
             )
-            await problem.response()(scope, receive, send)
+            await response_of(refusal)(scope, receive, send)
             return
         await self._app(scope, receive, send)
 

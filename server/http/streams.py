@@ -9,7 +9,7 @@ from typing import Final
 
 from fastapi.responses import StreamingResponse
 
-from server.http.problems import Problem
+from server.errors import TooMany
 
 RETRY_AFTER_S: Final = 10
 
@@ -36,7 +36,7 @@ class Streams:
         """An answer that counts for as long as it lasts.
 
         Raises:
-            Problem: When as many are open as there may be (429).
+            TooMany: When as many are open as there may be.
         """
         self._check(address)
         return StreamingResponse(
@@ -50,7 +50,7 @@ class Streams:
         """Counts one for as long as it lasts.
 
         Raises:
-            Problem: When as many are open as there may be (429).
+            TooMany: When as many are open as there may be.
         """
         self._check(address)
         with self._count(address):
@@ -62,12 +62,11 @@ class Streams:
             (len(self), self._most, "in all"),
         ):
             if count >= most:
-                raise Problem(
-                    429,
+                raise TooMany(
                     f"too-many-{self._what.rpartition(' ')[2]}",
                     f"{count} {self._what} {whose} are open, which is the most there may be; "
                     f"close one, or try again in {RETRY_AFTER_S} s.",
-                    headers={"Retry-After": str(RETRY_AFTER_S)},
+                    retry_after_s=RETRY_AFTER_S,
                 )
 
     async def _counted(self, events: AsyncIterator[bytes], address: str) -> AsyncIterator[bytes]:

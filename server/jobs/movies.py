@@ -19,7 +19,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from server.http.problems import Problem
+from server.errors import Conflict, NoRoom, NoSuch, NotFound, TooMany, Unavailable
 from server.jobs.queue import Jobs
 from server.settings import Settings
 from server.store.folds import Store, hash_of, new_id, new_token
@@ -38,8 +38,13 @@ LOST: Final = {
 log = logging.getLogger("foldback.web")
 
 
-class NoSuchMovieError(LookupError):
+class NoSuchMovieError(NoSuch):
     """There is no movie with this id."""
+
+    def __init__(self, movie_id: str) -> None:
+        super().__init__(
+            "no-such-movie", "There is no such movie, or not any more; ask for it anew."
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,19 +99,18 @@ class Movies:
 
         Raises:
             NoSuchFoldError: When there is no such fold.
-            Problem: When the fold has no timeline (404) or is not over (409), or there is too much
-                to do already (429, 503), or no room (507).
+            ServiceError: When the fold has no timeline or is not over, or there is too much
+                to do already, or no room.
         """
         row = self._store.fold(fold_id)
         if not row.over:
-            raise Problem(
-                409,
+            raise Conflict(
                 "not-ready",
                 f"the fold is {row.status}; a movie can be made once it is over.",
-                headers={"Retry-After": str(RETRY_AFTER_S)},
+                retry_after_s=RETRY_AFTER_S,
             )
         if not (self._store.directory(fold_id) / "timeline.zarr" / "zarr.json").is_file():
-            raise Problem(404, "no-such-artifact", "This fold ended without a timeline to film.")
+            raise NotFound("no-such-artifact", "This fold ended without a timeline to film.")
         try:
             state = self.state(fold_id, movie.key)
             if state.status != "failed":
@@ -226,24 +230,21 @@ class Movies:
             sa.select(MovieRow.visitor).where(MovieRow.status.in_(MAKING))
         ).all()
         own, others = making.count(visitor) - 1, len(making) - 1
-        again = {"Retry-After": str(RETRY_AFTER_S)}
         if own >= settings.movies_waiting_of_visitor:
-            raise Problem(
-                429,
+            raise TooMany(
                 "too-many-movies",
                 f"{own} movies of yours are being made, which is the most there may be; wait for "
                 "one, or delete it.",
-                headers=again,
+                retry_after_s=RETRY_AFTER_S,
             )
         if others >= settings.movies_waiting:
-            raise Problem(
-                503,
+            raise Unavailable(
                 "busy",
                 f"{others} movies are being made for others; try again in {RETRY_AFTER_S} s.",
-                headers=again,
+                retry_after_s=RETRY_AFTER_S,
             )
         if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
-            raise Problem(507, "no-room", "The disk of the service is nearly full; try later.")
+            raise NoRoom("no-room", "The disk of the service is nearly full; try later.")
 
     def _settle(self, making: Iterable[MovieRow]) -> None:
         """Sees to movies that nobody works on, whatever their rows say."""

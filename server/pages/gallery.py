@@ -9,6 +9,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from server.api.context import context_of
 from server.api.folds import post_fold
+from server.errors import ServiceError
 from server.files.previews import ShapeWishes
 from server.http.problems import Problem
 from server.pages.cards import CHAINS, STATUSES, Sieve, Standing, cards, kinds, standings
@@ -43,7 +44,8 @@ def fold_shape(request: Request, name: str) -> Response:
     """Folds an example shape and leads to its fold, for browsers that run no script."""
     try:
         accepted = post_fold(request, context_of(request), None, ShapeWishes(), shape=name)
-    except Problem as problem:
+    except ServiceError as error:
+        problem = Problem.of(error)
         detail = sentence(problem.detail)
         return not_found_page("This cannot be folded", detail, status_code=problem.status)
     return RedirectResponse(accepted.links.page, status_code=303)

@@ -16,8 +16,8 @@ from fastapi.responses import FileResponse, HTMLResponse, Response
 
 from planner.errors import TimelineError
 from server.api.finding import find_fold, viewing_of
+from server.errors import Conflict
 from server.http.client_address import address_of
-from server.http.problems import Problem
 from server.pages.facts import fold_facts
 from server.pages.landing import POLICY, not_found_page, page, rendered, script_json
 from server.store.folds import NoSuchFoldError
@@ -118,7 +118,7 @@ def _of_film(found: Found, make: Callable[[Film], bytes]) -> Callable[[], bytes]
         try:
             return make(Film(found.directory / TIMELINE))
         except TimelineError as error:
-            raise Problem(409, "not-ready", str(error), headers={"Retry-After": "1"}) from error
+            raise Conflict("not-ready", str(error), retry_after_s=1) from error
 
     return made
 
@@ -148,11 +148,10 @@ async def _finished(request: Request, fold_id: str) -> Found:
     films = viewing_of(request).films
     film = await asyncio.to_thread(films.get, found.directory / TIMELINE)
     if found.row.status in RUNNING or film is None or not len(film):
-        raise Problem(
-            409,
+        raise Conflict(
             "not-ready",
             f"There is nothing to take away yet: the fold is {found.row.status}.",
-            headers={"Retry-After": "2"},
+            retry_after_s=2,
         )
     return found
 

@@ -445,7 +445,7 @@ class Reader:
 
         Raises:
             InputError: When it can't be used.
-            Problem: When too many of the visitor's wait (429), or of all (503).
+            ServiceError: When too many of the visitor's wait, or of all.
         """
         try:
             return self.call("check", directory, visitor=visitor)
@@ -467,7 +467,7 @@ class Reader:
         Raises:
             InputError: When the input can't be used.
             ChildError: When the child crashed or went beyond a limit.
-            Problem: When too many of the visitor's wait (429), or of all (503).
+            ServiceError: When too many of the visitor's wait, or of all.
         """
         with self._gate.passed(visitor, unwanted=cancelled):
             return self._pool.call(task, directory, cancelled=cancelled)

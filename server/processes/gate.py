@@ -13,7 +13,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from typing import Final
 
-from server.http.problems import Problem
+from server.errors import ServiceError, TooMany, Unavailable
 
 PATIENCE_S: Final = 10.0
 RETRY_AFTER_S: Final = 5
@@ -70,17 +70,17 @@ class Gate:
             unwanted: Asked often while it waits; once True, nobody wants it any more.
 
         Raises:
-            Problem: When too many of the visitor wait (429), or of all, or for too long, or when
-                it is not wanted any more (503).
+            ServiceError: When too many of the visitor wait, or of all, or for too long, or when
+                it is not wanted any more.
         """
         turn = self._enter(visitor)
         deadline = time.monotonic() + self._patience_s
         try:
             while not turn.wait(min(LOOK_EVERY_S, self._patience_s)):
                 if unwanted is not None and unwanted():
-                    raise Problem(503, "gone", "Nobody waited for this any more.")
+                    raise Unavailable("gone", "Nobody waited for this any more.")
                 if time.monotonic() >= deadline:
-                    raise _busy(503, f"Others are having {self._what} made")
+                    raise _busy(Unavailable, f"Others are having {self._what} made")
             yield
         finally:
             self._leave(visitor, turn)
@@ -91,9 +91,9 @@ class Gate:
             own = self._inside[visitor] + len(self._line.get(visitor, ()))
             total = self._inside.total() + sum(map(len, self._line.values()))
             if own >= self._most_of_visitor:
-                raise _busy(429, f"{own} {self._what} of yours are being made")
+                raise _busy(TooMany, f"{own} {self._what} of yours are being made")
             if total >= self._most:
-                raise _busy(503, f"{total} {self._what} of others are being made")
+                raise _busy(Unavailable, f"{total} {self._what} of others are being made")
             self._line.setdefault(visitor, deque()).append(turn)
             self._admit()
         return turn
@@ -128,10 +128,9 @@ class Gate:
                 del self._line[visitor]
 
 
-def _busy(status: int, why: str) -> Problem:
-    return Problem(
-        status,
+def _busy(kind: type[ServiceError], why: str) -> ServiceError:
+    return kind(
         "busy",
         f"{why}; try again in {RETRY_AFTER_S} s.",
-        headers={"Retry-After": str(RETRY_AFTER_S)},
+        retry_after_s=RETRY_AFTER_S,
     )

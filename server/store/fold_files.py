@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Final
 
 from planner.files import write_whole
+from server.errors import NoSuch
 from server.settings import Settings
 from server.store.object_store import INDEX, Storage, open_storage
 from server.store.tables import FoldRow
@@ -38,8 +39,11 @@ DERIVED: Final = (EXPORTS_DIR, MOVIES)
 """Folders that count apart from the fold's own files."""
 
 
-class NoSuchFoldError(LookupError):
+class NoSuchFoldError(NoSuch):
     """There is no fold with this id."""
+
+    def __init__(self, fold_id: str) -> None:
+        super().__init__("no-such-fold", "There is no fold at this address; it may be deleted.")
 
 
 class Folders:

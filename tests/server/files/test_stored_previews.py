@@ -16,7 +16,7 @@ from server.files.stored_previews import (
     superfluous,
     visitor_noted,
 )
-from server.http.uploads import Uploads
+from server.files.uploads import Uploads
 from server.settings import Settings
 from server.store.object_store import open_storage
 from tests.server.bucket import Bucket

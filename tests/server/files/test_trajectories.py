@@ -21,6 +21,7 @@ from planner.pipeline.stages import run_stages
 from planner.plan.plan import Plan
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.trajectory import FRAMES, REST
+from server.errors import TooLarge, TooMany, Unavailable
 from server.files.trajectories import (
     MOTORS,
     PLAN,
@@ -29,7 +30,6 @@ from server.files.trajectories import (
     Trajectories,
     Wanted,
 )
-from server.http.problems import Problem
 from server.processes.children import Pool
 from server.processes.retime_task import motors, retime
 from server.processes.scratch import Scratch
@@ -155,12 +155,15 @@ def test_of_what_the_child_has_written_no_more_is_read_than_there_may_be(
 
     monkeypatch.setattr(here, "call", taken_over)
     wanted = Wanted.of(plan, 1.0, 2.0)
-    for name, most, status in ((FRAMES, 2**24, 413), (REST, 2**24, 413), (REST, 0, 503)):
+    for name, most, kind in (
+        (FRAMES, 2**24, TooLarge),
+        (REST, 2**24, TooLarge),
+        (REST, 0, Unavailable),
+    ):
         spoiled = Path(name)
         trajectories = make(used_bytes=most) if most else make()
-        with pytest.raises(Problem) as refused:
+        with pytest.raises(kind):
             asyncio.run(trajectories.of(wanted, "a"))
-        assert refused.value.status == status
     spoiled = Path(MOTORS)
     robot = MotorsWanted(
         module_mass_kg=0.1,
@@ -170,9 +173,8 @@ def test_of_what_the_child_has_written_no_more_is_read_than_there_may_be(
         motor_torque_nm=None,
         form="csv",
     )
-    with pytest.raises(Problem) as refused:
+    with pytest.raises(TooLarge):
         asyncio.run(make().motors(wanted, robot, "a"))
-    assert refused.value.status == 413
 
 
 def test_visitors_take_turns(make: Make, here: Here, plan: Path) -> None:
@@ -200,9 +202,9 @@ def test_visitors_take_turns(make: Make, here: Here, plan: Path) -> None:
 def test_one_address_cannot_have_all_that_are_sent(make: Make) -> None:
     trajectories = make()
     ends = [trajectories.stream("a") for _ in range(STREAMS_OF_ADDRESS)]
-    with pytest.raises(Problem) as refused:
+    with pytest.raises(TooMany) as refused:
         trajectories.stream("a")
-    assert (refused.value.status, refused.value.code) == (429, "too-many-motions")
+    assert refused.value.code == "too-many-motions"
     trajectories.stream("b")()
     ends[0]()
     trajectories.stream("a")()
@@ -225,9 +227,8 @@ def test_all_who_want_the_same_wait_for_one_and_hold_no_thread(
         others = [asyncio.create_task(trajectories.of(w, "v0")) for w in wanted[1:4]]
         await asyncio.sleep(0)
         assert await asyncio.wait_for(asyncio.to_thread(lambda: "free"), 10.0) == "free"
-        with pytest.raises(Problem) as refused:
+        with pytest.raises(TooMany):
             await trajectories.of(wanted[4], "v0")
-        assert refused.value.status == 429
         here.go_on.set()
         assert len({id(found) for found in await asyncio.gather(*same)}) == 1
         await asyncio.gather(*others)
@@ -263,10 +264,10 @@ def test_what_is_in_use_is_bounded_too(make: Make, plan: Path) -> None:
         one = (await make().of(Wanted.of(plan, 1.0, 2.0), "a")).trajectory
         trajectories = make(used_bytes=int(1.5 * one.nbytes), kept_bytes=0)
         held = [await trajectories.of(Wanted.of(plan, 1.0, 2.0), "a")]
-        with pytest.raises(Problem) as refused:
+        with pytest.raises(Unavailable) as refused:
             for k in range(10):
                 held.append(await trajectories.of(Wanted.of(plan, 2.0 + k, 2.0), "a"))
-        assert (refused.value.status, refused.value.code) == (503, "busy")
+        assert refused.value.code == "busy"
         held.clear()
         del refused  # its traceback holds the one that was refused
         await trajectories.of(Wanted.of(plan, 30.0, 2.0), "a")

@@ -21,7 +21,7 @@ import pytest
 import sqlalchemy as sa
 
 from server.files import cancelled
-from server.http.uploads import Uploads
+from server.files.uploads import Uploads
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.tables import FoldRow

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from sqlalchemy import exc
 
+from server.errors import NoRoom, ServiceError, Unavailable
 from server.http.problems import of_trouble
 from server.processes.children import Child
 from server.processes.limits import ChildLimits, environment_of_child
@@ -138,26 +139,28 @@ def test_a_disk_that_takes_nothing_refuses_uploads_and_nothing_else(
 
 
 @pytest.mark.parametrize(
-    ("error", "status"),
+    ("error", "kind"),
     [
-        (exc.OperationalError("x", {}, Exception("connection refused")), 503),
-        (exc.OperationalError("x", {}, Exception("database or disk is full")), 507),
-        (exc.DatabaseError("x", {}, Exception("file is not a database")), 503),
-        (exc.InterfaceError("x", {}, Exception("closed")), 503),
-        (exc.TimeoutError("QueuePool limit reached"), 503),
-        (OSError(28, "No space left on device"), 507),
-        (OSError(30, "Read-only file system"), 507),
-        (OSError(122, "Disk quota exceeded"), 507),
+        (exc.OperationalError("x", {}, Exception("connection refused")), Unavailable),
+        (exc.OperationalError("x", {}, Exception("database or disk is full")), NoRoom),
+        (exc.DatabaseError("x", {}, Exception("file is not a database")), Unavailable),
+        (exc.InterfaceError("x", {}, Exception("closed")), Unavailable),
+        (exc.TimeoutError("QueuePool limit reached"), Unavailable),
+        (OSError(28, "No space left on device"), NoRoom),
+        (OSError(30, "Read-only file system"), NoRoom),
+        (OSError(122, "Disk quota exceeded"), NoRoom),
         (exc.DataError("x", {}, Exception("a fault of ours")), None),
         (exc.IntegrityError("x", {}, Exception("a fault of ours")), None),
         (OSError(2, "No such file or directory"), None),
         (ValueError("x"), None),
     ],
 )
-def test_what_is_trouble_and_what_is_a_fault(error: Exception, status: int | None) -> None:
-    problem = of_trouble(error)
-    assert (problem and problem.status) == status
-    assert problem is None or int(problem.headers["Retry-After"]) > 0
+def test_what_is_trouble_and_what_is_a_fault(
+    error: Exception, kind: type[ServiceError] | None
+) -> None:
+    trouble = of_trouble(error)
+    assert (trouble and type(trouble)) == kind
+    assert trouble is None or (trouble.retry_after_s or 0) > 0
 
 
 def test_who_reads_strangers_files_knows_no_secrets() -> None:

@@ -1,0 +1,95 @@
+"""Errors of the service: why it does not do what it was asked for.
+
+They know no protocol: ``server.http.problems`` says what each is over HTTP.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Self
+
+from planner.errors import InputError
+
+FULL_RETRY_S: Final = 60
+
+
+class ServiceError(Exception):
+    """What was asked for is not done. Its subclasses say what kind of reason that has.
+
+    Attributes:
+        code: Short stable word for programs.
+        detail: What was found, what was expected, what to do.
+        where: Where in the input, or None.
+        retry_after_s: When to try again, where that may help.
+    """
+
+    def __init__(
+        self, code: str, detail: str, *, where: str | None = None, retry_after_s: int | None = None
+    ) -> None:
+        super().__init__(detail)
+        self.code = code
+        self.detail = detail
+        self.where = where
+        self.retry_after_s = retry_after_s
+
+
+class Malformed(ServiceError):
+    """It makes no sense, whatever it is about."""
+
+
+class Unusable(ServiceError):
+    """It is understood, but nothing can be made of it."""
+
+    @classmethod
+    def of(cls, error: InputError) -> Self:
+        """Why the planner cannot use an input."""
+        return cls(error.code, error.detail, where=error.where)
+
+
+class TooLarge(ServiceError):
+    """It is, or would become, larger than it may be here."""
+
+
+class Unidentified(ServiceError):
+    """It is for an owner, and whoever asks has not said that he is one."""
+
+
+class Forbidden(ServiceError):
+    """It is not for whoever asks."""
+
+
+class NotFound(ServiceError):
+    """What it is about is not there."""
+
+
+class NoSuch(NotFound, LookupError):
+    """Nothing has the id that was asked for, or not any more."""
+
+
+class Conflict(ServiceError):
+    """It does not go with the state that a fold is in."""
+
+
+class WebsocketNeeded(ServiceError):
+    """It is told over a websocket alone."""
+
+
+class TooMany(ServiceError):
+    """Whoever asks has asked for too much already."""
+
+
+class Unavailable(ServiceError):
+    """It cannot be done just now: others have it done, or a part of the service is away."""
+
+
+class TooSlow(ServiceError):
+    """It took longer than it may."""
+
+
+class NoRoom(ServiceError):
+    """The disk takes nothing any more."""
+
+
+def nearly_full() -> NoRoom:
+    """For a disk that has less left than it is to keep."""
+    words = "The disk of the service is nearly full; try again later."
+    return NoRoom("no-room", words, retry_after_s=FULL_RETRY_S)
