@@ -241,7 +241,7 @@ type FigureName = "clearance" | "nearest" | "torque" | "position_error";
 interface FigurePart extends Message<{ widths: Record<FigureName, number> }, Record<FigureName, Floats>> {}
 type FigureRow = Record<FigureName, Floats>;
 
-// Facts: server/routes/facts.py.
+// Facts: server/pages/facts.py.
 
 type Form = Record<string, string | number | boolean | Blob | null>;
 interface FileTold { label: string; hint: string; href: string }
