@@ -24,11 +24,18 @@ from planner.progress import Progress as StageProgress
 from server.cli.inputs import make_directory, read_input, refuse
 from server.cli.options import (
     AsJson,
+    AsVoxels,
+    Ends,
+    Method,
+    Module,
+    Modules,
     ModuleSize,
     PlanDirectory,
     Preset,
+    Repair,
     Seed,
     Settings,
+    Start,
     Workers,
 )
 from server.pages import certificate_words
@@ -59,21 +66,13 @@ def fold(
     strategy: Annotated[
         str, typer.Option(help="How it is let go: auto, simultaneous, blocks, peel, or one-by-one.")
     ] = "auto",
-    module: Annotated[str, typer.Option(help="cube or tetrahedron.")] = "cube",
-    modules: Annotated[
-        str | None, typer.Option(metavar="INTEGER", help="About how many, for a mesh.")
-    ] = None,
-    method: Annotated[str, typer.Option(help="Path by: auto, blocks, exact or snake.")] = "auto",
-    repair: Annotated[
-        bool, typer.Option("--repair", help="Add or drop cells where there is no path otherwise.")
-    ] = False,
-    ends: Annotated[str, typer.Option(help="any, or surface for both ends outside.")] = "any",
-    start: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="The cell that the chain begins in.")
-    ] = None,
-    as_voxels: Annotated[
-        bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")
-    ] = False,
+    module: Module = "cube",
+    modules: Modules = None,
+    method: Method = "auto",
+    repair: Repair = False,
+    ends: Ends = "any",
+    start: Start = None,
+    as_voxels: AsVoxels = False,
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:

@@ -33,3 +33,18 @@ Workers = Annotated[
     int | None,
     typer.Option(min=1, help="Explosions at once, when one sticks; as many as there are cores."),
 ]
+Module = Annotated[str, typer.Option(help="cube or tetrahedron.")]
+Modules = Annotated[
+    str | None, typer.Option(metavar="INTEGER", help="About how many modules, for a mesh.")
+]
+Method = Annotated[str, typer.Option(help="Path by: auto, blocks, exact or snake.")]
+Repair = Annotated[
+    bool, typer.Option("--repair", help="Add or drop cells where there is no path otherwise.")
+]
+Ends = Annotated[str, typer.Option(help="any, or surface for both ends outside.")]
+Start = Annotated[
+    str | None, typer.Option(metavar="X,Y,Z", help="The cell that the chain begins in.")
+]
+AsVoxels = Annotated[
+    bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")
+]

@@ -17,7 +17,7 @@ from planner.pathfinding.prepare import Preparation, prepare_in_any_order
 from planner.pipeline.request import SHORT_SEED, Request
 from planner.plan.formats import write_chain, write_path
 from server.cli.inputs import read_input, refuse
-from server.cli.options import AsJson, Seed
+from server.cli.options import AsJson, AsVoxels, Ends, Method, Module, Modules, Repair, Seed, Start
 
 
 def shape(
@@ -25,21 +25,13 @@ def shape(
         str, typer.Argument(metavar="INPUT", help="A mesh, a voxel model, cells, or an example.")
     ],
     out: Annotated[Path, typer.Option(help="Where to write the path, or the chain.")],
-    module: Annotated[str, typer.Option(help="cube or tetrahedron.")] = "cube",
-    modules: Annotated[
-        str | None, typer.Option(metavar="INTEGER", help="About how many modules.")
-    ] = None,
-    method: Annotated[str, typer.Option(help="auto, blocks, exact or snake.")] = "auto",
-    repair: Annotated[
-        bool, typer.Option("--repair", help="Add or drop cells where there is no path otherwise.")
-    ] = False,
-    ends: Annotated[str, typer.Option(help="any, or surface for both ends outside.")] = "any",
-    start: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="The cell that the chain begins in.")
-    ] = None,
-    as_voxels: Annotated[
-        bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")
-    ] = False,
+    module: Module = "cube",
+    modules: Modules = None,
+    method: Method = "auto",
+    repair: Repair = False,
+    ends: Ends = "any",
+    start: Start = None,
+    as_voxels: AsVoxels = False,
     seed: Seed = "0",
     as_json: AsJson = False,
 ) -> None:
