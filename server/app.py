@@ -34,10 +34,10 @@ from server.http.security import (
     SecurityHeaders,
     hosts_of,
 )
-from server.http.streams import Streams
 from server.http.uploads import UploadsAtOnce
 from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
+from server.limits.quota import Quota
 from server.ops.metrics import Metrics
 from server.ops.readiness import Readiness
 from server.pages import gallery, landing, paper, pictures, preview, share
@@ -182,8 +182,14 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         store=store,
         jobs=jobs,
         films=Films(),
-        streams=Streams(settings.max_streams, settings.max_streams_of_visitor),
-        robots=Streams(settings.max_robots, settings.max_robots_of_visitor, "robots"),
+        streams=Quota(
+            "event streams",
+            total=settings.max_streams,
+            per_visitor=settings.max_streams_of_visitor,
+        ),
+        robots=Quota(
+            "robots", total=settings.max_robots, per_visitor=settings.max_robots_of_visitor
+        ),
         trajectories=Trajectories(
             Pool(
                 "retimer",

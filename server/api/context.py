@@ -17,9 +17,9 @@ from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
 from server.files.workshop import Workshop
 from server.http.client_address import address_of
-from server.http.streams import Streams
 from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
+from server.limits.quota import Quota
 from server.ops.metrics import Metrics
 from server.processes.children import Reader
 from server.processes.fork_server import ForkServer
@@ -51,8 +51,8 @@ class Context:
     movies: Movies
     gallery: Gallery
     watch: Watch
-    streams: Streams
-    robots: Streams
+    streams: Quota
+    robots: Quota
     trajectories: Trajectories
     answers: Gate
     uploads: Uploads

@@ -28,6 +28,7 @@ from server.files.cancelled import sweep_cancelled
 from server.files.previews import ShapeWishes
 from server.http.client_address import address_of
 from server.http.response_cache import mark
+from server.http.streams import Stream
 from server.http.uploads import FormRoute
 from server.store.folds import new_token
 
@@ -263,7 +264,12 @@ def get_fold(request: Request, fold_id: str, context: Here) -> Fold:
 async def get_events(request: Request, fold_id: str, context: Here) -> StreamingResponse:
     """Server-sent events until the fold is over."""
     await context.watch.state(fold_id)
-    return context.streams.answer(context.watch.events(fold_id), address_of(request))
+    return Stream(
+        context.watch.events(fold_id),
+        context.streams.enter(address_of(request)),
+        media_type="text/event-stream",
+        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
+    )
 
 
 @router.get(

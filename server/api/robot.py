@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections import deque
-from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
 
 import msgspec
@@ -49,11 +48,11 @@ from server.errors import (
 )
 from server.files.trajectories import MotorsWanted, Retimed, Wanted
 from server.http.client_address import address_of
+from server.http.streams import Stream
 from server.store.folds import FoldRow, NoSuchFoldError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from starlette.types import Receive, Scope, Send
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
 schemas = APIRouter(prefix="/api", tags=["robots"])
@@ -129,11 +128,12 @@ async def get_trajectory(
         )
     except InputError as error:
         raise Unusable.of(error) from error
-    return _Stream(
+    return Stream(
         parts,
+        context.trajectories.stream(address_of(request)),
         media_type=MEDIA_TYPES[form],
         headers={"Content-Disposition": f'attachment; filename="trajectory.{form}"'},
-        ends=context.trajectories.stream(address_of(request)),
+        longest_s=LONGEST_ANSWER_S,
     )
 
 
@@ -217,7 +217,7 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
     try:
         ask = msgspec.convert(dict(websocket.query_params), Ask, strict=False)
         visitor = address_of(websocket)
-        with context.robots.opened(visitor):
+        with context.robots.enter(visitor):
             found = await _playable(context, fold_id, ask, visitor)
             await _Hand(websocket, found, ask, fold_id).play()
             await _close(websocket, DONE)
@@ -226,30 +226,6 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
     except ServiceError as refused:
         code = TRY_LATER if isinstance(refused, TooMany | Unavailable) else REFUSED
         await _refuse(websocket, code, refused.code, refused.detail)
-
-
-class _Stream(StreamingResponse):
-    """An answer that is computed as it is sent, within the time that it may take."""
-
-    def __init__(
-        self,
-        parts: Iterator[bytes],
-        *,
-        media_type: str,
-        headers: dict[str, str],
-        ends: Callable[[], None],
-    ) -> None:
-        super().__init__(parts, media_type=media_type, headers=headers)
-        self._ends = ends
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        try:
-            # Who takes it too slowly is hung up on; not to send the end does that.
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(LONGEST_ANSWER_S):
-                    await super().__call__(scope, receive, send)
-        finally:
-            self._ends()
 
 
 def _wanted(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from server.files.previews import KEY, NoSuchPreviewError, Previews, read_report
-from server.files.single_flight import SingleFlight
+from server.limits.single_flight import SingleFlight
 from web.timeline.cache import Kept
 from web.viser.preview_scene import preview_scene_of
 

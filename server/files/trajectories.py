@@ -9,8 +9,6 @@ from __future__ import annotations
 import json
 import shutil
 import weakref
-from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -18,8 +16,8 @@ from zipfile import BadZipFile, ZipFile
 
 from planner.readers.limits import megabytes
 from server.errors import NoRoom, NotFound, ServiceError, TooLarge, Unavailable
-from server.files.single_flight import SingleFlight
-from server.http.streams import Streams
+from server.limits.quota import Place, Quota
+from server.limits.single_flight import SingleFlight
 from server.processes.children import ChildError, Pool
 from server.processes.scratch import MOTORS, PLAN, Scratch
 from web.timeline.cache import Kept
@@ -150,7 +148,7 @@ class Trajectories:
         self._flight = SingleFlight(
             "motions", at_once=1, most=most, most_of_visitor=most_of_visitor
         )
-        self._streams = Streams(STREAMS, STREAMS_OF_ADDRESS, "motions")
+        self._streams = Quota("motions", total=STREAMS, per_visitor=STREAMS_OF_ADDRESS)
         self._kept: Kept[Retimed] = Kept(kept_bytes)
         self._used: weakref.WeakValueDictionary[Wanted, Retimed] = weakref.WeakValueDictionary()
         self._kept_bytes = kept_bytes
@@ -210,15 +208,13 @@ class Trajectories:
 
         return await self._flight.made((wanted, motors), made, visitor=visitor)
 
-    def stream(self, address: str) -> Callable[[], None]:
-        """Begins to send a trajectory; what comes back is to be called once at the end.
+    def stream(self, address: str) -> Place:
+        """A place to send a trajectory.
 
         Raises:
             TooMany: When as many are being sent as there may be.
         """
-        sent = ExitStack()
-        sent.enter_context(self._streams.opened(address))
-        return sent.close
+        return self._streams.enter(address)
 
     def _shared(self, wanted: Wanted, made: Retimed) -> Retimed:
         """With the corners of another trajectory of the same plan: they depend on no bounds."""

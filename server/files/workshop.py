@@ -10,7 +10,7 @@ from typing import Final, Protocol, TypeVar
 
 from planner.files import write_whole
 from server.errors import NoRoom
-from server.files.single_flight import SingleFlight
+from server.limits.single_flight import SingleFlight
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections import Counter
 from ipaddress import ip_address, ip_network
 from typing import TYPE_CHECKING, Any, Final, cast
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from server.errors import TooMany
 from server.http.client_address import visitor_at
+from server.limits.quota import Place, Quota
 
 if TYPE_CHECKING:
     from server.settings import Settings
@@ -25,22 +26,16 @@ class Connections:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self._proxies = tuple(ip_network(name, strict=False) for name in settings.trusted_proxies)
-        self._open: Counter[str] = Counter()
+        self._open = Quota(
+            "connections", total=None, per_visitor=settings.max_connections_of_visitor
+        )
 
-    def opened(self, host: str) -> str | None:
-        """Counts one more; the name to close it under, or None when there may be no more."""
-        visitor = visitor_at(host)
-        most = self.settings.max_connections_of_visitor
-        if self._open[visitor] >= most and not self._proxy(host):
+    def opened(self, host: str) -> Place | None:
+        """Counts one more; its place, or None when there may be no more."""
+        try:
+            return self._open.enter(None if self._proxy(host) else visitor_at(host))
+        except TooMany:
             return None
-        self._open[visitor] += 1
-        return visitor
-
-    def closed(self, visitor: str) -> None:
-        """Counts one less."""
-        self._open[visitor] -= 1
-        if not self._open[visitor]:
-            del self._open[visitor]
 
     def _proxy(self, host: str) -> bool:
         """Whether many visitors may come from an address."""
@@ -70,9 +65,9 @@ class _BoundedProtocol(H11Protocol):
         """Looks after a new connection from here on."""
         super().connection_made(transport)
         host = self.client[0] if self.client else ""
-        self._visitor = self.bounds.opened(host)
+        self._place = self.bounds.opened(host)
         self._looking: asyncio.TimerHandle | None = None
-        if self._visitor is None:
+        if self._place is None:
             transport.abort()
             return
         self._since = self.loop.time()
@@ -95,9 +90,9 @@ class _BoundedProtocol(H11Protocol):
         if self._looking is not None:
             self._looking.cancel()
             self._looking = None
-        if self._visitor is not None:
-            self.bounds.closed(self._visitor)
-            self._visitor = None
+        if self._place is not None:
+            self._place.leave()
+            self._place = None
 
     def _look(self) -> None:
         settings, now = self.bounds.settings, self.loop.time()

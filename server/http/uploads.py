@@ -16,7 +16,7 @@ from server.errors import ServiceError, nearly_full
 from server.http.client_address import address_of
 from server.http.problems import response_of
 from server.http.security import SAFE_METHODS, forget
-from server.http.streams import Streams
+from server.limits.quota import Quota
 from server.settings import Settings
 
 if TYPE_CHECKING:
@@ -39,7 +39,9 @@ class UploadsAtOnce:
     def __init__(self, app: ASGIApp, *, settings: Settings) -> None:
         self._app = app
         self._settings = settings
-        self._open = Streams(settings.max_uploads, settings.max_uploads_of_visitor, "uploads")
+        self._open = Quota(
+            "uploads", total=settings.max_uploads, per_visitor=settings.max_uploads_of_visitor
+        )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handles one request."""
@@ -47,7 +49,7 @@ class UploadsAtOnce:
             await self._app(scope, receive, send)
             return
         try:
-            with self._open.opened(address_of(HTTPConnection(scope))):
+            with self._open.enter(address_of(HTTPConnection(scope))):
                 self._check_room(scope)
                 await self._app(scope, receive, send)
         except ServiceError as refusal:

@@ -24,6 +24,17 @@ def statements(path: Path) -> list[ast.Import | ast.ImportFrom]:
     return [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)]
 
 
+def test_what_works_knows_nothing_of_http() -> None:
+    rooms = ("limits", "store", "files", "processes", "jobs")
+    files = [path for room in rooms for path in (ROOT / "server" / room).rglob("*.py")]
+    assert files
+    outside = ("server.http", "server.api", "server.pages", "fastapi", "starlette")
+    for path in (*files, ROOT / "server" / "errors.py"):
+        for node in statements(path):
+            if isinstance(node, ast.ImportFrom):
+                assert not (node.module or "").startswith(outside), path
+
+
 def imports(path: Path) -> set[str]:
     """The top-level packages that a file imports."""
     found: set[str] = set()

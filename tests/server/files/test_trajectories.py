@@ -201,13 +201,13 @@ def test_visitors_take_turns(make: Make, here: Here, plan: Path) -> None:
 
 def test_one_address_cannot_have_all_that_are_sent(make: Make) -> None:
     trajectories = make()
-    ends = [trajectories.stream("a") for _ in range(STREAMS_OF_ADDRESS)]
+    places = [trajectories.stream("a") for _ in range(STREAMS_OF_ADDRESS)]
     with pytest.raises(TooMany) as refused:
         trajectories.stream("a")
     assert refused.value.code == "too-many-motions"
-    trajectories.stream("b")()
-    ends[0]()
-    trajectories.stream("a")()
+    trajectories.stream("b").leave()
+    places[0].leave()
+    trajectories.stream("a").leave()
 
 
 @pytest.mark.processes

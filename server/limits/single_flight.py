@@ -1,0 +1,96 @@
+"""Single flight: what takes seconds is made once for all who ask for it meanwhile.
+
+It has threads of its own, so that those of the event loop stay free for what is quick, and whoever
+waits holds none. Visitors take turns.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Hashable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, Final, TypeVar
+
+from server.errors import ServiceError, TooMany, Unavailable
+from server.limits.quota import Place, Quota
+
+RETRY_AFTER_S: Final = 3
+Thing = TypeVar("Thing")
+
+
+class SingleFlight:
+    """See the module's description. Belongs to one event loop.
+
+    Args:
+        what: What is made, in the plural.
+        at_once: How many things are made at once.
+        most: How many may be made or wait for it.
+        most_of_visitor: Of them, of one visitor.
+    """
+
+    def __init__(self, what: str, *, at_once: int, most: int, most_of_visitor: int) -> None:
+        def busy(count: int, own: bool) -> ServiceError:
+            return (TooMany if own else Unavailable)(
+                "busy",
+                f"{count} other {what}{' of yours' if own else ''} are being made; "
+                "try again in a moment.",
+                retry_after_s=RETRY_AFTER_S,
+            )
+
+        self._quota = Quota(
+            what, total=most, per_visitor=most_of_visitor, at_once=at_once, refuse=busy
+        )
+        self._threads = ThreadPoolExecutor(at_once, thread_name_prefix=what.replace(" ", "-"))
+        self._making: dict[Hashable, tuple[Future[Any], asyncio.Future[Any]]] = {}
+
+    def __len__(self) -> int:
+        """How many things are being made or wait for it."""
+        return len(self._making)
+
+    def close(self) -> None:
+        """Begins nothing any more."""
+        for made, _ in self._making.values():
+            made.cancel()
+        self._threads.shutdown(wait=False, cancel_futures=True)
+
+    async def made(
+        self, key: Hashable, make: Callable[[], Thing], *, visitor: str | None = None
+    ) -> Thing:
+        """What ``make`` returns; whoever asks for the same key meanwhile gets the same.
+
+        Raises:
+            ServiceError: When too many of the visitor's wait, or of all.
+        """
+        if key not in self._making:
+            self._begin(key, make, visitor)
+        # Who goes away does not take it from the others that wait for it.
+        return await asyncio.shield(self._making[key][1])
+
+    def _begin(self, key: Hashable, make: Callable[[], Thing], visitor: str | None) -> None:
+        made: Future[Thing] = Future()
+
+        def begin(place: Place) -> None:
+            if not made.cancelled():
+                self._threads.submit(work, place)
+
+        def work(place: Place) -> None:
+            if not made.set_running_or_notify_cancel():
+                return
+            try:
+                try:
+                    thing = make()
+                finally:
+                    place.leave()
+                made.set_result(thing)
+            except BaseException as error:
+                made.set_exception(error)
+
+        def done(making: asyncio.Future[Thing]) -> None:
+            del self._making[key]
+            if not making.cancelled():
+                making.exception()  # whoever waited was told; nobody may be left
+
+        self._quota.enter(visitor, begin)
+        making = asyncio.wrap_future(made)
+        self._making[key] = made, making
+        making.add_done_callback(done)
