@@ -9,6 +9,8 @@ import time
 from collections.abc import AsyncIterator
 from typing import Any, Final
 
+from cachetools import TTLCache
+
 from server.api.schemas import progress_of
 from server.store.folds import NoSuchFoldError, Store
 from server.store.leases import Leases
@@ -24,7 +26,7 @@ class Watch:
     def __init__(self, store: Store, leases: Leases) -> None:
         self._store = store
         self._leases = leases
-        self._looks: dict[str, tuple[float, asyncio.Task[dict[str, Any]]]] = {}
+        self._looks: TTLCache[str, asyncio.Task[dict[str, Any]]] = TTLCache(MOST_KEPT, LOOK_EVERY_S)
         self._ending = asyncio.Event()
 
     def end(self) -> None:
@@ -37,16 +39,11 @@ class Watch:
         Raises:
             NoSuchFoldError: When there is no such fold.
         """
-        now = time.monotonic()
-        known = self._looks.get(fold_id)
-        if known is None or now - known[0] >= LOOK_EVERY_S:
-            if len(self._looks) >= MOST_KEPT:
-                self._looks = {
-                    key: look for key, look in self._looks.items() if now - look[0] < LOOK_EVERY_S
-                }
-            task = asyncio.create_task(asyncio.to_thread(self._look, fold_id))
-            known = self._looks[fold_id] = (now, task)
-        return await asyncio.shield(known[1])
+        look = self._looks.get(fold_id)
+        if look is None:
+            look = asyncio.create_task(asyncio.to_thread(self._look, fold_id))
+            self._looks[fold_id] = look
+        return await asyncio.shield(look)
 
     async def events(self, fold_id: str) -> AsyncIterator[bytes]:
         """Server-sent events ``progress`` until the fold is over, then ``done``."""

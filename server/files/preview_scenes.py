@@ -8,7 +8,7 @@ from typing import Final
 
 from server.files.previews import KEY, NoSuchPreviewError, Previews, read_report
 from server.limits.single_flight import SingleFlight
-from web.timeline.cache import Kept
+from web.timeline.cache import Cache
 from web.viser.preview_scene import preview_scene_of
 
 AT_ONCE: Final = 2
@@ -23,7 +23,7 @@ class PreviewScenes:
 
     def __init__(self, previews: Previews) -> None:
         self._previews = previews
-        self._kept: Kept[bytes] = Kept(MOST_BYTES)
+        self._cache: Cache[bytes] = Cache(MOST_BYTES, len)
         self._flight = SingleFlight(
             "previews", at_once=AT_ONCE, most=MOST_WAITING, most_of_visitor=MOST_OF_VISITOR
         )
@@ -42,10 +42,10 @@ class PreviewScenes:
         if not KEY.fullmatch(key):
             raise NoSuchPreviewError(preview_id)
         place = await asyncio.to_thread(self._previews.place, preview_id, key)
-        if (known := self._kept.get(place)) is not None:
+        if (known := self._cache.get(place)) is not None:
             return known
         made = await self._flight.made(place, lambda: _made(place), visitor=visitor)
-        self._kept.keep(place, made, len(made))
+        self._cache.keep(place, made)
         return made
 
 

@@ -20,7 +20,7 @@ from server.limits.quota import Place, Quota
 from server.limits.single_flight import SingleFlight
 from server.processes.children import ChildError, Pool
 from server.processes.scratch import MOTORS, PLAN, Scratch
-from web.timeline.cache import Kept
+from web.timeline.cache import Cache
 
 if TYPE_CHECKING:
     from planner.robot.trajectory import Trajectory
@@ -149,9 +149,8 @@ class Trajectories:
             "motions", at_once=1, most=most, most_of_visitor=most_of_visitor
         )
         self._streams = Quota("motions", total=STREAMS, per_visitor=STREAMS_OF_ADDRESS)
-        self._kept: Kept[Retimed] = Kept(kept_bytes)
+        self._cache: Cache[Retimed] = Cache(kept_bytes, lambda kept: kept.trajectory.nbytes)
         self._used: weakref.WeakValueDictionary[Wanted, Retimed] = weakref.WeakValueDictionary()
-        self._kept_bytes = kept_bytes
         self._used_bytes = used_bytes
 
     @property
@@ -178,9 +177,9 @@ class Trajectories:
         if known is None:
             known = await self._flight.made(wanted, lambda: self._retimed(wanted), visitor=visitor)
             known = self._used.setdefault(wanted, self._shared(wanted, known))
-        self._kept.keep(wanted, known, known.trajectory.nbytes)
+        self._cache.keep(wanted, known)
         if self.nbytes > self._used_bytes:
-            self._kept = Kept(self._kept_bytes)
+            self._cache.clear()
         if self.nbytes > self._used_bytes:
             raise Unavailable(
                 "busy",

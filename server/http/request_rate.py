@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections import OrderedDict
 from collections.abc import Callable
 from math import ceil
 from typing import Final
 
+from cachetools import LRUCache
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -41,10 +41,9 @@ class Buckets:
     ) -> None:
         self._rate = rate
         self._burst = burst
-        self._most = most
         self._clock = clock
-        self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
-        """Tokens and when they were counted, by visitor; who asked last comes last."""
+        self._buckets: LRUCache[str, tuple[float, float]] = LRUCache(most)
+        """Tokens and when they were counted, by visitor."""
 
     def __len__(self) -> int:
         return len(self._buckets)
@@ -52,12 +51,10 @@ class Buckets:
     def take(self, visitor: str) -> float:
         """Takes a token of a visitor's; 0, or in how many seconds there is one if there is none."""
         now = self._clock()
-        tokens, at = self._buckets.pop(visitor, (self._burst, now))
+        tokens, at = self._buckets.get(visitor, (self._burst, now))
         tokens = min(self._burst, tokens + (now - at) * self._rate)
         wait_s = max(0.0, (1.0 - tokens) / self._rate)
         self._buckets[visitor] = (tokens if wait_s else tokens - 1.0, now)
-        if len(self._buckets) > self._most:
-            self._buckets.popitem(last=False)
         return wait_s
 
 

@@ -9,11 +9,11 @@ another process it is gone after that second.
 from __future__ import annotations
 
 import time
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+from cachetools import TTLCache
 from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
 from starlette.responses import Response
@@ -54,8 +54,10 @@ class Lately:
     def __init__(self, app: ASGIApp, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._app = app
         self._clock = clock
-        self._answers: OrderedDict[Key, _Answer] = OrderedDict()
-        self._bytes = 0
+        # One that is a little too old is still there for all others while one of them asks anew.
+        self._answers: TTLCache[Key, _Answer, float] = TTLCache(
+            MOST_BYTES, 2 * KEPT_S, clock, lambda answer: len(answer.body)
+        )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handles one request."""
@@ -97,7 +99,7 @@ class Lately:
 
         await self._app(scope, receive, send_watched)
         if found is not None and self._answers.get(key, found).body is found.body:
-            self._drop(key)
+            self._answers.pop(key, None)
 
     def _keep(self, key: Key, scope: Scope, start: Message, body: bytes) -> None:
         fold_id = scope.get("state", {}).get(MARK)
@@ -105,7 +107,6 @@ class Lately:
         whole = headers.get("content-length") == str(len(body))  # and not the last of many pieces
         if fold_id is None or start["status"] != 200 or not whole or len(body) > MOST_BYTES:
             return
-        self._drop(key)
         self._answers[key] = _Answer(
             until=self._clock() + KEPT_S,
             fold_id=fold_id,
@@ -113,17 +114,9 @@ class Lately:
             body=body,
             known={name: scope[name] for name in ("route", "path_params") if name in scope},
         )
-        self._bytes += len(body)
-        while self._bytes > MOST_BYTES or next(iter(self._answers.values())).until < self._clock():
-            self._drop(next(iter(self._answers)))
 
     def _forget(self, fold_id: str | None) -> None:
-        if fold_id is None:
-            return
-        for key in [key for key, kept in self._answers.items() if kept.fold_id == fold_id]:
-            self._drop(key)
-
-    def _drop(self, key: Key) -> None:
-        answer = self._answers.pop(key, None)
-        if answer is not None:
-            self._bytes -= len(answer.body)
+        for key in list(self._answers):
+            answer = self._answers.get(key)
+            if answer is not None and answer.fold_id == fold_id:
+                self._answers.pop(key, None)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from planner.motion.motion import Motion
 from planner.motion.timeline import TimelineWriter
 from planner.motion.windows import Windows
-from web.timeline.cache import Kept
+from web.timeline.cache import Cache
 from web.timeline.columns import encode
 from web.timeline.view import Film
 from web.timeline.window_columns import ANGLE_STEP_RAD, PLANES, window_columns
@@ -32,7 +32,7 @@ WINDOW_FRAME: Final = 80
 AT_ONCE: Final = 512
 """Windows that are read at once: how wide they are is not known before."""
 SAMPLES: Final = 64
-_REELS: Final[Kept[bytes]] = Kept(64 * 2**20)
+_REELS: Final[Cache[bytes]] = Cache(64 * 2**20, len)
 
 
 def kept_reel(film: Film, start: int = 0, stop: int | None = None, stride: int = 1) -> bytes:
@@ -47,7 +47,7 @@ def kept_reel(film: Film, start: int = 0, stop: int | None = None, stride: int =
     data = reel_of(film, start, stop, stride)
     # What was replaced in the meantime may be partly one and partly the other.
     if not film.growing and film.edition == key[0]:
-        _REELS.keep(key, data, len(data))
+        _REELS.keep(key, data)
     return data
 
 

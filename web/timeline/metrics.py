@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from planner.certificate.metrics import Curves, Figures
 from planner.motion.angle_steps import plan_angles
 from planner.motion.timeline import Timeline
-from web.timeline.cache import Kept
+from web.timeline.cache import Cache
 from web.timeline.columns import encode
 
 STRETCH_NUMBERS: Final = 2**18
@@ -27,8 +27,8 @@ SAMPLES: Final = 48
 """Frames, spread over the fold, from which the largest position error is told."""
 FIGURES: Final = "figures.zarr"
 Array = NDArray[np.float64]
-_REFERENCES: Final[Kept[Array]] = Kept(128 * 2**20)
-_MESSAGES: Final[Kept[bytes]] = Kept(32 * 2**20)
+_REFERENCES: Final[Cache[Array]] = Cache(128 * 2**20, lambda angles: angles.nbytes)
+_MESSAGES: Final[Cache[bytes]] = Cache(32 * 2**20, len)
 
 
 def kept_figures(directory: Path, part: int | None = None) -> bytes:
@@ -43,7 +43,7 @@ def kept_figures(directory: Path, part: int | None = None) -> bytes:
     key = (directory, part, *stamps)
     if (data := _MESSAGES.get(key)) is None:
         data = curves_of(directory) if part is None else stretch_of(directory, part)
-        _MESSAGES.keep(key, data, len(data))
+        _MESSAGES.keep(key, data)
     return data
 
 
@@ -114,7 +114,7 @@ def _reference(directory: Path) -> Array | None:
         if angles is None:
             angles = plan_angles(path)
             angles.flags.writeable = False
-            _REFERENCES.keep(key, angles, angles.nbytes)
+            _REFERENCES.keep(key, angles)
     except (OSError, ValueError, KeyError, BadZipFile):
         return None
     return angles if len(angles) else None

@@ -1,27 +1,29 @@
 from __future__ import annotations
 
-from web.timeline.cache import Kept
+from web.timeline.cache import Cache
 
 
 def test_what_was_not_asked_for_goes_first() -> None:
-    kept: Kept[str] = Kept(10)
-    kept.keep("a", "A", 4)
-    kept.keep("b", "B", 4)
-    assert kept.get("a") == "A"
-    kept.keep("c", "C", 4)
-    assert [kept.get(key) for key in "abc"] == ["A", None, "C"]
+    cache: Cache[str] = Cache(10, len)
+    cache.keep("a", "aaaa")
+    cache.keep("b", "bbbb")
+    assert cache.get("a") == "aaaa"
+    cache.keep("c", "cccc")
+    assert [cache.get(key) for key in "abc"] == ["aaaa", None, "cccc"]
 
 
 def test_what_is_replaced_counts_once() -> None:
-    kept: Kept[str] = Kept(10)
-    kept.keep("a", "A", 4)
+    cache: Cache[str] = Cache(10, len)
+    cache.keep("a", "aaaa")
     for size in (6, 5, 6):
-        kept.keep("b", "B", size)
-    assert [kept.get(key) for key in "ab"] == ["A", "B"]
+        cache.keep("b", size * "b")
+    assert [cache.get(key) for key in "ab"] == ["aaaa", "bbbbbb"]
 
 
 def test_what_is_too_large_is_not_kept() -> None:
-    kept: Kept[str] = Kept(10)
-    kept.keep("a", "A", 4)
-    kept.keep("b", "B", 11)
-    assert [kept.get(key) for key in "ab"] == ["A", None]
+    cache: Cache[str] = Cache(10, len)
+    cache.keep("a", "aaaa")
+    cache.keep("b", 11 * "b")
+    assert [cache.get(key) for key in "ab"] == ["aaaa", None]
+    cache.clear()
+    assert cache.get("a") is None
