@@ -43,7 +43,6 @@ from server.ops.readiness import Readiness
 from server.pages import gallery, landing, paper, pictures, preview, share
 from server.processes.children import Pool, Reader
 from server.processes.fork_server import ForkServer
-from server.processes.gate import Gate
 from server.processes.limits import READERS, ChildLimits
 from server.processes.scratch import Scratch
 from server.settings import Settings
@@ -202,11 +201,11 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
             most=settings.answers_waiting,
             most_of_visitor=settings.answers_waiting_of_visitor,
         ),
-        answers=Gate(
+        answers=Quota(
             "answers",
             at_once=2,
-            most=settings.answers_waiting,
-            most_of_visitor=settings.answers_waiting_of_visitor,
+            total=settings.answers_waiting,
+            per_visitor=settings.answers_waiting_of_visitor,
         ),
         uploads=Uploads(settings),
         fork_server=fork_server,
@@ -236,12 +235,12 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
 
 
 def _reader(pool: Pool, what: str, *, most: int, most_of_visitor: int) -> Reader:
-    gate = Gate(
+    quota = Quota(
         what,
         at_once=READERS,
-        at_once_of_visitor=1,
-        most=most,
-        most_of_visitor=most_of_visitor,
+        at_once_per_visitor=1,
+        total=most,
+        per_visitor=most_of_visitor,
         patience_s=READING_PATIENCE_S,
     )
-    return Reader(pool, gate)
+    return Reader(pool, quota)

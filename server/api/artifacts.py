@@ -75,7 +75,7 @@ def get_frames(
     if poses:
         rest += "&poses=true"
     large = numbers * ((until - start) // stride) > SMALL_ANSWER
-    with context.answers.passed(address_of(request)) if large else nullcontext():
+    with context.answers.turn(address_of(request)) if large else nullcontext():
         frames = timeline.frames(start, until, stride)
         positions = wxyzs = None
         if poses:

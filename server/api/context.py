@@ -23,7 +23,6 @@ from server.limits.quota import Quota
 from server.ops.metrics import Metrics
 from server.processes.children import Reader
 from server.processes.fork_server import ForkServer
-from server.processes.gate import Gate
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.gallery import Gallery
@@ -54,7 +53,7 @@ class Context:
     streams: Quota
     robots: Quota
     trajectories: Trajectories
-    answers: Gate
+    answers: Quota
     uploads: Uploads
     metrics: Metrics
     leases: Leases

@@ -25,23 +25,8 @@ from starlette.exceptions import HTTPException
 
 from planner.errors import InputError
 from planner.pipeline.request import Request as Asked
-from server.errors import (
-    FULL_RETRY_S,
-    Conflict,
-    Forbidden,
-    Malformed,
-    NoRoom,
-    NoSuch,
-    NotFound,
-    ServiceError,
-    TooLarge,
-    TooMany,
-    TooSlow,
-    Unavailable,
-    Unidentified,
-    Unusable,
-    WebsocketNeeded,
-)
+from server import errors
+from server.errors import FULL_RETRY_S, NoRoom, NoSuch, ServiceError, Unavailable, Unusable
 from server.http.access_log import request_id_of
 from server.store.object_store import StorageError
 
@@ -51,18 +36,18 @@ DATABASE_RETRY_S: Final = 5
 STORAGE_RETRY_S: Final = 5
 log = logging.getLogger("foldback.web")
 STATUSES: Final[Mapping[type, int]] = {
-    Malformed: 400,
-    Unidentified: 401,
-    Forbidden: 403,
-    NotFound: 404,
-    Conflict: 409,
-    TooLarge: 413,
-    Unusable: 422,
-    WebsocketNeeded: 426,
-    TooMany: 429,
-    Unavailable: 503,
-    TooSlow: 504,
-    NoRoom: 507,
+    errors.Malformed: 400,
+    errors.Unidentified: 401,
+    errors.Forbidden: 403,
+    errors.NotFound: 404,
+    errors.Conflict: 409,
+    errors.TooLarge: 413,
+    errors.Unusable: 422,
+    errors.WebsocketNeeded: 426,
+    errors.TooMany: 429,
+    errors.Unavailable: 503,
+    errors.TooSlow: 504,
+    errors.NoRoom: 507,
 }
 HEADERS: Final[Mapping[int, Mapping[str, str]]] = {
     401: {"WWW-Authenticate": "Bearer"},

@@ -7,13 +7,18 @@ others wait for one of his.
 from __future__ import annotations
 
 import threading
+import time
 from collections import Counter, OrderedDict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from typing import Final
 
-from server.errors import ServiceError, TooMany
+from server.errors import ServiceError, TooMany, Unavailable
 
-RETRY_AFTER_S: Final = 10
+CLOSED_RETRY_S: Final = 10
+MADE_RETRY_S: Final = 5
+PATIENCE_S: Final = 10.0
+LOOK_EVERY_S: Final = 0.1
 
 
 class Place:
@@ -45,6 +50,7 @@ class Quota:
         per_visitor: Of them, of one visitor. Whoever is no visitor has no such bound.
         at_once: How many of them go on at once, while the others wait; all when None.
         at_once_per_visitor: Of those that go on, of one visitor; all when None.
+        patience_s: How long one may wait in ``turn``.
         refuse: What is raised when there is no place: told how many are taken, and whether by the
             visitor himself.
     """
@@ -57,6 +63,7 @@ class Quota:
         per_visitor: int,
         at_once: int | None = None,
         at_once_per_visitor: int | None = None,
+        patience_s: float = PATIENCE_S,
         refuse: Callable[[int, bool], ServiceError] | None = None,
     ) -> None:
         self._what = what
@@ -64,7 +71,8 @@ class Quota:
         self._per_visitor = per_visitor
         self._at_once = at_once
         self._at_once_per_visitor = at_once_per_visitor
-        self._refuse = refuse or self._too_many
+        self._patience_s = patience_s
+        self._refuse = refuse or (self._too_many if at_once is None else self._too_busy)
         self._lock = threading.Lock()
         self._count = self._going_count = 0
         self._held: Counter[str | None] = Counter()
@@ -100,6 +108,27 @@ class Quota:
             self._line.setdefault(visitor, deque()).append(place)
             self._admit()
         return place
+
+    @contextmanager
+    def turn(self, visitor: str, *, unwanted: Callable[[], bool] | None = None) -> Generator[None]:
+        """Waits for a visitor's turn, which lasts as long as the context.
+
+        Args:
+            visitor: Whose turn.
+            unwanted: Asked often while it waits; once True, nobody wants it any more.
+
+        Raises:
+            ServiceError: When there is no place, or not in time, or nobody wants it any more.
+        """
+        begun = threading.Event()
+        with self.enter(visitor, lambda _: begun.set()):
+            deadline = time.monotonic() + self._patience_s
+            while not begun.wait(min(LOOK_EVERY_S, self._patience_s)):
+                if unwanted is not None and unwanted():
+                    raise Unavailable("gone", "Nobody waited for this any more.")
+                if time.monotonic() >= deadline:
+                    raise _busy(Unavailable, f"Others are having {self._what} made")
+            yield
 
     def leave(self, place: Place) -> None:
         """Gives a place back, whether it waits or goes on."""
@@ -144,6 +173,15 @@ class Quota:
         return TooMany(
             f"too-many-{self._what.rpartition(' ')[2]}",
             f"{count} {self._what} {'of yours' if own else 'in all'} are open, which is the most "
-            f"there may be; close one, or try again in {RETRY_AFTER_S} s.",
-            retry_after_s=RETRY_AFTER_S,
+            f"there may be; close one, or try again in {CLOSED_RETRY_S} s.",
+            retry_after_s=CLOSED_RETRY_S,
         )
+
+    def _too_busy(self, count: int, own: bool) -> ServiceError:
+        if own:
+            return _busy(TooMany, f"{count} {self._what} of yours are being made")
+        return _busy(Unavailable, f"{count} {self._what} of others are being made")
+
+
+def _busy(kind: type[ServiceError], why: str) -> ServiceError:
+    return kind("busy", f"{why}; try again in {MADE_RETRY_S} s.", retry_after_s=MADE_RETRY_S)

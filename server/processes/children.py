@@ -28,7 +28,7 @@ from server.processes.fork_server import Forked, ForkServer, Kind, environment_w
 from server.processes.limits import ChildLimits, memory_words
 
 if TYPE_CHECKING:
-    from server.processes.gate import Gate
+    from server.limits.quota import Quota
 
 POLL_S: Final = 0.05
 CANCEL_GRACE_S: Final = 0.7
@@ -433,12 +433,12 @@ class Reader:
 
     Args:
         pool: The children.
-        gate: Whose turn it is.
+        quota: Whose turn it is.
     """
 
-    def __init__(self, pool: Pool, gate: Gate) -> None:
+    def __init__(self, pool: Pool, quota: Quota) -> None:
         self._pool = pool
-        self._gate = gate
+        self._quota = quota
 
     def check(self, directory: Path, *, visitor: str) -> dict[str, Any]:
         """What the input in a directory is: ``name``, ``module``, ``modules``.
@@ -469,7 +469,7 @@ class Reader:
             ChildError: When the child crashed or went beyond a limit.
             ServiceError: When too many of the visitor's wait, or of all.
         """
-        with self._gate.passed(visitor, unwanted=cancelled):
+        with self._quota.turn(visitor, unwanted=cancelled):
             return self._pool.call(task, directory, cancelled=cancelled)
 
     def close(self) -> None:

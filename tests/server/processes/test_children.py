@@ -18,10 +18,10 @@ import pytest
 from planner.errors import InputError
 from planner.progress import COMPILING
 from server.jobs.runner import STAGES
+from server.limits.quota import Quota
 from server.processes import children
 from server.processes.children import EVENTS, Child, ChildError, Pool, Reader
 from server.processes.fork_server import ForkServer
-from server.processes.gate import Gate
 from server.processes.limits import ChildLimits
 from tests.server.here import FORKS
 from tests.server.service import SNAKE
@@ -41,7 +41,7 @@ for name in ("mujoco", "scipy.interpolate", "scipy.ndimage", "scipy.sparse.csgra
 stand_in("planner.pipeline.stages").run_stage = lambda *_, **__: {}
 """
 """Runs ahead of a child: it computes nothing, and takes no time to load."""
-ONE = {"at_once": 1, "at_once_of_visitor": 1, "most": 9, "most_of_visitor": 6}
+ONE = {"at_once": 1, "at_once_per_visitor": 1, "total": 9, "per_visitor": 6}
 
 
 @pytest.fixture
@@ -174,8 +174,8 @@ def test_memory_is_limited(directory: Path, fork_server: ForkServer) -> None:
 def test_the_reader_is_replaced_when_an_upload_was_too_much(
     directory: Path, fork_server: ForkServer
 ) -> None:
-    pool, gate = Pool("reader", LIMITS, wall_s=60, fork_server=fork_server), Gate("uploads", **ONE)
-    reader = Reader(pool, gate)
+    pool = Pool("reader", LIMITS, wall_s=60, fork_server=fork_server)
+    reader = Reader(pool, Quota("uploads", **ONE))
     try:
         assert reader.check(directory, visitor="a")["modules"] == 16
         (child,) = pool._idle
@@ -277,7 +277,7 @@ def test_a_slow_upload_of_one_visitor_does_not_hold_up_another(
     directory: Path, fork_server: ForkServer
 ) -> None:
     pool = Pool("reader", LIMITS, wall_s=60, fork_server=fork_server)
-    reader = Reader(pool, Gate("uploads", **{**ONE, "at_once": 2}))
+    reader = Reader(pool, Quota("uploads", **{**ONE, "at_once": 2}))
     try:
         reader.check(directory, visitor="a")
         (child,) = pool._idle

@@ -12,17 +12,17 @@ import pytest
 
 from server.errors import ServiceError, TooMany, Unavailable
 from server.files.workshop import Workshop
-from server.processes.gate import Gate
+from server.limits.quota import Quota
 from server.settings import Settings
 from server.store.folds import Store
 
 
 def test_one_visitor_cannot_take_all_places() -> None:
-    gate = Gate("answers", at_once=1, most=3, most_of_visitor=2, patience_s=30.0)
+    quota = Quota("answers", at_once=1, total=3, per_visitor=2, patience_s=30.0)
     go_on, inside = threading.Event(), threading.Semaphore(0)
 
     def work(visitor: str) -> None:
-        with gate.passed(visitor):
+        with quota.turn(visitor):
             inside.release()
             go_on.wait(30.0)
 
@@ -30,32 +30,32 @@ def test_one_visitor_cannot_take_all_places() -> None:
         first = threads.submit(work, "a")
         inside.acquire()
         others = [threads.submit(work, "a")]
-        while gate.waiting < 2:
+        while len(quota) < 2:
             pass
-        with pytest.raises(TooMany) as refused, gate.passed("a"):
+        with pytest.raises(TooMany) as refused, quota.turn("a"):
             pass
         assert refused.value.retry_after_s == 5
         others.append(threads.submit(work, "b"))
-        while gate.waiting < 3:
+        while len(quota) < 3:
             pass
-        with pytest.raises(Unavailable, match="of others") as full, gate.passed("c"):
+        with pytest.raises(Unavailable, match="of others") as full, quota.turn("c"):
             pass
         assert full.value.code == "busy"
         go_on.set()
         for done in (first, *others):
             done.result(30.0)
-    assert gate.waiting == 0
-    with gate.passed("a"):
-        assert gate.waiting == 1
+    assert len(quota) == 0
+    with quota.turn("a"):
+        assert len(quota) == 1
 
 
 def test_visitors_take_turns_and_one_never_has_all() -> None:
-    gate = Gate("answers", at_once=2, at_once_of_visitor=1, most=9, most_of_visitor=6)
+    quota = Quota("answers", at_once=2, at_once_per_visitor=1, total=9, per_visitor=6)
     through: queue.SimpleQueue[tuple[str, threading.Event]] = queue.SimpleQueue()
 
     def work(visitor: str) -> None:
         go_on = threading.Event()
-        with gate.passed(visitor):
+        with quota.turn(visitor):
             through.put((visitor, go_on))
             assert go_on.wait(30.0)
 
@@ -63,7 +63,7 @@ def test_visitors_take_turns_and_one_never_has_all() -> None:
         done: list[Future[None]] = []
         for count, visitor in enumerate(["a", "a", "a", "a", "b", "c"], 1):
             done.append(threads.submit(work, visitor))
-            while gate.waiting < count:
+            while len(quota) < count:
                 pass
         inside = dict([through.get(timeout=30.0), through.get(timeout=30.0)])
         assert set(inside) == {"a", "b"}  # and not two of one
@@ -76,22 +76,22 @@ def test_visitors_take_turns_and_one_never_has_all() -> None:
             go_on.set()
         for one in done:
             one.result(30.0)
-    assert gate.waiting == 0
+    assert len(quota) == 0
 
 
 def test_who_is_not_waited_for_leaves_the_line() -> None:
-    gate = Gate("answers", at_once=1, most=3, most_of_visitor=2)
-    with gate.passed("a"):
-        with pytest.raises(ServiceError) as refused, gate.passed("b", unwanted=lambda: True):
+    quota = Quota("answers", at_once=1, total=3, per_visitor=2)
+    with quota.turn("a"):
+        with pytest.raises(ServiceError) as refused, quota.turn("b", unwanted=lambda: True):
             pass
-        assert (refused.value.code, gate.waiting) == ("gone", 1)
+        assert (refused.value.code, len(quota)) == ("gone", 1)
 
 
 def test_nobody_waits_for_ever() -> None:
-    gate = Gate("answers", at_once=1, most=3, most_of_visitor=2, patience_s=0.01)
-    with gate.passed("a"), pytest.raises(Unavailable), gate.passed("b"):
+    quota = Quota("answers", at_once=1, total=3, per_visitor=2, patience_s=0.01)
+    with quota.turn("a"), pytest.raises(Unavailable), quota.turn("b"):
         pass
-    assert gate.waiting == 0
+    assert len(quota) == 0
 
 
 def test_one_visitor_cannot_fill_the_workshop(tmp_path: Path) -> None:
