@@ -167,8 +167,8 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         # With a storage they are among the copies, which have a bound of their own.
         kept=store.add_derived if store.folders.storage is None else None,
         min_free_disk_bytes=settings.min_free_disk_bytes,
-        most=settings.files_waiting,
-        most_of_visitor=settings.files_waiting_of_visitor,
+        total=settings.files_waiting,
+        per_visitor=settings.files_waiting_of_visitor,
     )
     awaited = ChildLimits.of(settings, awaited=True)
     fork_server = shared or ForkServer.where_possible(
@@ -198,8 +198,8 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
             ),
             motions,
             Scratch(settings.scratch_dir),
-            most=settings.answers_waiting,
-            most_of_visitor=settings.answers_waiting_of_visitor,
+            total=settings.answers_waiting,
+            per_visitor=settings.answers_waiting_of_visitor,
         ),
         answers=Quota(
             "answers",
@@ -212,14 +212,14 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         reader=_reader(
             Pool("reader", awaited, wall_s=settings.read_seconds, fork_server=fork_server),
             "uploads",
-            most=settings.max_uploads,
-            most_of_visitor=settings.max_uploads_of_visitor,
+            total=settings.max_uploads,
+            per_visitor=settings.max_uploads_of_visitor,
         ),
         preparer=_reader(
             Pool("preparer", awaited, wall_s=settings.preview_seconds, fork_server=fork_server),
             "previews",
-            most=settings.previews_waiting,
-            most_of_visitor=settings.previews_waiting_of_visitor,
+            total=settings.previews_waiting,
+            per_visitor=settings.previews_waiting_of_visitor,
         ),
         previews=previews,
         preview_scenes=PreviewScenes(previews),
@@ -234,13 +234,13 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     )
 
 
-def _reader(pool: Pool, what: str, *, most: int, most_of_visitor: int) -> Reader:
+def _reader(pool: Pool, what: str, *, total: int, per_visitor: int) -> Reader:
     quota = Quota(
         what,
         at_once=READERS,
         at_once_per_visitor=1,
-        total=most,
-        per_visitor=most_of_visitor,
+        total=total,
+        per_visitor=per_visitor,
         patience_s=READING_PATIENCE_S,
     )
     return Reader(pool, quota)

@@ -25,7 +25,7 @@ class PreviewScenes:
         self._previews = previews
         self._cache: Cache[bytes] = Cache(MOST_BYTES, len)
         self._flight = SingleFlight(
-            "previews", at_once=AT_ONCE, most=MOST_WAITING, most_of_visitor=MOST_OF_VISITOR
+            "previews", at_once=AT_ONCE, total=MOST_WAITING, per_visitor=MOST_OF_VISITOR
         )
 
     def close(self) -> None:

@@ -125,8 +125,8 @@ class Trajectories:
         pool: Children that retime.
         motions: Where they write.
         scratch: Where what they have written is kept, out of their reach.
-        most: How many trajectories and tables may be made or wait for it.
-        most_of_visitor: Of them, of one visitor.
+        total: How many trajectories and tables may be made or wait for it.
+        per_visitor: Of them, of one visitor.
         kept_bytes: Of trajectories that are kept for those who come next.
         used_bytes: Of those and of all that are in use.
     """
@@ -137,17 +137,15 @@ class Trajectories:
         motions: Scratch,
         scratch: Scratch,
         *,
-        most: int,
-        most_of_visitor: int,
+        total: int,
+        per_visitor: int,
         kept_bytes: int = KEPT_BYTES,
         used_bytes: int = USED_BYTES,
     ) -> None:
         self._pool = pool
         self._motions = motions
         self._scratch = scratch
-        self._flight = SingleFlight(
-            "motions", at_once=1, most=most, most_of_visitor=most_of_visitor
-        )
+        self._flight = SingleFlight("motions", at_once=1, total=total, per_visitor=per_visitor)
         self._streams = Quota("motions", total=STREAMS, per_visitor=STREAMS_OF_ADDRESS)
         self._cache: Cache[Retimed] = Cache(kept_bytes, lambda kept: kept.trajectory.nbytes)
         self._used: weakref.WeakValueDictionary[Wanted, Retimed] = weakref.WeakValueDictionary()

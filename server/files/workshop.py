@@ -39,8 +39,8 @@ class Workshop:
         store: Where the folds are.
         min_free_disk_bytes: What must be left of the disk.
         kept: Told how many bytes a file adds to those made of its fold.
-        most: How many things may be made or wait for it.
-        most_of_visitor: Of them, of one visitor.
+        total: How many things may be made or wait for it.
+        per_visitor: Of them, of one visitor.
         folder: Where files are kept; in a folder beside those of their fold when None.
     """
 
@@ -51,16 +51,14 @@ class Workshop:
         min_free_disk_bytes: int = 0,
         folder: Path | None = None,
         kept: Callable[[str, int], None] | None = None,
-        most: int = MOST_WAITING,
-        most_of_visitor: int = MOST_WAITING,
+        total: int = MOST_WAITING,
+        per_visitor: int = MOST_WAITING,
     ) -> None:
         self._store = store
         self._min_free_disk_bytes = min_free_disk_bytes
         self._folder = folder
         self._kept = kept
-        self._flight = SingleFlight(
-            "files", at_once=AT_ONCE, most=most, most_of_visitor=most_of_visitor
-        )
+        self._flight = SingleFlight("files", at_once=AT_ONCE, total=total, per_visitor=per_visitor)
 
     def close(self) -> None:
         """Begins nothing any more."""

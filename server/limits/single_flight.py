@@ -24,11 +24,11 @@ class SingleFlight:
     Args:
         what: What is made, in the plural.
         at_once: How many things are made at once.
-        most: How many may be made or wait for it.
-        most_of_visitor: Of them, of one visitor.
+        total: How many may be made or wait for it.
+        per_visitor: Of them, of one visitor.
     """
 
-    def __init__(self, what: str, *, at_once: int, most: int, most_of_visitor: int) -> None:
+    def __init__(self, what: str, *, at_once: int, total: int, per_visitor: int) -> None:
         def busy(count: int, own: bool) -> ServiceError:
             return (TooMany if own else Unavailable)(
                 "busy",
@@ -38,7 +38,7 @@ class SingleFlight:
             )
 
         self._quota = Quota(
-            what, total=most, per_visitor=most_of_visitor, at_once=at_once, refuse=busy
+            what, total=total, per_visitor=per_visitor, at_once=at_once, refuse=busy
         )
         self._threads = ThreadPoolExecutor(at_once, thread_name_prefix=what.replace(" ", "-"))
         self._making: dict[Hashable, tuple[Future[Any], asyncio.Future[Any]]] = {}

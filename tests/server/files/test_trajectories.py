@@ -83,7 +83,7 @@ def here() -> Here:
 @pytest.fixture
 def make(here: Here, tmp_path: Path) -> Make:
     def made(**more: int) -> Trajectories:
-        bounds = {"most": 12, "most_of_visitor": 4, **more}
+        bounds = {"total": 12, "per_visitor": 4, **more}
         motions, scratch = Scratch(tmp_path / "motions"), Scratch(tmp_path / "scratch")
         return Trajectories(cast("Pool", here), motions, scratch, **bounds)
 

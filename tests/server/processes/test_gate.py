@@ -98,7 +98,7 @@ def test_one_visitor_cannot_fill_the_workshop(tmp_path: Path) -> None:
     store = Store(Settings(data_dir=tmp_path))
 
     async def ask() -> None:
-        shop = Workshop(store, most=3, most_of_visitor=2)
+        shop = Workshop(store, total=3, per_visitor=2)
         go_on = threading.Event()
 
         def make() -> bool:
