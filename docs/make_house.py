@@ -35,6 +35,7 @@ FLOORS: Final = (
     ("web.viser",),
     ("web.movies",),
     ("server.errors", "server.settings"),
+    ("server.limits",),
     ("server.store",),
     ("server.ops",),
     ("server.http",),

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field
 from planner.certificate.verdict import summary_told_honestly
 from planner.exports import Export
 from planner.pathfinding.duration import expected_seconds
-from server.store.fair_queue import wait_s
+from server.limits.fair_queue import wait_s
 from server.store.folds import FoldRow, Store
 from server.store.gallery import GalleryShape
 from server.store.leases import Leases

@@ -18,8 +18,8 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session, sessionmaker
 
+from server.limits.fair_queue import expected_s, turn_of
 from server.settings import Settings
-from server.store.fair_queue import expected_s, turn_of
 from server.store.fold_files import Folders, NoSuchFoldError
 from server.store.shown import Found, ShownFold
 from server.store.tables import (

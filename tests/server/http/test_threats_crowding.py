@@ -11,7 +11,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from server.http.request_rate import Buckets
+from server.limits.token_buckets import TokenBuckets
 from server.settings import Settings
 from tests.server.http.test_bounds import from_address
 from tests.server.service import Service
@@ -63,7 +63,7 @@ def test_requests_have_a_rate(here_with: ServiceWith) -> None:
 
 def test_a_bucket_fills_up_and_few_are_remembered() -> None:
     now = 0.0
-    buckets = Buckets(10.0, 5.0, most=3, clock=lambda: now)
+    buckets = TokenBuckets(10.0, 5.0, most=3, clock=lambda: now)
     assert [buckets.take("a") for _ in range(6)] == [0.0] * 5 + [pytest.approx(0.1)]
     assert buckets.take("b") == 0.0
     now = 0.1

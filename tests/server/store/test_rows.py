@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
+from server.limits.fair_queue import wait_s
 from server.settings import Settings
-from server.store.fair_queue import wait_s
 from server.store.folds import NoSuchFoldError, Store, new_id, new_token
 from server.store.tables import FoldRow
 from tests.server.postgres import DATABASES

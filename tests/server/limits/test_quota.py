@@ -12,7 +12,7 @@ import pytest
 
 from server.errors import ServiceError, TooMany, Unavailable
 from server.files.workshop import Workshop
-from server.limits.quota import Quota
+from server.limits.quota import Place, Quota
 from server.settings import Settings
 from server.store.folds import Store
 
@@ -122,3 +122,39 @@ def test_one_visitor_cannot_fill_the_workshop(tmp_path: Path) -> None:
 
     asyncio.run(ask())
     store.close()
+
+
+def test_places_come_back() -> None:
+    quota = Quota("event streams", total=3, per_visitor=2)
+    first, _ = quota.enter("a"), quota.enter("a")
+    with pytest.raises(TooMany, match="2 event streams of yours") as refused:
+        quota.enter("a")
+    assert (refused.value.code, refused.value.retry_after_s) == ("too-many-streams", 10)
+    with quota.enter("b"), pytest.raises(TooMany, match="3 event streams in all"):
+        quota.enter("c")
+    first.leave()
+    assert len(quota) == 1
+    quota.enter("a")
+
+
+def test_whoever_is_no_visitor_is_bounded_with_all_others() -> None:
+    quota = Quota("connections", total=None, per_visitor=1)
+    assert [quota.enter(None) for _ in range(3)]
+    quota.enter("a")
+    with pytest.raises(TooMany):
+        quota.enter("a")
+
+
+def test_visitors_take_turns_and_who_leaves_the_line_has_none() -> None:
+    begun: list[Place] = []
+    quota = Quota("files", total=9, per_visitor=9, at_once=2, at_once_per_visitor=1)
+    a1, a2, a3, b1, b2 = (quota.enter(who, begun.append) for who in "aaabb")
+    assert begun == [a1, b1]
+    b2.leave()
+    b1.leave()  # those of a wait all the same: one of them goes on
+    assert begun == [a1, b1]
+    c1 = quota.enter("c", begun.append)
+    a1.leave()
+    assert begun == [a1, b1, c1, a2]
+    a2.leave()
+    assert (begun[-1], len(quota)) == (a3, 2)
