@@ -45,7 +45,8 @@ def test_a_worker_killed_in_mid_explosion(service_with) -> None:
 def test_a_server_killed_in_mid_explosion(service_with) -> None:
     service = service_with()
     with ServiceHere(service.data_dir).start() as taking_in:
-        fold_id = taking_in.fold(shape="wrench-80")["id"]
+        # A smaller one may be over before its explosion has been seen.
+        fold_id = taking_in.fold(shape="wrench-160")["id"]
         waiting = taking_in.fold(SNAKE)["id"]
     service.start()
     assert service.wait_exploding(fold_id)["status"] == "running"
