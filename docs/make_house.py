@@ -6,7 +6,6 @@ A test holds the code to the floors below, and both files to what this would wri
 from __future__ import annotations
 
 import ast
-from collections import Counter
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -105,10 +104,10 @@ def imports() -> list[Import]:
     return found
 
 
-def arrows() -> Counter[tuple[str, str]]:
-    """How many imports there are from one room of another."""
+def arrows() -> set[tuple[str, str]]:
+    """Which room imports from which other."""
     pairs = ((room_of(each.module), room_of(each.imported)) for each in imports())
-    return Counter((a, b) for a, b in pairs if a and b and a != b)
+    return {(a, b) for a, b in pairs if a and b and a != b}
 
 
 def files_of(room: str) -> list[Path]:
@@ -166,13 +165,13 @@ def drawn() -> str:
         "<title>Rooms of the code; every import points down or to the left</title>",
         f'<rect width="{WIDTH}" height="{height}" fill="#fbfaf7"/>',
     ]
-    for (room, other), count in sorted(arrows().items()):
+    for room, other in sorted(arrows()):
         (x, y, _), (u, v, _) = at[room], at[other]
         bend = 60 if abs(x - u) < 1 else 0
         parts.append(
             f'<path d="M{x:.0f} {y:.0f} C{x - bend:.0f} {y + 25:.0f} {u - bend:.0f} {v - 25:.0f} '
             f'{u:.0f} {v:.0f}" fill="none" stroke="{COLOURS[room.split(".")[0]]}" '
-            f'stroke-width="{min(0.6 + 0.08 * count, 4):.1f}" stroke-opacity=".28"/>'
+            f'stroke-width="1.2" stroke-opacity=".28"/>'
         )
     for room, (x, y, wide) in at.items():
         package, _, name = room.partition(".")

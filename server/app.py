@@ -34,7 +34,7 @@ from server.http.security import (
     SecurityHeaders,
     hosts_of,
 )
-from server.http.uploads import UploadsAtOnce
+from server.http.uploads import LARGEST_FIELD_BYTES, MOST_FIELDS, MOST_FILES, UploadsAtOnce
 from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
 from server.limits.quota import Quota
@@ -115,11 +115,17 @@ def create_app(
         version=version("foldback"),
         description="Plans how a straight chain of modules folds into a solid.",
         lifespan=lifespan,
+        form_limits={
+            "max_files": MOST_FILES,
+            "max_fields": MOST_FIELDS,
+            "max_part_size": LARGEST_FIELD_BYTES,
+        },
         openapi_url="/api/openapi.json",
         # FastAPI's own pages load scripts from elsewhere; ours is in server/pages/landing.py.
         docs_url=None,
         redoc_url=None,
     )
+    app.openapi_version = "3.2.0"  # the first that describes server-sent events
     problems.install(app, landing.problem_page)
 
     for module in ROUTERS:

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
-import time
 from collections.abc import AsyncIterator
 from typing import Any, Final
 
 from cachetools import TTLCache
+from fastapi.sse import ServerSentEvent
 
 from server.api.schemas import progress_of
 from server.store.folds import NoSuchFoldError, Store
 from server.store.leases import Leases
 
 LOOK_EVERY_S: Final = 0.15
-ALIVE_EVERY_S: Final = 15.0
 MOST_KEPT: Final = 1024
 
 
@@ -45,31 +43,23 @@ class Watch:
             self._looks[fold_id] = look
         return await asyncio.shield(look)
 
-    async def events(self, fold_id: str) -> AsyncIterator[bytes]:
+    async def events(self, fold_id: str) -> AsyncIterator[ServerSentEvent]:
         """Server-sent events ``progress`` until the fold is over, then ``done``."""
         last: dict[str, Any] | None = None
-        told_at = time.monotonic()
         while not self._ending.is_set():
             try:
                 state = await self.state(fold_id)
             except NoSuchFoldError:
-                yield _event("done", {"status": "deleted"})
+                yield ServerSentEvent(event="done", data={"status": "deleted"})
                 return
             if state != last:
-                yield _event("progress", state)
-                last, told_at = state, time.monotonic()
+                yield ServerSentEvent(event="progress", data=state)
+                last = state
                 if state["status"] not in ("queued", "running"):
-                    yield _event("done", state)
+                    yield ServerSentEvent(event="done", data=state)
                     return
-            elif time.monotonic() - told_at > ALIVE_EVERY_S:
-                yield b": still here\n\n"
-                told_at = time.monotonic()
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._ending.wait(), LOOK_EVERY_S)
 
     def _look(self, fold_id: str) -> dict[str, Any]:
         return progress_of(self._store.fold(fold_id), self._store, self._leases)
-
-
-def _event(name: str, data: dict[str, Any]) -> bytes:
-    return f"event: {name}\ndata: {json.dumps(data)}\n\n".encode()

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import time
+from collections.abc import AsyncIterator
 from dataclasses import replace
 from io import BytesIO
 from typing import Annotated, Any, BinaryIO, Final, Literal
 
 from fastapi import APIRouter, Depends, File, Form, Request, UploadFile
-from fastapi.responses import Response, StreamingResponse
+from fastapi.responses import Response
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from planner.errors import InputError
 from planner.pathfinding.options import MODULE_COUNTS
@@ -28,11 +30,9 @@ from server.files.cancelled import sweep_cancelled
 from server.files.previews import ShapeWishes
 from server.http.client_address import address_of
 from server.http.response_cache import mark
-from server.http.streams import Stream
-from server.http.uploads import FormRoute
 from server.store.folds import new_token
 
-router = APIRouter(prefix="/api/folds", tags=["folds"], route_class=FormRoute)
+router = APIRouter(prefix="/api/folds", tags=["folds"])
 ID: Final = "^[A-Za-z0-9_-]*$"
 LISTED_SETTINGS: Final = ", ".join(
     f"`{each.name}`{f' ({each.unit})' if each.unit else ''}" for each in SETTINGS
@@ -249,27 +249,28 @@ def get_fold(request: Request, fold_id: str, context: Here) -> Fold:
     return Fold.of(row, context.store, context.leases)
 
 
+async def follower(request: Request, fold_id: str, context: Here) -> AsyncIterator[None]:
+    """A place among those who follow a fold, for as long as the answer lasts."""
+    await context.watch.state(fold_id)
+    with context.streams.enter(address_of(request)):
+        yield
+
+
 @router.get(
     "/{fold_id}/events",
     summary="Follow a fold",
-    response_class=StreamingResponse,
-    responses={
-        200: {
-            "description": "Server-sent events: `progress` as it changes, `done` at the end.",
-            "content": {"text/event-stream": {"schema": {"type": "string"}}},
-        },
-        **problems(404, 429),
-    },
+    dependencies=[Depends(follower)],
+    response_class=EventSourceResponse,
+    response_description="Server-sent events: `progress` as it changes, `done` at the end.",
+    responses=problems(404, 429),
 )
-async def get_events(request: Request, fold_id: str, context: Here) -> StreamingResponse:
+async def get_events(
+    fold_id: str, context: Here, response: Response
+) -> AsyncIterator[ServerSentEvent]:
     """Server-sent events until the fold is over."""
-    await context.watch.state(fold_id)
-    return Stream(
-        context.watch.events(fold_id),
-        context.streams.enter(address_of(request)),
-        media_type="text/event-stream",
-        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
-    )
+    response.headers["Cache-Control"] = "no-store"
+    async for event in context.watch.events(fold_id):
+        yield event
 
 
 @router.get(

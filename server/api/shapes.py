@@ -17,9 +17,8 @@ from planner.pipeline.request import LARGEST_SEED
 from server.api.folds import ID, Here, Wishes, input_of, problems
 from server.api.schemas import Preview, Shape, Shapes
 from server.errors import NotFound, Unusable
-from server.http.uploads import FormRoute
 
-router = APIRouter(prefix="/api/shapes", tags=["shapes"], route_class=FormRoute)
+router = APIRouter(prefix="/api/shapes", tags=["shapes"])
 LOOK_EVERY_S: Final = 0.1
 
 

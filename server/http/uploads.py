@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Coroutine
-from typing import TYPE_CHECKING, Any, Final
+from typing import Final
 
-from fastapi import Request, Response
-from fastapi.routing import APIRoute
-from starlette.datastructures import FormData, Headers
+from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -18,9 +15,6 @@ from server.http.problems import response_of
 from server.http.security import SAFE_METHODS, forget
 from server.limits.quota import Quota
 from server.settings import Settings
-
-if TYPE_CHECKING:
-    from starlette._utils import AwaitableOrContextManager
 
 FORMS: Final = ("multipart/form-data", "application/x-www-form-urlencoded")
 MOST_FILES: Final = 2
@@ -68,33 +62,6 @@ class UploadsAtOnce:
             raise nearly_full() from error
         if free < settings.min_free_disk_bytes + min(coming, settings.max_upload_bytes):
             raise nearly_full()
-
-
-class FormRequest(Request):
-    """A request whose form has few and small parts besides the file."""
-
-    def form(
-        self,
-        *,
-        max_files: int | float = MOST_FILES,
-        max_fields: int | float = MOST_FIELDS,
-        max_part_size: int = LARGEST_FIELD_BYTES,
-    ) -> AwaitableOrContextManager[FormData]:
-        """The form; what is more than that is refused."""
-        return super().form(max_files=max_files, max_fields=max_fields, max_part_size=max_part_size)
-
-
-class FormRoute(APIRoute):
-    """A route that takes such forms."""
-
-    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """The handler of a request, which gets it as a ``FormRequest``."""
-        handle = super().get_route_handler()
-
-        async def handle_form(request: Request) -> Response:
-            return await handle(FormRequest(request.scope, request.receive))
-
-        return handle_form
 
 
 def _is_form(scope: Scope) -> bool:

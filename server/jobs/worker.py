@@ -21,11 +21,9 @@ from types import FrameType
 from typing import Final
 
 from dbos import DBOS, DBOSConfig
-from dbos._context import current_owner_xid
-from dbos._dbos import _get_dbos_instance  # pyright: ignore[reportPrivateUsage]
-from dbos._error import DBOSWorkflowConflictIDError
-from dbos._utils import INTERNAL_QUEUE_NAME
+from dbos import error as dbos_errors
 
+from server.jobs.dbos_private import hand_back, hand_back_all, take_nothing_new
 from server.jobs.janitor import Sweeper
 from server.jobs.movie_runner import MovieJobs
 from server.jobs.queue import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, Jobs
@@ -111,7 +109,7 @@ def register(runner: Runner, movies: MovieJobs, name: str, active: Active) -> No
                 # if the job is still ours it is done again.
                 if passes(error) or isinstance(error, TakenOverError):
                     log.warning("fold %s is not over here: %s", fold_id, error)
-                    with suppress(DBOSWorkflowConflictIDError):
+                    with suppress(dbos_errors.DBOSWorkflowConflictIDError):
                         runner.patiently(lambda: hand_back(fold_id, name))
                 raise
         return outcome["status"]
@@ -176,7 +174,7 @@ class _Caretaker:
         for dead in self._leases.dead(holders) - {self._name}:
             if dead in holders:
                 log.info("taking over the folds of %s", dead)
-                DBOS._recover_pending_workflows([dead])  # pyright: ignore[reportPrivateUsage]
+                hand_back_all(dead)
             self._leases.leave(dead)
         self._hand_back_strays(
             [str(job.workflow_id) for job in running if job.executor_id == self._name]
@@ -202,19 +200,6 @@ class _Caretaker:
                 log.warning("job %s was dropped; it goes on", job)
                 hand_back(job, self._name)
                 del self._strays[job]
-
-
-def hand_back(job: str, worker: str) -> None:
-    """Puts one job of a worker back into its queue.
-
-    Raises:
-        DBOSWorkflowConflictIDError: When the execution that asks has lost the job to another.
-    """
-    system = _get_dbos_instance()._sys_db  # pyright: ignore[reportPrivateUsage]
-    if (owner := current_owner_xid(job)) is not None:
-        with system.engine.begin() as connection:
-            system._check_owner_txn(connection, job, owner)  # pyright: ignore[reportPrivateUsage]
-    system.reenqueue_for_recovery(job, [worker], INTERNAL_QUEUE_NAME)
 
 
 def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], what: str) -> None:
@@ -283,9 +268,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     _repeat(stopping, look_every_s, caretaker.look, "looking after folds")
     log.info("worker %s is ready", slot.name)
     told.acquire()
-    # Nothing new from here on.
-    for polling in _get_dbos_instance().background_thread_stop_events:
-        polling.set()
+    take_nothing_new()
     deadline = time.monotonic() + settings.drain_s
     while len(active) and time.monotonic() < deadline and not told.acquire(timeout=0.1):
         pass
@@ -293,7 +276,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     stopping.set()
     runner.stop()
     try:
-        DBOS._recover_pending_workflows([slot.name])  # pyright: ignore[reportPrivateUsage]
+        hand_back_all(slot.name)
         caretaker.leave()
     except Exception:
         log.exception("handing back failed; others notice that we are gone")

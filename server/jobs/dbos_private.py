@@ -1,0 +1,36 @@
+"""Private names of dbos: what its public ones cannot do, in one place.
+
+Its version is pinned, and ``tests/server/jobs/test_dbos_private.py`` says which name has gone.
+"""
+
+# pyright: reportPrivateUsage=false
+from __future__ import annotations
+
+from dbos import DBOS
+from dbos._context import current_owner_xid
+from dbos._dbos import _get_dbos_instance
+from dbos._utils import INTERNAL_QUEUE_NAME
+
+
+def hand_back(job: str, worker: str) -> None:
+    """Puts one job of a worker back into its queue.
+
+    Raises:
+        DBOSWorkflowConflictIDError: When the execution that asks has lost the job to another.
+    """
+    system = _get_dbos_instance()._sys_db
+    if (owner := current_owner_xid(job)) is not None:
+        with system.engine.begin() as connection:
+            system._check_owner_txn(connection, job, owner)
+    system.reenqueue_for_recovery(job, [worker], INTERNAL_QUEUE_NAME)
+
+
+def hand_back_all(worker: str) -> None:
+    """Puts all jobs of a worker back into their queues."""
+    DBOS._recover_pending_workflows([worker])
+
+
+def take_nothing_new() -> None:
+    """Has this process take no more jobs; those that it has go on."""
+    for polling in _get_dbos_instance().background_thread_stop_events:
+        polling.set()
