@@ -8,22 +8,24 @@ module's frame in ``world``, in metres) and, where it needs no file besides, ``/
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from io import BytesIO
 from typing import Final
 
 import numpy as np
-from mcap.writer import Writer
+from mcap_ros2.writer import Writer
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.exports import urdf
-from planner.exports.cdr import SECOND_NS, Cdr
 from planner.exports.motion import require_frames
 from planner.exports.names import clean_name
 from planner.motion.frames import Frames
 from planner.plan.plan import Plan
 
 Array = NDArray[np.float64]
+SECOND_NS: Final = 1_000_000_000
 WORLD: Final = "world"
 RULE: Final = "\n" + "=" * 80 + "\n"
 TIME: Final = "int32 sec\nuint32 nanosec"
@@ -67,6 +69,22 @@ TOPICS: Final = {
 }
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Point:
+    """A JointTrajectoryPoint; its list of numbers is made only while it is written."""
+
+    angles_rad: Array
+    time_ns: int
+
+    @property
+    def positions(self) -> list[float]:
+        return self.angles_rad.tolist()
+
+    @property
+    def time_from_start(self) -> dict[str, int]:
+        return time_of(self.time_ns)
+
+
 def write(plan: Plan) -> bytes:
     """The fold as MCAP, compressed by zstd.
 
@@ -74,52 +92,50 @@ def write(plan: Plan) -> bytes:
         InputError: ``no-frames``.
     """
     require_frames(plan)
-    times_ns = np.round(plan.time_s * SECOND_NS).astype(np.int64).tolist()
-    file = BytesIO()
-    writer = Writer(file)
-    writer.start(profile="ros2", library="foldback")
-    channels: dict[str, int] = {}
-
-    def add(topic: str, time_ns: int, message: bytes) -> None:
-        if topic not in channels:
-            kind = TOPICS[topic]
-            schema = writer.register_schema(kind, "ros2msg", DEFINITIONS[kind].encode())
-            channels[topic] = writer.register_channel(topic, "cdr", schema)
-        writer.add_message(channels[topic], log_time=time_ns, data=message, publish_time=time_ns)
-
-    if plan.chain.module.geom == "box":
-        add("/robot_description", times_ns[0], bytes(Cdr().string(urdf.write(plan).decode())))
-    add("/joint_trajectory", times_ns[0], joint_trajectory(plan, times_ns))
-    names = plan.chain.joint_names
-    # Names and lengths are the same in every frame, only the time before them is not.
-    start = bytes(Cdr().time(0))
-    same = bytes(Cdr().time(0).string("").strings(names).count(len(names)))[len(start) :]
+    times_ns: list[int] = np.round(plan.time_s * SECOND_NS).astype(np.int64).tolist()
+    names = list(plan.chain.joint_names)
     frames = plan.whole()
-    for k, time_ns in enumerate(times_ns):
-        state = Cdr(bytes(Cdr().time(time_ns)) + same).doubles(frames.joint_angles_rad[k])
-        add("/joint_states", time_ns, bytes(state.count(0).count(0)))
-        add("/tf", time_ns, root_transform(plan.chain, frames, k, time_ns))
-    writer.add_metadata("foldback", about(plan))
-    writer.finish()
+    file = BytesIO()
+    with Writer(file) as writer:
+        schemas = {kind: writer.register_msgdef(kind, text) for kind, text in DEFINITIONS.items()}
+
+        def add(topic: str, time_ns: int, message: Mapping[str, object]) -> None:
+            schema = schemas[TOPICS[topic]]
+            writer.write_message(topic, schema, message, log_time=time_ns, publish_time=time_ns)
+
+        if plan.chain.module.geom == "box":
+            add("/robot_description", times_ns[0], {"data": urdf.write(plan).decode()})
+        points = [
+            _Point(angles, time_ns - times_ns[0])
+            for angles, time_ns in zip(plan.joint_angles_rad, times_ns, strict=True)
+        ]
+        header = {"stamp": time_of(times_ns[0])}
+        whole = {"header": header, "joint_names": names, "points": points}
+        add("/joint_trajectory", times_ns[0], whole)
+        for k, time_ns in enumerate(times_ns):
+            header = {"stamp": time_of(time_ns)}
+            positions = frames.joint_angles_rad[k].tolist()
+            add("/joint_states", time_ns, {"header": header, "name": names, "position": positions})
+            add("/tf", time_ns, {"transforms": [root_transform(plan.chain, frames, k, time_ns)]})
+        writer.add_metadata("foldback", about(plan))
     return file.getvalue()
 
 
-def joint_trajectory(plan: Plan, times_ns: list[int]) -> bytes:
-    """The whole fold as one JointTrajectory: positions only, a point a frame."""
-    message = Cdr().time(times_ns[0]).string("").strings(plan.chain.joint_names)
-    message.count(len(times_ns))
-    for time_ns, angles in zip(times_ns, plan.joint_angles_rad, strict=True):
-        message.count(len(angles)).doubles(angles).count(0).count(0).count(0)
-        message.time(time_ns - times_ns[0])
-    return bytes(message)
+def time_of(time_ns: int) -> dict[str, int]:
+    """A ``builtin_interfaces`` Time or Duration."""
+    seconds, rest = divmod(time_ns, SECOND_NS)
+    return {"sec": seconds, "nanosec": rest}
 
 
-def root_transform(chain: Chain, frames: Frames, frame: int, time_ns: int) -> bytes:
-    """Where the root module's frame is in the world, as a TFMessage."""
-    w, x, y, z = frames.root_wxyz[frame]
-    metres = frames.root_position[frame] * chain.pitch_m
-    message = Cdr().count(1).time(time_ns).string(WORLD).string(f"module_{chain.root}")
-    return bytes(message.doubles(metres).doubles(np.array([x, y, z, w])))
+def root_transform(chain: Chain, frames: Frames, frame: int, time_ns: int) -> dict[str, object]:
+    """Where the root module's frame is in the world, as a TransformStamped."""
+    turn = dict(zip("wxyz", frames.root_wxyz[frame].tolist(), strict=True))
+    metres = (frames.root_position[frame] * chain.pitch_m).tolist()
+    return {
+        "header": {"stamp": time_of(time_ns), "frame_id": WORLD},
+        "child_frame_id": f"module_{chain.root}",
+        "transform": {"translation": dict(zip("xyz", metres, strict=True)), "rotation": turn},
+    }
 
 
 def about(plan: Plan) -> dict[str, str]:
