@@ -9,6 +9,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
+from typing import Any
 
 
 def write_whole(path: FilePath, data: bytes) -> None:
@@ -21,6 +22,15 @@ def write_whole(path: FilePath, data: bytes) -> None:
 def write_json(path: FilePath, values: object) -> None:
     """Writes plain values into a file that is either whole or not there."""
     write_whole(path, json.dumps(values).encode())
+
+
+def json_of(path: FilePath) -> dict[str, Any]:
+    """The JSON object in a file; an empty one when there is none that can be read."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 @contextmanager

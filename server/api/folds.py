@@ -89,6 +89,8 @@ def _wishes(
 
 
 Wishes = Annotated[ShapeWishes, Depends(_wishes)]
+Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]
+GalleryShape = Annotated[str | None, Form(description="Or the name of a gallery shape.")]
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -108,10 +110,8 @@ def post_fold(
     context: Here,
     credentials: Bearer,
     wishes: Wishes,
-    file: Annotated[
-        UploadFile | None, File(description="A mesh, voxels, a path or a chain.")
-    ] = None,
-    shape: Annotated[str | None, Form(description="Or the name of a gallery shape.")] = None,
+    file: Uploaded = None,
+    shape: GalleryShape = None,
     preview: Annotated[
         str | None, Form(max_length=64, pattern=ID, description="Or the id of a preview.")
     ] = None,

@@ -9,12 +9,12 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, File, Form, Request, UploadFile
+from fastapi import APIRouter, Form, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
 from planner.pipeline.request import LARGEST_SEED
-from server.api.folds import ID, Here, Wishes, input_of, problems
+from server.api.folds import ID, GalleryShape, Here, Uploaded, Wishes, input_of, problems
 from server.api.schemas import Preview, Shape, Shapes
 from server.errors import NotFound, Unusable
 
@@ -37,10 +37,8 @@ async def post_preview(
     request: Request,
     context: Here,
     wishes: Wishes,
-    file: Annotated[
-        UploadFile | None, File(description="A mesh, voxels, a path or a chain.")
-    ] = None,
-    shape: Annotated[str | None, Form(description="Or the name of a gallery shape.")] = None,
+    file: Uploaded = None,
+    shape: GalleryShape = None,
     preview: Annotated[
         str | None,
         Form(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import threading
 import webbrowser
 from collections.abc import AsyncGenerator
@@ -20,6 +19,7 @@ from fastapi.responses import RedirectResponse
 from planner.certificate.verdict import told_honestly
 from planner.errors import InputError, TimelineError
 from planner.explosion.diagnosis import stuck_of
+from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.pipeline.ended import where
 from planner.pipeline.request import Request
@@ -73,10 +73,10 @@ def row_of(directory: Path) -> ShownFold:
         TimelineError: When there is no timeline in it.
     """
     chain = Timeline.open(directory / "timeline.zarr").chain
-    request = _json(directory / "request.json")
-    plan = _json(directory / "plan.json")
+    request = json_of(directory / "request.json")
+    plan = json_of(directory / "plan.json")
     certificate = told_honestly(
-        plan.get("certificate") or _json(directory / "certificate.json"), plan.get("playback")
+        plan.get("certificate") or json_of(directory / "certificate.json"), plan.get("playback")
     )
     verified = str(certificate.get("verdict")).startswith("verified")
     status = "verified" if verified else "failed"
@@ -184,11 +184,3 @@ def _settings(preset: Any, settings: Any) -> str:
         return Request(preset=str(preset), settings=str(settings or "")).canonical().settings
     except InputError:
         return ""
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}

@@ -6,6 +6,7 @@ import os
 import shutil
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote
@@ -88,21 +89,12 @@ def _kind_of_disk(path: Path) -> str:
 
 def database(settings: Settings) -> Finding:
     """Whether the database answers, with which version of the tables."""
-    name, url = "database", settings.store_url
-    if (missing := _not_there(url)) is not None:
-        return Finding(name=name, verdict="ok", found=f"{missing} will be made")
-    try:
-        engine = _readonly(url)
-    except (SQLAlchemyError, ModuleNotFoundError) as error:
-        return _unusable(name, url, "FOLDBACK_DATABASE_URL", error)
-    try:
-        with engine.connect() as connection:
-            schema = Schema.of(connection)
-            ahead_s = _ahead_s(connection, schema)
-    except SQLAlchemyError as error:
-        return _unusable(name, url, "FOLDBACK_DATABASE_URL", error)
-    finally:
-        engine.dispose()
+    return _asked("database", settings.store_url, "FOLDBACK_DATABASE_URL", _tables)
+
+
+def _tables(name: str, url: str, connection: sa.Connection) -> Finding:
+    schema = Schema.of(connection)
+    ahead_s = _ahead_s(connection, schema)
     found = f"{_shown(url)}, tables of version {schema.found}"
     if schema.newer:
         return Finding(
@@ -132,24 +124,33 @@ def database(settings: Settings) -> Finding:
 
 def jobs(settings: Settings) -> Finding:
     """Whether the job system's database answers."""
-    name, url = "job system", settings.queue_url
+    return _asked("job system", settings.queue_url, "FOLDBACK_JOBS_URL", _queue)
+
+
+def _queue(name: str, url: str, connection: sa.Connection) -> Finding:
+    schema = "dbos" if connection.dialect.name == "postgresql" else None
+    made = sa.inspect(connection).has_table(JOBS_TABLE, schema=schema)
+    found = _shown(url) if made else f"{_shown(url)}, empty; tables will be made"
+    return Finding(name=name, verdict="ok", found=found)
+
+
+def _asked(
+    name: str, url: str, setting: str, look: Callable[[str, str, sa.Connection], Finding]
+) -> Finding:
+    """What a look into a database finds, or that there is none yet, or that it cannot be used."""
     if (missing := _not_there(url)) is not None:
         return Finding(name=name, verdict="ok", found=f"{missing} will be made")
     try:
         engine = _readonly(url)
     except (SQLAlchemyError, ModuleNotFoundError) as error:
-        return _unusable(name, url, "FOLDBACK_JOBS_URL", error)
+        return _unusable(name, url, setting, error)
     try:
         with engine.connect() as connection:
-            inspector = sa.inspect(connection)
-            schema = "dbos" if engine.dialect.name == "postgresql" else None
-            made = inspector.has_table(JOBS_TABLE, schema=schema)
+            return look(name, url, connection)
     except SQLAlchemyError as error:
-        return _unusable(name, url, "FOLDBACK_JOBS_URL", error)
+        return _unusable(name, url, setting, error)
     finally:
         engine.dispose()
-    found = _shown(url) if made else f"{_shown(url)}, empty; tables will be made"
-    return Finding(name=name, verdict="ok", found=found)
 
 
 def storage(settings: Settings) -> Finding:

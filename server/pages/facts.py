@@ -16,6 +16,7 @@ from planner.certificate.verdict import summary_told_honestly, told_honestly
 from planner.chain.module import CUBE, MODULES
 from planner.errors import TimelineError
 from planner.exports import exports_of
+from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.pathfinding.duration import expected_seconds
 from planner.pipeline.request import LARGEST_SEED, Request
@@ -55,7 +56,7 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
     row, directory = found.row, found.directory
     summary: dict[str, Any] = summary_told_honestly(row.summary or {})
     certificate = summary.get("certificate") or told_honestly(
-        _json(directory / "certificate.json"), summary.get("playback")
+        json_of(directory / "certificate.json"), summary.get("playback")
     )
     running = row.status in RUNNING
     done = row.status in ("verified", "failed")
@@ -265,7 +266,7 @@ def _properties(
     """Groups of labels and values, each group with a heading."""
     explosion = summary.get("explosion") or {}
     playback = summary.get("playback") or {}
-    chain = _json(directory / "chain.json")
+    chain = json_of(directory / "chain.json")
     plan = _settings_of(directory / "plan.npz") if row.status in ("verified", "failed") else {}
     made = "Smoothing" if summary.get("smoothing") else "Explosion"
     groups: list[tuple[str, list[tuple[str, Any]]]] = [
@@ -386,11 +387,3 @@ def _simulated_at(directory: Path, changed_ns: int) -> float | None:
         return float(timeline.frames(len(timeline) - 1).time_s[-1])
     except (TimelineError, OSError):
         return None
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}

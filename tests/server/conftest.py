@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+from server.settings import Settings
+from server.store.folds import Store
 from tests.server.bucket import Bucket
 from tests.server.here import ServiceHere
 from tests.server.postgres import Postgres
@@ -42,6 +44,14 @@ def here_with(tmp_path: Path) -> Iterator[Callable[..., ServiceHere]]:
     for service in reversed(made):  # each puts back what it found
         if service.running:
             assert service.stop() == 0
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    """The folds of a service that has none yet."""
+    store = Store(Settings(data_dir=tmp_path))
+    yield store
+    store.close()
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,6 @@ import json
 import os
 import shutil
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,6 @@ from server.files import exports as exports_module
 from server.files.exports import Exports
 from server.files.workshop import AT_ONCE, MOST_WAITING, Workshop
 from server.pages.facts import fold_facts
-from server.settings import Settings
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError, Store, new_token
 from server.store.shown import Found, ShownFold
@@ -123,13 +121,6 @@ def test_a_fold_that_is_not_over_says_so(desk: Service) -> None:
         assert answer.headers["retry-after"]
     assert desk.http.get("/api/folds/nosuchfold/exports/urdf").status_code == 404
     assert desk.http.get(f"/folds/{fold_id}/facts").json()["downloads"] == []
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    store = Store(Settings(data_dir=tmp_path))
-    yield store
-    store.close()
 
 
 @pytest.fixture

@@ -2,25 +2,16 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from server.files.workshop import AT_ONCE, MOST_WAITING, Workshop
-from server.settings import Settings
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store, new_token
 from server.store.tables import FoldRow
 from tests.server.store.test_rows import row
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    store = Store(Settings(data_dir=tmp_path))
-    yield store
-    store.close()
 
 
 @pytest.fixture

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Awaitable, Callable
 
 import pytest
 import websockets
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.http.security import AllowedHosts, SameOrigin, hosts_of
 from tests.server.service import SNAKE, Service
@@ -105,6 +107,27 @@ def test_an_operator_says_what_names_there_are(here_with) -> None:
     assert status("school.example") == status("evil.example") == 400
 
 
+Guard = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+
+def passed(guarding: Callable[[ASGIApp], Guard], headers: dict[str, str]) -> list[str]:
+    """What a guard does with a WebSocket: lets it in, or what it sends instead."""
+    done: list[str] = []
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        done.append("in")
+
+    async def receive() -> Message:
+        return {"type": "websocket.connect"}
+
+    async def send(message: Message) -> None:
+        done.append(str(message["type"]))
+
+    named = [(name.encode(), value.encode()) for name, value in headers.items()]
+    asyncio.run(guarding(app)({"type": "websocket", "headers": named}, receive, send))
+    return done
+
+
 @pytest.mark.parametrize(
     ("listens", "allowed", "host", "answered"),
     [
@@ -122,21 +145,9 @@ def test_an_operator_says_what_names_there_are(here_with) -> None:
 def test_names_by_default(
     listens: str, allowed: tuple[str, ...], host: str, answered: bool
 ) -> None:
-    passed: list[str] = []
-
-    async def app(scope, receive, send) -> None:
-        passed.append("in")
-
-    async def receive() -> dict[str, object]:
-        return {"type": "websocket.connect"}
-
-    async def send(message: dict[str, object]) -> None:
-        passed.append(str(message["type"]))
-
-    guard = AllowedHosts(app, hosts=hosts_of(listens, allowed))
-    scope = {"type": "websocket", "headers": [(b"host", host.encode())]}
-    asyncio.run(guard(scope, receive, send))
-    assert passed == (["in"] if answered else ["websocket.close"])
+    hosts = hosts_of(listens, allowed)
+    done = passed(lambda app: AllowedHosts(app, hosts=hosts), {"host": host})
+    assert done == (["in"] if answered else ["websocket.close"])
 
 
 @pytest.mark.parametrize(
@@ -153,20 +164,6 @@ def test_names_by_default(
     ],
 )
 def test_origins(origin: str | None, host: str, allowed: bool) -> None:
-    passed: list[str] = []
-
-    async def app(scope, receive, send) -> None:
-        passed.append("in")
-
-    async def receive() -> dict[str, object]:
-        return {"type": "websocket.connect"}
-
-    async def send(message: dict[str, object]) -> None:
-        passed.append(str(message["type"]))
-
-    headers = [(b"host", host.encode())]
-    if origin is not None:
-        headers.append((b"origin", origin.encode()))
-    guard = SameOrigin(app, ["https://partner.example"])
-    asyncio.run(guard({"type": "websocket", "headers": headers}, receive, send))
-    assert passed == (["in"] if allowed else ["websocket.close"])
+    headers = {"host": host} | ({} if origin is None else {"origin": origin})
+    done = passed(lambda app: SameOrigin(app, ["https://partner.example"]), headers)
+    assert done == (["in"] if allowed else ["websocket.close"])

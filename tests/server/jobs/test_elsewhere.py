@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import psycopg
 import pytest
 
 from tests.server.bucket import Bucket
+from tests.server.jobs.test_movies import wait
 from tests.server.postgres import Postgres
-from tests.server.service import PATIENCE_S, SNAKE, Service, owner
+from tests.server.service import SNAKE, Service, owner
 from tests.tools import OPENGL
 
 SMALL = {"width": 128, "height": 72, "fps": 10, "seconds": 0.4}
@@ -43,16 +42,6 @@ def machines(
     for service in made:
         if service.process is not None and service.process.poll() is None:
             assert service.stop() == 0
-
-
-def wait(
-    service: Service, movie: dict[str, Any], until: Callable[[dict[str, Any]], bool]
-) -> dict[str, Any]:
-    deadline = time.monotonic() + PATIENCE_S
-    while not until(found := service.http.get(movie["links"]["self"]).json()):
-        assert time.monotonic() < deadline, f"{found}\n{service.log.read_text()}"
-        time.sleep(0.05)
-    return found
 
 
 @pytest.mark.long

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +21,6 @@ from tests.server.rows import a_movie
 
 MIB = 2**20
 GALLERY: dict[str, Any] = {"public": True, "shape": "wrench-24"}
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    store = Store(Settings(data_dir=tmp_path))
-    yield store
-    store.close()
 
 
 def sweeper(tmp_path: Path, store: Store, **settings: object) -> Sweeper:

@@ -18,7 +18,6 @@ from server.pages.cards import (
 from server.store.folds import Store
 from server.store.gallery import Gallery
 from tests.server.store.test_rows import row
-from tests.server.store.test_rows import store as store
 
 HEART = Card(name="heart", title="Heart", module="cube", modules=216, tags=("sign",))
 RING = Card(

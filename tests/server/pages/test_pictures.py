@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import os
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,18 +17,10 @@ from planner.chain.path import Path as CellPath
 from planner.motion.timeline import chain_attributes
 from server.files.workshop import Workshop
 from server.pages import pictures
-from server.settings import Settings
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store, new_token
 from tests.server.store.test_rows import row
 from web.pictures import social_picture
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    store = Store(Settings(data_dir=tmp_path))
-    yield store
-    store.close()
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -19,13 +19,6 @@ from server.store.tables import FoldRow
 from tests.server.postgres import DATABASES
 
 TOKEN = new_token()
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    store = Store(Settings(data_dir=tmp_path))
-    yield store
-    store.close()
 
 
 def row(key: str | None = None, **more: object) -> FoldRow:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -102,21 +102,25 @@ def test_a_table_that_is_not_of_the_code_is_noticed(engine: sa.Engine) -> None:
         assert compare_metadata(MigrationContext.configure(connection), Base.metadata)
 
 
+def written_as_then(connection: sa.Connection) -> Mapping[str, sa.Table]:
+    """The tables that are there. JSON is written as such, also "nothing" as JSON's null."""
+    found = sa.MetaData()
+    found.reflect(connection)
+    for name in ("progress", "summary", "error"):
+        found.tables["folds"].c[name].type = sa.JSON()
+    return found.tables
+
+
 def test_the_first_schema_comes_up_with_all_its_rows(
     engine: sa.Engine, url: str, tmp_path: Path
 ) -> None:
     upgrade(engine, "0001")
     folds = first_folds()
     with engine.begin() as connection:
-        tables = sa.MetaData()
-        tables.reflect(connection)
-        # As it was written then: JSON as such, also "nothing" as JSON's null.
-        written = tables.tables["folds"]
-        for name in ("progress", "summary", "error"):
-            written.c[name].type = sa.JSON()
-        connection.execute(sa.insert(written), folds)
+        tables = written_as_then(connection)
+        connection.execute(sa.insert(tables["folds"]), folds)
         connection.execute(
-            sa.insert(tables.tables["owners"]),
+            sa.insert(tables["owners"]),
             [
                 {
                     "fold_id": fold["id"],
@@ -211,12 +215,7 @@ def test_a_fold_with_gaps_does_not_stay_verified(
         for name, verdict in verdicts.items()
     ]
     with engine.begin() as connection:
-        tables = sa.MetaData()
-        tables.reflect(connection)
-        written = tables.tables["folds"]
-        for name in ("progress", "summary", "error"):
-            written.c[name].type = sa.JSON()
-        connection.execute(sa.insert(written), folds)
+        connection.execute(sa.insert(written_as_then(connection)["folds"]), folds)
     store = Store(Settings(data_dir=tmp_path, database_url=url))
     try:
         gaps, sound = store.fold("gaps"), store.fold("sound")
