@@ -14,9 +14,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.exports.hull import hull_triangles, normals_of
 from planner.exports.motion import require_frames
 from planner.exports.names import clean_name
+from planner.exports.stl import hull_of
 from planner.plan.plan import Plan
 
 Array = NDArray[np.float64]
@@ -104,9 +104,9 @@ def write(plan: Plan) -> bytes:
     # glTF puts w last.
     turns = np.ascontiguousarray(np.roll(track.wxyzs, -1, axis=-1).swapaxes(0, 1), dtype="<f4")
     edge = plan.certificate.module_size * chain.pitch_m
-    triangles = hull_triangles(chain.module, edge)
-    corners = triangles.reshape(1, -1, 3).astype("<f4")
-    normals = np.repeat(normals_of(triangles), 3, axis=0)[None].astype("<f4")
+    hull = hull_of(chain.module, edge)
+    corners = hull.triangles.reshape(1, -1, 3).astype("<f4")
+    normals = np.repeat(hull.face_normals, 3, axis=0)[None].astype("<f4")
     buffer = Buffer()
     (position,) = buffer.add(corners, target=ARRAY_BUFFER)
     (normal,) = buffer.add(normals, target=ARRAY_BUFFER)

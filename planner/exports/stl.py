@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
-from planner.exports.hull import hull_triangles, normals_of
+from planner.chain.module import Module
 from planner.plan.plan import Plan
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 MILLIMETRES: Final = 1000.0
 """In a metre."""
-HEADER: Final = b"foldback: the outer solid of one module, in millimetres"
-FACET: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+HEADER: Final = b"foldback: the outer solid of one module, in millimetres".ljust(80)
 
 
 def write(plan: Plan) -> bytes:
@@ -21,8 +21,19 @@ def write(plan: Plan) -> bytes:
     It is centred as the module's frame is. It has no joints: how a hinge is made is up to who
     builds it.
     """
+    from trimesh.exchange.stl import export_stl
+
     edge = plan.certificate.module_size * plan.chain.pitch_m * MILLIMETRES
-    triangles = hull_triangles(plan.chain.module, edge)
-    facets = np.zeros(len(triangles), dtype=FACET)
-    facets["normal"], facets["corners"] = normals_of(triangles), triangles
-    return HEADER.ljust(80) + np.uint32(len(facets)).astype("<u4").tobytes() + facets.tobytes()
+    return HEADER + export_stl(hull_of(plan.chain.module, edge))[len(HEADER) :]
+
+
+def hull_of(module: Module, size: float) -> Trimesh:
+    """The outside of a module, its triangles counter-clockwise seen from outside.
+
+    Args:
+        module: The kind of module.
+        size: Scale about the module's centre; 1 for the full hull, a pitch long.
+    """
+    from trimesh.convex import convex_hull  # only who takes a mesh away needs it
+
+    return convex_hull(module.vertices).apply_scale(size)

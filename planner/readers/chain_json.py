@@ -11,7 +11,7 @@ from planner.chain.chain import Chain
 from planner.chain.module import Module, module_named
 from planner.chain.path import DEFAULT_PITCH_M, LARGEST_COORDINATE
 from planner.errors import InputError
-from planner.readers.fields import number_field, text_field
+from planner.readers.json_text import number_field, text_field
 from planner.readers.limits import Source, quote, too_many
 
 

@@ -7,9 +7,8 @@ from typing import Final
 
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.readers.cells import path_or_shape
 from planner.readers.limits import Source, quote, too_many
-from planner.readers.text import COMMENT, cells_array, coordinate, is_number
+from planner.readers.text import COMMENT, cells_array, coordinate, is_number, path_or_shape
 from planner.shapes.shape import Shape
 
 DELIMITERS: Final = (";", ",", "\t")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import binascii
+import json
+import struct
 from typing import Any, Final, cast
 
 import numpy as np
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.readers.json_text import parse
 from planner.readers.limits import Source, quote
+from planner.readers.meshes import load
 from planner.shapes.solid import Solid, check_triangles
 
 MAGIC: Final = b"glTF"
@@ -22,8 +25,9 @@ KINDS: Final = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4",
 WIDTHS: Final = {"SCALAR": 1, "VEC3": 3}
 PACKED: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
 TRIANGLES, STRIP, FAN = 4, 5, 6
+OF_NODES: Final = ("mesh", "matrix", "translation", "rotation", "scale")
+"""What a node says of what it draws, and where."""
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Document = dict[str, Any]
 
@@ -100,7 +104,7 @@ def _chunks(data: bytes) -> dict[int, bytes]:
 
 
 class _Scene:
-    """The triangles of a scene, collected with its nodes' transforms."""
+    """What a scene draws, checked and without all else: a GLB that trimesh reads as it is meant."""
 
     def __init__(self, document: Document, binary: bytes | None, source: Source) -> None:
         self._document = document
@@ -124,30 +128,39 @@ class _Scene:
                         where=f"{key}[{index}]",
                     )
         self._buffers = [self._buffer(b) for b in document.get("buffers", [])]
-        self._meshes: dict[int, tuple[Floats, Ints]] = {}
+        self._packed: list[bytes] = []
+        self._views: list[Document] = []
+        self._accessors: list[Document] = []
 
     def solid(self) -> Solid:
         """All triangles of the scene as one solid."""
-        instances = self._instances()
-        total = sum(self._triangles(mesh) for mesh, _ in instances)
+        roots, nodes = self._nodes()
+        meshes = self._document.get("meshes", [])
+        drawn = [int(node["mesh"]) for node in nodes if "mesh" in node]
+        if drawn and not 0 <= min(drawn) <= max(drawn) < len(meshes):
+            raise IndexError(f"a mesh of {len(meshes)}")
+        primitives = {mesh: self._primitives(meshes[mesh]) for mesh in sorted(set(drawn))}
+        counts = {mesh: sum(map(self._triangles, found)) for mesh, found in primitives.items()}
+        total = sum(counts[mesh] for mesh in drawn)
         check_triangles(total, self._source.most_triangles)
-        points: list[Floats] = []
-        faces: list[Ints] = []
-        rows = 0
-        for mesh, transform in instances:
-            own, corners = self._mesh(mesh)
-            with np.errstate(all="ignore"):
-                points.append(own @ transform[:3, :3].T + transform[:3, 3])
-                mirrored = np.linalg.det(transform[:3, :3]) < 0
-            faces.append((corners[:, ::-1] if mirrored else corners) + rows)
-            rows += len(own)
-        return Solid.from_triangles(
-            np.concatenate(points),
-            np.concatenate(faces),
-            name=self._source.name or "solid",
-            notes=sorted(self._notes),
-            most_triangles=self._source.most_triangles,
-        )
+        place = {mesh: i for i, mesh in enumerate(primitives)}
+        for node in nodes:
+            if "mesh" in node:
+                node["mesh"] = place[node["mesh"]]
+        document = {
+            "asset": {"version": "2.0"},
+            "scene": 0,
+            "scenes": [{"nodes": roots}],
+            "nodes": nodes,
+            "meshes": [
+                {"primitives": [self._plain(each) for each in found]}
+                for found in primitives.values()
+            ],
+            "accessors": self._accessors,
+            "bufferViews": self._views,
+        }
+        notes = tuple(sorted(self._notes))
+        return load(_packed(document, self._packed), "glb", self._source, notes=notes)
 
     def _buffer(self, entry: Document) -> bytes:
         uri = entry.get("uri")
@@ -161,79 +174,81 @@ class _Scene:
         except (binascii.Error, ValueError) as error:
             raise _damaged("a buffer's base64 is broken") from error
 
-    def _instances(self) -> list[tuple[int, Floats]]:
-        """Meshes of the scene and their transforms; without nodes, every mesh as it is."""
-        nodes = self._document.get("nodes", [])
-        if not nodes:
-            return [(i, np.eye(4)) for i in range(len(self._document.get("meshes", [])))]
-        if len(nodes) > MOST_NODES:
-            raise InputError("too-large", f"got {len(nodes)} nodes, expected {MOST_NODES} at most.")
+    def _nodes(self) -> tuple[list[int], list[Document]]:
+        """The roots and all nodes of the scene, with what moves them; a node for each mesh if none.
+
+        No node is reached twice.
+        """
+        given = self._document.get("nodes", [])
+        if not given:
+            count = len(self._document.get("meshes", []))
+            return list(range(count)), [{"mesh": mesh} for mesh in range(count)]
+        if len(given) > MOST_NODES:
+            raise InputError("too-large", f"got {len(given)} nodes, expected {MOST_NODES} at most.")
         scenes = self._document.get("scenes", [])
         if scenes:
             roots = scenes[self._document.get("scene", 0)].get("nodes", [])
         else:
-            children = {c for node in nodes for c in node.get("children", [])}
-            roots = [i for i in range(len(nodes)) if i not in children]
-        found: list[tuple[int, Floats]] = []
-        seen: set[int] = set()
-        waiting = [(int(root), np.eye(4)) for root in roots]
+            children = {c for node in given for c in node.get("children", [])}
+            roots = [i for i in range(len(given)) if i not in children]
+        seen: dict[int, int] = {}
+        waiting = [int(root) for root in roots]
         while waiting:
-            index, above = waiting.pop()
+            index = waiting.pop()
             if index in seen or index < 0:
                 raise _damaged(f"node {index} is reached twice or is none")
-            seen.add(index)
-            node = nodes[index]
-            with np.errstate(all="ignore"):
-                transform = above @ _transform(node)
-            if not np.isfinite(transform).all():
-                raise _damaged(f"node {index} is moved by numbers that are not finite")
-            if "mesh" in node:
-                found.append((int(node["mesh"]), transform))
-            waiting += [(int(child), transform) for child in node.get("children", [])]
-        return found
+            seen[index] = len(seen)
+            waiting += [int(child) for child in given[index].get("children", [])]
+        nodes: list[Document] = []
+        for index in seen:
+            node = {name: given[index][name] for name in OF_NODES if name in given[index]}
+            if children := [seen[int(child)] for child in given[index].get("children", [])]:
+                node["children"] = children
+            nodes.append(node)
+        return [seen[int(root)] for root in roots], nodes
 
-    def _primitives(self, mesh: int) -> list[Document]:
-        if mesh < 0:
-            raise IndexError(f"mesh {mesh}")
+    def _primitives(self, mesh: Document) -> list[Document]:
+        """Those of a mesh that are triangles; points and lines are noted."""
         kept: list[Document] = []
-        for primitive in self._document["meshes"][mesh]["primitives"]:
+        for primitive in mesh["primitives"]:
             if primitive.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN):
                 kept.append(primitive)
             else:
                 self._notes.add("points and lines were left out.")
         return kept
 
-    def _triangles(self, mesh: int) -> int:
-        """How many triangles a mesh announces, before anything is made of them."""
-        total = 0
-        for primitive in self._primitives(mesh):
-            place = primitive.get("indices", primitive["attributes"]["POSITION"])
-            count = int(self._document["accessors"][place]["count"])
-            if count < 0:
-                raise ValueError(f"a count of {count}")
-            total += count // 3 if primitive.get("mode", TRIANGLES) == TRIANGLES else count
-        return total
+    def _triangles(self, primitive: Document) -> int:
+        """How many triangles a primitive announces, before anything is made of them."""
+        place = primitive.get("indices", primitive["attributes"]["POSITION"])
+        count = int(self._document["accessors"][place]["count"])
+        if count < 0:
+            raise ValueError(f"a count of {count}")
+        return count // 3 if primitive.get("mode", TRIANGLES) == TRIANGLES else count
 
-    def _mesh(self, mesh: int) -> tuple[Floats, Ints]:
-        if mesh in self._meshes:
-            return self._meshes[mesh]
-        points: list[Floats] = [np.zeros((0, 3))]
-        faces: list[Ints] = [np.zeros((0, 3), dtype=np.int64)]
-        rows = 0
-        for primitive in self._primitives(mesh):
-            with np.errstate(invalid="ignore"):  # what is no number is refused with its place
-                own = self._accessor(primitive["attributes"]["POSITION"], "VEC3").astype(float)
-                corners = np.arange(len(own))
-                if "indices" in primitive:
-                    corners = self._accessor(primitive["indices"], "SCALAR").astype(np.int64)
-            corners = corners.ravel()
-            if len(corners) and corners.max() >= len(own):
-                raise InputError("bad-index", f"got vertex {corners.max()} of {len(own)}.")
-            faces.append(_cut(corners, primitive.get("mode", TRIANGLES)) + rows)
-            points.append(own)
-            rows += len(own)
-        self._meshes[mesh] = np.concatenate(points), np.concatenate(faces)
-        return self._meshes[mesh]
+    def _plain(self, primitive: Document) -> Document:
+        """A primitive of plain triangles: its corners are 32-bit, its points are, too."""
+        points = self._accessor(primitive["attributes"]["POSITION"], "VEC3")
+        corners = np.arange(len(points))
+        if "indices" in primitive:
+            corners = self._accessor(primitive["indices"], "SCALAR").ravel()
+        if len(corners) and corners.max() >= len(points):
+            raise InputError("bad-index", f"got vertex {corners.max()} of {len(points)}.")
+        triangles = _cut(corners, primitive.get("mode", TRIANGLES))
+        with np.errstate(invalid="ignore"):  # what is no number is refused with its place
+            position = self._added(points.astype("<f4"), 5126, "VEC3", len(points))
+        indices = self._added(triangles.astype("<u4"), 5125, "SCALAR", triangles.size)
+        return {"attributes": {"POSITION": position}, "indices": indices, "mode": TRIANGLES}
+
+    def _added(self, values: NDArray[Any], kind: int, shape: str, count: int) -> int:
+        """The number of a new accessor of these values."""
+        start = sum(map(len, self._packed))
+        self._packed.append(values.tobytes())
+        self._views.append({"buffer": 0, "byteOffset": start, "byteLength": values.nbytes})
+        view = len(self._views) - 1
+        self._accessors.append(
+            {"bufferView": view, "componentType": kind, "type": shape, "count": count}
+        )
+        return view
 
     def _accessor(self, index: int, expected: str) -> NDArray[Any]:
         """(count, width) values of an accessor, every bound checked before they are touched."""
@@ -284,17 +299,14 @@ def _cut(corners: Ints, mode: int) -> Ints:
     return strip
 
 
-def _transform(node: Document) -> Floats:
-    if "matrix" in node:
-        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-    transform = np.eye(4)
-    x, y, z, w = (float(v) for v in node.get("rotation", (0.0, 0.0, 0.0, 1.0)))
-    transform[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    scale = np.array(node.get("scale", (1.0, 1.0, 1.0)), dtype=np.float64)
-    transform[:3, :3] *= scale.reshape(1, 3)
-    transform[:3, 3] = np.array(node.get("translation", (0.0, 0.0, 0.0)), dtype=np.float64)
-    return transform
+def _packed(document: Document, binary: list[bytes]) -> bytes:
+    """A GLB of a document and its buffer."""
+    length = sum(map(len, binary))
+    document["buffers"] = [{"byteLength": length}]
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    padding = bytes(-length % 4)
+    whole = 28 + len(text) + length + len(padding)
+    head = struct.pack("<4sIIII", MAGIC, 2, whole, len(text), JSON_CHUNK)
+    chunk = struct.pack("<II", length + len(padding), BINARY_CHUNK)
+    return b"".join([head, text, chunk, *binary, padding])

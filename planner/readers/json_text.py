@@ -6,7 +6,7 @@ import json
 from typing import Any, Final
 
 from planner.errors import InputError
-from planner.readers.limits import MOST_CELLS, quote, too_many
+from planner.readers.limits import MOST_CELLS, clean_name, quote, too_many
 
 DIGITS_OF_AN_INTEGER: Final = 18
 HUGE: Final = 1e300
@@ -71,3 +71,27 @@ def _no_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
             )
         found[key] = value
     return found
+
+
+def text_field(document: dict[str, Any], key: str) -> str:
+    """A text, cleaned for showing; empty when it is missing.
+
+    Raises:
+        InputError: ``wrong-type`` when it is something else.
+    """
+    value = document.get(key, "")
+    if not isinstance(value, str):
+        raise InputError("wrong-type", f"got {quote(value)}, expected a text.", where=key)
+    return clean_name(value)
+
+
+def number_field(document: dict[str, Any], key: str, default: float) -> float:
+    """A number, ``default`` when it is missing.
+
+    Raises:
+        InputError: ``wrong-type`` when it is something else.
+    """
+    value = document.get(key, default)
+    if type(value) is not int and type(value) is not float:
+        raise InputError("wrong-type", f"got {quote(value)}, expected a number.", where=key)
+    return float(value)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.readers.cells import path_or_shape
 from planner.readers.limits import Source, too_many
+from planner.readers.text import path_or_shape
 from planner.shapes.shape import Shape
 
 MAGIC: Final = b"\x93NUMPY"

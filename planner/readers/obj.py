@@ -1,36 +1,37 @@
-"""OBJ: lines of vertices and polygons; materials, normals and curves are left alone."""
+"""OBJ: lines of vertices and polygons; materials, normals and curves are left alone.
+
+trimesh reads them once they are as it expects: no line begins with spaces or ends with a remark,
+and corners that count back from their line are counted from the first vertex.
+"""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import Final
-
-import numpy as np
-from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
-from planner.readers.polygons import fans
-from planner.readers.tables import SPACE, chunks, line_starts, lines_of, table, whole
+from planner.readers.meshes import load
 from planner.shapes.solid import Solid, check_triangles
 
 VERTEX_LINE: Final = re.compile(rb"(?m)^\s*v[ \t]+[-+.\dnNiI]")
-INDENT: Final = re.compile(rb"(?m)^[ \t]+")
-TEXTURE: Final = re.compile(rb"/\S*")
 LOOKED_AT: Final = 65_536
-TAB: Final = 9
-
-Ints = NDArray[np.int64]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Part:
-    """What some lines hold: points, and corners of polygons counted from the file's first point."""
-
-    points: NDArray[np.float64]
-    corners: Ints
-    counts: Ints
+INDENT: Final = re.compile(rb"(?m)^[ \t]+")
+REMARK: Final = re.compile(rb"#[^\n]*")
+NUMBER: Final = rb"[-+]?(?:\d+\.?\d*(?:e[-+]?\d+)?|\.\d+(?:e[-+]?\d+)?|nan|inf(?:inity)?)"
+CORNER: Final = rb"[1-9]\d{0,8}(?:/\S*)?"
+WRONG: Final = re.compile(
+    rb"(?mi)^(?:v(?=[ \t])(?![ \t]+%s[ \t]+%s[ \t]+%s(?:\s|\Z))"
+    rb"|f(?=[ \t])(?!(?:[ \t]+%s){3,}[ \t\r]*$))[^\n]*" % (NUMBER, NUMBER, NUMBER, CORNER)
+)
+"""A line of a vertex without three numbers, or of a polygon without three vertices."""
+BACK: Final = re.compile(rb"(?<=[ \t])-(\d{1,9})")
+COUNTED_BACK: Final = re.compile(rb"(?m)^f[ \t][^\n]*[ \t]?-\d")
+POLYGON: Final = re.compile(rb"(?m)^f[ \t]")
+FLAT: Final = re.compile(rb"(?m)^f(?:[ \t]+\d+(?:/\S*)?){1,2}[ \t\r]*$")
+"""A polygon of fewer than three corners, which is left out."""
+LARGE: Final = re.compile(rb"(?m)^f(?:[ \t]+\S+){4,}")
+"""A polygon of more than three corners."""
 
 
 def is_obj(data: bytes) -> bool:
@@ -47,91 +48,41 @@ def read_obj(data: bytes, source: Source) -> Solid:
     """
     if b"\\" in data:
         data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
-    parts: list[_Part] = []
-    known = lines = triangles = 0
-    for chunk in chunks(data):
-        part = _many(chunk, known) or _one_by_one(chunk, known, lines)
-        parts.append(part)
-        known += len(part.points)
-        lines += chunk.count(b"\n")
-        triangles += int(np.maximum(part.counts - 2, 0).sum())
-        check_triangles(max(1, triangles), source.most_triangles)
-    faces = fans(
-        np.concatenate([part.corners for part in parts]),
-        np.concatenate([part.counts for part in parts]),
-    )
-    points = np.concatenate([part.points for part in parts])
-    del parts
-    return Solid.from_triangles(
-        points,
-        faces,
-        name=source.name or "solid",
-        most_triangles=source.most_triangles,
-    )
-
-
-def _many(chunk: bytes, known: int) -> _Part | None:
-    """All lines at once; None when one of them is not as they usually are."""
-    text = np.frombuffer(chunk if chunk.endswith(b"\n") else chunk + b"\n", dtype=np.uint8)
-    starts = line_starts(text)
-    if np.isin(text[starts], (SPACE, TAB)).any():
-        return _many(INDENT.sub(b"", chunk), known) if INDENT.search(chunk) else None
-    after = text[np.minimum(starts + 1, len(text) - 1)]
-    spaced = (after == SPACE) | (after == TAB)
-    of_points = spaced & (text[starts] == ord("v"))
-    of_faces = spaced & (text[starts] == ord("f"))
-    bare = text.copy()
-    bare[starts[of_points | of_faces]] = SPACE
-    points = table(lines_of(bare, starts, of_points))
-    face_lines = lines_of(bare, starts, of_faces)
-    if (face_lines == ord("/")).any():
-        face_lines = np.frombuffer(TEXTURE.sub(b"", face_lines.tobytes()), dtype=np.uint8)
-    faces = table(face_lines)
-    if points is None or faces is None or len(faces.counts) != int(of_faces.sum()):
-        return None
-    places = points.columns(0, 3)
-    corners = whole(faces.values)
-    if places is None or corners is None or (corners == 0).any():
-        return None
-    # A negative number counts back from the last point before its line.
-    so_far = known + np.cumsum(of_points)[of_faces]
-    back = corners < 0
-    if back.any():
-        corners = np.where(back, corners + np.repeat(so_far, faces.counts), corners - 1)
-    else:
-        corners -= 1
-    return _Part(points=np.ascontiguousarray(places), corners=corners, counts=faces.counts)
-
-
-def _one_by_one(chunk: bytes, known: int, lines: int) -> _Part:
-    """Line by line, which tells where something is wrong."""
-    points: list[tuple[float, float, float]] = []
-    corners: list[int] = []
-    counts: list[int] = []
-    number = 0
-    try:
-        for number, line in enumerate(chunk.decode("latin-1").split("\n"), lines + 1):  # noqa: B007
-            words = line.split()
-            if not words:
-                continue
-            if words[0] == "v":
-                points.append((float(words[1]), float(words[2]), float(words[3])))
-            elif words[0] == "f":
-                row = [int(word.partition("/")[0]) for word in words[1:]]
-                if 0 in row:
-                    raise ValueError("corner 0")
-                so_far = known + len(points)
-                corners += [corner - 1 if corner > 0 else so_far + corner for corner in row]
-                counts.append(len(row))
-        flat = np.array(corners, dtype=np.int64)
-    except (ValueError, IndexError, OverflowError) as error:
+    if b"#" in data:
+        data = REMARK.sub(b"", data)
+    if b"\t" in data:
+        data = data.replace(b"\t", b" ")
+    if INDENT.search(data):
+        data = INDENT.sub(b"", data)
+    data = FLAT.sub(b"", data)
+    if COUNTED_BACK.search(data):
+        data = _counted_on(data)
+    if (wrong := WRONG.search(data)) is not None:
+        line = data.count(b"\n", 0, wrong.start()) + 1
         raise InputError(
             "damaged",
-            f"{quote(str(error))}; expected 'v x y z', or 'f' and the numbers of vertices.",
-            where=f"line {number}",
-        ) from error
-    return _Part(
-        points=np.array(points, dtype=np.float64).reshape(-1, 3),
-        corners=flat,
-        counts=np.array(counts, dtype=np.int64),
-    )
+            f"got {quote(wrong[0].decode('latin-1'))!r}, expected 'v x y z', or 'f' and the "
+            "numbers of three vertices or more.",
+            where=f"line {line}",
+        )
+    triangles = len(POLYGON.findall(data))
+    check_triangles(triangles, source.most_triangles)
+    triangles += sum(len(large[0].split()) - 4 for large in LARGE.finditer(data))
+    check_triangles(triangles, source.most_triangles)
+    return load(data, "obj", source, triangles=triangles)
+
+
+def _counted_on(data: bytes) -> bytes:
+    """The same with corners that count back from the last vertex before them counted on."""
+    known = 0
+
+    def counted_on(back: re.Match[bytes]) -> bytes:
+        return b"%d" % max(0, known + 1 - int(back[1]))
+
+    lines = data.split(b"\n")
+    for i, line in enumerate(lines):
+        if line[:2] in (b"v ", b"v\t"):
+            known += 1
+        elif line[:1] == b"f":
+            lines[i] = BACK.sub(counted_on, line)
+    return b"\n".join(lines)

@@ -9,9 +9,9 @@ import numpy as np
 
 from planner.chain.path import DEFAULT_PITCH_M, Path
 from planner.errors import InputError
-from planner.readers.cells import path_or_shape
-from planner.readers.fields import number_field, text_field
+from planner.readers.json_text import number_field, text_field
 from planner.readers.limits import Source, quote, too_many
+from planner.readers.text import path_or_shape
 from planner.shapes.shape import Shape
 
 

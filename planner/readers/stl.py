@@ -6,23 +6,22 @@ import re
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.readers.limits import Source, quote
-from planner.readers.tables import SPACE, chunks, line_starts, lines_of, table
+from planner.readers.limits import Source
+from planner.readers.meshes import check_plain, load
 from planner.shapes.solid import MOST_TRIANGLES, Solid, check_triangles
 
 HEADER_BYTES: Final = 84
 TRIANGLE_BYTES: Final = 50
 LOOKED_AT: Final = 2048
 LONGEST_TAIL: Final = 4096
-LOWER: Final = 32
 ROW: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 LENGTHS: Final = (1e-9, 1e9)
 """What coordinates lie between; of numbers made of random bytes about a quarter does."""
 MOST_LENGTHS: Final = 0.6
-VERTEX: Final = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
+ODD: Final = re.compile(rb"vertex[\t -~]*[^\t-\r -~]")
+NAME: Final = re.compile(rb"solid\b[^\n]*?(?=\s+facet\b|\n|\Z)")
 
 
 def announced(data: bytes) -> int:
@@ -94,69 +93,23 @@ def _binary(data: bytes, source: Source) -> Solid:
             "save the file again.",
         )
     notes = () if len(data) == expected else ("bytes after the last triangle were left alone.",)
-    rows = np.frombuffer(data, dtype=ROW, count=count, offset=HEADER_BYTES)
-    with np.errstate(invalid="ignore"):
-        corners = rows["corners"].reshape(-1, 3).astype(np.float64)
-    return Solid.from_triangles(
-        corners,
-        np.arange(3 * count).reshape(-1, 3),
-        name=source.name or "solid",
-        notes=notes,
-        most_triangles=source.most_triangles,
-    )
+    return load(data[:expected], "stl", source, triangles=count, notes=notes)
 
 
 def _text(data: bytes, source: Source) -> Solid:
-    count = data.lower().count(b"endfacet")
+    words = NAME.sub(b"solid", data.lower())
+    check_plain(words, ODD)
+    count = words.count(b"endfacet")
     check_triangles(count, source.most_triangles)
-    corners = _corners(data, 3 * count)
-    if b"endsolid" not in data[-LOOKED_AT:].lower():
-        raise InputError("truncated", "the file ends before 'endsolid'; save or send it again.")
-    return Solid.from_triangles(
-        corners,
-        np.arange(3 * count).reshape(-1, 3),
-        name=source.name or "solid",
-        most_triangles=source.most_triangles,
-    )
-
-
-def _corners(data: bytes, expected: int) -> NDArray[np.float64]:
-    """(V, 3) what follows the words 'vertex'."""
-    found = [_many(chunk) for chunk in chunks(data)]
-    whole = [part for part in found if part is not None]
-    if len(whole) == len(found) and sum(map(len, whole)) == expected:
-        return np.concatenate(whole)
-    fields = VERTEX.findall(data)
-    if len(fields) != expected:
+    corners = words.count(b"vertex")
+    if corners != 3 * count:
         raise InputError(
             "damaged",
-            f"got {len(fields)} vertices in {expected // 3} triangles, expected three in each; the "
-            "file is cut or damaged.",
+            f"got {corners} vertices in {count} triangles, expected three in each; the file is cut "
+            "or damaged.",
         )
-    try:
-        return np.array([[float(x), float(y), float(z)] for x, y, z in fields])
-    except ValueError as error:
-        raise InputError(
-            "not-a-number", f"{quote(str(error))}; expected three numbers after each 'vertex'."
-        ) from error
-
-
-def _many(chunk: bytes) -> NDArray[np.float64] | None:
-    """The vertices of whole lines at once; None when one is not alone on its line."""
-    text = np.frombuffer(chunk if chunk.endswith(b"\n") else chunk + b"\n", dtype=np.uint8).copy()
-    at = np.flatnonzero((text[:-6] == ord("v")) | (text[:-6] == ord("V")))
-    for place, letter in enumerate(b"vertex"):
-        at = at[(text[at + place] | LOWER) == letter]
-    if not len(at):
-        return np.zeros((0, 3))
-    starts = line_starts(text)
-    lines = np.searchsorted(starts, at, side="right") - 1
-    wanted = np.zeros(len(starts), dtype=bool)
-    wanted[lines] = True
-    if int(wanted.sum()) != len(at):
-        return None
-    text[at[:, None] + np.arange(6)] = SPACE
-    found = table(lines_of(text, starts, wanted))
-    if found is None or not (found.counts == 3).all():
-        return None
-    return found.columns(0, 3)
+    if b"endsolid" not in words[-LOOKED_AT:]:
+        raise InputError("truncated", "the file ends before 'endsolid'; save or send it again.")
+    if data.count(b"\n") < corners:  # a line may hold more than one
+        words = words.replace(b"vertex", b"\nvertex").replace(b"endloop", b"\nendloop")
+    return load(words, "stl_ascii", source, triangles=count)

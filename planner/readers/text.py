@@ -1,4 +1,4 @@
-"""Text: decoding, and the numbers that CSV and XYZ files hold."""
+"""Text: decoding, the numbers that CSV and XYZ files hold, and what lists of cells become."""
 
 from __future__ import annotations
 
@@ -8,18 +8,20 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from planner.chain.path import LARGEST_COORDINATE
+from planner.chain.path import DEFAULT_PITCH_M, LARGEST_COORDINATE, Path
 from planner.errors import InputError
 from planner.readers.kinds import wrong_kind
-from planner.readers.limits import quote
+from planner.readers.limits import Source, quote
+from planner.shapes.shape import Shape
 
 NUMBER: Final = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?\Z")
 NOT_FINITE: Final = re.compile(r"[+-]?(?:nan|inf|infinity)\Z", re.IGNORECASE)
 SEPARATOR: Final = re.compile(r'[\s,;"]+')
 COMMENT: Final = "#"
 LOOKED_AT: Final = 20_000
+REMEDY: Final = "if these are voxels in no order, read them as voxels"
 
 
 def decode(data: bytes, expected: str) -> str:
@@ -111,3 +113,22 @@ def is_number(field: str) -> bool:
 def cells_array(rows: Sequence[Sequence[float]]) -> NDArray[np.int64]:
     """(n, 3) cells from checked rows."""
     return np.array(rows, dtype=np.int64).reshape(-1, 3)
+
+
+def path_or_shape(
+    cells: ArrayLike, source: Source, *, name: str = "", pitch_m: float = DEFAULT_PITCH_M
+) -> Path | Shape:
+    """A path of cells in their order, or with ``source.as_voxels`` a shape.
+
+    Raises:
+        InputError: Naming the cells; where the order is to blame, saying how to read them else.
+    """
+    if source.as_voxels:
+        return Shape.from_cells(cells, name=name or source.name or "shape", pitch_m=pitch_m)
+    try:
+        return Path.from_cells(cells, name=name or source.name or "path", pitch_m=pitch_m)
+    except InputError as refusal:
+        if refusal.code != "not-adjacent":
+            raise
+        detail = f"{refusal.detail.removesuffix('.')}; {REMEDY}."
+        raise InputError(refusal.code, detail, where=refusal.where) from refusal

@@ -11,8 +11,8 @@ from rich.console import Console
 
 from planner.errors import InputError
 from planner.readers.angle_strings import HEADING
-from planner.readers.cells import REMEDY
 from planner.readers.limits import megabytes
+from planner.readers.text import REMEDY
 from server.store.gallery import Gallery
 
 TYPED_REMEDY = "if these are voxels in no order, use --as-voxels"

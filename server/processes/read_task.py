@@ -28,7 +28,9 @@ WISHES: Final = ("module", "modules", "method", "repair", "ends", "as_voxels", "
 
 
 def warm_up() -> None:
-    """Compiles what checks of chains need: their time is for the upload alone."""
+    """Loads and compiles what uploads need: their time is for the upload alone."""
+    import trimesh.exchange.load  # noqa: F401
+
     _ = Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0)])).folded_poses
 
 
