@@ -110,10 +110,7 @@ def clearances_of(chain: Chain, angles_rad: Array, *, size: float) -> tuple[Floa
     module_clearances(
         poses.positions,
         poses.rotations,
-        module.vertices,
-        module.face_normals,
-        module.edge_directions,
-        module.radius,
+        module.hull,
         module.inner_radius,
         size,
         module.apart,

@@ -43,11 +43,7 @@ def floating_torques(
             angles[part],
             velocities[part],
             changes[part],
-            module.rigid_links,
-            module.anchor,
-            module.axes,
-            module.turn,
-            module.offset,
+            module.joint,
             module.inertia,
             torques[part],
         )

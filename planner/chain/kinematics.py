@@ -69,11 +69,7 @@ def forward_kinematics(
     rotations = np.empty((frames, n, 3, 3))
     many_chain_poses(
         angles,
-        module.rigid_links,
-        module.anchor,
-        module.axes,
-        module.turn,
-        module.offset,
+        module.joint,
         root,
         roots,
         turns,

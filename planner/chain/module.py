@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
+from planner.kernels.module import Hull, Joint
 
 Array = NDArray[np.float64]
 RELIEF_SAMPLES: Final = 64
@@ -83,6 +84,16 @@ class Module:
         """Radius of the ball about the centre that fits into the hull, in pitches."""
         reach = self.vertices @ self.face_normals.T
         return float(np.minimum(reach.max(axis=0), -reach.min(axis=0)).min())
+
+    @cached_property
+    def joint(self) -> Joint:
+        """The joint as kernels take it."""
+        return Joint(self.rigid_links, self.anchor, self.axes, self.turn, self.offset)
+
+    @cached_property
+    def hull(self) -> Hull:
+        """The hull as kernels take it."""
+        return Hull(self.vertices, self.face_normals, self.edge_directions, self.radius)
 
     @property
     def hinges_per_joint(self) -> int:

@@ -45,10 +45,7 @@ def closest(
         positions,
         rotations,
         pairs,
-        module.vertices,
-        module.face_normals,
-        module.edge_directions,
-        module.radius,
+        module.hull,
         size,
         enough,
     )

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import Module
-from planner.kernels.linked import Joint, deepest_overlap
+from planner.kernels.linked import Link, deepest_overlap
 from planner.motion.windows import Windows
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ def exempt_pairs(chain: Chain, motions: Sequence[Array | Windows], *, size: floa
     pairs = len(module.exempt_pairs(count))
     depth, bound, where = 0.0, 0.0, None
     for motion in motions if pairs and len(chain.folded_rad) else ():
-        found = deepest_overlap(_joint(module, size), chain.folded_rad.copy(), *_angles(motion))
+        found = deepest_overlap(_link(module, size), chain.folded_rad.copy(), *_angles(motion))
         bound = max(bound, found.bound)
         if found.depth > depth:
             holds = found.joint + module.rigid_links
@@ -110,19 +110,13 @@ def exempt_pairs(chain: Chain, motions: Sequence[Array | Windows], *, size: floa
     )
 
 
-def _joint(module: Module, size: float) -> Joint:
-    return Joint(
-        anchor=module.anchor,
-        axes=module.axes,
-        turn=module.turn,
-        offset=module.offset,
-        vertices=module.vertices,
-        normals=module.face_normals,
-        edges=module.edge_directions,
+def _link(module: Module, size: float) -> Link:
+    return Link(
+        joint=module.joint,
+        hull=module.hull,
         size=float(size),
         face=module.offset / np.linalg.norm(module.offset),
         distance=module.near_face(size),
-        rigid=module.rigid_links,
     )
 
 

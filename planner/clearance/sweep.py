@@ -181,10 +181,7 @@ def clearance_at(
         np.ascontiguousarray(poses.positions),
         np.ascontiguousarray(poses.rotations),
         np.array([modules], dtype=np.int64),
-        chain.module.vertices,
-        chain.module.face_normals,
-        chain.module.edge_directions,
-        chain.module.radius,
+        chain.module.hull,
         size,
         FAR,
     )
@@ -260,8 +257,9 @@ class _AtRest:
 
         def clearances(poses: Poses) -> tuple[Array, Ints]:
             pairs = near_pairs(poses.positions, 2.0 * module.radius * size + enough, module.apart)
-            hull = (module.vertices, module.face_normals, module.edge_directions)
-            return rigid_clearances(poses.positions, poses.rotations, pairs, *hull, size, enough)
+            return rigid_clearances(
+                poses.positions, poses.rotations, pairs, module.hull, size, enough
+            )
 
         return cls(folded=clearances(chain.folded_poses), straight=clearances(_straight(chain)))
 
@@ -305,15 +303,8 @@ def _shape(chain: Chain, size: float, at_rest: tuple[Poses, Poses] | None) -> Sh
     flat = (index[:, 0] * cells[1] + index[:, 1]) * cells[2] + index[:, 2]
     counts = np.bincount(flat, minlength=int(np.prod(cells)))
     return Shape(
-        rigid=module.rigid_links,
-        anchor=module.anchor,
-        axes=module.axes,
-        turn=module.turn,
-        offset=module.offset,
-        vertices=module.vertices,
-        normals=module.face_normals,
-        edges=module.edge_directions,
-        radius=module.radius,
+        joint=module.joint,
+        hull=module.hull,
         size=float(size),
         apart=module.apart,
         root=chain.root if at_rest is None else -1,

@@ -86,11 +86,7 @@ class Peelable:
         positions, rotations = np.empty((m, 3)), np.empty((m, 3, 3))
         chain_poses(
             angles,
-            module.rigid_links,
-            module.anchor,
-            module.axes,
-            module.turn,
-            module.offset,
+            module.joint,
             0,
             *self.base(first),
             positions,

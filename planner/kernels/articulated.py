@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels.dynamics import joint_axes
+from planner.kernels.module import Joint
 from planner.kernels.velocities import cross
 
 Array = NDArray[np.float64]
@@ -91,9 +92,7 @@ def free_accelerations(
     rates: Array,
     torques: Array,
     forces: Array,
-    rigid_links: int,
-    anchor: Array,
-    axes: Array,
+    joint: Joint,
     inertia: Array,
     armature: float,
     root: int,
@@ -108,12 +107,13 @@ def free_accelerations(
     Args:
         angles, rates, torques: (J,) of the hinges.
         forces: (n, 3) at the centres, in the world.
-        rigid_links, anchor, axes, inertia: Of the module, whose mass is 1.
+        joint, inertia: Of the module, whose mass is 1.
         armature: Rotor inertia of a hinge.
         root: The module whose acceleration is wanted.
         positions, rotations, spins: Of all modules, in the world.
         hinges_out, root_out: Where to write.
     """
+    rigid_links, anchor, axes = joint.rigid_links, joint.anchor, joint.axes
     n = positions.shape[0]
     hinges = axes.shape[0]
     a = np.empty((n, 6, 6))

@@ -23,6 +23,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels.kinematics import axis_rotation, multiply
+from planner.kernels.module import Joint
 
 Array = NDArray[np.float64]
 
@@ -96,16 +97,13 @@ def _outwards(
     angles: Array,
     rates: Array,
     half: float,
-    rigid: int,
-    anchor: Array,
-    axes: Array,
-    turn: Array,
-    offset: Array,
+    joint: Joint,
     root: int,
     step: int,
     bodies: Array,
 ) -> None:
     """Bodies from the root to one end; ``step`` is 1 or −1."""
+    rigid_links, anchor, axes, turn, offset = joint
     hinges = axes.shape[0]
     out = length(anchor[0], anchor[1], anchor[2])
     back = length(offset[0], offset[1], offset[2])
@@ -124,7 +122,7 @@ def _outwards(
         there = here + step
         a = bodies[here]
         state[:] = a
-        joint = min(here, there) - rigid
+        link = min(here, there) - rigid_links
         frame[:, :] = a[ROTATION:VELOCITY].reshape((3, 3))
         arm = anchor if step > 0 else offset
         for r in range(3):
@@ -137,7 +135,7 @@ def _outwards(
         if step < 0:
             multiply(frame, turn.T, work)
             frame[:, :] = work
-        if joint >= 0:
+        if link >= 0:
             w, u = a[MOST_SPIN], a[MOST_TURNING]
             jerk = a[MOST_JERK]
             speed = length(a[12], a[13], a[14])
@@ -148,8 +146,8 @@ def _outwards(
             hard += half * jerk + near_arm * (u + w * w)
             for at in range(hinges):
                 k = at if step > 0 else hinges - 1 - at
-                rate = rates[joint * hinges + k]
-                angle = float(angles[joint * hinges + k])
+                rate = rates[link * hinges + k]
+                angle = float(angles[link * hinges + k])
                 if rate != 0.0:
                     x = frame[0, 0] * axes[k, 0] + frame[0, 1] * axes[k, 1]
                     y = frame[1, 0] * axes[k, 0] + frame[1, 1] * axes[k, 1]
@@ -221,11 +219,7 @@ def move_bodies(
     angles: Array,
     rates: Array,
     half: float,
-    rigid: int,
-    anchor: Array,
-    axes: Array,
-    turn: Array,
-    offset: Array,
+    joint: Joint,
     root: int,
     bodies: Array,
 ) -> None:
@@ -234,12 +228,10 @@ def move_bodies(
     Args:
         angles, rates: Hinge angles at s = 0 and how fast they run, for the stretch's joints.
         half: How far s goes both ways.
-        rigid: Links at the stretch's start without a joint.
-        anchor, axes, turn, offset: The module's joint, see ``planner.chain.module.Module``.
+        joint: The module's joint; its rigid links are those at the stretch's start.
         root: The body that is held still; its pose is given.
         bodies: (m, WIDTH) written.
     """
     bodies[root, VELOCITY:] = 0.0
-    joint = (angles, rates, half, rigid, anchor, axes, turn, offset, root)
-    _outwards(*joint, 1, bodies)
-    _outwards(*joint, -1, bodies)
+    _outwards(angles, rates, half, joint, root, 1, bodies)
+    _outwards(angles, rates, half, joint, root, -1, bodies)

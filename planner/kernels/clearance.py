@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels.module import Hull
 from planner.kernels.pairs import near_pairs
 
 Array = NDArray[np.float64]
@@ -114,8 +115,9 @@ def _box_separation(
 
 
 @njit(cache=True)
-def _is_box(vertices: Array, normals: Array, edges: Array) -> bool:
+def _is_box(hull: Hull) -> bool:
     """Whether the hull is a box along its own axes, about its centre."""
+    vertices, normals, edges = hull.vertices, hull.normals, hull.edges
     if vertices.shape[0] != 8 or normals.shape[0] != 3 or edges.shape[0] != 3:
         return False
     upright = normals[0, 0] == 1.0 and normals[1, 1] == 1.0 and normals[2, 2] == 1.0
@@ -128,15 +130,14 @@ def separation_along(
     gap: Array,
     rotation_a: Array,
     rotation_b: Array,
-    vertices: Array,
-    normals: Array,
-    edges: Array,
+    hull: Hull,
     size: float,
     enough: float,
     best_axis: Array,
 ) -> float:
     """``pair_separation`` that also writes the unit axis (3,) which shows the separation."""
-    if _is_box(vertices, normals, edges):
+    vertices, normals, edges = hull.vertices, hull.normals, hull.edges
+    if _is_box(hull):
         return _box_separation(
             gap, rotation_a, rotation_b, np.abs(vertices[0]) * size, enough, best_axis
         )
@@ -197,9 +198,7 @@ def pair_separation(
     gap: Array,
     rotation_a: Array,
     rotation_b: Array,
-    vertices: Array,
-    normals: Array,
-    edges: Array,
+    hull: Hull,
     size: float,
     enough: float,
 ) -> float:
@@ -208,13 +207,11 @@ def pair_separation(
     Args:
         gap: (3,) centre of b minus centre of a.
         rotation_a, rotation_b: (3, 3) orientations.
-        vertices, normals, edges: The module's hull.
+        hull: Of both modules.
         size: Scale of the hull.
         enough: Stop as soon as the separation is known to be at least this.
     """
-    return separation_along(
-        gap, rotation_a, rotation_b, vertices, normals, edges, size, enough, np.empty(3)
-    )
+    return separation_along(gap, rotation_a, rotation_b, hull, size, enough, np.empty(3))
 
 
 @njit(cache=True)
@@ -222,10 +219,7 @@ def least_separation(
     positions: Array,
     rotations: Array,
     pairs: Pairs,
-    vertices: Array,
-    normals: Array,
-    edges: Array,
-    radius: float,
+    hull: Hull,
     size: float,
     enough: float,
 ) -> tuple[float, int, int]:
@@ -243,12 +237,12 @@ def least_separation(
         j = pairs[k, 1]
         for r in range(3):
             gap[r] = positions[j, r] - positions[i, r]
-        reach = np.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2]) - 2.0 * radius * size
+        reach = (
+            np.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2]) - 2.0 * hull.radius * size
+        )
         if reach >= best:
             continue
-        separation = pair_separation(
-            gap, rotations[i], rotations[j], vertices, normals, edges, size, best
-        )
+        separation = pair_separation(gap, rotations[i], rotations[j], hull, size, best)
         if separation < best:
             best = separation
             first = i
@@ -260,10 +254,7 @@ def least_separation(
 def module_clearances(
     positions: Array,
     rotations: Array,
-    vertices: Array,
-    normals: Array,
-    edges: Array,
-    radius: float,
+    hull: Hull,
     inner_radius: float,
     size: float,
     apart: int,
@@ -279,7 +270,8 @@ def module_clearances(
     Args:
         positions: (F, n, 3) centres.
         rotations: (F, n, 3, 3) orientations.
-        vertices, normals, edges, radius, inner_radius: The module's hull.
+        hull: Of each module.
+        inner_radius: Of the ball about a module's centre that fits into it.
         size: Scale of the hull.
         apart: Pairs fewer links apart don't count.
         reach: Separations of this and more are not told apart.
@@ -287,7 +279,7 @@ def module_clearances(
         nearest: (F, n) written: the other module of the pair; −1 where nothing is nearer.
     """
     frames, n = positions.shape[:2]
-    outer = 2.0 * radius * size
+    outer = 2.0 * hull.radius * size
     inner = 2.0 * inner_radius * size
     best = np.empty(n)
     bound = np.empty(n)
@@ -319,9 +311,7 @@ def module_clearances(
                 continue
             for r in range(3):
                 gap[r] = points[j, r] - points[i, r]
-            separation = pair_separation(
-                gap, rotations[f, i], rotations[f, j], vertices, normals, edges, size, enough
-            )
+            separation = pair_separation(gap, rotations[f, i], rotations[f, j], hull, size, enough)
             if separation < best[i]:
                 best[i] = separation
                 nearest[f, i] = j

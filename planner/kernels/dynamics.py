@@ -8,7 +8,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels import ZERO
-from planner.kernels.kinematics import axis_rotation, chain_poses, multiply
+from planner.kernels.kinematics import axis_rotation, multiply, poses_from_rest
+from planner.kernels.module import Joint
 from planner.kernels.velocities import chain_velocities, cross
 
 Array = NDArray[np.float64]
@@ -68,9 +69,7 @@ def _accelerations(
     angles: Array,
     rates: Array,
     accelerations: Array,
-    rigid_links: int,
-    anchor: Array,
-    axes: Array,
+    joint: Joint,
     positions: Array,
     rotations: Array,
     spins: Array,
@@ -78,6 +77,7 @@ def _accelerations(
     turning: Array,
 ) -> None:
     """Writes linear and angular accelerations of all modules, those of module 0 being zero."""
+    rigid_links, anchor, axes = joint.rigid_links, joint.anchor, joint.axes
     n = positions.shape[0]
     hinges = axes.shape[0]
     world = np.empty((hinges, 3))
@@ -153,11 +153,7 @@ def many_floating_torques(
     angles: Array,
     rates: Array,
     accelerations: Array,
-    rigid_links: int,
-    anchor: Array,
-    axes: Array,
-    turn: Array,
-    offset: Array,
+    joint: Joint,
     inertia: Array,
     out: Array,
 ) -> None:
@@ -170,9 +166,10 @@ def many_floating_torques(
 
     Args:
         angles, rates, accelerations: (F, J) of the hinges.
-        rigid_links, anchor, axes, turn, offset, inertia: Of the module; its mass is 1.
+        joint, inertia: Of the module; its mass is 1.
         out: (F, J) written, in units of module mass · pitch² / s²; NaN where the motion is none.
     """
+    rigid_links, anchor, axes = joint.rigid_links, joint.anchor, joint.axes
     frames, joints = angles.shape
     hinges = axes.shape[0]
     n = joints // hinges + 1 + rigid_links
@@ -185,7 +182,6 @@ def many_floating_torques(
     gyroscopic = np.zeros((n, 3))
     arms = np.empty((n, 3))
     origin = np.zeros(3)
-    eye = np.eye(3)
     whole = np.empty((3, 3))
     world = np.empty((hinges, 3))
     work = np.empty(3)
@@ -194,25 +190,11 @@ def many_floating_torques(
     moment = np.empty(3)
     pivot = np.empty(3)
     for f in range(frames):
-        chain_poses(
-            angles[f],
-            rigid_links,
-            anchor,
-            axes,
-            turn,
-            offset,
-            ZERO,
-            origin,
-            eye,
-            positions,
-            rotations,
-        )
+        poses_from_rest(angles[f], joint, ZERO, positions, rotations)
         chain_velocities(
             angles[f],
             rates[f],
-            rigid_links,
-            anchor,
-            axes,
+            joint,
             ZERO,
             origin,
             origin,
@@ -242,9 +224,7 @@ def many_floating_torques(
             angles[f],
             rates[f],
             accelerations[f],
-            rigid_links,
-            anchor,
-            axes,
+            joint,
             positions,
             rotations,
             spins,

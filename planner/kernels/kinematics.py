@@ -9,6 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from planner.kernels.module import Joint
+
 Array = NDArray[np.float64]
 Matrix: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 """Rows of a (3, 3) matrix one after the other: needs no memory of its own."""
@@ -89,11 +91,7 @@ def step_rotation(axes: Array, turn: Array, angles: Array, jointed: bool, out: A
 @njit(cache=True)
 def chain_poses(
     angles: Array,
-    rigid_links: int,
-    anchor: Array,
-    axes: Array,
-    turn: Array,
-    offset: Array,
+    joint: Joint,
     root: int,
     root_position: Array,
     root_rotation: Array,
@@ -104,14 +102,14 @@ def chain_poses(
 
     Args:
         angles: (J,) hinge angles in radians.
-        rigid_links: Links at the start that carry no joint.
-        anchor, axes, turn, offset: The module's joint, see ``planner.chain.module.Module``.
+        joint: The module's joint.
         root: Index of the module whose pose is given.
         root_position: (3,) its centre.
         root_rotation: (3, 3) its orientation.
         positions: (n, 3) written: the centres.
         rotations: (n, 3, 3) written: the orientations.
     """
+    rigid_links, anchor, axes, turn, offset = joint
     n = positions.shape[0]
     hinges = axes.shape[0]
     step = np.empty((3, 3))
@@ -140,11 +138,7 @@ def chain_poses(
 @njit(cache=True)
 def many_chain_poses(
     angles: Array,
-    rigid_links: int,
-    anchor: Array,
-    axes: Array,
-    turn: Array,
-    offset: Array,
+    joint: Joint,
     root: int,
     root_positions: Array,
     root_rotations: Array,
@@ -155,14 +149,18 @@ def many_chain_poses(
     for f in range(angles.shape[0]):
         chain_poses(
             angles[f],
-            rigid_links,
-            anchor,
-            axes,
-            turn,
-            offset,
+            joint,
             root,
             root_positions[f],
             root_rotations[f],
             positions[f],
             rotations[f],
         )
+
+
+@njit(cache=True)
+def poses_from_rest(
+    angles: Array, joint: Joint, root: int, positions: Array, rotations: Array
+) -> None:
+    """``chain_poses`` with the root at the origin, upright."""
+    chain_poses(angles, joint, root, np.zeros(3), np.eye(3), positions, rotations)

@@ -17,34 +17,28 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels.clearance import pair_separation
+from planner.kernels.module import Hull, Joint
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-class Joint(NamedTuple):
-    """A joint and the two full-size hulls that it links, see ``planner.chain.module.Module``.
+class Link(NamedTuple):
+    """A joint and the two full-size hulls that it links.
 
     Attributes:
-        anchor, axes, turn, offset: Of the joint.
-        vertices, normals, edges: The hull at full size.
+        joint: Between the two.
+        hull: Of both.
         size: Scale of the hulls.
         face: (3,) where the next module's near face looks in its own frame, and ...
         distance: ... how far from the joint that face is.
-        rigid: Links at the chain's start without a joint.
     """
 
-    anchor: Array
-    axes: Array
-    turn: Array
-    offset: Array
-    vertices: Array
-    normals: Array
-    edges: Array
+    joint: Joint
+    hull: Hull
     size: float
     face: Array
     distance: float
-    rigid: int
 
 
 class Overlap(NamedTuple):
@@ -75,67 +69,65 @@ def _turned(axis: Array, angle: float, vector: Array, out: Array) -> None:
 
 
 @njit(cache=True)
-def _reach(joint: Joint, angles: Array, towards: Array) -> float:
+def _reach(link: Link, angles: Array, towards: Array) -> float:
     """How far the module reaches through the next one's near face."""
     for r in range(3):
         towards[r] = 0.0
         for c in range(3):
-            towards[r] += joint.turn[r, c] * joint.face[c]
+            towards[r] += link.joint.turn[r, c] * link.face[c]
     for k in range(angles.shape[0] - 1, -1, -1):
-        _turned(joint.axes[k], angles[k], towards, towards)
+        _turned(link.joint.axes[k], angles[k], towards, towards)
     most = -np.inf
-    for v in range(joint.vertices.shape[0]):
+    for v in range(link.hull.vertices.shape[0]):
         along = 0.0
         for r in range(3):
-            along += (joint.size * joint.vertices[v, r] - joint.anchor[r]) * towards[r]
+            along += (link.size * link.hull.vertices[v, r] - link.joint.anchor[r]) * towards[r]
         most = max(most, along)
-    return most - joint.distance
+    return most - link.distance
 
 
 @njit(cache=True)
-def _depth(joint: Joint, angles: Array) -> float:
+def _depth(link: Link, angles: Array) -> float:
     """How deep the two modules overlap, by separating axes; below 0 when they are apart."""
-    rotation = joint.turn.copy()
+    rotation = link.joint.turn.copy()
     column = np.empty(3)
     gap = np.zeros(3)
     for r in range(3):
         column[:] = rotation[:, r]
         for k in range(angles.shape[0] - 1, -1, -1):
-            _turned(joint.axes[k], angles[k], column, column)
+            _turned(link.joint.axes[k], angles[k], column, column)
         rotation[:, r] = column
         for i in range(3):
-            gap[i] += column[i] * joint.offset[r]
-    gap += joint.anchor
+            gap[i] += column[i] * link.joint.offset[r]
+    gap += link.joint.anchor
     return -pair_separation(
         gap,
         np.eye(3),
         rotation,
-        joint.vertices,
-        joint.normals,
-        joint.edges,
-        joint.size,
+        link.hull,
+        link.size,
         np.inf,
     )
 
 
 @njit(cache=True, nogil=True)
 def deepest_overlap(
-    joint: Joint, folded: Array, first: Ints, offsets: Ints, values: Array
+    link: Link, folded: Array, first: Ints, offsets: Ints, values: Array
 ) -> Overlap:
     """The deepest overlap of linked modules over the frames of a motion and halfway between them.
 
     Args:
-        joint: What is linked.
+        link: What is linked, and how.
         folded: (J,) hinge angles before a window; behind it they are 0.
         first: (F,) hinges at which the frames' windows begin.
         offsets: (F + 1,) where each window begins in ``values``.
         values: The angles of all windows.
     """
-    hinges = joint.axes.shape[0]
+    hinges = link.joint.axes.shape[0]
     frames = first.shape[0]
     longest = 0.0
-    for v in range(joint.vertices.shape[0]):
-        away = joint.size * joint.vertices[v] - joint.anchor
+    for v in range(link.hull.vertices.shape[0]):
+        away = link.size * link.hull.vertices[v] - link.joint.anchor
         longest = max(longest, np.sqrt((away**2).sum()))
     towards = np.empty(3)
     here, there, halfway = np.empty(hinges), np.empty(hinges), np.empty(hinges)
@@ -146,10 +138,10 @@ def deepest_overlap(
         high = max(
             first[k] + offsets[k + 1] - offsets[k], first[to] + offsets[to + 1] - offsets[to]
         )
-        for link in range(low // hinges, (high + hinges - 1) // hinges):
+        for at_link in range(low // hinges, (high + hinges - 1) // hinges):
             turned = 0.0
             for a in range(hinges):
-                hinge = link * hinges + a
+                hinge = at_link * hinges + a
                 for end in range(2):
                     at = k if end == 0 else to
                     width = offsets[at + 1] - offsets[at]
@@ -165,14 +157,14 @@ def deepest_overlap(
                         there[a] = angle
                 halfway[a] = 0.5 * (here[a] + there[a])
                 turned += abs(there[a] - here[a])
-            begins, ends = _reach(joint, here, towards), _reach(joint, there, towards)
+            begins, ends = _reach(link, here, towards), _reach(link, there, towards)
             bound = max(bound, max(begins, ends) + longest * turned**2 / 8.0)
             if begins > depth:
-                found = _depth(joint, here)
+                found = _depth(link, here)
                 if found > depth:
-                    depth, frame, who = found, float(k), link
-            if to > k and _reach(joint, halfway, towards) > depth:
-                found = _depth(joint, halfway)
+                    depth, frame, who = found, float(k), at_link
+            if to > k and _reach(link, halfway, towards) > depth:
+                found = _depth(link, halfway)
                 if found > depth:
-                    depth, frame, who = found, k + 0.5, link
+                    depth, frame, who = found, k + 0.5, at_link
     return Overlap(depth, frame, who, bound)

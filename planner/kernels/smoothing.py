@@ -8,7 +8,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels.clearance import pair_separation
-from planner.kernels.kinematics import chain_poses
+from planner.kernels.kinematics import poses_from_rest
+from planner.kernels.module import Hull, Joint
 from planner.kernels.pairs import near_pairs
 
 Array = NDArray[np.float64]
@@ -17,15 +18,8 @@ Array = NDArray[np.float64]
 @njit(cache=True)
 def blamed_hinges(
     angles: Array,
-    rigid_links: int,
-    anchor: Array,
-    axes: Array,
-    turn: Array,
-    offset: Array,
-    vertices: Array,
-    normals: Array,
-    edges: Array,
-    radius: float,
+    joint: Joint,
+    hull: Hull,
     apart: int,
     size: float,
     margin: float,
@@ -37,8 +31,8 @@ def blamed_hinges(
 
     Args:
         angles: (F, J) configurations.
-        rigid_links, anchor, axes, turn, offset, vertices, normals, edges, radius, apart: The
-            module, see ``planner.chain.module.Module``.
+        joint, hull: Of the module.
+        apart: Pairs fewer links apart don't count.
         size: Module size as a fraction of the pitch.
         margin: Least clearance.
         blamed: (F, J) written.
@@ -47,29 +41,16 @@ def blamed_hinges(
         How many configurations have such a pair.
     """
     frames, hinges = angles.shape
-    a_joint = axes.shape[0]
+    rigid_links = joint.rigid_links
+    a_joint = joint.axes.shape[0]
     n = hinges // a_joint + 1 + rigid_links
     positions = np.empty((n, 3))
     rotations = np.empty((n, 3, 3))
-    origin = np.zeros(3)
-    upright = np.eye(3)
     change = np.empty(hinges + 1, dtype=np.int64)
     found = 0
     for f in range(frames):
-        chain_poses(
-            angles[f],
-            rigid_links,
-            anchor,
-            axes,
-            turn,
-            offset,
-            n // 2,
-            origin,
-            upright,
-            positions,
-            rotations,
-        )
-        pairs = near_pairs(positions, 2.0 * radius * size + margin, apart)
+        poses_from_rest(angles[f], joint, n // 2, positions, rotations)
+        pairs = near_pairs(positions, 2.0 * hull.radius * size + margin, apart)
         change[:] = 0
         close = False
         for p in range(pairs.shape[0]):
@@ -78,9 +59,7 @@ def blamed_hinges(
                 positions[j] - positions[i],
                 rotations[i],
                 rotations[j],
-                vertices,
-                normals,
-                edges,
+                hull,
                 size,
                 margin,
             )
@@ -99,11 +78,7 @@ def blamed_hinges(
 @njit(cache=True)
 def displacements(
     angles: Array,
-    rigid_links: int,
-    anchor: Array,
-    axes: Array,
-    turn: Array,
-    offset: Array,
+    joint: Joint,
     largest: Array,
     mean: Array,
 ) -> None:
@@ -112,26 +87,12 @@ def displacements(
     The centre of mass and the orientation of the middle module are held still.
     """
     frames, hinges = angles.shape
-    n = hinges // axes.shape[0] + 1 + rigid_links
+    n = hinges // joint.axes.shape[0] + 1 + joint.rigid_links
     centres = np.empty((2, n, 3))
     rotations = np.empty((n, 3, 3))
-    origin = np.zeros(3)
-    upright = np.eye(3)
     for f in range(frames):
         now = centres[f % 2]
-        chain_poses(
-            angles[f],
-            rigid_links,
-            anchor,
-            axes,
-            turn,
-            offset,
-            n // 2,
-            origin,
-            upright,
-            now,
-            rotations,
-        )
+        poses_from_rest(angles[f], joint, n // 2, now, rotations)
         for r in range(3):
             middle = now[:, r].mean()
             for i in range(n):

@@ -26,6 +26,7 @@ from planner.kernels.bodies import (
     rod_body,
 )
 from planner.kernels.clearance import pair_separation, separation_along
+from planner.kernels.module import Hull, Joint
 from planner.kernels.pairs import near_pairs
 
 Array = NDArray[np.float64]
@@ -45,8 +46,7 @@ class Shape(NamedTuple):
     """What a sweep knows of the chain.
 
     Attributes:
-        rigid, anchor, axes, turn, offset: The module's joint, see ``planner.chain.module.Module``.
-        vertices, normals, edges, radius: The hull at full size.
+        joint, hull: Of the module.
         size: Scale of the hull.
         apart: Pairs fewer links apart don't count.
         root: The module held still when there is no core; −1 when the core is.
@@ -59,15 +59,8 @@ class Shape(NamedTuple):
         places, rotations: (n, 3), (n, 3, 3) modules of a rod as seen from the one it starts at.
     """
 
-    rigid: int
-    anchor: Array
-    axes: Array
-    turn: Array
-    offset: Array
-    vertices: Array
-    normals: Array
-    edges: Array
-    radius: float
+    joint: Joint
+    hull: Hull
     size: float
     apart: int
     root: int
@@ -115,11 +108,11 @@ def _stretch(shape: Shape, first: int, last: int, count: int) -> tuple[int, int]
     """First and last module of the stretch of a window: everything before and behind is rigid."""
     if shape.root >= 0:
         return 0, count - 1
-    hinges = shape.axes.shape[0]
-    low = first // hinges + shape.rigid
+    hinges = shape.joint.axes.shape[0]
+    low = first // hinges + shape.joint.rigid_links
     if first % hinges:
         last = max(last, first + 1)
-    high = (last - 1) // hinges + shape.rigid + 1 if last > first else low
+    high = (last - 1) // hinges + shape.joint.rigid_links + 1 if last > first else low
     return low, high
 
 
@@ -306,7 +299,7 @@ def _look(
     first = second = -1
     gap = np.empty(3)
     axis = np.empty(3)
-    radius = shape.radius * shape.size
+    radius = shape.hull.radius * shape.size
     for p in range(start, stop):
         i, j = pairs[p, 0], pairs[p, 1]
         a = shape.core[i] if i < low else bodies[i - low]
@@ -330,9 +323,7 @@ def _look(
             gap,
             a[ROTATION:VELOCITY].reshape((3, 3)),
             b[ROTATION:VELOCITY].reshape((3, 3)),
-            shape.vertices,
-            shape.normals,
-            shape.edges,
+            shape.hull,
             shape.size,
             max(best, bound + lose),
             axis,
@@ -356,9 +347,7 @@ def rigid_clearances(
     positions: Array,
     rotations: Array,
     pairs: Ints,
-    vertices: Array,
-    normals: Array,
-    edges: Array,
+    hull: Hull,
     size: float,
     enough: float,
 ) -> tuple[Array, Ints]:
@@ -376,9 +365,7 @@ def rigid_clearances(
             positions[j] - positions[i],
             rotations[i],
             rotations[j],
-            vertices,
-            normals,
-            edges,
+            hull,
             size,
             float(least[j]),
         )
@@ -391,6 +378,12 @@ def rigid_clearances(
             least[j] = least[j - 1]
             who[j] = who[j - 1]
     return least, who
+
+
+@njit(cache=True)
+def _with_rigid_links(joint: Joint, rigid_links: int) -> Joint:
+    """The same joint in a chain, or a stretch of one, with so many links at its start."""
+    return Joint(rigid_links, joint.anchor, joint.axes, joint.turn, joint.offset)
 
 
 @njit(cache=True)
@@ -426,8 +419,8 @@ def _between(
         were looked at.
     """
     high = low + bodies.shape[0] - 1
-    reach = 2.0 * shape.radius * shape.size
-    joint = (rigid, shape.anchor, shape.axes, shape.turn, shape.offset, root)
+    reach = 2.0 * shape.hull.radius * shape.size
+    joint = _with_rigid_links(shape.joint, rigid)
     work = np.empty((2, WIDTH))
     turned = np.empty((3, 3))
     pairs = np.empty((1024, 2), dtype=np.int64)
@@ -447,7 +440,7 @@ def _between(
         middle, half = whiles[depth, 0], whiles[depth, 1]
         begins, ends, halvings = ranges[depth, 0], ranges[depth, 1], ranges[depth, 2]
         angles = origin + middle * rates
-        move_bodies(angles, rates, half, *joint, bodies)
+        move_bodies(angles, rates, half, joint, root, bodies)
         moments += 1
         wild = False
         who = left
@@ -459,7 +452,7 @@ def _between(
             who = pairs
         if wild:
             # Only whether it collides right now: then there is nothing to be proved.
-            move_bodies(angles, rates, 0.0, *joint, bodies)
+            move_bodies(angles, rates, 0.0, joint, root, bodies)
             pairs, ends, _ = _near(
                 shape, bodies, points, 0.0, low, high, reach, work[1], turned, pairs
             )
@@ -526,8 +519,8 @@ def sweep_frames(
     """
     frames = angles.first.shape[0]
     modules = shape.core.shape[0]
-    hinges = shape.axes.shape[0]
-    reach = 2.0 * shape.radius * shape.size
+    hinges = shape.joint.axes.shape[0]
+    reach = 2.0 * shape.hull.radius * shape.size
     found, where, one, other = enough, float(start), -1, -1
     bound = enough
     unbounded = -1.0
@@ -538,7 +531,6 @@ def sweep_frames(
     turned = np.empty((3, 3))
     room = np.empty((modules, WIDTH))
     place = np.empty((modules, 3))
-    joint = (shape.anchor, shape.axes, shape.turn, shape.offset)
     for k in range(start, stop):
         for to in range(k, min(k + 2, frames)):
             low, high = _stretch(
@@ -551,18 +543,19 @@ def sweep_frames(
                 modules,
             )
             # The first links of a chain have no joint.
-            rigid = max(0, shape.rigid - low)
+            rigid = max(0, shape.joint.rigid_links - low)
             root = max(0, shape.root)
             bodies, points = room[: high - low + 1], place[: high - low + 1]
             bodies[root] = shape.core[low + root]
-            begin = max(0, low - shape.rigid) * hinges
+            begin = max(0, low - shape.joint.rigid_links) * hinges
             origin = np.empty(max(0, high - low - rigid) * hinges)
             rates = np.empty_like(origin)
             _fill(shape, angles, k, begin, origin)
             _fill(shape, angles, to, begin, rates)
             rates -= origin
             if to == k:
-                move_bodies(origin, rates, 0.0, rigid, *joint, root, bodies)
+                joint = _with_rigid_links(shape.joint, rigid)
+                move_bodies(origin, rates, 0.0, joint, root, bodies)
                 cap = min(enough, known[k])
                 pairs, many, _ = _near(
                     shape, bodies, points, 0.0, low, high, reach + cap, work[1], turned, pairs

@@ -8,6 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels.kinematics import rodrigues
+from planner.kernels.module import Joint
 
 Array = NDArray[np.float64]
 
@@ -60,9 +61,7 @@ def relative_spin(rotation: Array, axes: Array, angles: Array, rates: Array, out
 def chain_velocities(
     angles: Array,
     rates: Array,
-    rigid_links: int,
-    anchor: Array,
-    axes: Array,
+    joint: Joint,
     root: int,
     root_velocity: Array,
     root_spin: Array,
@@ -75,6 +74,7 @@ def chain_velocities(
 
     The poses must be those of ``chain_poses`` for the same angles.
     """
+    rigid_links, anchor, axes = joint.rigid_links, joint.anchor, joint.axes
     n = positions.shape[0]
     hinges = axes.shape[0]
     spin = np.zeros(3)

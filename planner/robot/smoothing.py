@@ -246,15 +246,8 @@ class _Smoothing:
         self.looks += len(angles)
         blamed_hinges(
             angles,
-            module.rigid_links,
-            module.anchor,
-            module.axes,
-            module.turn,
-            module.offset,
-            module.vertices,
-            module.face_normals,
-            module.edge_directions,
-            module.radius,
+            module.joint,
+            module.hull,
             module.apart,
             self.tight,
             self.margin + slack,
@@ -301,11 +294,7 @@ class _Smoothing:
         largest, mean = np.zeros(len(angles) - 1), np.zeros(len(angles) - 1)
         displacements(
             angles,
-            module.rigid_links,
-            module.anchor,
-            module.axes,
-            module.turn,
-            module.offset,
+            module.joint,
             largest,
             mean,
         )

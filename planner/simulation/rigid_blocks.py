@@ -111,12 +111,9 @@ class Blocks:
     def place(self, state: State) -> None:
         """Writes poses and velocities of all modules for a state, see the attributes."""
         module = self.chain.module
-        joint = (module.rigid_links, module.anchor, module.axes)
         chain_poses(
             state.angles,
-            *joint,
-            module.turn,
-            module.offset,
+            module.joint,
             self.chain.root,
             state.position,
             state.rotation,
@@ -126,7 +123,7 @@ class Blocks:
         chain_velocities(
             state.angles,
             state.rates,
-            *joint,
+            module.joint,
             self.chain.root,
             state.velocity,
             state.rotation @ state.spin,

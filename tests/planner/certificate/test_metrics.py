@@ -65,9 +65,7 @@ def by_brute_force(chain: Chain, angles: Array, size: float) -> tuple[Array, NDA
                 poses.positions[j] - poses.positions[i],
                 poses.rotations[i],
                 poses.rotations[j],
-                module.vertices,
-                module.face_normals,
-                module.edge_directions,
+                module.hull,
                 size,
                 np.inf,
             )

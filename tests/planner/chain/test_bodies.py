@@ -32,8 +32,7 @@ def bodies_of(module: Module, angles: Array, rates: Array, half: float, root: in
     count = len(angles) // module.hinges_per_joint + 1 + module.rigid_links
     bodies = np.zeros((count, WIDTH))
     bodies[root, ROTATION:VELOCITY] = np.eye(3).ravel()
-    joint = (module.rigid_links, module.anchor, module.axes, module.turn, module.offset)
-    move_bodies(angles, rates, half, *joint, root, bodies)
+    move_bodies(angles, rates, half, module.joint, root, bodies)
     return bodies
 
 

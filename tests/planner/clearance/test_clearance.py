@@ -27,9 +27,7 @@ def separation(
         np.asarray(gap, dtype=np.float64),
         first,
         second,
-        CUBE.vertices,
-        CUBE.face_normals,
-        CUBE.edge_directions,
+        CUBE.hull,
         size,
         enough,
     )

@@ -80,9 +80,7 @@ def overlap(rotation: Array, size: float) -> float:
         rotation @ CUBE.offset,
         np.eye(3),
         rotation,
-        CUBE.vertices,
-        CUBE.face_normals,
-        CUBE.edge_directions,
+        CUBE.hull,
         size,
         np.inf,
     )

@@ -29,14 +29,13 @@ def brute(chain: Chain, angles: Array, size: float) -> float:
     """The clearance of one configuration: every pair, nothing left out."""
     module = chain.module
     poses = forward_kinematics(module, angles)
-    hull = (module.vertices, module.face_normals, module.edge_directions)
     found = ENOUGH
     for i in range(len(chain)):
         for j in range(i + module.apart, len(chain)):
             gap = poses.positions[j] - poses.positions[i]
             turns = (poses.rotations[i], poses.rotations[j])
             if np.linalg.norm(gap) - 2.0 * module.radius * size < found:
-                found = min(found, pair_separation(gap, *turns, *hull, size, found))
+                found = min(found, pair_separation(gap, *turns, module.hull, size, found))
     return found
 
 

@@ -167,15 +167,8 @@ def test_blame_falls_on_the_hinges_between() -> None:
     blamed = np.zeros(angles.shape, dtype=np.bool_)
     count = blamed_hinges(
         angles,
-        module.rigid_links,
-        module.anchor,
-        module.axes,
-        module.turn,
-        module.offset,
-        module.vertices,
-        module.face_normals,
-        module.edge_directions,
-        module.radius,
+        module.joint,
+        module.hull,
         module.apart,
         0.95,
         0.01,
@@ -198,11 +191,7 @@ def test_displacements_are_those_of_kinematics() -> None:
     largest, mean_ = np.zeros(3), np.zeros(3)
     displacements(
         angles,
-        module.rigid_links,
-        module.anchor,
-        module.axes,
-        module.turn,
-        module.offset,
+        module.joint,
         largest,
         mean_,
     )
