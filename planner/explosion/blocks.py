@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.explosion.simultaneous import Engine, Explosion
+from planner.explosion.simultaneous import Engine, Simultaneous
 from planner.motion.frames import Frames
 from planner.motion.record import Record
 from planner.progress import Cancelled, Report, never, silent
@@ -83,7 +83,9 @@ def block_starts(modules: int, block: int, tether: int) -> Ints:
     return np.array(sorted(starts), dtype=np.int64)
 
 
-class _BlocksFirst(Explosion):
+class _BlocksFirst(Simultaneous):
+    strategy = "blocks"
+
     def __init__(
         self,
         chain: Chain,
@@ -109,16 +111,16 @@ class _BlocksFirst(Explosion):
     def first_engine(self) -> Engine:
         return Blocks(self.chain, self.material, self.starts)
 
-    def step(self) -> int:
-        contacts = super().step()
-        went_back = contacts < 0  # to a state that may have to be looked at first
-        if isinstance(self.engine, Blocks) and not self.steps % WINDOW and not went_back:
+    def step(self) -> bool:
+        moved = super().step()
+        # A state that it went back to may have to be looked at first.
+        if isinstance(self.engine, Blocks) and not self.steps % WINDOW and moved:
             bent = self._bent()
             eased = bent < (1.0 - LEAST_EASED) * self.bent
             self.bent = bent
             if self.steps >= FEWEST_STEPS and (bent < LOOSE_RAD or not eased):
                 self._let_go()
-        return contacts
+        return moved
 
     def finish(self) -> bool:
         return not isinstance(self.engine, Blocks) and super().finish()

@@ -7,7 +7,6 @@ stands in docs/decisions/0002-published-preset.md. Lengths are in pitches here a
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Final
 
@@ -17,7 +16,8 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import Module
 from planner.errors import SimulationError
-from planner.explosion.recorder import Recorder, Step
+from planner.explosion.explosion import Reports
+from planner.explosion.recorder import FrameRecorder, Step
 from planner.kernels.pairs import near_pairs, repulsion
 from planner.motion.angle_steps import snapped
 from planner.motion.frames import Frames
@@ -33,7 +33,6 @@ LINKED: Final = 1
 STRAIGHT_RAD: Final = 0.05
 STRAIGHT_SPAN: Final = 0.99
 CHECK_EVERY: Final = 25
-REPORT_EVERY_S: Final = 0.1
 COMMIT_EVERY: Final = 10
 STILL_STEPS: Final = 5000
 STILL_RATE: Final = 1e-7
@@ -62,9 +61,9 @@ def explode_as_published(
     follows all snapshots; as frames only so many are kept as show the motion.
     """
     p = parameters
-    begun = reported = time.perf_counter()
+    reports = Reports()
     segments = Segments(chain, explosion_material(p, chain.module))
-    recorder = Recorder(
+    recorder = FrameRecorder(
         chain,
         snapshot_rad=KEPT_RAD,
         snapshot_distance=KEPT_DISTANCE,
@@ -83,7 +82,7 @@ def explode_as_published(
     reach = 2.0 * chain.module.radius * p.geom_size
     status: RecordStatus = "timeout"
     reason = f"the chain was not straight after {p.max_steps} steps."
-    steps = reported_steps = 0
+    steps = 0
     snapshots: list[Array] = []
     try:
         while steps < p.max_steps:
@@ -111,20 +110,18 @@ def explode_as_published(
                 if cancelled():
                     status, reason = "cancelled", "it was cancelled."
                     break
-                now = time.perf_counter()
-                if now - reported >= REPORT_EVERY_S:
+                if (rate := reports.steps_per_second(steps)) is not None:
                     left = float(np.abs(state.angles).sum()) / bent
                     progress(
                         Progress(
                             stage="explode",
                             fraction=float(np.clip(0.5 * (1.0 - left) + 0.5 * span, 0.0, 0.99)),
                             steps=steps,
-                            steps_per_second=(steps - reported_steps) / (now - reported),
+                            steps_per_second=rate,
                             simulated_s=steps * p.step_s,
                             message="exploding as published",
                         )
                     )
-                    reported, reported_steps = now, steps
             arms = positions - positions.mean(axis=0)
             forces = radial_gain * arms
             pairs = near_pairs(positions, p.repulsion_cutoff, LINKED + 1)
@@ -152,9 +149,9 @@ def explode_as_published(
     return Record(
         status=status,
         reason=reason,
-        frames=recorder.frames(),
+        frames=recorder.motion(),
         steps=steps,
-        seconds=time.perf_counter() - begun,
+        seconds=reports.seconds,
         snapshots_rad=snapped(np.array(snapshots), chain.module.angle_limit_rad),
     )
 

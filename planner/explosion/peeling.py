@@ -11,7 +11,6 @@ turns the rod into that ray.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Final
 
@@ -20,22 +19,30 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
-from planner.explosion.contact_depth import ContactDepth
+from planner.explosion.explosion import (
+    JAM_PULSE,
+    MOST_PUSHES,
+    MOST_RETRIES,
+    STRONG_REPULSION,
+    WEAK_TENSION,
+    ContactDepth,
+    Ended,
+    Explosion,
+)
 from planner.explosion.peeling_core import Core
 from planner.explosion.peeling_proof import Proof
-from planner.explosion.peeling_recorder import PeelRecorder
+from planner.explosion.peeling_recorder import WindowRecorder
 from planner.explosion.peeling_window import Bend, Peelable
 from planner.kernels.core import FIXED
 from planner.kernels.peeling import Caps, haste, window_forces
-from planner.motion.record import Record, RecordStatus
+from planner.motion.record import Record
 from planner.motion.windows import Windows
-from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.model import Base, Material, Rod
 from planner.simulation.parameters import PeelingParameters
 from planner.simulation.segments import Acceleration, Segments, State
 
 Array = NDArray[np.float64]
-COMMIT_EVERY: Final = 25
 RELEASE_EVERY: Final = 5
 RETIRE_EVERY: Final = 20
 STIFFEN_EVERY: Final = 5
@@ -45,14 +52,9 @@ FEWEST_LEFT: Final = 6
 FINISH_EVERY: Final = 25
 PROGRESS_EVERY: Final = 50
 LEAST_PROGRESS_RAD: Final = 0.5
-JAM_PULSE: Final = (120, 300)
-"""Steps of weak tension and strong repulsion, and of the whole pulse."""
-MOST_PUSHES: Final = 8
-"""What is tried in a row without progress."""
 DEEP: Final = 0.016
 """Contacts are never deeper; less where the module size to verify leaves less."""
 ROOM_USED: Final = 0.9
-MOST_RETRIES: Final = 6
 STOP_GIVES_RAD: Final = 0.01
 """A joint's simulated stop begins so far before its range ends: it gives a little."""
 ALIGNED: Final = 0.5
@@ -61,9 +63,6 @@ LEAST_CLEARANCE: Final = 0.002
 ROUNDING: Final = 1e-9
 """Of a snapshot, of the way to it, and of what is made by kinematics."""
 FRAME_S: Final = 0.1
-REPORT_EVERY_S: Final = 0.1
-UNEVENNESS: Final = 0.02
-"""Relative spread of the radial gain over the modules: what the seed decides."""
 
 
 def peel(
@@ -94,7 +93,10 @@ def peel(
     return _Peeling(chain, parameters, seed, sink).run(progress, cancelled)
 
 
-class _Peeling:
+class _Peeling(Explosion[Bend, PeelingParameters]):
+    strategy = "peel"
+    doing = "peeling"
+
     def __init__(
         self,
         chain: Chain,
@@ -103,19 +105,24 @@ class _Peeling:
         sink: Callable[[Windows], None] | None,
     ) -> None:
         self.chain = chain
-        self.parameters = parameters
         self.peelable = Peelable(chain)
         self.core: Core = self.peelable.core
         self.proof = Proof(chain, parameters.verify_size)
-        self.recorder = PeelRecorder(
+        self.windows = WindowRecorder(
             self.peelable,
             self.proof,
             snapshot_rad=parameters.snapshot_rad,
             snapshot_distance=parameters.snapshot_distance,
             sink=sink,
         )
-        spread = np.random.default_rng(seed).uniform(-1.0, 1.0, len(chain))
-        self.weights = 1.0 + UNEVENNESS * spread
+        room = ROOM_USED * (parameters.geom_size - parameters.verify_size)
+        super().__init__(
+            parameters,
+            ContactDepth.within(room, DEEP),
+            self.windows,
+            seed=seed,
+            modules=len(chain),
+        )
         self.material = Material(
             geom_size=parameters.geom_size,
             stiffness=parameters.spring,
@@ -124,8 +131,6 @@ class _Peeling:
         )
         # Folded neighbours are no farther apart than the module size leaves.
         self.least = min(LEAST_CLEARANCE, 0.5 * (1.0 - parameters.verify_size) - ROUNDING)
-        room = ROOM_USED * (parameters.geom_size - parameters.verify_size)
-        self.allowed = ContactDepth.within(room, DEEP)
         self.caps = Caps(
             joint_rad=parameters.joint_cap_rad,
             pair=parameters.pair_cap,
@@ -134,16 +139,7 @@ class _Peeling:
             turn_rad=parameters.turn_rad,
         )
         self.caps_loose = self.caps._replace(pair=parameters.pair_cap_loose)
-        self.time_s = 0.0
-        self.step_s = 5.0 * parameters.step_s[0]
-        self.drag = 1.0
-        self.tension = 1.0
-        self.steps = 0
-        self.depth = 0.0
         self.contacts = 0
-        self.retries = 0
-        self.pulse_left = 0
-        self.pushes = 0
         self.progressed = 0
         self.least_left = np.inf
         self.first = len(chain) - FIXED
@@ -157,55 +153,32 @@ class _Peeling:
     def rod(self) -> int:
         return len(self.chain) - self.first - self.modules
 
-    def run(self, progress: Report, cancelled: Cancelled) -> Record:
-        begun = time.perf_counter()
-        reported = begun
-        reported_steps = 0
-        most = self.parameters.max_steps_per_module * len(self.chain) + 5000
-        status: RecordStatus = "timeout"
-        reason = (
-            f"the chain was not straight after {most} steps; try another seed, or another path "
-            "through the same cells."
-        )
-        # The folded configuration itself, so that there is a record whatever comes.
+    @property
+    def most_steps(self) -> int:
+        return self.parameters.max_steps_per_module * len(self.chain) + 5000
+
+    def place(self) -> None:
         self.segments.place(self.state)
-        self.recorder.add(self._bend())
-        self.recorder.commit()
-        try:
-            while self.steps < most:
-                self._step()
-                if self.steps % COMMIT_EVERY == 0:
-                    if self.depth < self.allowed.back_off:
-                        self._commit()
-                    if cancelled():
-                        status, reason = "cancelled", "it was cancelled."
-                        break
-                    now = time.perf_counter()
-                    if now - reported >= REPORT_EVERY_S:
-                        rate = (self.steps - reported_steps) / (now - reported)
-                        progress(self._progress(rate))
-                        reported, reported_steps = now, self.steps
-                if self.steps % RETIRE_EVERY == 0:
-                    self._retire()
-                if self.first and self.steps % RELEASE_EVERY == 0 and self._ready():
-                    self._release()
-                if not self.first and self.steps % FINISH_EVERY == 0 and self._finish():
-                    status, reason = "straight", ""
-                    break
-                if self.steps % PROGRESS_EVERY == 0 and not self._unjam():
-                    status, reason = "stalled", self._stall_reason()
-                    break
-        except SimulationError as error:
-            status, reason = "diverged", f"the simulation broke off: {error}"
-        self.recorder.commit()
-        return Record(
-            status=status,
-            reason=reason,
-            frames=self.recorder.windows(),
-            steps=self.steps,
-            seconds=time.perf_counter() - begun,
-            strategy="peel",
-        )
+
+    def motion(self) -> Windows:
+        return self.windows.motion()
+
+    def step(self) -> bool:
+        moved = super().step()
+        if moved:
+            self.state.stop_at(self.chain.module.angle_limit_rad)
+        return moved
+
+    def look(self) -> Ended | None:
+        if self.steps % RETIRE_EVERY == 0:
+            self._retire()
+        if self.first and self.steps % RELEASE_EVERY == 0 and self._ready():
+            self._release()
+        if not self.first and self.steps % FINISH_EVERY == 0 and self._finish():
+            return "straight"
+        if self.steps % PROGRESS_EVERY == 0 and not self._unjam():
+            return "stalled"
+        return None
 
     # What is simulated.
 
@@ -256,39 +229,11 @@ class _Peeling:
         self.segments.place(self.state)
         self._stiffen(self.segments.positions)
 
-    def _step(self) -> None:
-        p = self.parameters
-        state, segments = self.state, self.segments
-        self.steps += 1
-        segments.place(state)
-        positions = segments.positions
-        self.recorder.add(self._bend())
-        segments.set_contact_time_constant(max(2.0 * self.step_s, 0.03))
-        self._turn_aim()
-        forces = self._forces(positions)
-        if self.steps % STIFFEN_EVERY == 0:
-            self._stiffen(positions)
-        acceleration = self._accelerations(forces)
-        if acceleration is None:
-            return
-        self.contacts = acceleration.contacts
-        state.accelerate(acceleration, self.step_s, self.drag)
-        self._limit()
-        if acceleration.contacts:
-            self.step_s = min(self.step_s, p.step_in_contact_s)
-        state.advance(self.step_s)
-        state.stop_at(self.chain.module.angle_limit_rad)
-        self.time_s += self.step_s
-
-    def _turn_aim(self) -> None:
-        self.aim = turned_towards(self.aim, self.target, self.parameters.turn_rad)
-
     def _forces(self, positions: Array) -> Array:
         """(m, 3) forces: radial with the wanted tension, the pull at the end, and eq. 3."""
         p = self.parameters
-        weak = self.pulse_left > JAM_PULSE[1] - JAM_PULSE[0]
-        self.pulse_left = max(0, self.pulse_left - 1)
-        scale = p.spring * self.tension * (0.05 if weak else 1.0)
+        weak = self.is_weak()
+        scale = p.spring * self.tension * (WEAK_TENSION if weak else 1.0)
         return window_forces(
             positions,
             self.weights[self.first : self.first + self.modules],
@@ -298,7 +243,7 @@ class _Peeling:
             self.core.grid,
             self.core.low,
             p.repulsion_cutoff,
-            p.repulsion_gain * (4.0 if weak else 1.0),
+            p.repulsion_gain * (STRONG_REPULSION if weak else 1.0),
             p.tension * scale,
             p.pull * scale,
         )
@@ -311,36 +256,34 @@ class _Peeling:
         stiffness = p.spring * (1.0 + (p.stiffening - 1.0) * share)
         self.segments.set_stiffness(np.repeat(stiffness, self.peelable.hinges))
 
-    def _accelerations(self, forces: Array) -> Acceleration | None:
-        """The acceleration, or None when the run had to go back to its last sound state."""
+    def accelerations(self) -> Acceleration | None:
         p = self.parameters
-        along = self.segments.rotations[-1][:, 0]
-        torque = p.alignment * p.spring * crossed(along, self.aim)
+        segments = self.segments
+        segments.set_contact_time_constant(self.contact_time_constant())
+        self.aim = turned_towards(self.aim, self.target, p.turn_rad)
+        forces = self._forces(segments.positions)
+        if self.steps % STIFFEN_EVERY == 0:
+            self._stiffen(segments.positions)
+        torque = p.alignment * p.spring * crossed(segments.rotations[-1][:, 0], self.aim)
         try:
-            acceleration = self.segments.accelerations(self.state, forces, end_torque=torque)
+            acceleration = segments.accelerations(self.state, forces, end_torque=torque)
         except SimulationError:
             if self.pushes >= MOST_PUSHES:
                 raise
             self._refused()
             return None
-        worse = acceleration.depth > self.depth
-        self.depth = acceleration.depth
-        if acceleration.depth > self.allowed.back_off:
-            self.tension = max(0.05, 0.85 * self.tension)
-        else:
-            self.tension = min(1.0, 1.02 * self.tension)
-        if acceleration.depth > self.allowed.most and worse:
+        if self.is_too_deep(acceleration.depth):
             self._refused()
             return None
+        self.contacts = acceleration.contacts
         return acceleration
 
-    def _limit(self) -> None:
-        """Caps what one step may move by scaling all velocities; adapts step and drag to it."""
+    def excess(self) -> float:
         p = self.parameters
         state, segments = self.state, self.segments
         segments.place_velocities(state)
         loose = np.abs(state.angles).max() < p.loose_rad
-        excess = self.step_s * haste(
+        return haste(
             state.rates,
             segments.positions,
             segments.rotations,
@@ -354,13 +297,6 @@ class _Peeling:
             self.chain.module.radius,
             self.caps_loose if loose else self.caps,
         )
-        if excess > 1.0:
-            state.scale_velocities(1.0 / excess)
-            self.drag = min(p.drag[1], 1.05 * self.drag)
-            self.step_s = max(p.step_s[0], 0.97 * self.step_s)
-        else:
-            self.drag = max(p.drag[0], 0.97 * self.drag)
-            self.step_s = min(p.step_s[1], 1.03 * self.step_s)
 
     # What changes the window.
 
@@ -406,7 +342,7 @@ class _Peeling:
             return
         if not self._settle():
             return
-        self.recorder.append(bends)
+        self.windows.append(bends)
         self.time_s = bends[-1].time_s + 1e-6
         left = bends[-1].angles
         self._build(left.copy(), self.state.rates[: len(left)].copy())
@@ -429,7 +365,7 @@ class _Peeling:
             partly[len(left) :] *= 1.0 - k / frames
             bends.append(self._bent(self.time_s + k * FRAME_S, partly))
         bends.append(self._bent(self.time_s + frames * FRAME_S, left.copy()))
-        return bends if self._clear([self._bend(), *bends]) else None
+        return bends if self._clear([self.snapshot(), *bends]) else None
 
     def _settle(self) -> bool:
         """Keeps the present state as a snapshot: the window changes after it.
@@ -438,8 +374,8 @@ class _Peeling:
             False when the way to it touches something: then the run went back.
         """
         self.segments.place(self.state)
-        self.recorder.add(self._bend())
-        if not self.recorder.commit(least=self.least):
+        self.recorder.add(self.snapshot())
+        if not self.windows.commit(least=self.least):
             self._refused()
             return False
         self.time_s += 1e-6
@@ -447,18 +383,17 @@ class _Peeling:
 
     def _refused(self) -> None:
         """Goes back from what would not be certified; with a push when that did not help."""
-        self._go_back()
+        self.go_back()
         if self.retries > MOST_RETRIES:
             self.retries = 0
-            self.pushes += 1
-            self.pulse_left = JAM_PULSE[1]
+            self.push()
             self.state.scale_velocities(0.0)
 
     def _clear(self, bends: list[Bend]) -> bool:
         """Whether configurations, and the ways between them, may be kept."""
         return self.proof.keeps(bends, self.least)[0] >= self.least
 
-    def _bend(self) -> Bend:
+    def snapshot(self) -> Bend:
         return Bend(
             time_s=self.time_s,
             first=self.first,
@@ -478,19 +413,13 @@ class _Peeling:
             along=rotations[-1][:, 0],
         )
 
-    def _commit(self) -> None:
-        if self._clear([self._bend()]) and self._settle():
+    def commit(self) -> None:
+        if self._clear([self.snapshot()]) and self._settle():
             self.saved = (self.time_s, self.state.copy())
             self.retries = 0
 
-    def _go_back(self) -> None:
-        self.retries += 1
-        self.recorder.take_back()
-        self.time_s, saved = self.saved[0], self.saved[1].copy()
-        saved.scale_velocities(0.3)
-        self.state = saved
-        self.step_s = max(self.parameters.step_s[0], 0.5 * self.step_s)
-        self.tension = max(0.05, 0.5 * self.tension)
+    def go_back(self) -> None:
+        super().go_back()
         # Its contacts may be deeper than allowed already: what makes them less deep is no reason
         # to go back again.
         self.depth = np.inf
@@ -507,9 +436,9 @@ class _Peeling:
             self._bent(self.time_s + k * FRAME_S, (1.0 - k / count) * angles)
             for k in range(1, count + 1)
         ]
-        if not self._clear([self._bend(), *bends]) or not self._settle():
+        if not self._clear([self.snapshot(), *bends]) or not self._settle():
             return False
-        self.recorder.append(bends)
+        self.windows.append(bends)
         return True
 
     # When it sticks.
@@ -536,7 +465,8 @@ class _Peeling:
                 self.pulse_left = JAM_PULSE[1]
         return self.pushes <= MOST_PUSHES
 
-    def _stall_reason(self) -> str:
+    def stall_reason(self) -> str:
+        """How much of it is let go, and which joint stays bent."""
         angles = np.abs(self.state.angles).reshape(-1, self.peelable.hinges).max(axis=1)
         worst = int(np.argmax(angles))
         let_go = (
@@ -551,16 +481,9 @@ class _Peeling:
             "other end, or a path whose units come off in its order."
         )
 
-    def _progress(self, rate: float) -> Progress:
+    def unfolded(self) -> float:
         whole = self.peelable.bent_below(len(self.chain) - 2)
-        return Progress(
-            stage="explode",
-            fraction=float(np.clip(1.0 - self._left() / max(whole, 1e-9), 0.0, 0.99)),
-            steps=self.steps,
-            steps_per_second=rate,
-            message="peeling",
-            pushes=self.pushes,
-        )
+        return 1.0 - self._left() / max(whole, 1e-9)
 
 
 def turned_towards(a: Array, b: Array, most_rad: float) -> Array:

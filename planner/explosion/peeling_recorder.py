@@ -1,4 +1,4 @@
-"""Recorder of a peeling: picks the snapshots from all its steps, as it runs."""
+"""Recorder of a peeling: windows of hinges, proved as the certificate proves them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from planner.explosion.peeling_proof import Proof
 from planner.explosion.peeling_window import Bend, Peelable
+from planner.explosion.recorder import WORSE, Recorder
 from planner.motion.angle_steps import snapped
 from planner.motion.frames import PHASES
 from planner.motion.windows import Windows
@@ -17,18 +18,22 @@ from planner.motion.windows import Windows
 Array = NDArray[np.float64]
 CLOSE: Final = 0.02
 """Clearances above this are not told apart."""
-WORSE: Final = 0.002
-"""A place between that is this much closer than both snapshots asks for another in between."""
 FARTHEST_TURN: Final = float(np.cos(0.1))
 """Cosine of how far the rod turns between two snapshots."""
 
 
-class PeelRecorder:
-    """Takes every step, keeps the snapshots that the record needs, and passes them on.
+class WindowRecorder(Recorder[Bend]):
+    """Records configurations that are folded, bent, then straight.
 
-    As ``planner.explosion.recorder.Recorder``, for configurations that are folded, bent, then
-    straight. What is kept was swept as the certificate sweeps it, at the snapshots and everywhere
-    between them.
+    What is kept was swept as the certificate sweeps it, at the snapshots and everywhere between
+    them.
+
+    Args:
+        peelable: The chain.
+        proof: Sweeps it.
+        snapshot_rad: No hinge turns more from a snapshot to the next.
+        snapshot_distance: No module of both windows moves farther, in pitches.
+        sink: Gets the windows.
     """
 
     def __init__(
@@ -40,55 +45,34 @@ class PeelRecorder:
         snapshot_distance: float,
         sink: Callable[[Windows], None] | None,
     ) -> None:
+        super().__init__()
         self._peelable = peelable
         self._proof = proof
         self._snapshot_rad = snapshot_rad
         self._snapshot_distance = snapshot_distance
         self._sink = sink
-        self._waiting: list[Bend] = []
         self._kept: list[Windows] = []
-        self._last: Bend | None = None
         self._least = CLOSE
+        """Clearance of what is about to be kept."""
 
-    def add(self, bend: Bend) -> None:
-        """Takes a step that may still be taken back."""
-        self._waiting.append(bend)
-
-    def take_back(self) -> None:
-        """Forgets the steps since the last ``commit``."""
-        self._waiting = []
-
-    def commit(self, *, least: float = -np.inf) -> bool:
+    def commit(self, *, end: bool = False, least: float = -np.inf) -> bool:
         """Makes the steps so far final and passes their snapshots on; the last one is one of them.
 
         Args:
+            end: As the last one is a snapshot in any case, this changes nothing.
             least: When a snapshot or a place on the way to it has a clearance below this, all the
                 steps are forgotten instead.
 
         Returns:
             Whether they were kept.
         """
-        waiting = self._waiting
-        self._waiting = []
-        last = self._last
+        waiting, self._waiting = self._waiting, []
         self._least = CLOSE
-        chosen: list[Bend] = []
-        first = 0
-        for k, bend in enumerate(waiting):
-            if last is None or k == len(waiting) - 1:
-                pick = k
-            elif self._far(last, bend):
-                pick = max(first, k - 1)
-            else:
-                continue
-            if last is not None:
-                chosen.extend(self._between(last, waiting[pick], waiting[first:pick]))
-            last = waiting[pick]
-            chosen.append(last)
-            first = pick + 1
+        chosen, _ = self._chosen(waiting, to_the_end=True)
         if self._least < least:
             return False
-        self._last = last
+        if chosen:
+            self._last = chosen[-1]
         self._emit(chosen)
         return True
 
@@ -97,7 +81,7 @@ class PeelRecorder:
         self._last = bends[-1]
         self._emit(bends)
 
-    def windows(self) -> Windows:
+    def motion(self) -> Windows:
         """All snapshots so far."""
         return Windows.joined(self._kept)
 
@@ -137,15 +121,9 @@ class PeelRecorder:
         gone = a.centres[low - a.first : high - a.first] - b.centres[low - b.first : high - b.first]
         return float(np.sqrt((gone**2).sum(axis=1).max(initial=0.0)))
 
-    def _between(self, a: Bend, b: Bend, bends: list[Bend]) -> list[Bend]:
-        """The snapshots that are needed between two."""
+    def _needs_more(self, a: Bend, b: Bend, *, more: bool) -> bool:
         least, each = self._proof.keeps((a, b), CLOSE)
-        if not bends or least >= each.min() - WORSE:
-            self._least = min(self._least, least)
-            return []
-        middle = len(bends) // 2
-        return [
-            *self._between(a, bends[middle], bends[:middle]),
-            bends[middle],
-            *self._between(bends[middle], b, bends[middle + 1 :]),
-        ]
+        if more and least < each.min() - WORSE:
+            return True
+        self._least = min(self._least, least)
+        return False

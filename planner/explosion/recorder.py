@@ -1,10 +1,11 @@
-"""Recorder: picks the snapshots of an explosion from all its steps, as it runs."""
+"""Recorders: pick the snapshots of an explosion from all its steps, as it runs."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,84 @@ Array = NDArray[np.float64]
 CLOSE: Final = 0.06
 """Clearances above this are not told apart."""
 WORSE: Final = 0.002
-"""A halfway frame this much closer than both its neighbours asks for a snapshot in between."""
+"""A place between that is this much closer than both snapshots asks for another in between."""
+
+S = TypeVar("S")
+
+
+class Recorder(ABC, Generic[S]):
+    """Takes every step, keeps the snapshots that the record needs, and passes them on.
+
+    Two neighbouring snapshots are about as far apart as they may be (a single step may be
+    more), and the way between them is not closer to a collision than they are, as far as the
+    steps allow.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: list[S] = []
+        self._last: S | None = None
+
+    def add(self, step: S) -> None:
+        """Takes a step that may still be taken back."""
+        self._waiting.append(step)
+
+    def take_back(self) -> None:
+        """Forgets the steps since the last ``commit``."""
+        self._waiting = []
+
+    @abstractmethod
+    def commit(self, *, end: bool = False) -> bool:
+        """Makes the steps so far final and passes their snapshots on.
+
+        Args:
+            end: Keep the last step as a snapshot in any case.
+
+        Returns:
+            Whether they were kept.
+        """
+
+    @abstractmethod
+    def _far(self, a: S, b: S) -> bool:
+        """Whether two snapshots are farther apart than they may be."""
+
+    @abstractmethod
+    def _needs_more(self, a: S, b: S, *, more: bool) -> bool:
+        """Whether the way between two snapshots asks for another, if there are more steps."""
+
+    def _chosen(self, waiting: list[S], *, to_the_end: bool) -> tuple[list[S], int]:
+        """The snapshots among steps, and how many of these are done with.
+
+        Args:
+            waiting: The steps.
+            to_the_end: Whether the last one is a snapshot.
+        """
+        chosen: list[S] = []
+        last = self._last
+        first = 0
+        for k, step in enumerate(waiting):
+            if last is None or (to_the_end and k == len(waiting) - 1):
+                pick = k
+            elif self._far(last, step):
+                pick = max(first, k - 1)
+            else:
+                continue
+            if last is not None:
+                chosen.extend(self._between(last, waiting[pick], waiting[first:pick]))
+            last = waiting[pick]
+            chosen.append(last)
+            first = pick + 1
+        return chosen, first
+
+    def _between(self, a: S, b: S, steps: list[S]) -> list[S]:
+        """The snapshots that are needed between two, from the steps between them."""
+        if not self._needs_more(a, b, more=bool(steps)):
+            return []
+        middle = len(steps) // 2
+        return [
+            *self._between(a, steps[middle], steps[:middle]),
+            steps[middle],
+            *self._between(steps[middle], b, steps[middle + 1 :]),
+        ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,12 +123,15 @@ class Step:
         )
 
 
-class Recorder:
-    """Takes every step, keeps the snapshots that the record needs, and passes them on.
+class FrameRecorder(Recorder[Step]):
+    """Records frames of the whole chain.
 
-    Two neighbouring snapshots are at most ``snapshot_rad`` of any hinge and ``snapshot_distance``
-    of any module apart (a single step may be more), and a frame halfway between them is not closer
-    to a collision than they are, as far as the steps allow.
+    Args:
+        chain: The chain.
+        snapshot_rad: No hinge turns more from a snapshot to the next.
+        snapshot_distance: No module moves farther, in pitches.
+        size: Module size at which the way between them is looked at.
+        sink: Gets the frames.
     """
 
     def __init__(
@@ -62,52 +143,33 @@ class Recorder:
         size: float,
         sink: Callable[[Frames], None] | None,
     ) -> None:
+        super().__init__()
         self._chain = chain
         self._snapshot_rad = snapshot_rad
         self._snapshot_distance = snapshot_distance
         self._size = size
         self._sink = sink
-        self._waiting: list[Step] = []
         self._kept: list[Frames] = []
-        self._last: Step | None = None
 
     def __len__(self) -> int:
         """Snapshots so far."""
         return sum(len(part) for part in self._kept)
 
-    def add(self, step: Step) -> None:
-        """Takes a step that may still be taken back."""
-        self._waiting.append(step)
-
-    def take_back(self) -> None:
-        """Forgets the steps since the last ``commit``."""
-        self._waiting = []
-
-    def commit(self, *, end: bool = False) -> None:
+    def commit(self, *, end: bool = False) -> bool:
         """Makes the steps so far final and passes their snapshots on.
 
         Args:
             end: Keep the last step as a snapshot in any case.
         """
         waiting = self._waiting
-        chosen: list[Step] = []
-        first = 0
-        for k, step in enumerate(waiting):
-            if self._last is None:
-                pick = k
-            elif self._far(self._last, step):
-                pick = max(first, k - 1)
-            else:
-                continue
-            if self._last is not None:
-                chosen.extend(self._between(self._last, waiting[pick], waiting[first:pick]))
-            self._last = waiting[pick]
-            chosen.append(self._last)
-            first = pick + 1
+        chosen, first = self._chosen(waiting, to_the_end=False)
+        if chosen:
+            self._last = chosen[-1]
         if end and waiting[first:]:
             chosen.append(waiting[-1])
         self._waiting = [] if end else waiting[first:]
         self._emit(chosen)
+        return True
 
     def append(self, frames: Frames) -> None:
         """Adds frames that were made without a simulation."""
@@ -116,7 +178,7 @@ class Recorder:
             if self._sink is not None:
                 self._sink(frames)
 
-    def frames(self) -> Frames:
+    def motion(self) -> Frames:
         """All snapshots so far."""
         return Frames.joined(self._kept)
 
@@ -139,20 +201,13 @@ class Recorder:
         moved = ((a.centres - b.centres) ** 2).sum(axis=1).max()
         return bool(moved >= self._snapshot_distance**2)
 
-    def _between(self, a: Step, b: Step, steps: list[Step]) -> list[Step]:
-        if not steps:
-            return []
+    def _needs_more(self, a: Step, b: Step, *, more: bool) -> bool:
+        if not more:
+            return False
         halfway = self._clearance(0.5 * (a.angles + b.angles))
-        if halfway >= CLOSE or halfway >= (
+        return halfway < CLOSE and halfway < (
             min(self._clearance(a.angles), self._clearance(b.angles)) - WORSE
-        ):
-            return []
-        middle = len(steps) // 2
-        return [
-            *self._between(a, steps[middle], steps[:middle]),
-            steps[middle],
-            *self._between(steps[middle], b, steps[middle + 1 :]),
-        ]
+        )
 
     def _clearance(self, angles: Array) -> float:
         poses = forward_kinematics(self._chain.module, angles, root=self._chain.root)

@@ -8,7 +8,6 @@ that no contact goes deeper than the module size that the plan is verified at al
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Final
 
@@ -17,13 +16,22 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
-from planner.explosion.contact_depth import ContactDepth
-from planner.explosion.recorder import Recorder, Step
+from planner.explosion.explosion import (
+    COMMIT_EVERY,
+    MOST_PUSHES,
+    MOST_RETRIES,
+    STRONG_REPULSION,
+    WEAK_TENSION,
+    ContactDepth,
+    Ended,
+    Explosion,
+)
+from planner.explosion.recorder import FrameRecorder, Step
 from planner.explosion.straightening import straightening
 from planner.kernels.pairs import largest_approach_speed, near_pairs, repulsion
 from planner.motion.frames import Frames
-from planner.motion.record import Record, RecordStatus
-from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.motion.record import Record
+from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.model import Material
 from planner.simulation.parameters import ExplosionParameters
 from planner.simulation.rigid_blocks import Blocks
@@ -33,21 +41,12 @@ Array = NDArray[np.float64]
 Engine = Segments | Blocks
 LINKED: Final = 1
 """Modules this many links apart are linked, and don't repel."""
-COMMIT_EVERY: Final = 25
 FINISH_EVERY: Final = 50
 JAM_WINDOW: Final = 400
-JAM_PULSE: Final = (120, 300)
-"""Steps of weak tension and strong repulsion, and of the whole pulse."""
-MOST_PULSES: Final = 8
-"""Pulses in a row that may bring no progress."""
 STUCK_RAD: Final = 1.0
 LEAST_PROGRESS: Final = 0.005
 DEEP: Final = 0.02
 """Contacts are never deeper; less where the module size to verify leaves less."""
-MOST_RETRIES: Final = 6
-REPORT_EVERY_S: Final = 0.1
-UNEVENNESS: Final = 0.02
-"""Relative spread of the radial gain over the modules: what the seed decides."""
 
 
 def explode(
@@ -72,11 +71,14 @@ def explode(
     Returns:
         The record, whatever came of it.
     """
-    return Explosion(chain, parameters, seed, sink).run(progress, cancelled)
+    return Simultaneous(chain, parameters, seed, sink).run(progress, cancelled)
 
 
-class Explosion:
-    """One run. Holds the simulation's engine and its state."""
+class Simultaneous(Explosion[Step, ExplosionParameters]):
+    """A run in which all modules are let go at once."""
+
+    strategy = "simultaneous"
+    doing = "exploding"
 
     def __init__(
         self,
@@ -85,171 +87,121 @@ class Explosion:
         seed: int,
         sink: Callable[[Frames], None] | None,
     ) -> None:
-        self.chain = chain
-        self.parameters = parameters
-        self.material = Material(
-            geom_size=parameters.geom_size,
-            stiffness=parameters.spring,
-            armature=parameters.armature,
-            stop_rad=chain.module.stop_rad,
-        )
         room = 2.0 * chain.module.inner_radius * (parameters.geom_size - parameters.verify_size)
-        self.allowed = ContactDepth.within(room, DEEP)
-        self.engine = self.first_engine()
-        self.recorder = Recorder(
+        self.frames = FrameRecorder(
             chain,
             snapshot_rad=parameters.snapshot_rad,
             snapshot_distance=parameters.snapshot_distance,
             size=parameters.verify_size,
             sink=sink,
         )
+        super().__init__(
+            parameters,
+            ContactDepth.within(room, DEEP),
+            self.frames,
+            seed=seed,
+            modules=len(chain),
+        )
+        self.chain = chain
+        self.material = Material(
+            geom_size=parameters.geom_size,
+            stiffness=parameters.spring,
+            armature=parameters.armature,
+            stop_rad=chain.module.stop_rad,
+        )
+        self.engine = self.first_engine()
         folded = chain.folded_poses
         self.state = State.at_rest(
             chain.folded_rad, folded.positions[chain.root], folded.rotations[chain.root]
         )
-        spread = np.random.default_rng(seed).uniform(-1.0, 1.0, (len(chain), 1))
-        self.weights = 1.0 + UNEVENNESS * spread
-        self.time_s = 0.0
-        self.step_s = 5.0 * parameters.step_s[0]
-        self.drag = 1.0
-        self.tension = 1.0
-        self.steps = 0
-        self.depth = 0.0
         self.sound = self.saved = (0.0, self.state.copy())
-        self.retries = 0
-        self.pulse_left = 0
-        self.pulses = 0
-        self.unfolded = -1.0
+        self.contacts = 0
+        """In the last step; −1 when it went back."""
+        self.pairs = np.zeros((0, 2), dtype=np.int64)
+        self.farthest = -1.0
+        """How far it was unfolded when last something moved on."""
         self.window_angles = np.abs(chain.folded_rad)
 
     def first_engine(self) -> Engine:
         """What gives the accelerations from the folded configuration on."""
         return Segments(self.chain, self.material)
 
-    def run(self, progress: Report, cancelled: Cancelled) -> Record:
-        """Steps until the chain is straight, or it is known that it won't be."""
-        begun = time.perf_counter()
-        reported = begun
-        reported_steps = 0
-        status: RecordStatus = "timeout"
-        reason = (
-            f"the chain was not straight after {self.parameters.max_steps} steps; try another "
-            "seed, or another path through the same cells."
-        )
-        # The folded configuration itself, so that there is a record whatever comes.
+    @property
+    def most_steps(self) -> int:
+        """Of one run."""
+        return self.parameters.max_steps
+
+    def place(self) -> None:
+        """Computes the poses of the present state."""
         self.engine.place(self.state)
-        self.recorder.add(Step.of(self.time_s, self.state, self.engine.positions))
-        self.recorder.commit()
-        try:
-            while self.steps < self.parameters.max_steps:
-                contacts = self.step()
-                if self.steps % COMMIT_EVERY == 0:
-                    if contacts >= 0 and self.depth < self.allowed.back_off:
-                        self.commit()
-                    if cancelled():
-                        status, reason = "cancelled", "it was cancelled."
-                        break
-                    now = time.perf_counter()
-                    if now - reported >= REPORT_EVERY_S:
-                        rate = (self.steps - reported_steps) / (now - reported)
-                        progress(self._progress(rate))
-                        reported, reported_steps = now, self.steps
-                if self.steps % FINISH_EVERY == 0 and contacts == 0 and self.finish():
-                    status, reason = "straight", ""
-                    break
-                if self.steps % JAM_WINDOW == 0 and not self.unjam():
-                    status, reason = "stalled", self._stall_reason()
-                    break
-        except SimulationError as error:
-            status, reason = "diverged", f"the simulation broke off: {error}"
-        self.recorder.commit(end=status != "straight")
-        return Record(
-            status=status,
-            reason=reason,
-            frames=self.recorder.frames(),
-            steps=self.steps,
-            seconds=time.perf_counter() - begun,
-        )
 
-    def step(self) -> int:
-        """One step of the simulation; the number of contacts in it, −1 when it went back."""
-        p = self.parameters
-        state = self.state
-        self.steps += 1
-        self.engine.place(state)
+    def snapshot(self) -> Step:
+        """The present state."""
+        return Step.of(self.time_s, self.state, self.engine.positions)
+
+    def motion(self) -> Frames:
+        """All snapshots."""
+        return self.frames.motion()
+
+    def look(self) -> Ended | None:
+        """Whether the chain can be straightened, or is stuck."""
+        if self.steps % FINISH_EVERY == 0 and self.contacts == 0 and self.finish():
+            return "straight"
+        if self.steps % JAM_WINDOW == 0 and not self.unjam():
+            return "stalled"
+        return None
+
+    def accelerations(self) -> Acceleration | None:
+        """Under eq. 1 and 3; None when the run went back."""
         positions = self.engine.positions
-        self.recorder.add(Step.of(self.time_s, state, positions))
-        pairs = near_pairs(positions, p.repulsion_cutoff, LINKED + 1)
-        self.engine.set_contact_time_constant(max(2.0 * self.step_s, 0.03))
-        acceleration = self._accelerations(self._forces(positions, pairs))
-        if acceleration is None:
-            return -1
-        if self.steps % COMMIT_EVERY == 0:
-            self.sound = (self.time_s, state.copy())
-        state.accelerate(acceleration, self.step_s, self.drag)
-        self._limit(positions, pairs)
-        if acceleration.contacts:
-            self.step_s = min(self.step_s, p.step_in_contact_s)
-        state.advance(self.step_s)
-        self.time_s += self.step_s
-        return acceleration.contacts
-
-    def _forces(self, positions: Array, pairs: NDArray[np.int64]) -> Array:
-        """(n, 3) forces: eq. 1 with the gain that gives the wanted tension, and eq. 3."""
-        p = self.parameters
-        weak = self.pulse_left > JAM_PULSE[1] - JAM_PULSE[0]
-        self.pulse_left = max(0, self.pulse_left - 1)
-        arms = positions - positions.mean(axis=0)
-        diameter = 2.0 * float(np.sqrt((arms**2).sum(axis=1).max()))
-        radial = self.weights * arms / diameter
-        radial -= radial.mean(axis=0)
-        summed = float(np.sqrt((np.cumsum(radial, axis=0) ** 2).sum(axis=1).max()))
-        gain = p.tension * p.spring * self.tension / summed * (0.05 if weak else 1.0)
-        forces = gain * radial
-        repulsion(positions, pairs, p.repulsion_gain * (4.0 if weak else 1.0), forces)
-        return forces
-
-    def _accelerations(self, forces: Array) -> Acceleration | None:
-        """The acceleration, or None when the run had to go back to its last sound state."""
+        self.pairs = near_pairs(positions, self.parameters.repulsion_cutoff, LINKED + 1)
+        self.engine.set_contact_time_constant(self.contact_time_constant())
+        self.contacts = -1
         try:
-            acceleration = self.engine.accelerations(self.state, forces)
+            acceleration = self.engine.accelerations(self.state, self._forces(positions))
         except SimulationError:
             if self.retries >= MOST_RETRIES:
                 raise
-            self._go_back()
+            self.go_back()
             return None
-        worse = acceleration.depth > self.depth
-        self.depth = acceleration.depth
-        if acceleration.depth > self.allowed.back_off:
-            self.tension = max(0.05, 0.85 * self.tension)
-        else:
-            self.tension = min(1.0, 1.02 * self.tension)
-        if acceleration.depth > self.allowed.most and worse and self.retries < MOST_RETRIES:
-            self._go_back()
+        if self.is_too_deep(acceleration.depth) and self.retries < MOST_RETRIES:
+            self.go_back()
             return None
+        if self.steps % COMMIT_EVERY == 0:
+            self.sound = (self.time_s, self.state.copy())
+        self.contacts = acceleration.contacts
         return acceleration
 
-    def _limit(self, positions: Array, pairs: NDArray[np.int64]) -> None:
-        """Caps what one step may move by scaling all velocities; adapts step and drag to it."""
+    def _forces(self, positions: Array) -> Array:
+        """(n, 3) forces: eq. 1 with the gain that gives the wanted tension, and eq. 3."""
+        p = self.parameters
+        weak = self.is_weak()
+        arms = positions - positions.mean(axis=0)
+        diameter = 2.0 * float(np.sqrt((arms**2).sum(axis=1).max()))
+        radial = self.weights[:, None] * arms / diameter
+        radial -= radial.mean(axis=0)
+        summed = float(np.sqrt((np.cumsum(radial, axis=0) ** 2).sum(axis=1).max()))
+        gain = p.tension * p.spring * self.tension / summed * (WEAK_TENSION if weak else 1.0)
+        forces = gain * radial
+        push = p.repulsion_gain * (STRONG_REPULSION if weak else 1.0)
+        repulsion(positions, self.pairs, push, forces)
+        return forces
+
+    def excess(self) -> float:
+        """By hinges, near modules, and all modules."""
         p = self.parameters
         state, engine = self.state, self.engine
+        positions = engine.positions
         engine.place(state)
         loose = np.abs(state.angles).max() < p.loose_rad
         approach = largest_approach_speed(
-            positions, engine.velocities, engine.spins, pairs, self.chain.module.radius
+            positions, engine.velocities, engine.spins, self.pairs, self.chain.module.radius
         )
-        excess = self.step_s * max(
+        return max(
             float(np.abs(state.rates).max()) / p.joint_cap_rad,
             approach / (p.pair_cap_loose if loose else p.pair_cap),
             float(np.sqrt((engine.velocities**2).sum(axis=1).max())) / p.body_cap,
         )
-        if excess > 1.0:
-            state.scale_velocities(1.0 / excess)
-            self.drag = min(p.drag[1], 1.05 * self.drag)
-            self.step_s = max(p.step_s[0], 0.97 * self.step_s)
-        else:
-            self.drag = max(p.drag[0], 0.97 * self.drag)
-            self.step_s = min(p.step_s[1], 1.03 * self.step_s)
 
     def commit(self) -> None:
         """Makes the steps so far final: the run goes back to the last one, not behind.
@@ -259,16 +211,6 @@ class Explosion:
         self.recorder.commit()
         self.saved = self.sound
         self.retries = 0
-
-    def _go_back(self) -> None:
-        self.retries += 1
-        self.recorder.take_back()
-        self.time_s, saved = self.saved[0], self.saved[1].copy()
-        saved.scale_velocities(0.3)
-        self.state = saved
-        self.step_s = max(self.parameters.step_s[0], 0.5 * self.step_s)
-        self.tension = max(0.05, 0.5 * self.tension)
-        self.depth = 0.0
 
     def finish(self) -> bool:
         """Ends the run by pure kinematics if the chain can be straightened without a touch."""
@@ -284,10 +226,10 @@ class Explosion:
         )
         if rest is None:
             return False
-        self.engine.place(self.state)
-        self.recorder.add(Step.of(self.time_s, self.state, self.engine.positions))
+        self.place()
+        self.recorder.add(self.snapshot())
         self.recorder.commit(end=True)
-        self.recorder.append(rest)
+        self.frames.append(rest)
         return True
 
     def unjam(self) -> bool:
@@ -296,17 +238,16 @@ class Explosion:
         stuck = (angles > STUCK_RAD) & (angles > self.window_angles - 0.05)
         eased = (angles > 0.6).sum() < 0.95 * (self.window_angles > 0.6).sum()
         self.window_angles = angles
-        unfolded = self._unfolded()
-        advanced = unfolded > self.unfolded + LEAST_PROGRESS
+        unfolded = self.unfolded()
+        advanced = unfolded > self.farthest + LEAST_PROGRESS
         if advanced:
-            self.unfolded = unfolded
-            self.pulses = 0
+            self.farthest = unfolded
+            self.pushes = 0
         if (stuck.any() and not eased) or not advanced:
-            self.pulses += 1
-            self.pulse_left = JAM_PULSE[1]
-        return self.pulses <= MOST_PULSES
+            self.push()
+        return self.pushes <= MOST_PUSHES
 
-    def _unfolded(self) -> float:
+    def unfolded(self) -> float:
         """0 when folded, 1 when straight: half by the joints' bends, half by the chain's span."""
         positions = self.engine.positions
         # A chain that folds into a line has nothing to unbend.
@@ -314,21 +255,12 @@ class Explosion:
         span = np.linalg.norm(positions[-1] - positions[0]) / (len(positions) - 1)
         return float(0.5 * (1.0 - bent) + 0.5 * span)
 
-    def _stall_reason(self) -> str:
+    def stall_reason(self) -> str:
+        """Which joint stays bent."""
         angles = np.abs(self.state.angles).reshape(-1, self.chain.module.hinges_per_joint)
         worst = int(np.argmax(angles.max(axis=1))) + self.chain.module.rigid_links
         return (
-            f"the chain is stuck: {self.pulses} pushes in a row moved nothing on, and the joint of "
+            f"the chain is stuck: {self.pushes} pushes in a row moved nothing on, and the joint of "
             f"module {worst} stays bent by {np.rad2deg(angles.max()):.0f}°; it may be knotted. Try "
             "another seed, or another path through the same cells."
-        )
-
-    def _progress(self, rate: float) -> Progress:
-        return Progress(
-            stage="explode",
-            fraction=float(np.clip(self._unfolded(), 0.0, 0.99)),
-            steps=self.steps,
-            steps_per_second=rate,
-            message="exploding",
-            pushes=self.pulses,
         )

@@ -136,10 +136,9 @@ def let_go(
         return peel(chain, finer, seed=seed, sink=sink, progress=progress, cancelled=cancelled)
     how = _suited(how, parameters.module_size, gentle)
     if strategy == "blocks":
-        found = explode_blocks_first(
+        return explode_blocks_first(
             chain, how, seed=seed, sink=sink, progress=progress, cancelled=cancelled
         )
-        return replace(found, strategy="blocks")
     return explode(chain, how, seed=seed, sink=sink, progress=progress, cancelled=cancelled)
 
 

@@ -11,7 +11,7 @@ from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.explosion.blocks import WINDOW, _BlocksFirst, block_starts, explode_blocks_first
-from planner.explosion.simultaneous import Explosion
+from planner.explosion.simultaneous import Simultaneous
 from planner.pathfinding.assembly import assembly_path
 from planner.simulation.model import Material
 from planner.simulation.parameters import ExplosionParameters
@@ -142,11 +142,11 @@ def test_blocks_are_not_let_go_in_the_step_that_went_back(
     chain = solid(2, 2, 1)
     run = _BlocksFirst(chain, DEFAULT, 0, None, block_starts(len(chain), 64, 2))
     run.steps = 10 * WINDOW
-    went_back = -1
-    monkeypatch.setattr(Explosion, "step", lambda _: went_back)
+    moved = False
+    monkeypatch.setattr(Simultaneous, "step", lambda _: moved)
     run.step()
     assert isinstance(run.engine, Blocks)
-    went_back = 0
+    moved = True
     run.engine.place(run.state)
     run.step()
     assert isinstance(run.engine, Segments)

@@ -13,7 +13,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.explosion.contact_depth import ContactDepth
+from planner.explosion.explosion import ContactDepth
 from planner.explosion.peeling import _Peeling, peel, turned_towards
 from planner.explosion.peeling_proof import Proof
 from planner.explosion.peeling_window import Bend, Peelable
@@ -150,13 +150,13 @@ def test_a_run_goes_on_from_contacts_that_were_too_deep_when_it_went_back() -> N
     before = (run.time_s, run.state.copy())
     while run.depth < 1e-4:
         before = (run.time_s, run.state.copy())
-        run._step()
+        run.step()
         assert run.steps < 500
     run.allowed = ContactDepth(most=0.5 * run.depth, back_off=0.4 * run.depth)
     run.saved = before
-    run._go_back()
+    run.go_back()
     angles = run.state.angles.copy()
-    run._step()
+    run.step()
     assert run.retries == 1
     assert (run.state.angles != angles).any()
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from planner.chain.chain import Chain
-from planner.explosion.recorder import Recorder, Step
+from planner.explosion.recorder import FrameRecorder, Step
 from planner.motion.frames import Frames
 from planner.simulation.segments import State
 from tests.planner.chains import line
@@ -17,8 +17,8 @@ def step_of(chain: Chain, time_s: float, angle: float) -> Step:
     return Step.of(time_s, state, poses.positions)
 
 
-def recorder(chain: Chain, parts: list[Frames], *, distance: float = 100.0) -> Recorder:
-    return Recorder(
+def recorder(chain: Chain, parts: list[Frames], *, distance: float = 100.0) -> FrameRecorder:
+    return FrameRecorder(
         chain, snapshot_rad=0.1, snapshot_distance=distance, size=0.9, sink=parts.append
     )
 
@@ -31,7 +31,7 @@ def test_snapshots_are_as_sparse_as_allowed_and_no_sparser() -> None:
         if k % 10 == 0:
             recording.commit()
     recording.commit(end=True)
-    frames = recording.frames()
+    frames = recording.motion()
     steps = np.diff(frames.joint_angles_rad.max(axis=1))
     assert steps.max() < 0.1 + 1e-12
     assert steps[:-1].min() > 0.05
@@ -48,7 +48,7 @@ def test_a_module_that_moves_far_counts_as_well() -> None:
     recording.commit(end=True)
     # The end of the chain swings by nearly twenty times the angle.
     centres = chain.poses(
-        recording.frames().joint_angles_rad, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+        recording.motion().joint_angles_rad, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     ).positions
     moved = np.linalg.norm(np.diff(centres, axis=0), axis=2).max(axis=1)
     assert len(recording) > 3
@@ -64,7 +64,7 @@ def test_what_was_taken_back_is_not_recorded() -> None:
     recording.take_back()
     recording.add(step_of(chain, 1.0, 0.5))
     recording.commit(end=True)
-    np.testing.assert_array_equal(recording.frames().joint_angles_rad.max(axis=1), [0.0, 0.5])
+    np.testing.assert_array_equal(recording.motion().joint_angles_rad.max(axis=1), [0.0, 0.5])
 
 
 def test_the_sink_gets_every_snapshot_once_and_in_order() -> None:
@@ -75,7 +75,7 @@ def test_the_sink_gets_every_snapshot_once_and_in_order() -> None:
         recording.commit()
     recording.commit(end=True)
     passed_on = Frames.joined(parts)
-    np.testing.assert_array_equal(passed_on.time_s, recording.frames().time_s)
+    np.testing.assert_array_equal(passed_on.time_s, recording.motion().time_s)
     assert len(passed_on) == len(recording)
     assert np.isnan(passed_on.joint_error_rad).all()
 
@@ -88,5 +88,5 @@ def test_steps_are_copies() -> None:
     state.angles[:] = 9.0
     state.position[:] = 9.0
     recording.commit(end=True)
-    assert np.abs(recording.frames().joint_angles_rad).max() == 0.0
-    assert np.abs(recording.frames().root_position).max() == 0.0
+    assert np.abs(recording.motion().joint_angles_rad).max() == 0.0
+    assert np.abs(recording.motion().root_position).max() == 0.0

@@ -155,7 +155,7 @@ def test_the_sink_gets_the_record_as_it_grows() -> None:
 
 
 def test_progress_is_told_and_rises_overall(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.explosion.simultaneous.REPORT_EVERY_S", 0.0)
+    monkeypatch.setattr("planner.explosion.explosion.REPORT_EVERY_S", 0.0)
     told: list[Progress] = []
     record = explode(coil(24), DEFAULT, progress=told.append)
     assert {p.stage for p in told} == {"explode"}
