@@ -1,4 +1,4 @@
-"""Attempts: what was tried of a fold so far, and what comes next when its certificate fails.
+"""Attempts: what may be tried of a fold, what was, and what comes next when a certificate fails.
 
 An overlap between two frames of the playback may be one of the frames alone, which are joined by
 straight lines: the same playback is then recorded with more of them. Everything else is tried with
@@ -12,53 +12,91 @@ run again drops what it had added and comes to the same.
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from planner.certificate.certificate import Certificate
 from planner.chain.chain import Chain
 from planner.explosion.diagnosis import diagnose
 from planner.files import write_json
 from planner.motion.record import Record
-from planner.pipeline.portfolio import Choice, Try
+from planner.motion.timeline import chain_attributes, chain_from_attributes
+from planner.pipeline.portfolio import Attempt, Choice, Try
 
 FILE: Final = "attempts.json"
+CANDIDATES: Final = "candidates.json"
 MOST_JUDGED: Final = 6
 """Playbacks of a fold that are judged."""
 MOST_REFUSED: Final = 4
 """Explosions of a fold that may be refused."""
 FINER: Final = 4
 
-Attempt = dict[str, Any]
+
+@dataclass(frozen=True, slots=True)
+class Candidates:
+    """Chains through the same shape.
+
+    Attributes:
+        chains: The likeliest first.
+        two_ended: Whether they may as well begin at their other end.
+    """
+
+    chains: tuple[Chain, ...]
+    two_ended: bool
+
+    @classmethod
+    def load(cls, directory: FilePath) -> Candidates:
+        """Those of the fold in a directory."""
+        values: Any = json.loads((directory / CANDIDATES).read_bytes())
+        if isinstance(values, list):  # of a fold that was read before there were other ends
+            values = {"chains": values, "two_ended": False}
+        chains = tuple(chain_from_attributes(attributes) for attributes in values["chains"])
+        return cls(chains, values["two_ended"])
+
+    def save(self, directory: FilePath) -> None:
+        """Keeps them in a fold's directory."""
+        chains = [chain_attributes(chain) for chain in self.chains]
+        values = {"chains": chains, "two_ended": self.two_ended}
+        write_json(directory / CANDIDATES, values)
+
+    def chain_of(self, todo: Try) -> Chain:
+        """The chain of a try."""
+        chain = self.chains[todo.candidate]
+        return chain.from_other_end() if todo.other_end else chain
 
 
 def load(directory: FilePath) -> list[Attempt]:
     """The attempts so far."""
     path = directory / FILE
-    return json.loads(path.read_bytes()) if path.exists() else []
+    if not path.exists():
+        return []
+    return [Attempt.from_dict(values) for values in json.loads(path.read_bytes())]
 
 
-def save(directory: FilePath, attempts: list[Attempt]) -> None:
+def save(directory: FilePath, attempts: Sequence[Attempt]) -> None:
     """Keeps them."""
-    write_json(directory / FILE, attempts)
-
-
-def begun(todo: Try) -> Attempt:
-    """One that is under way: what is known of it if a limit ends it."""
-    return {**asdict(todo), "status": "begun"}
+    write_json(directory / FILE, [attempt.as_dict() for attempt in attempts])
 
 
 def made(todo: Try, chain: Chain, record: Record) -> Attempt:
     """One that came to an end of its own."""
-    found = diagnose(chain, record)
-    return {**asdict(todo), **record.summary(), "diagnosis": found and found.as_dict()}
+    return Attempt(
+        todo=todo,
+        status=record.status,
+        reason=record.reason,
+        steps=record.steps,
+        frames=len(record.frames),
+        seconds=record.seconds,
+        diagnosis=diagnose(chain, record),
+    )
 
 
 def before_explosion(directory: FilePath, choice: Choice) -> list[Attempt]:
     """Attempts that another explosion follows; none when everything begins anew."""
     kept = load(directory)
-    while kept and "verdict" not in kept[-1]:
+    while kept and kept[-1].verdict is None:
         kept.pop()
     goes_on = bool(kept) and following(kept, choice) == "explode"
     return kept if goes_on else []
@@ -67,18 +105,15 @@ def before_explosion(directory: FilePath, choice: Choice) -> list[Attempt]:
 def before_playback(directory: FilePath, choice: Choice) -> list[Attempt]:
     """Attempts with the one that is to be played back last."""
     attempts = load(directory)
-    if attempts and "verdict" in attempts[-1]:
-        again = {
-            key: value for key, value in attempts[-1].items() if key not in ("verdict", "between")
-        }
+    if attempts and attempts[-1].verdict is not None:
+        again = replace(attempts[-1], verdict=None, between=False)
         if following(attempts, choice) == "play_back":
-            again["finer"] = FINER
-            return [*attempts, again]
+            return [*attempts, replace(again, finer=FINER)]
         return [*attempts[:-1], again]
     return attempts
 
 
-def judged(attempts: list[Attempt], certificate: Certificate) -> list[Attempt]:
+def judged(attempts: Sequence[Attempt], certificate: Certificate) -> list[Attempt]:
     """With the verdict on the last one."""
     place = certificate.min_clearance_playback_at
     between = (
@@ -89,20 +124,21 @@ def judged(attempts: list[Attempt], certificate: Certificate) -> list[Attempt]:
         and place is not None
         and not float(place.frame).is_integer()
     )
-    last = {**attempts[-1], "verdict": certificate.verdict, "between": between}
-    return [*attempts[:-1], last]
+    return [*attempts[:-1], replace(attempts[-1], verdict=certificate.verdict, between=between)]
 
 
-def following(attempts: list[Attempt], choice: Choice) -> str | None:
+def following(
+    attempts: Sequence[Attempt], choice: Choice
+) -> Literal["explode", "play_back"] | None:
     """The stage that goes on after the verdict on the last attempt; None when that is the end."""
     last = attempts[-1]
-    if last["verdict"].startswith("verified") or last["status"] != "straight":
+    if last.verdict is None or last.verdict.startswith("verified") or last.status != "straight":
         return None
-    verdicts = [attempt for attempt in attempts if "verdict" in attempt]
-    refused = sum("finer" not in attempt for attempt in verdicts)
+    verdicts = [attempt for attempt in attempts if attempt.verdict is not None]
+    refused = sum(attempt.finer == 1 for attempt in verdicts)
     if len(verdicts) >= MOST_JUDGED:
         return None
-    if last["between"] and "finer" not in last:
+    if last.between and last.finer == 1:
         return "play_back"
     if refused >= MOST_REFUSED:
         return None

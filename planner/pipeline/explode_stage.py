@@ -10,11 +10,11 @@ from planner.explosion.strategies import strategies_for
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
 from planner.pipeline import attempts, refused
+from planner.pipeline.attempts import Candidates
 from planner.pipeline.best_record import BestRecord
-from planner.pipeline.candidates import Candidates
 from planner.pipeline.fold_directory import read_recorded, read_request, write_chain_folded
 from planner.pipeline.parallel import Tries, make_try
-from planner.pipeline.portfolio import MOST_SEEDS, Choice, Try
+from planner.pipeline.portfolio import MOST_SEEDS, Attempt, Choice, Try
 from planner.pipeline.request import Request
 from planner.progress import Cancelled, Progress, Report
 from planner.robot import WAYS
@@ -49,7 +49,7 @@ def explode_stage(
     while (todo := choice.after(tried)) is not None:
         chain = candidates.chain_of(todo)
         write_chain_folded(directory, chain)
-        attempts.save(directory, [*tried, attempts.begun(todo)])
+        attempts.save(directory, [*tried, Attempt(todo=todo, status="begun")])
         if request.smooth:
             record = _smoothed(directory, request, todo, progress, cancelled)
             attempt = attempts.made(todo, chain, record)

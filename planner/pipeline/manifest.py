@@ -17,7 +17,7 @@ import numpy as np
 
 from planner.errors import UNREADABLE
 from planner.files import write_json
-from planner.pipeline.candidates import FILE as CANDIDATES
+from planner.pipeline.attempts import CANDIDATES
 from planner.playback.unfolding import START_CHAIN, START_PLAN
 from planner.robot import RECORDED_PLAN
 

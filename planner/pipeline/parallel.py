@@ -24,8 +24,8 @@ from planner.explosion.strategies import let_go, windowed
 from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
-from planner.pipeline.attempts import Attempt, made
-from planner.pipeline.portfolio import MOST, Choice, Try
+from planner.pipeline.attempts import made
+from planner.pipeline.portfolio import MOST, Attempt, Choice, Try
 from planner.progress import Cancelled, Progress, Report
 from planner.simulation.parameters import Parameters
 
@@ -216,7 +216,8 @@ class _Beside:
 
     def attempt(self) -> Attempt | None:
         """What is told of its record; None before that is made."""
-        return None if self.running else _read(self.place / "attempt.json")
+        told = None if self.running else _read(self.place / "attempt.json")
+        return None if told is None else Attempt.from_dict(told)
 
     def made(self) -> Made | None:
         """What it came to; None when it failed."""
@@ -249,4 +250,4 @@ def write_made(place: FilePath, made: Made) -> None:
     """Writes what a try came to; the attempt last, so that all is there when it is."""
     record, attempt = made
     record.save(place / "record.npz")
-    write_json(place / "attempt.json", attempt)
+    write_json(place / "attempt.json", attempt.as_dict())

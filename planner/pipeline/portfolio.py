@@ -8,13 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, Literal
+
+from planner.explosion.diagnosis import Diagnosis, Kind
+from planner.motion.record import RecordStatus
 
 MOST: Final = 6
 """Explosions of one fold."""
 MOST_SEEDS: Final = 3
 LARGEST_SEED: Final = 2**32 - 1
-CHANGES: Final[dict[str, tuple[str, ...]]] = {
+Reason = Kind | Literal["refused"]
+Change = Literal["path", "strategy", "end", "forces", "seed"]
+CHANGES: Final[dict[Reason, tuple[Change, ...]]] = {
     "knot": ("path", "strategy"),
     "buried": ("end", "strategy", "path", "seed"),
     "contacts": ("forces", "strategy", "path", "seed"),
@@ -22,9 +27,10 @@ CHANGES: Final[dict[str, tuple[str, ...]]] = {
     "broken": ("strategy", "path", "seed"),
     "limit": ("strategy", "path"),
     "refused": ("path", "seed", "strategy", "forces"),
+    "stopped": ("strategy", "path"),
 }
 """What is changed first, for each reason: the end it begins at, forces, strategy, path or seed."""
-LIKELY: Final = {"peel": "buried"}
+LIKELY: Final[dict[str, Reason]] = {"peel": "buried"}
 """Why a strategy sticks, mostly; the others do so in joints."""
 
 ONE_ENDED: Final = ("peel", "one-by-one")
@@ -53,6 +59,66 @@ class Try:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Attempt:
+    """What came of an explosion, and of its playback.
+
+    Attributes:
+        todo: Which explosion it is.
+        status: Of its record; ``begun`` while there is none.
+        reason: Of its record: why it is not straight.
+        steps, frames, seconds: Of its record.
+        diagnosis: Why it did not end straight.
+        finer: How many times as many frames its playback records as usual. More than 1 repeats the
+            playback of the attempt before it, and explodes nothing.
+        verdict: Of its certificate; None until that is there.
+        between: Whether its frames are clear and only the way from one of the playback to the next
+            is not.
+    """
+
+    todo: Try
+    status: RecordStatus | Literal["begun"]
+    reason: str = ""
+    steps: int = 0
+    frames: int = 0
+    seconds: float = 0.0
+    diagnosis: Diagnosis | None = None
+    finer: int = 1
+    verdict: str | None = None
+    between: bool = False
+
+    @property
+    def why(self) -> Reason:
+        """Why it was not the last one."""
+        if self.status == "straight":
+            return "refused"
+        return "limit" if self.diagnosis is None else self.diagnosis.kind
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values, as ``attempts.json`` and plans have them."""
+        values: dict[str, Any] = {**asdict(self.todo), "status": self.status}
+        if self.status == "begun":
+            return values
+        values |= {name: getattr(self, name) for name in ("reason", "steps", "frames", "seconds")}
+        values["diagnosis"] = self.diagnosis and self.diagnosis.as_dict()
+        if self.finer > 1:
+            values["finer"] = self.finer
+        if self.verdict is not None:
+            values |= {"verdict": self.verdict, "between": self.between}
+        return values
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Attempt:
+        """From ``as_dict``; what an older version did not write is as it was then."""
+        found = values.get("diagnosis")
+        known = {name: values[name] for name in cls.__dataclass_fields__ if name in values}
+        known["diagnosis"] = found and Diagnosis(
+            kind=found["kind"], modules=tuple(found.get("modules", ()))
+        )
+        todo = {name: values[name] for name in Try.__dataclass_fields__ if name in values}
+        return cls(**known, todo=Try(**todo))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
     """What there is to choose from.
 
@@ -70,30 +136,29 @@ class Choice:
     forces: bool = False
     seeds: int = MOST_SEEDS
 
-    def after(self, tried: Sequence[dict[str, Any]]) -> Try | None:
+    def after(self, tried: Sequence[Attempt]) -> Try | None:
         """What is tried after so many attempts; None when enough was tried.
 
         Args:
-            tried: The attempts so far: what a ``Try`` has, ``status``, and what is known of
-                ``diagnosis``. Those with finer frames repeat an explosion.
+            tried: The attempts so far.
         """
         if not tried:
             return Try(0, self.seed, self.strategies[0][0])
-        if sum("finer" not in attempt for attempt in tried) >= MOST:
+        if sum(attempt.finer == 1 for attempt in tried) >= MOST:
             return None
-        done = {_try_of(attempt) for attempt in tried}
+        done = {attempt.todo for attempt in tried}
         last = tried[-1]
-        for change in CHANGES[_reason(last)]:
-            for other in self._changed(change, _try_of(last)):
+        for change in CHANGES[last.why]:
+            for other in self._changed(change, last.todo):
                 if other not in done:
                     return other
         return None
 
     def ahead(
         self,
-        tried: Sequence[dict[str, Any]],
+        tried: Sequence[Attempt],
         here: Try,
-        known: Mapping[Try, dict[str, Any]] | None = None,
+        known: Mapping[Try, Attempt] | None = None,
     ) -> list[Try]:
         """What may come after a try that is being made, the likeliest first.
 
@@ -105,9 +170,10 @@ class Choice:
             known: What came of others that were made already.
         """
         known = known or {}
-        seen = {attempt["strategy"]: _reason(attempt) for attempt in tried}
+        seen = {attempt.todo.strategy: attempt.why for attempt in tried}
         found: dict[Try, None] = {}
-        for reason in (None, *CHANGES):
+        reasons: tuple[Reason | None, ...] = (None, *CHANGES)
+        for reason in reasons:
             todo: Try | None = here
             failed = list(tried)
             while todo is not None:
@@ -118,7 +184,7 @@ class Choice:
                     found[todo] = None
         return list(found)
 
-    def _changed(self, change: str, here: Try) -> Iterator[Try]:
+    def _changed(self, change: Change, here: Try) -> Iterator[Try]:
         """What there is by one change, the nearest first."""
         if change == "path":
             for candidate, known in enumerate(self.strategies):
@@ -138,21 +204,8 @@ class Choice:
                 yield replace(here, seed=(self.seed + k) % (LARGEST_SEED + 1))
 
 
-def _try_of(attempt: dict[str, Any]) -> Try:
-    return Try(**{name: attempt[name] for name in Try.__dataclass_fields__ if name in attempt})
-
-
-def _reason(attempt: dict[str, Any]) -> str:
-    """Why an attempt was not the last one."""
-    if attempt["status"] == "straight":
-        return "refused"
-    return str((attempt.get("diagnosis") or {}).get("kind", "limit"))
-
-
-def _failed(todo: Try, reason: str) -> dict[str, Any]:
+def _failed(todo: Try, reason: Reason) -> Attempt:
     """An attempt that fails for a reason."""
-    return {
-        **asdict(todo),
-        "status": "straight" if reason == "refused" else "stalled",
-        "diagnosis": None if reason == "refused" else {"kind": reason},
-    }
+    if reason == "refused":
+        return Attempt(todo=todo, status="straight")
+    return Attempt(todo=todo, status="stalled", diagnosis=Diagnosis(kind=reason, modules=()))

@@ -22,7 +22,7 @@ from planner.motion.frames import PHASES
 from planner.motion.timeline import TimelineWriter
 from planner.pathfinding.prepare import prepare
 from planner.pipeline import attempts, manifest, refused
-from planner.pipeline.candidates import Candidates
+from planner.pipeline.attempts import Candidates
 from planner.pipeline.explode_stage import choice_of, explode_stage
 from planner.pipeline.fold_directory import (
     read_chain,
@@ -203,7 +203,7 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
             progress=progress,
             cancelled=cancelled,
             start_s=start_s,
-            finer=int(tried[-1].get("finer", 1)) if tried else 1,
+            finer=tried[-1].finer if tried else 1,
             unfolding=unfolding,
         )
     playback.save(directory / "playback.npz")
@@ -273,7 +273,7 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
         read_record(directory),
         read_playback(directory),
         certificate,
-        tuple(attempts.load(directory)),
+        tuple(attempt.as_dict() for attempt in attempts.load(directory)),
         read_start(directory, request),
     )
     if request.smooth:

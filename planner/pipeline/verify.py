@@ -30,8 +30,7 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline, chain_attributes
 from planner.motion.windows import Windows
 from planner.pipeline import manifest
-from planner.pipeline.candidates import FILE as CANDIDATES
-from planner.pipeline.candidates import Candidates
+from planner.pipeline.attempts import CANDIDATES, Candidates
 from planner.pipeline.fold_directory import read_playback, read_record, read_request
 from planner.plan.differences import array_difference, value_differences
 from planner.plan.model_differences import model_differences

@@ -16,7 +16,7 @@ from planner.pipeline import attempts
 from planner.pipeline.best_record import ASIDE
 from planner.pipeline.ended import look_back, where
 from planner.pipeline.fold_directory import write_request
-from planner.pipeline.portfolio import Try
+from planner.pipeline.portfolio import Attempt, Try
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage
 from planner.plan.formats import write_path
@@ -110,10 +110,10 @@ def test_what_was_tried_is_known_while_the_next_is_under_way(tmp_path: FilePath)
         return False
 
     run_stage("explode", tmp_path, cancelled=look)
-    begun = attempts.begun(Try(0, 0, "simultaneous"))
-    assert seen[0] == [begun]
+    begun = Attempt(todo=Try(0, 0, "simultaneous"), status="begun")
+    assert seen[0] == [begun.as_dict()]
     (after,) = attempts.load(tmp_path)
-    assert after["status"] == "straight"
+    assert after.status == "straight"
     # Cut off there, it begins anew.
     attempts.save(tmp_path, [begun])
     assert run_stage("explode", tmp_path)["attempts"] == 1

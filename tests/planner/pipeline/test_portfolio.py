@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -12,7 +12,7 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
-from planner.explosion.diagnosis import diagnose
+from planner.explosion.diagnosis import Diagnosis, diagnose
 from planner.explosion.peeling import peel
 from planner.explosion.simultaneous import explode
 from planner.motion.frames import Frames
@@ -21,7 +21,7 @@ from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline import attempts
 from planner.pipeline.best_record import BestRecord, bent
 from planner.pipeline.fold_directory import write_request
-from planner.pipeline.portfolio import MOST, Choice, Try
+from planner.pipeline.portfolio import MOST, Attempt, Choice, Reason, Try
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.plan.formats import write_path
@@ -32,17 +32,36 @@ from tests.planner.peels import snake
 BOTH = ("simultaneous", "peel")
 
 
-def stuck(kind: str, **more: Any) -> dict[str, Any]:
-    return {"status": "stalled", "diagnosis": {"kind": kind}, **more}
-
-
-def way(choice: Choice, kind: str) -> list[Try]:
+def way(choice: Choice, kind: Reason) -> list[Try]:
     """All that is tried when everything fails for one reason."""
-    tried: list[dict[str, Any]] = []
+    tried: list[Attempt] = []
     while (todo := choice.after(tried)) is not None:
-        last = {"status": "straight", "verdict": "failed: it"} if kind == "refused" else stuck(kind)
-        tried.append({**last, **asdict(todo)})
-    return [Try(**{name: a[name] for name in Try.__dataclass_fields__}) for a in tried]
+        if kind == "refused":
+            tried.append(Attempt(todo=todo, status="straight", verdict="failed: it"))
+        else:
+            found = Diagnosis(kind=kind, modules=())
+            tried.append(Attempt(todo=todo, status="stalled", diagnosis=found))
+    return [attempt.todo for attempt in tried]
+
+
+@pytest.mark.parametrize(
+    "attempt",
+    [
+        Attempt(todo=Try(1, 2, "peel", other_end=True), status="begun"),
+        Attempt(todo=Try(0, 7, "blocks", gentle=True), status="straight", steps=5, finer=4),
+        Attempt(
+            todo=Try(0, 0, "simultaneous"), status="straight", verdict="failed: …", between=True
+        ),
+        Attempt(
+            todo=Try(0, 0, "simultaneous"),
+            status="stalled",
+            reason="stuck",
+            diagnosis=Diagnosis(kind="knot", modules=(3, 4)),
+        ),
+    ],
+)
+def test_an_attempt_survives_json(attempt: Attempt) -> None:
+    assert Attempt.from_dict(json.loads(json.dumps(attempt.as_dict()))) == attempt
 
 
 def test_why_it_failed_decides_what_is_next() -> None:
@@ -68,7 +87,7 @@ def test_why_it_failed_decides_what_is_next() -> None:
 
 
 @pytest.mark.parametrize("kind", ["knot", "buried", "contacts", "joints", "limit", "refused"])
-def test_it_ends_and_tries_nothing_twice(kind: str) -> None:
+def test_it_ends_and_tries_nothing_twice(kind: Reason) -> None:
     choice = Choice(strategies=(BOTH, ("peel",), BOTH), seed=0)
     tried = way(choice, kind)
     assert 1 < len(tried) <= MOST
@@ -115,22 +134,18 @@ def test_what_no_seed_changes_is_not_repeated_with_others() -> None:
 
 def test_another_strategy_is_tried_before_a_fold_is_given_up() -> None:
     choice = Choice(strategies=(BOTH,), seed=0, forces=True)
-    tried = [asdict(Try(0, 0, "simultaneous"))]
-    while True:
-        last = {**tried[-1], "status": "straight", "verdict": "failed: …", "between": False}
-        tried[-1] = last
-        if attempts.following(tried, choice) is None:
-            break
+    tried: list[Attempt] = []
+    while not tried or attempts.following(tried, choice) is not None:
         todo = choice.after(tried)
         assert todo is not None
-        tried.append(asdict(todo))
-    assert [attempt["strategy"] for attempt in tried] == ["simultaneous"] * 3 + ["peel"]
+        tried.append(Attempt(todo=todo, status="straight", verdict="failed: …"))
+    assert [attempt.todo.strategy for attempt in tried] == ["simultaneous"] * 3 + ["peel"]
 
 
 def test_finer_frames_are_no_explosion() -> None:
     choice = Choice(strategies=(BOTH,), seed=0)
-    first = {"candidate": 0, "seed": 0, "strategy": "simultaneous", "status": "straight"}
-    again = {**first, "finer": 4}
+    first = Attempt(todo=Try(0, 0, "simultaneous"), status="straight")
+    again = replace(first, finer=4)
     assert choice.after([first]) == choice.after([first, again]) == Try(0, 1, "simultaneous")
 
 
