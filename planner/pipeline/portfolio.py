@@ -170,10 +170,9 @@ class Choice:
             known: What came of others that were made already.
         """
         known = known or {}
-        seen = {attempt.todo.strategy: attempt.why for attempt in tried}
+        seen: dict[str, Reason] = {attempt.todo.strategy: attempt.why for attempt in tried}
         found: dict[Try, None] = {}
-        reasons: tuple[Reason | None, ...] = (None, *CHANGES)
-        for reason in reasons:
+        for reason in (None, *CHANGES):
             todo: Try | None = here
             failed = list(tried)
             while todo is not None:

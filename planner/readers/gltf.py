@@ -14,21 +14,22 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.readers.json_text import parse
 from planner.readers.limits import Source, quote
-from planner.readers.meshes import load
+from planner.readers.polygons import fans
+from planner.readers.trimesh_meshes import triangles_in
 from planner.shapes.solid import Solid, check_triangles
 
 MAGIC: Final = b"glTF"
 JSON_CHUNK: Final = 0x4E4F534A
 BINARY_CHUNK: Final = 0x004E4942
 MOST_NODES: Final = 100_000
+MOST_POINTS: Final = 20_000_000
+"""Each primitive gets points of its own, though many may name the same."""
 KINDS: Final = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS: Final = {"SCALAR": 1, "VEC3": 3}
 PACKED: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
 TRIANGLES, STRIP, FAN = 4, 5, 6
-OF_NODES: Final = ("mesh", "matrix", "translation", "rotation", "scale")
-"""What a node says of what it draws, and where."""
 
-Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
 Document = dict[str, Any]
 
 
@@ -68,11 +69,19 @@ def read_gltf(document: Document, source: Source, binary: bytes | None = None) -
         InputError: For damaged scenes, references to other files, and meshes that are no solid.
     """
     try:
-        return _Scene(document, binary, source).solid()
+        scene = _Scene(document, binary, source)
+        points, faces = triangles_in(scene.glb(), "glb")
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise _damaged(f"its scene is broken ({type(error).__name__}: {quote(str(error))})") from (
             error
         )
+    return Solid.from_triangles(
+        points,
+        faces,
+        name=source.name or "solid",
+        notes=scene.notes,
+        most_triangles=source.most_triangles,
+    )
 
 
 def _damaged(found: str) -> InputError:
@@ -103,14 +112,39 @@ def _chunks(data: bytes) -> dict[int, bytes]:
     return found
 
 
+def _packed(document: Document, binary: bytearray) -> bytes:
+    """A GLB file."""
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    length = 28 + len(text) + len(binary)
+    head = MAGIC + struct.pack("<4I", 2, length, len(text), JSON_CHUNK)
+    return b"".join((head, text, struct.pack("<2I", len(binary), BINARY_CHUNK), binary))
+
+
+def _decoded(entry: Document, binary: bytes | None) -> bytes:
+    """What a buffer holds."""
+    uri = entry.get("uri")
+    if uri is None:
+        return binary or b""
+    head, comma, body = str(uri).partition(",")
+    if not comma or not head.endswith(";base64"):
+        raise _damaged("a buffer is no base64 data")
+    try:
+        return base64.b64decode(body, validate=True)
+    except (binascii.Error, ValueError) as error:
+        raise _damaged("a buffer's base64 is broken") from error
+
+
 class _Scene:
-    """What a scene draws, checked and without all else: a GLB that trimesh reads as it is meant."""
+    """What of a scene holds triangles, every bound checked, as a GLB file of its own.
+
+    Nothing else of a file gets to trimesh, which reads all that it finds and takes what is missing
+    for zeros.
+    """
 
     def __init__(self, document: Document, binary: bytes | None, source: Source) -> None:
         self._document = document
-        self._source = source
-        self._binary = binary
-        self._notes: set[str] = set()
+        self._most = source.most_triangles
         for name in document.get("extensionsRequired", []):
             if name in PACKED:
                 raise InputError(
@@ -127,130 +161,119 @@ class _Scene:
                         "fetched; export the scene as one file (GLB).",
                         where=f"{key}[{index}]",
                     )
-        self._buffers = [self._buffer(b) for b in document.get("buffers", [])]
-        self._packed: list[bytes] = []
+        self._buffers = [_decoded(b, binary) for b in document.get("buffers", [])]
+        self._binary = bytearray()
         self._views: list[Document] = []
         self._accessors: list[Document] = []
+        self._places: dict[int, int] = {}
+        self.notes: tuple[str, ...] = ()
 
-    def solid(self) -> Solid:
-        """All triangles of the scene as one solid."""
-        roots, nodes = self._nodes()
-        meshes = self._document.get("meshes", [])
-        drawn = [int(node["mesh"]) for node in nodes if "mesh" in node]
-        if drawn and not 0 <= min(drawn) <= max(drawn) < len(meshes):
-            raise IndexError(f"a mesh of {len(meshes)}")
-        primitives = {mesh: self._primitives(meshes[mesh]) for mesh in sorted(set(drawn))}
-        counts = {mesh: sum(map(self._triangles, found)) for mesh, found in primitives.items()}
-        total = sum(counts[mesh] for mesh in drawn)
-        check_triangles(total, self._source.most_triangles)
+    def glb(self) -> bytes:
+        """The file; how many triangles it comes to is counted before anything is made of them."""
+        nodes = self._nodes()
+        used = [mesh for mesh, _ in nodes]
+        primitives = {mesh: self._primitives(mesh) for mesh in used}
+        triangles = {m: sum(self._triangles(p) for p in every) for m, every in primitives.items()}
+        check_triangles(sum(triangles[mesh] for mesh in used), self._most)
+        points = {m: sum(self._points(p) for p in every) for m, every in primitives.items()}
+        meshes = [{"primitives": [self._plain(p) for p in e]} for e in primitives.values()]
+        if (total := sum(points[mesh] for mesh in used)) > MOST_POINTS:
+            raise InputError(
+                "too-large",
+                f"got {total} vertices in all parts, expected at most {MOST_POINTS}; join parts "
+                "that share them.",
+            )
         place = {mesh: i for i, mesh in enumerate(primitives)}
-        for node in nodes:
-            if "mesh" in node:
-                node["mesh"] = place[node["mesh"]]
-        document = {
+        document: Document = {
             "asset": {"version": "2.0"},
             "scene": 0,
-            "scenes": [{"nodes": roots}],
-            "nodes": nodes,
-            "meshes": [
-                {"primitives": [self._plain(each) for each in found]}
-                for found in primitives.values()
-            ],
+            "scenes": [{"nodes": list(range(len(nodes)))}],
+            "nodes": [{"mesh": place[m], "matrix": t.T.ravel().tolist()} for m, t in nodes],
+            "meshes": meshes,
             "accessors": self._accessors,
             "bufferViews": self._views,
+            "buffers": [{"byteLength": len(self._binary)}],
         }
-        notes = tuple(sorted(self._notes))
-        return load(_packed(document, self._packed), "glb", self._source, notes=notes)
+        return _packed(document, self._binary)
 
-    def _buffer(self, entry: Document) -> bytes:
-        uri = entry.get("uri")
-        if uri is None:
-            return self._binary or b""
-        head, comma, body = str(uri).partition(",")
-        if not comma or not head.endswith(";base64"):
-            raise _damaged("a buffer is no base64 data")
-        try:
-            return base64.b64decode(body, validate=True)
-        except (binascii.Error, ValueError) as error:
-            raise _damaged("a buffer's base64 is broken") from error
+    def _nodes(self) -> list[tuple[int, Floats]]:
+        """Meshes that a scene reaches and where they are; without nodes, every mesh as it is.
 
-    def _nodes(self) -> tuple[list[int], list[Document]]:
-        """The roots and all nodes of the scene, with what moves them; a node for each mesh if none.
-
-        No node is reached twice.
+        trimesh goes back to the root for each node: a long chain of them would take it hours.
         """
-        given = self._document.get("nodes", [])
-        if not given:
-            count = len(self._document.get("meshes", []))
-            return list(range(count)), [{"mesh": mesh} for mesh in range(count)]
-        if len(given) > MOST_NODES:
-            raise InputError("too-large", f"got {len(given)} nodes, expected {MOST_NODES} at most.")
+        nodes = self._document.get("nodes", [])
+        if not nodes:
+            return [(i, np.eye(4)) for i in range(len(self._document.get("meshes", [])))]
+        if len(nodes) > MOST_NODES:
+            raise InputError("too-large", f"got {len(nodes)} nodes, expected {MOST_NODES} at most.")
         scenes = self._document.get("scenes", [])
         if scenes:
             roots = scenes[self._document.get("scene", 0)].get("nodes", [])
         else:
-            children = {c for node in given for c in node.get("children", [])}
-            roots = [i for i in range(len(given)) if i not in children]
-        seen: dict[int, int] = {}
-        waiting = [int(root) for root in roots]
+            children = {c for node in nodes for c in node.get("children", [])}
+            roots = [i for i in range(len(nodes)) if i not in children]
+        found: list[tuple[int, Floats]] = []
+        seen: set[int] = set()
+        waiting = [(int(root), np.eye(4)) for root in roots]
         while waiting:
-            index = waiting.pop()
+            index, above = waiting.pop()
             if index in seen or index < 0:
                 raise _damaged(f"node {index} is reached twice or is none")
-            seen[index] = len(seen)
-            waiting += [int(child) for child in given[index].get("children", [])]
-        nodes: list[Document] = []
-        for index in seen:
-            node = {name: given[index][name] for name in OF_NODES if name in given[index]}
-            if children := [seen[int(child)] for child in given[index].get("children", [])]:
-                node["children"] = children
-            nodes.append(node)
-        return [seen[int(root)] for root in roots], nodes
+            seen.add(index)
+            node = nodes[index]
+            with np.errstate(all="ignore"):
+                transform = above @ _transform(node)
+            if not np.isfinite(transform).all():
+                raise _damaged(f"node {index} is moved by numbers that are not finite")
+            if "mesh" in node:
+                found.append((int(node["mesh"]), transform))
+            waiting += [(int(child), transform) for child in node.get("children", [])]
+        return found
 
-    def _primitives(self, mesh: Document) -> list[Document]:
-        """Those of a mesh that are triangles; points and lines are noted."""
-        kept: list[Document] = []
-        for primitive in mesh["primitives"]:
-            if primitive.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN):
-                kept.append(primitive)
-            else:
-                self._notes.add("points and lines were left out.")
-        return kept
+    def _primitives(self, mesh: int) -> list[Document]:
+        if mesh < 0:
+            raise IndexError(f"mesh {mesh}")
+        every = self._document["meshes"][mesh]["primitives"]
+        kept = [p for p in every if p.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN)]
+        if len(kept) < len(every):
+            self.notes = ("points and lines were left out.",)
+        return [p for p in kept if self._triangles(p) and self._points(p)]
+
+    def _points(self, primitive: Document) -> int:
+        """How many points a primitive announces."""
+        return _count(self._document["accessors"][primitive["attributes"]["POSITION"]])
 
     def _triangles(self, primitive: Document) -> int:
-        """How many triangles a primitive announces, before anything is made of them."""
+        """How many triangles it announces."""
         place = primitive.get("indices", primitive["attributes"]["POSITION"])
-        count = int(self._document["accessors"][place]["count"])
-        if count < 0:
-            raise ValueError(f"a count of {count}")
-        return count // 3 if primitive.get("mode", TRIANGLES) == TRIANGLES else count
+        corners = _count(self._document["accessors"][place])
+        mode = primitive.get("mode", TRIANGLES)
+        return corners // 3 if mode == TRIANGLES else max(0, corners - 2)
 
     def _plain(self, primitive: Document) -> Document:
-        """A primitive of plain triangles: its corners are 32-bit, its points are, too."""
-        points = self._accessor(primitive["attributes"]["POSITION"], "VEC3")
-        corners = np.arange(len(points))
+        """A primitive of places and corners, of whole triangles or a strip of them."""
+        mode = primitive.get("mode", TRIANGLES)
+        places = primitive["attributes"]["POSITION"]
+        if places not in self._places:
+            self._places[places] = self._add(self._values(places, "VEC3"))
+        corners = np.arange(self._points(primitive), dtype="<u4")
         if "indices" in primitive:
-            corners = self._accessor(primitive["indices"], "SCALAR").ravel()
-        if len(corners) and corners.max() >= len(points):
-            raise InputError("bad-index", f"got vertex {corners.max()} of {len(points)}.")
-        triangles = _cut(corners, primitive.get("mode", TRIANGLES))
-        with np.errstate(invalid="ignore"):  # what is no number is refused with its place
-            position = self._added(points.astype("<f4"), 5126, "VEC3", len(points))
-        indices = self._added(triangles.astype("<u4"), 5125, "SCALAR", triangles.size)
-        return {"attributes": {"POSITION": position}, "indices": indices, "mode": TRIANGLES}
+            corners = self._values(primitive["indices"], "SCALAR").ravel()
+        if corners.max() >= self._points(primitive):
+            raise InputError(
+                "bad-index", f"got vertex {corners.max()} of {self._points(primitive)}."
+            )
+        if mode == TRIANGLES:
+            corners = corners[: len(corners) // 3 * 3]
+        elif mode == FAN:  # which trimesh leaves out
+            corners = fans(corners.astype("<u4"), np.array([len(corners)])).ravel()
+        return {
+            "attributes": {"POSITION": self._places[places]},
+            "indices": self._add(corners[:, None]),
+            "mode": STRIP if mode == STRIP else TRIANGLES,
+        }
 
-    def _added(self, values: NDArray[Any], kind: int, shape: str, count: int) -> int:
-        """The number of a new accessor of these values."""
-        start = sum(map(len, self._packed))
-        self._packed.append(values.tobytes())
-        self._views.append({"buffer": 0, "byteOffset": start, "byteLength": values.nbytes})
-        view = len(self._views) - 1
-        self._accessors.append(
-            {"bufferView": view, "componentType": kind, "type": shape, "count": count}
-        )
-        return view
-
-    def _accessor(self, index: int, expected: str) -> NDArray[Any]:
+    def _values(self, index: int, expected: str) -> NDArray[Any]:
         """(count, width) values of an accessor, every bound checked before they are touched."""
         accessor = self._document["accessors"][index]
         if "sparse" in accessor or "bufferView" not in accessor:
@@ -263,50 +286,57 @@ class _Scene:
         width = WIDTHS[expected]
         size = kind.itemsize * width
         stride = int(view.get("byteStride", size))
-        count = int(accessor["count"])
+        count = _count(accessor)
         inner = int(accessor.get("byteOffset", 0))
         start = int(view.get("byteOffset", 0)) + inner
         end = start + stride * (count - 1) + size
-        if min(count, inner, start) < 0 or stride < size or stride > 4096:
+        if min(inner, start) < 0 or stride < size or stride > 4096:
             raise ValueError("an accessor with impossible numbers")
-        if count and (end > len(buffer) or end > start - inner + int(view["byteLength"])):
+        if end > len(buffer) or end > start - inner + int(view["byteLength"]):
             raise InputError(
                 "truncated",
                 f"an accessor announces {count} values and its buffer holds fewer; export the "
                 "scene again.",
                 where=f"accessors[{index}]",
             )
-        if count == 0:
-            return np.zeros((0, width), dtype=kind)
         values: NDArray[Any] = np.ndarray(
             (count, width), kind, buffer, start, (stride, kind.itemsize)
         )
-        if accessor.get("normalized") and kind.kind in "iu":
-            return np.maximum(values / float(np.iinfo(kind).max), -1.0)
+        if accessor.get("normalized") and kind.kind in "iu":  # which trimesh takes for lengths
+            return np.maximum(values / float(np.iinfo(kind).max), -1.0).astype("<f4")
         return values
 
+    def _add(self, values: NDArray[Any]) -> int:
+        """Puts (count, width) values into the file that is made; the number of their accessor."""
+        data = values.tobytes()
+        self._views.append({"buffer": 0, "byteOffset": len(self._binary), "byteLength": len(data)})
+        self._binary += data + bytes(-len(data) % 4)
+        code = next(code for code, kind in KINDS.items() if np.dtype(kind) == values.dtype)
+        width = next(name for name, width in WIDTHS.items() if width == values.shape[1])
+        self._accessors.append(
+            {
+                "bufferView": len(self._views) - 1,
+                "componentType": code,
+                "count": len(values),
+                "type": width,
+            }
+        )
+        return len(self._accessors) - 1
 
-def _cut(corners: Ints, mode: int) -> Ints:
-    if mode == TRIANGLES:
-        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
-    if len(corners) < 3:
-        return np.zeros((0, 3), dtype=np.int64)
-    if mode == FAN:
-        first = np.full(len(corners) - 2, corners[0])
-        return np.column_stack([first, corners[1:-1], corners[2:]])
-    strip = np.column_stack([corners[:-2], corners[1:-1], corners[2:]])
-    strip[1::2] = strip[1::2, ::-1]
-    return strip
+
+def _count(accessor: Document) -> int:
+    count = int(accessor["count"])
+    if count < 0:
+        raise ValueError(f"a count of {count}")
+    return count
 
 
-def _packed(document: Document, binary: list[bytes]) -> bytes:
-    """A GLB of a document and its buffer."""
-    length = sum(map(len, binary))
-    document["buffers"] = [{"byteLength": length}]
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    padding = bytes(-length % 4)
-    whole = 28 + len(text) + length + len(padding)
-    head = struct.pack("<4sIIII", MAGIC, 2, whole, len(text), JSON_CHUNK)
-    chunk = struct.pack("<II", length + len(padding), BINARY_CHUNK)
-    return b"".join([head, text, chunk, *binary, padding])
+def _transform(node: Document) -> Floats:
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    from trimesh import transformations
+
+    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    a, b, c = node.get("scale", (1.0, 1.0, 1.0))
+    moved = transformations.translation_matrix(node.get("translation", (0.0, 0.0, 0.0)))
+    return moved @ transformations.quaternion_matrix((w, x, y, z)) @ np.diag((a, b, c, 1.0))

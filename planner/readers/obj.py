@@ -1,8 +1,4 @@
-"""OBJ: lines of vertices and polygons; materials, normals and curves are left alone.
-
-trimesh reads them once they are as it expects: no line begins with spaces or ends with a remark,
-and corners that count back from their line are counted from the first vertex.
-"""
+"""OBJ: lines of vertices and polygons; materials, normals and curves are left alone."""
 
 from __future__ import annotations
 
@@ -11,27 +7,20 @@ from typing import Final
 
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
-from planner.readers.meshes import load
+from planner.readers.trimesh_meshes import triangles_in
 from planner.shapes.solid import Solid, check_triangles
 
 VERTEX_LINE: Final = re.compile(rb"(?m)^\s*v[ \t]+[-+.\dnNiI]")
+CONTINUED: Final = re.compile(rb"\\\r?\n")
+BLANKS: Final = bytes.maketrans(b"\t\r\f\v", b"    ")
+OTHER_LINE: Final = re.compile(rb"(?m)^(?! *[vf] ).*\n?")
+SPARE_SPACE: Final = re.compile(rb"(?m)^ +| +$| +(?= )")
+BEYOND: Final = re.compile(rb"(\nv(?: [^ \n]+){3}) .*")
+NO_VERTEX: Final = re.compile(rb"\nv(?!(?: [-+.0-9a-zA-Z]+){3}\n)")
+NO_POLYGON: Final = re.compile(rb"\nf(?!(?: \+?0*[1-9][0-9]*)*\n)")
+TEXTURE: Final = re.compile(rb"/[^ \n]*")
+COUNTED_BACK: Final = re.compile(rb"\nf[^-\n]*-")
 LOOKED_AT: Final = 65_536
-INDENT: Final = re.compile(rb"(?m)^[ \t]+")
-REMARK: Final = re.compile(rb"#[^\n]*")
-NUMBER: Final = rb"[-+]?(?:\d+\.?\d*(?:e[-+]?\d+)?|\.\d+(?:e[-+]?\d+)?|nan|inf(?:inity)?)"
-CORNER: Final = rb"[1-9]\d{0,8}(?:/\S*)?"
-WRONG: Final = re.compile(
-    rb"(?mi)^(?:v(?=[ \t])(?![ \t]+%s[ \t]+%s[ \t]+%s(?:\s|\Z))"
-    rb"|f(?=[ \t])(?!(?:[ \t]+%s){3,}[ \t\r]*$))[^\n]*" % (NUMBER, NUMBER, NUMBER, CORNER)
-)
-"""A line of a vertex without three numbers, or of a polygon without three vertices."""
-BACK: Final = re.compile(rb"(?<=[ \t])-(\d{1,9})")
-COUNTED_BACK: Final = re.compile(rb"(?m)^f[ \t][^\n]*[ \t]?-\d")
-POLYGON: Final = re.compile(rb"(?m)^f[ \t]")
-FLAT: Final = re.compile(rb"(?m)^f(?:[ \t]+\d+(?:/\S*)?){1,2}[ \t\r]*$")
-"""A polygon of fewer than three corners, which is left out."""
-LARGE: Final = re.compile(rb"(?m)^f(?:[ \t]+\S+){4,}")
-"""A polygon of more than three corners."""
 
 
 def is_obj(data: bytes) -> bool:
@@ -46,43 +35,93 @@ def read_obj(data: bytes, source: Source) -> Solid:
     Raises:
         InputError: Naming the line.
     """
-    if b"\\" in data:
-        data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
-    if b"#" in data:
-        data = REMARK.sub(b"", data)
-    if b"\t" in data:
-        data = data.replace(b"\t", b" ")
-    if INDENT.search(data):
-        data = INDENT.sub(b"", data)
-    data = FLAT.sub(b"", data)
-    if COUNTED_BACK.search(data):
-        data = _counted_on(data)
-    if (wrong := WRONG.search(data)) is not None:
-        line = data.count(b"\n", 0, wrong.start()) + 1
-        raise InputError(
-            "damaged",
-            f"got {quote(wrong[0].decode('latin-1'))!r}, expected 'v x y z', or 'f' and the "
-            "numbers of three vertices or more.",
-            where=f"line {line}",
-        )
-    triangles = len(POLYGON.findall(data))
-    check_triangles(triangles, source.most_triangles)
-    triangles += sum(len(large[0].split()) - 4 for large in LARGE.finditer(data))
-    check_triangles(triangles, source.most_triangles)
-    return load(data, "obj", source, triangles=triangles)
+    text = BEYOND.sub(rb"\1", _plain(data))
+    polygons, vertices = text.count(b"\nf "), text.count(b"\nv ")
+    # A line of three coordinates has three spaces, one of n corners n.
+    triangles = text.count(b" ") - 3 * vertices - 2 * polygons
+    check_triangles(max(triangles, min(polygons, 1)), source.most_triangles)
+    try:
+        # trimesh skips bytes of no text, joins the numbers of all lines, leaves out polygons of
+        # fewer than three words and takes corner 0 for the first vertex.
+        if NO_VERTEX.search(text):
+            raise _damaged("a vertex without three coordinates")
+        text = TEXTURE.sub(b"", text) if b"/" in text else text
+        text = _counted_from_the_first(text) if COUNTED_BACK.search(text) else text
+        if NO_POLYGON.search(text):
+            raise _damaged("a polygon of what are no vertices")
+        points, faces = triangles_in(text, "obj")
+    except InputError as refusal:
+        raise (_first_fault(data, vertices) or refusal) from refusal
+    return Solid.from_triangles(
+        points,
+        faces,
+        name=source.name or "solid",
+        most_triangles=source.most_triangles,
+    )
 
 
-def _counted_on(data: bytes) -> bytes:
-    """The same with corners that count back from the last vertex before them counted on."""
+def _damaged(found: str, line: int | None = None) -> InputError:
+    return InputError(
+        "damaged",
+        f"{found}; expected 'v x y z', or 'f' and the numbers of vertices.",
+        where=None if line is None else f"line {line}",
+    )
+
+
+def _plain(data: bytes) -> bytes:
+    """The lines of vertices and polygons, with one space between words; each begins with a break.
+
+    trimesh knows no tabs and indents, and cuts a mesh apart where its material changes.
+    """
+    text = CONTINUED.sub(b" ", data) if b"\\" in data else data
+    text = b"\n%b\n" % OTHER_LINE.sub(b"", text.translate(BLANKS))
+    spare = any(found in text for found in (b"  ", b"\n ", b" \n"))
+    return SPARE_SPACE.sub(b"", text) if spare else text
+
+
+def _counted_from_the_first(text: bytes) -> bytes:
+    """The same with corners that count back from the last vertex before their line counted up.
+
+    trimesh counts them from the last vertex of the file.
+    """
     known = 0
-
-    def counted_on(back: re.Match[bytes]) -> bytes:
-        return b"%d" % max(0, known + 1 - int(back[1]))
-
-    lines = data.split(b"\n")
-    for i, line in enumerate(lines):
-        if line[:2] in (b"v ", b"v\t"):
-            known += 1
-        elif line[:1] == b"f":
-            lines[i] = BACK.sub(counted_on, line)
+    lines: list[bytes] = []
+    for line in text.split(b"\n"):
+        known += line[:1] == b"v"
+        if line[:1] == b"f" and b"-" in line:
+            try:
+                corners = [int(word) for word in line.split()[1:]]
+            except ValueError as error:
+                raise _damaged(quote(str(error))) from error
+            # One before the first vertex becomes 0.
+            counted = [max(0, known + 1 + at) if at < 0 else at for at in corners]
+            line = b"f " + b" ".join(b"%d" % at for at in counted)
+        lines.append(line)
     return b"\n".join(lines)
+
+
+def _first_fault(data: bytes, vertices: int) -> InputError | None:
+    """What is wrong in the first line that can't be read; None when each can be."""
+    known = 0
+    lines = CONTINUED.sub(b" ", data).decode("latin-1").split("\n")
+    for number, line in enumerate(lines, 1):
+        kind, *words = line.split() or [""]
+        try:
+            if kind == "v":
+                known += 1
+                if len([float(word) for word in words[:3]]) < 3:
+                    raise ValueError(f"a vertex of {len(words)} coordinates")
+            elif kind == "f":
+                for corner in (int(word.partition("/")[0]) for word in words):
+                    if corner == 0:
+                        raise ValueError("corner 0")
+                    if not -known <= corner <= vertices:
+                        return InputError(
+                            "bad-index",
+                            f"got vertex {corner} of {vertices}; every corner of a polygon must "
+                            "be a vertex of the file.",
+                            where=f"line {number}",
+                        )
+        except ValueError as error:
+            return _damaged(quote(str(error)), number)
+    return None

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from itertools import islice
-from typing import Final
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
-from planner.readers.meshes import check_plain, load
+from planner.readers.polygons import fans
+from planner.readers.tables import Table, chunks, table, whole
 from planner.shapes.solid import Solid, check_triangles
 
 KIND: Final = re.compile(r"(?:ST)?C?N?OFF(?=[\s#]|$)")
 COMMENT: Final = re.compile(rb"#[^\n]*")
 MOST_CORNERS: Final = 10_000
-"""Of one polygon."""
 
-Line = tuple[int, list[bytes]]
-"""A line's number in the file, from 1, and its words."""
+Mesh: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]"
+"""Points (V, 3), the polygons' corners one after the other, and how many each has."""
 
 
 def is_off(data: bytes) -> bool:
@@ -36,64 +37,119 @@ def read_off(data: bytes, source: Source) -> Solid:
     data = data.lstrip(b"\xef\xbb\xbf")
     if b"#" in data:
         data = COMMENT.sub(b"", data)
-    check_plain(data)
-    lines = _lines(data)
-    number, (kind, *counts) = next(lines)
-    if counts[:1] == [b"BINARY"]:
+    (kind, *first), at, number = _words(data, 0, 0)
+    if first[:1] == ["BINARY"]:
         raise InputError("unsupported", "this is a binary OFF mesh; save it as text.")
-    if not counts:
-        number, counts = next(lines, (number, []))
-    if not counts:
-        raise InputError("truncated", f"the file ends after {kind.decode()}; expected the counts.")
-    vertices, polygons = _counts(number, counts)
-    held = sum(1 for _ in lines)
-    if vertices + polygons > held:
-        raise InputError(
-            "truncated",
-            f"got {held} lines after the counts, expected {vertices} vertices and {polygons} "
-            "polygons.",
-        )
+    if not first:
+        first, at, number = _words(data, at, number)
+    if not first:
+        raise InputError("truncated", f"the file ends after {kind}; expected the counts.")
+    vertices, polygons = _counts(number, first)
+    body = memoryview(data)[at:]
+    lines = data.count(b"\n", at) + 1
+    if vertices + polygons > lines:
+        raise _truncated(lines, vertices, polygons)
     check_triangles(polygons, source.most_triangles)
-    body = (line for line in _lines(data) if line[0] > number)
-    for line, words in islice(body, vertices):
-        if len(words) < 3:
-            raise _damaged(line, words)
-    triangles = sum(max(0, _corners(line) - 2) for line in islice(body, polygons))
-    return load(data, "off", source, triangles=triangles)
+    found = _many(bytes(body), vertices, polygons) or _one_by_one(
+        bytes(body), number, vertices, polygons
+    )
+    points, corners, counts = found
+    return Solid.from_triangles(
+        points,
+        fans(corners, counts),
+        name=source.name or "solid",
+        most_triangles=source.most_triangles,
+    )
 
 
-def _lines(data: bytes) -> Iterator[Line]:
-    """The lines that hold words."""
-    for number, line in enumerate(data.split(b"\n"), 1):
-        if words := line.split():
-            yield number, words
+def _words(data: bytes, at: int, number: int) -> tuple[list[str], int, int]:
+    """The words of the next line that has some, where the line after it begins, and its number."""
+    while at < len(data):
+        end = data.find(b"\n", at)
+        end = len(data) if end < 0 else end
+        words = data[at:end].decode("latin-1").split()
+        at, number = end + 1, number + 1
+        if words:
+            return words, at, number
+    return [], at, number
 
 
-def _corners(line: Line) -> int:
-    """How many corners a polygon has; its line holds them."""
-    number, words = line
-    size = words[0]
-    corners = int(size) if size.isdigit() and len(size) < 6 else MOST_CORNERS + 1
-    if corners > MOST_CORNERS or corners >= len(words):
-        raise _damaged(number, words)
-    return corners
+def _truncated(lines: int, vertices: int, polygons: int) -> InputError:
+    return InputError(
+        "truncated",
+        f"got {lines} lines after the counts, expected {vertices} vertices and {polygons} "
+        "polygons.",
+    )
 
 
-def _counts(number: int, words: list[bytes]) -> tuple[int, int]:
-    if len(words) < 2 or not all(word.isdigit() and len(word) < 12 for word in words[:2]):
+def _many(body: bytes, vertices: int, polygons: int) -> Mesh | None:
+    """All lines at once; None when they hold more than numbers."""
+    found: list[Table] = []
+    for chunk in chunks(body):
+        ended = chunk if chunk.endswith(b"\n") else chunk + b"\n"
+        part = table(np.frombuffer(ended, dtype=np.uint8))
+        if part is None:
+            return None
+        found.append(part)
+    values = np.concatenate([part.values for part in found])
+    counts = np.concatenate([part.counts for part in found])
+    counts = counts[counts > 0]
+    del found
+    if len(counts) < vertices + polygons:
+        return None
+    cut = int(counts[:vertices].sum())
+    points = Table(values=values[:cut], counts=counts[:vertices]).columns(0, 3)
+    faces = Table(values=values[cut:], counts=counts[vertices:])
+    starts = faces.starts[:polygons]
+    sizes = whole(faces.values[starts])
+    if points is None or sizes is None or not len(sizes):
+        return None
+    good = (sizes >= 0) & (sizes <= MOST_CORNERS) & (sizes < faces.counts[:polygons])
+    if not good.all():
+        return None
+    ends = np.cumsum(sizes)
+    places = np.arange(int(ends[-1])) + np.repeat(starts + 1 - (ends - sizes), sizes)
+    corners = whole(faces.values[places])
+    return None if corners is None else (np.ascontiguousarray(points), corners, sizes)
+
+
+def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
+    """Line by line, which tells where something is wrong."""
+    lines = [
+        (n, words)
+        for n, line in enumerate(body.decode("latin-1").split("\n"), number + 1)
+        if (words := line.split())
+    ]
+    if vertices + polygons > len(lines):
+        raise _truncated(len(lines), vertices, polygons)
+    points: list[list[float]] = []
+    flat: list[int] = []
+    counts: list[int] = []
+    number = 0
+    try:
+        for number, words in lines[:vertices]:  # noqa: B007
+            points.append([float(words[0]), float(words[1]), float(words[2])])
+        for number, words in lines[vertices : vertices + polygons]:  # noqa: B007
+            corners = int(words[0])
+            if not 0 <= corners <= MOST_CORNERS or corners >= len(words):
+                raise ValueError(f"a polygon of {quote(words[0])} corners")
+            flat += [int(word) for word in words[1 : corners + 1]]
+            counts.append(corners)
+        rows = np.array(flat, dtype=np.int64)
+    except (ValueError, IndexError, OverflowError) as error:
         raise InputError(
             "damaged",
-            f"got {quote(b' '.join(words[:4]).decode('latin-1'))!r}, expected the counts of "
-            "vertices and polygons.",
+            f"{quote(str(error))}; expected three coordinates, or a count and as many corners.",
+            where=f"line {number}",
+        ) from error
+    return np.array(points).reshape(-1, 3), rows, np.array(counts, dtype=np.int64)
+
+
+def _counts(number: int, words: list[str]) -> tuple[int, int]:
+    if len(words) < 2 or not all(w.isascii() and w.isdigit() and len(w) < 12 for w in words[:2]):
+        raise InputError(
+            "damaged",
+            f"got {quote(' '.join(words[:4]))!r}, expected the counts of vertices and polygons.",
             where=f"line {number}",
         )
     return int(words[0]), int(words[1])
-
-
-def _damaged(number: int, words: list[bytes]) -> InputError:
-    return InputError(
-        "damaged",
-        f"got {quote(b' '.join(words[:6]).decode('latin-1'))!r}, expected three coordinates, or a "
-        "count and as many corners.",
-        where=f"line {number}",
-    )

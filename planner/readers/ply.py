@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
+from planner.readers.polygons import fans
 from planner.shapes.solid import Solid, check_triangles
 
 LONGEST_HEADER: Final = 65_536
@@ -80,7 +81,7 @@ def read_ply(data: bytes, source: Source) -> Solid:
                 raise _damaged("the faces have no list of vertices")
             corners, counts = columns[place]
             with np.errstate(invalid="ignore"):
-                triangles = _fans(corners.astype(np.int64), counts)
+                triangles = fans(corners.astype(np.int64), counts)
         if points is not None and triangles is not None:
             break
     if points is None or triangles is None:
@@ -340,19 +341,3 @@ def _truncated(element: _Element) -> InputError:
         f"the header announces {element.count} of the element {quote(element.name)!r} and the file "
         "holds fewer; save or send it again.",
     )
-
-
-def _fans(corners: Ints, counts: Ints) -> Ints:
-    """(T, 3) triangles of polygons, each cut into a fan from its first corner.
-
-    Args:
-        corners: The polygons' corners, one polygon after the other.
-        counts: (P,) how many corners each has; those with fewer than three are left out.
-    """
-    if len(counts) and (counts == 3).all():
-        return corners.reshape(-1, 3)
-    starts = np.cumsum(counts) - counts
-    triangles = np.maximum(counts - 2, 0)
-    first = np.repeat(starts, triangles)
-    step = np.arange(len(first)) - np.repeat(np.cumsum(triangles) - triangles, triangles)
-    return np.column_stack([corners[first], corners[first + step + 1], corners[first + step + 2]])

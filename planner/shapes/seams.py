@@ -54,22 +54,23 @@ class Closed:
 
 
 def edges_of(faces: Ints) -> Edges:
-    """Counts how triangles share edges; there must be some."""
-    runs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    forward = runs[:, 0] < runs[:, 1]
-    low, high = runs.min(axis=1), runs.max(axis=1)
-    keys = low * (int(faces.max()) + 1) + high
-    order = np.argsort(keys, kind="stable")
-    ordered = keys[order]
-    starts = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
-    counts = np.diff(np.append(starts, len(ordered)))
-    balance = np.add.reduceat(np.where(forward[order], 1, -1), starts)
+    """Counts how triangles share edges; there must be some.
+
+    trimesh takes a mesh for watertight when each edge is shared by two. Four are as good: solids
+    that touch along an edge are closed.
+    """
+    from trimesh import geometry, grouping
+
+    runs = np.asarray(geometry.faces_to_edges(faces))
+    first, kind = grouping.unique_rows(np.sort(runs, axis=1))
+    counts = np.bincount(kind)
+    balance = np.bincount(kind, weights=np.where(runs[:, 0] < runs[:, 1], 1.0, -1.0))
     open_ = int((counts % 2).sum())
     return Edges(
         open=open_,
         scattered=2 * open_ > len(runs),
         oriented=not balance.any(),
-        loose=runs[order[starts[counts == 1]]],
+        loose=runs[first[counts == 1]],
     )
 
 
@@ -101,9 +102,12 @@ def welded(
     Triangles that collapse are left out, and with ``once`` those that come again with the same
     corners in the same order. Without it a closed mesh stays closed.
     """
-    low = points.min(axis=0)
-    keys = np.round((points - low) / tolerance) if tolerance > 0 else points + 0.0
-    first, inverse = _equal_rows(keys)
+    from trimesh import grouping
+
+    keys = _bits(points + 0.0).view(np.int64)
+    if tolerance > 0:
+        keys = np.round((points - points.min(axis=0)) / tolerance).astype(np.int64)
+    first, inverse = grouping.unique_rows(keys)
     joined = inverse[faces]
     a, b, c = joined.T
     kept = (a != b) & (b != c) & (c != a)
@@ -112,7 +116,7 @@ def welded(
         return points[first], joined
     turn = np.argmin(joined, axis=1)
     turned = np.take_along_axis(joined, (turn[:, None] + np.arange(3)) % 3, axis=1)
-    again, _ = _equal_rows(turned.astype(np.float64))
+    again, _ = grouping.unique_rows(turned)
     return points[first], turned[np.sort(again)] if len(again) < len(turned) else turned
 
 
@@ -165,20 +169,6 @@ def _loops(loose: Ints) -> list[Ints]:
 def _areas(points: Floats, faces: Ints) -> Floats:
     a, b, c = (points[faces[:, i]] for i in range(3))
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-
-
-def _equal_rows(rows: Floats) -> tuple[Ints, Ints]:
-    """First of each kind of row, and for each row which of those it equals.
-
-    Rows are told apart by a hash of 64 bits, which sorts much faster than rows do.
-    """
-    bits = _bits(rows)
-    mixed = _mixed(rows)
-    _, first, inverse = np.unique(mixed, return_index=True, return_inverse=True)
-    if (bits[first][inverse] == bits).all():
-        return first.astype(np.int64), inverse.astype(np.int64)
-    _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    return first.astype(np.int64), inverse.reshape(-1).astype(np.int64)
 
 
 def _bits(rows: Floats) -> NDArray[np.uint64]:

@@ -173,10 +173,10 @@ def _without_slivers(points: Floats, corners: Ints, said: list[str]) -> Ints:
 
 def _check_extents(points: Floats, triangles: int) -> None:
     extents = np.ptp(points, axis=0)
-    normal = np.linalg.svd(
-        (points - points.mean(axis=0))[:: max(1, len(points) // 1000)], compute_uv=False
-    )
-    if extents.min() <= FLATTEST * extents.max() or normal[-1] <= FLATTEST * normal[0]:
+    centred = points - points.mean(axis=0)
+    # Squares of the spread along three directions, the smallest first.
+    spread = np.linalg.eigvalsh(centred.T @ centred)
+    if extents.min() <= FLATTEST * extents.max() or spread[0] <= FLATTEST**2 * spread[-1]:
         size = " × ".join(f"{e:g}" for e in extents)
         what = "one triangle encloses" if triangles == 1 else f"{triangles} flat triangles enclose"
         raise InputError(

@@ -35,6 +35,8 @@ FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 FAILED: Final = (errno.EROFS, errno.EIO)
 COMPUTING: Final = ("mujoco", "scipy.interpolate", "scipy.ndimage", "scipy.sparse.csgraph")
 """Libraries that the planner loads when it first computes with them."""
+MESHES: Final = "trimesh"
+"""And the one with the first mesh that it reads, of whatever format."""
 Task = Callable[[str, Path, Callable[[Progress], None], Callable[[], bool]], dict[str, Any]]
 
 
@@ -134,7 +136,7 @@ def _stages(progress: Report, *, warm: bool) -> Task:
     from planner.pipeline.stages import run_stage
     from planner.pipeline.warm_up import warm_up
 
-    _load(*COMPUTING, "zarr.codecs")
+    _load(*COMPUTING, MESHES, "zarr.codecs")
     if warm:
         warm_up(progress, soon=True)
 
@@ -165,6 +167,7 @@ def _load(*names: str) -> None:
 def _reader(*, warm: bool) -> Task:
     from server.processes.read_task import check, preview, warm_up
 
+    _load(MESHES)
     if warm:
         warm_up()
 

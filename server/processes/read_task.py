@@ -28,9 +28,7 @@ WISHES: Final = ("module", "modules", "method", "repair", "ends", "as_voxels", "
 
 
 def warm_up() -> None:
-    """Loads and compiles what uploads need: their time is for the upload alone."""
-    import trimesh.exchange.load  # noqa: F401
-
+    """Compiles what checks of chains need: their time is for the upload alone."""
     _ = Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0)])).folded_poses
 
 

@@ -75,18 +75,67 @@ OBJ_WAYS = {
     b"f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n",
     "from the end": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf -4 -2 -3\nf -4 -3 -1\nf -3 -2 -1\n"
     b"f -2 -4 -1\n",
+    "from the end of what is there so far": b"".join(
+        b"v %d 0 0\nv %d 0 0\nv %d 1 0\nv %d 0 1\n" % (x, x + 1, x, x)
+        + b"f -4 -2 -3\nf -4 -3 -1\nf -3 -2 -1\nf -2 -4 -1\n"
+        for x in (0, 5)
+    ),
+    "polygons of five corners": b"v 0 0 0\nv 2 0 0\nv 1 2 0\nv 1 0 0\nv 0.5 1 0\n"
+    b"v 0 0 1\nv 2 0 1\nv 1 2 1\nv 1 0 1\nv 0.5 1 1\n"
+    b"f 5 3 2 4 1\nf 6 9 7 8 10\nf 1 4 9 6 6\nf 4 2 7 9 9\nf 2 3 8 7 7\nf 3 5 10 8 8\n"
+    b"f 5 1 6 10 10\n",
     "with a material and normals": b"mtllib http://example.com/secret.mtl\nvn 0 0 1\nvt 0 0\n"
     + TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"usemtl x\nf 1/1/1 3/1/1 2/1/1").replace(
         b"f 2 3 4", b"f 2//1 3//1 4//1"
     ),
     "with colours": TETRAHEDRON_OBJ.replace(b"v 0 0 1", b"v 0 0 1 0.5 0.5 0.5"),
+    "cut after a space": TETRAHEDRON_OBJ.rstrip() + b" ",
     "continued lines": TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"f 1 \\\r\n3 2"),
 }
 
 
 @pytest.mark.parametrize("way", OBJ_WAYS)
 def test_the_ways_in_which_obj_files_are_written(way: str) -> None:
-    assert volume_in(OBJ_WAYS[way]) == pytest.approx(1.0 if way == "quads" else 1 / 6)
+    volume = {"quads": 1.0, "from the end of what is there so far": 1 / 3}.get(way, 1 / 6)
+    volume = 2.0 if way == "polygons of five corners" else volume
+    assert volume_in(OBJ_WAYS[way]) == pytest.approx(volume)
+
+
+def stl_text(*facets: bytes) -> bytes:
+    facet = b"facet normal 0 0 0\nouter loop\n%b\nendloop\nendfacet\n"
+    return b"solid s\n" + b"".join(facet % corners for corners in facets) + b"endsolid s\n"
+
+
+FACETS = (
+    b"vertex 0 0 0\nvertex 0 1.5 0\nvertex 1.5 0 0",
+    b"vertex 0 0 0\nvertex 1.5 0 0\nvertex 0 0 1.5",
+    b"vertex 1.5 0 0\nvertex 0 1.5 0\nvertex 0 0 1.5",
+    b"vertex 0 1.5 0\nvertex 0 0 0\nvertex 0 0 1.5",
+)
+
+
+@pytest.mark.parametrize(
+    ("data", "code"),
+    [
+        # Bytes that are no text are left out by trimesh, whatever is read then.
+        (stl_text(*FACETS).replace(b"1.5", b"1\xff.5", 1), "not-a-number"),
+        (TETRAHEDRON_OBJ.replace(b"v 1 0 0", b"v 1\xff0 0 0"), "damaged"),
+        (TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"f 1\xff 3 2"), "damaged"),
+        # So many numbers in all, but not three in each.
+        (stl_text(*FACETS).replace(b"vertex 0 0 0", b"vertex 0 0", 1), "damaged"),
+        (
+            TETRAHEDRON_OBJ.replace(b"v 1 0 0", b"v 1 0").replace(b"v 0 0 1", b"v 0 0 1 9"),
+            "damaged",
+        ),
+        # trimesh leaves such a polygon out, and the hole would be closed.
+        (TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"f 1x3 2"), "damaged"),
+        (TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"f 1 #3 2"), "damaged"),
+        (TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"f -5 3 2"), "bad-index"),
+    ],
+)
+def test_text_that_trimesh_would_take_for_another_mesh_is_refused(data: bytes, code: str) -> None:
+    assert volume_in(stl_text(*FACETS)) == pytest.approx(1.5**3 / 6)
+    assert refusal_of(data, filename="a.stl").code == code
 
 
 def ply(order: str, polygons: list[list[int]], points: list[list[float]]) -> bytes:
@@ -289,45 +338,135 @@ def test_lying_scenes_are_refused(change, code: str | None) -> None:  # type: ig
         assert refusal_of(data).code in (code, "too-many-cells")
 
 
-WHOLE = 32767
+def changed_primitive(document: dict, **values: object) -> None:
+    document["meshes"][0]["primitives"][0].update(values)
 
 
-@pytest.mark.parametrize(
-    ("mode", "corners"),
-    [
-        (4, [0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3]),
-        (5, [0, 2, 1, 3, 0, 2]),
-        (6, [0, 2, 1, 3, 2]),
-    ],
-)
-@pytest.mark.parametrize("normalized", [False, True])
-def test_scenes_of_strips_and_fans_and_of_whole_numbers(
-    mode: int, corners: list[int], normalized: bool
-) -> None:
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    if mode == 6:  # a fan leaves one side open, which is closed
-        corners = corners[:5]
-    short = (points * WHOLE).astype("<i2") if normalized else points.astype("<i2")
-    body = np.pad(short, ((0, 0), (0, 1))).tobytes() + bytes(corners)
-    document = {
-        "asset": {"version": "2.0"},
-        "meshes": [
-            {"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "mode": mode}]},
-        ],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5122, "count": 4, "type": "VEC3"}
-            | ({"normalized": True} if normalized else {}),
-            {"bufferView": 1, "componentType": 5121, "count": len(corners), "type": "SCALAR"},
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteLength": 32, "byteStride": 8},
-            {"buffer": 0, "byteOffset": 32, "byteLength": len(corners)},
-        ],
-        "buffers": [{"uri": "data:;base64," + base64.b64encode(body).decode()}],
-    }
+def added(document: dict, values: np.ndarray, **more: object) -> int:
+    """The number of an accessor of (count, width) values that is put into a scene."""
+    uri = "data:;base64," + base64.b64encode(values.tobytes()).decode()
+    document["buffers"].append({"uri": uri, "byteLength": values.nbytes})
+    view = {"buffer": len(document["buffers"]) - 1, "byteLength": values.nbytes}
+    document["bufferViews"].append(view)
+    code = {"u1": 5121, "i2": 5122, "u4": 5125, "f4": 5126}[values.dtype.str[1:]]
+    kind = {1: "SCALAR", 3: "VEC3"}[values.shape[1]]
+    document["accessors"].append(
+        {
+            "bufferView": len(document["bufferViews"]) - 1,
+            "componentType": code,
+            "count": len(values),
+            "type": kind,
+            **more,
+        }
+    )
+    return len(document["accessors"]) - 1
+
+
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+
+
+def corners_as(document: dict, mode: int, order: list[int]) -> None:
+    points = added(document, CORNERS.astype("<f4"))
+    corners = added(document, np.array(order, dtype="<u4")[:, None])
+    changed_primitive(document, attributes={"POSITION": points}, indices=corners, mode=mode)
+
+
+def fan_on_a_triangle(document: dict) -> None:
+    corners_as(document, 6, [3, 0, 1, 2, 0])
+    fan = dict(document["meshes"][0]["primitives"][0])
+    corners_as(document, 4, [0, 2, 1])
+    document["meshes"][0]["primitives"].append(fan)
+
+
+def in_steps(document: dict) -> None:
+    points = added(document, (CORNERS * 32767).astype("<i2"), normalized=True)
+    document["bufferViews"][-1]["byteOffset"] = 0
+    corners = added(document, np.array([[0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3]], dtype="u1").T)
+    changed_primitive(document, attributes={"POSITION": points}, indices=corners)
+
+
+def bare(document: dict) -> None:
+    points = added(document, CORNERS[[0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3, 1]].astype("<f4"))
+    document["meshes"][0]["primitives"] = [{"attributes": {"POSITION": points}}]
+
+
+LENS = {"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1, "aspectRatio": 1}}
+SCENES = {
+    "a strip": (lambda d: corners_as(d, 5, [0, 2, 1, 3, 0, 2]), 1 / 6),
+    "a fan and a triangle": (fan_on_a_triangle, 1 / 6),
+    "whole numbers": (in_steps, 1 / 6),
+    "places alone, and one too many": (bare, 1 / 6),
+    "no scenes": (lambda d: (d.pop("scenes"), d.pop("scene")), 18.26227),
+    "no nodes": (lambda d: (d.pop("scenes"), d.pop("scene"), d.pop("nodes")), 18.26227),
+    "a camera": (
+        lambda d: d.update(
+            cameras=[LENS], nodes=[{"mesh": 0, "camera": 0}], scenes=[{"nodes": [0]}], scene=0
+        ),
+        18.26227,
+    ),
+    "mirrored": (
+        lambda d: d.update(
+            nodes=[{"mesh": 0, "scale": [-1, 2, 1]}], scenes=[{"nodes": [0]}], scene=0
+        ),
+        2 * 18.26227,
+    ),
+    "of one name": (
+        lambda d: d.update(
+            nodes=[{"mesh": 0, "name": "world", "translation": [9 * i, 0, 0]} for i in range(3)],
+            scenes=[{"nodes": [0, 1, 2]}],
+            scene=0,
+        ),
+        3 * 18.26227,
+    ),
+    "what is not used is broken": (
+        lambda d: d["accessors"].append({**d["accessors"][0], "count": 10**9}),
+        18.26227,
+    ),
+    "points beside": (
+        lambda d: d["meshes"][0]["primitives"].append(
+            {**d["meshes"][0]["primitives"][0], "mode": 0}
+        ),
+        18.26227,
+    ),
+}
+
+
+@pytest.mark.parametrize("way", SCENES)
+def test_the_ways_in_which_scenes_are_written(way: str) -> None:
+    document = gltf_document()
+    change, volume = SCENES[way]
+    change(document)
     solid = solid_in(json.dumps(document).encode())
-    volume = signed_volume(solid.vertices, solid.faces)
-    assert solid.closed and volume == pytest.approx(1 / 6, rel=1e-3)
+    assert signed_volume(solid.vertices, solid.faces) == pytest.approx(volume, rel=1e-4)
+    assert solid.notes == (("points and lines were left out.",) if way == "points beside" else ())
+
+
+def test_a_long_chain_of_nodes_is_followed() -> None:
+    document = gltf_document()
+    links = 4_000
+    document["nodes"] = [{"translation": [0, 0, 1], "children": [i + 1]} for i in range(links)]
+    document["nodes"] += [{"mesh": 0}]
+    for node in document["nodes"][-100:]:
+        node["mesh"] = 0
+    document["scenes"] = [{"nodes": [0]}]
+    solid = solid_in(json.dumps(document).encode())
+    assert solid.vertices[:, 2].max() == pytest.approx(links + 0.7)
+
+
+def test_a_corner_of_another_part_is_refused() -> None:
+    document = gltf_document()
+    corners_as(document, 4, [0, 2, 1, 0, 1, 4])
+    document["meshes"][0]["primitives"] *= 2
+    assert refusal_of(json.dumps(document).encode()).code == "bad-index"
+
+
+def test_points_that_many_parts_share_are_counted_for_each() -> None:
+    document = gltf_document()
+    points = added(document, np.zeros((30_000, 3), dtype="<f4"))
+    corners_as(document, 4, [0, 2, 1])
+    changed_primitive(document, attributes={"POSITION": points})
+    document["meshes"][0]["primitives"] *= 1_000
+    assert refusal_of(json.dumps(document).encode()).code == "too-large"
 
 
 def test_a_mesh_that_nodes_repeat_too_often_is_refused_before_it_is_made() -> None:
@@ -419,7 +558,7 @@ def test_an_archive_that_lies_about_its_size_is_refused() -> None:
         (b"glTF" + struct.pack("<II", 1, 12), "wrong-version", None),
         (b"glTF" + struct.pack("<II", 2, 9999), "truncated", None),
         (b"glTF" + struct.pack("<II", 2, 12), "damaged", None),
-        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "bad-index", None),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "bad-index", "line 4"),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n", "damaged", "line 4"),
         (b"v 0 0\nf 1 2 3\n", "damaged", "line 1"),
         (b"v 0 0 0\nv 1 0 0\n", "no-triangles", None),

@@ -110,6 +110,12 @@ def test_a_flat_mesh_is_refused_however_it_lies() -> None:
     assert code_of((TETRAHEDRON * [1, 1, 0]) @ turn.T, FACES) == "flat"
 
 
+def test_a_mesh_of_regular_rows_is_not_flat() -> None:
+    # Every eighth vertex of this one lies in one plane.
+    rows = trimesh.creation.torus(2.0, 0.7, major_sections=1000, minor_sections=8)
+    assert solid_of(rows).oriented
+
+
 def test_walls_that_lie_on_each_other_enclose_nothing() -> None:
     faces = [[0, 1, 2], [0, 2, 1], [0, 1, 3], [0, 3, 1]]
     assert code_of(TETRAHEDRON, faces) == "no-volume"

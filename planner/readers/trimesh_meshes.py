@@ -1,0 +1,93 @@
+"""Meshes as trimesh reads them, once a format's own check has counted what is announced.
+
+trimesh gets bytes and no resolver: it can neither find nor fetch another file. It is loaded with
+the first mesh, since most inputs are paths.
+"""
+
+from __future__ import annotations
+
+import io
+import warnings
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.readers.limits import quote
+
+if TYPE_CHECKING:
+    from trimesh import Scene
+
+Format: TypeAlias = Literal["stl", "obj", "glb"]
+Triangles: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.int64]]"
+"""Points (V, 3) and triangles (F, 3) as rows of them."""
+
+
+def triangles_in(data: bytes, kind: Format) -> Triangles:
+    """The triangles of all parts of a mesh or a scene, each where the scene puts it.
+
+    Args:
+        data: A whole file whose announced counts are checked.
+        kind: Its format.
+
+    Raises:
+        InputError: ``damaged``, when trimesh can't read it or finds no triangles in it.
+    """
+    import trimesh
+
+    # Text that is no number ends the reading of numbers with a warning, and the rest would be lost.
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            scene = trimesh.load_scene(
+                io.BytesIO(data),
+                file_type=kind,
+                resolver=None,
+                allow_remote=False,
+                process=False,
+                skip_materials=True,
+            )
+            found = _parts(scene)
+            del scene
+        except MemoryError:
+            raise
+        except Exception as error:
+            # Its readers raise of many kinds, from KeyError to those of other libraries.
+            raise _damaged(kind, f"{type(error).__name__}: {quote(str(error))}") from error
+    if not found:
+        raise _damaged(kind, "no triangles")
+    if len(found) == 1:
+        return found[0]
+    before = np.cumsum([0, *(len(points) for points, _ in found)])
+    return (
+        np.concatenate([points for points, _ in found]),
+        np.concatenate([faces + n for (_, faces), n in zip(found, before[:-1], strict=True)]),
+    )
+
+
+def _parts(scene: Scene) -> list[Triangles]:
+    """Points and triangles of each instance of a mesh, in the scene's frame."""
+    import trimesh
+
+    found: list[Triangles] = []
+    for node in scene.graph.nodes_geometry:
+        transform, name = scene.graph[node]
+        mesh = scene.geometry[name]
+        if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+            continue
+        points = np.asarray(mesh.vertices, dtype=np.float64)
+        faces = np.asarray(mesh.faces, dtype=np.int64)
+        if not np.array_equal(transform, np.eye(4)):
+            points = points @ transform[:3, :3].T + transform[:3, 3]
+            if np.linalg.det(transform[:3, :3]) < 0:
+                faces = faces[:, ::-1]
+        found.append((points, faces))
+    return found
+
+
+def _damaged(kind: Format, found: str) -> InputError:
+    return InputError(
+        "damaged",
+        f"got what is no whole {kind.upper()} mesh ({found}), expected triangles; save it again.",
+    )
