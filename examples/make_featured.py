@@ -12,7 +12,7 @@ from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from web.timeline.frame_batch import thinned
-from web.timeline.view import Film
+from web.timeline.view import TimelineView
 
 SHAPE = Path(__file__).parent / "shapes" / "wrench-160.json"
 REEL = Path(__file__).parents[1] / "web" / "featured.reel"
@@ -25,7 +25,7 @@ def main() -> None:
         directory = Path(place)
         write_request(directory, Request(filename=SHAPE.name), SHAPE.read_bytes())
         run_stages(directory)
-        REEL.write_bytes(thinned(Film(directory / "timeline.zarr"), EVERY))
+        REEL.write_bytes(thinned(TimelineView(directory / "timeline.zarr"), EVERY))
     print(f"{REEL.name}: {REEL.stat().st_size / 1e3:.0f} kB")
 
 

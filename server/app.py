@@ -15,7 +15,7 @@ from fastapi import FastAPI
 
 from server.api import artifacts, folds, frames, health, movies, robot, shapes
 from server.api.context import Context
-from server.api.fold_states import Watch
+from server.api.fold_states import FoldStates
 from server.files.exports import Exports
 from server.files.preview_scenes import PreviewScenes
 from server.files.previews import Previews
@@ -25,7 +25,7 @@ from server.files.workshop import Workshop
 from server.http import problems
 from server.http.access_log import Access
 from server.http.request_rate import RequestRate
-from server.http.response_cache import Lately
+from server.http.response_cache import ResponseCache
 from server.http.security import (
     AllowedHosts,
     BodyLimit,
@@ -49,8 +49,8 @@ from server.settings import Settings
 from server.store.folds import Store
 from server.store.gallery import Gallery
 from server.store.leases import Leases
-from server.store.stats import Census
-from web.timeline.views import Films
+from server.store.stats import Stats
+from web.timeline.views import TimelineViews
 
 WARM_AFTER_S: Final = 1.5
 READING_PATIENCE_S: Final = 60.0
@@ -90,8 +90,8 @@ def create_app(
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         context = await asyncio.to_thread(_open, settings, metrics, fork_server)
         app.state.context = context
-        census = app.state.census = Census(settings, context.leases)
-        app.state.readiness = Readiness(settings, census, context.store.folders.check)
+        stats = app.state.stats = Stats(settings, context.leases)
+        app.state.readiness = Readiness(settings, stats, context.store.folders.check)
         warming = asyncio.create_task(_warm_up(context)) if settings.prewarm else None
         try:
             yield
@@ -107,7 +107,7 @@ def create_app(
             context.preview_scenes.close()
             context.jobs.close()
             context.store.close()
-            census.close()
+            stats.close()
             context.uploads.close()
 
     app = FastAPI(
@@ -132,7 +132,7 @@ def create_app(
         app.include_router(module.router)
     app.include_router(robot.schemas)
 
-    app.add_middleware(Lately)
+    app.add_middleware(ResponseCache)
     app.add_middleware(
         BodyLimit,
         most_bytes=settings.max_upload_bytes,
@@ -186,7 +186,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         settings=settings,
         store=store,
         jobs=jobs,
-        films=Films(),
+        timelines=TimelineViews(),
         streams=Quota(
             "event streams",
             total=settings.max_streams,
@@ -233,7 +233,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         exports=Exports(store, workshop),
         movies=Movies(settings, store, jobs),
         gallery=Gallery(),
-        watch=Watch(store, leases),
+        watch=FoldStates(store, leases),
         metrics=metrics,
         leases=leases,
         secret=store.secret("visitors", secrets.token_bytes(32)),

@@ -381,6 +381,6 @@ interface Elements {
 type ElementOf<Id extends string> = Id extends keyof Elements ? Elements[Id] : HTMLElement;
 
 interface Window {
-  foldback: { film: import("./static/js/player/timeline.js").Film; player: import("./static/js/player/player.js").Player; showing?: unknown };
+  foldback: { timeline: import("./static/js/player/timeline.js").Timeline; player: import("./static/js/player/player.js").Player; showing?: unknown };
   SwaggerUIBundle(options: Record<string, unknown>): void;
 }

@@ -164,7 +164,7 @@ def reduced(polygon: Array) -> Array:
     """Leaves out vertices of a closed polygon (n, 3) until none may go; its knot stays."""
     points = polygon.copy()
     while points.shape[0] > 3:
-        # Beginning elsewhere each time gives every vertex its turn.
+        # Starting elsewhere each time gives every vertex its turn.
         fewer = _pass(np.roll(points, 3 * (points.shape[0] // 7 + 1)))
         if fewer.shape[0] == points.shape[0]:
             break

@@ -60,7 +60,7 @@ class PathSearch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Wishes:
+class _Options:
     ends: str
     start: Cell | None
     seed: int
@@ -105,7 +105,7 @@ def find_paths(
     if ends not in ENDS:
         raise InputError("unknown-ends", f"got the ends {ends!r}, expected any or surface.")
     index_of(shape.cells, start)
-    wishes = _Wishes(
+    wishes = _Options(
         ends=ends,
         start=start,
         seed=seed,
@@ -165,13 +165,13 @@ def _rank(cells: Ints) -> tuple[int, int, float, bytes]:
     return knotted, buried, spread(cells), cells.tobytes()
 
 
-def _fits(cells: Ints, wishes: _Wishes) -> bool:
+def _fits(cells: Ints, wishes: _Options) -> bool:
     if wishes.start is not None and tuple(cells[0].tolist()) != wishes.start:
         return False
     return wishes.ends == "any" or bool(surface(cells)[[0, -1]].all())
 
 
-def _assembled(shape: Shape, wishes: _Wishes, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:
+def _assembled(shape: Shape, wishes: _Options, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:
     """Paths in assembly order, from either end where it is told where they begin."""
     low = shape.cells.min(axis=0)
     made: Iterable[Ints] = ()
@@ -191,7 +191,7 @@ def _assembled(shape: Shape, wishes: _Wishes, coarse: tuple[Ints, Ints] | None) 
                 break
 
 
-def _snakes(shape: Shape, wishes: _Wishes) -> Iterator[Ints]:
+def _snakes(shape: Shape, wishes: _Options) -> Iterator[Ints]:
     low = shape.cells.min(axis=0)
     x, y, z = (int(side) for side in shape.cells.max(axis=0) - low + 1)
     for a, b, c in permutations((0, 1, 2)):
@@ -214,7 +214,7 @@ def _no_snake(box: bool) -> str:
     return "The cells do not fill a box; a snake needs one. Use blocks or exact."
 
 
-def _blocks(shape: Shape, wishes: _Wishes, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:
+def _blocks(shape: Shape, wishes: _Options, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:
     loose = None if coarse else frozenset((x, y, z) for x, y, z in shape.cells.tolist())
     for attempt in range(wishes.tries):
         rng = np.random.default_rng([wishes.seed, attempt])
@@ -231,7 +231,7 @@ def _blocks(shape: Shape, wishes: _Wishes, coarse: tuple[Ints, Ints] | None) -> 
             yield path
 
 
-def _opened(cycle: Ints, wishes: _Wishes) -> Ints | None:
+def _opened(cycle: Ints, wishes: _Options) -> Ints | None:
     """A cycle cut open as wished, None when no cut is."""
     if wishes.start is None:
         path = cut(cycle, int(np.argmin(cut_costs(cycle))))
@@ -255,7 +255,7 @@ def _no_blocks(connected: bool) -> str:
     )
 
 
-def _exact(shape: Shape, wishes: _Wishes, candidates: int) -> PathSearch:
+def _exact(shape: Shape, wishes: _Options, candidates: int) -> PathSearch:
     found: list[Ints] = []
     outside = wishes.ends == "surface"
     for attempt in range(wishes.tries):

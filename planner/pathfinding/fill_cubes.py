@@ -15,7 +15,7 @@ from planner.pathfinding.feasibility import Feasibility, Repair, apply_repair, f
 from planner.pathfinding.filled import Filled
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import parts
-from planner.pathfinding.options import DEFAULT_MODULES, Wishes
+from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
 from planner.shapes.shape import Shape
 
 BLOCK: Final = 8
@@ -31,17 +31,17 @@ START_SHARE: Final = 0.7
 class Cubes:
     """See the module's description."""
 
-    def cells_for(self, wishes: Wishes) -> int:
+    def cells_for(self, wishes: PathOptions) -> int:
         """How many cells a solid should be voxelised into."""
         modules = DEFAULT_MODULES if wishes.modules is None else wishes.modules
         return max(1, round(modules / BLOCK)) if _in_blocks(wishes) else modules
 
-    def modules_of(self, shape: Shape, wishes: Wishes) -> int:
+    def modules_of(self, shape: Shape, wishes: PathOptions) -> int:
         """How many modules given cells become, as far as that is known before there is a path."""
         return BLOCK * len(shape) if wishes.method == "blocks" else len(shape)
 
     def fill(
-        self, shape: Shape, wishes: Wishes, *, of_solid: bool, seed: int, time_limit_s: float
+        self, shape: Shape, wishes: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
     ) -> Filled:
         """Finds chains through cells; see ``planner.pathfinding.filling.Filling``."""
         notes: tuple[str, ...] = ()
@@ -88,7 +88,7 @@ class Cubes:
             modules_per_cell=scale**3,
         )
 
-    def check(self, shape: Shape, wishes: Wishes) -> None:
+    def check(self, shape: Shape, wishes: PathOptions) -> None:
         """Refuses given cells that have no path, for a reason that is quickly found."""
         if wishes.method == "blocks":
             if parts(shape.cells)[0] == 1:
@@ -116,12 +116,12 @@ class Cubes:
         )
 
 
-def _in_blocks(wishes: Wishes) -> bool:
+def _in_blocks(wishes: PathOptions) -> bool:
     return wishes.method in ("auto", "blocks")
 
 
 def _searched(
-    shape: Shape, method: str, wishes: Wishes, seed: int, time_limit_s: float
+    shape: Shape, method: str, wishes: PathOptions, seed: int, time_limit_s: float
 ) -> tuple[PathSearch, str]:
     """Paths that begin where it is wished for; others, and why, where there are none."""
     begun = time.monotonic()
@@ -143,7 +143,7 @@ def _searched(
     ), why
 
 
-def wished_repair(shape: Shape, state: Feasibility, wishes: Wishes) -> Repair | None:
+def wished_repair(shape: Shape, state: Feasibility, wishes: PathOptions) -> Repair | None:
     """The smallest repair; one that makes eight modules of each cell only where so many are wanted.
 
     Returns:

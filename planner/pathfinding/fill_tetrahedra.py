@@ -12,7 +12,7 @@ from planner.pathfinding.filled import Filled
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import parts
 from planner.pathfinding.obstacles import Problem
-from planner.pathfinding.options import DEFAULT_MODULES, Wishes
+from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
 from planner.pathfinding.tetrahedra import find_trails
 from planner.shapes.shape import Shape
 
@@ -20,18 +20,18 @@ from planner.shapes.shape import Shape
 class Tetrahedra:
     """See the module's description. There is a trail through any cells that hang together."""
 
-    def cells_for(self, wishes: Wishes) -> int:
+    def cells_for(self, wishes: PathOptions) -> int:
         """How many cells a solid should be voxelised into."""
         modules = DEFAULT_MODULES if wishes.modules is None else wishes.modules
         return max(1, round(modules / RING))
 
-    def modules_of(self, shape: Shape, wishes: Wishes) -> int:
+    def modules_of(self, shape: Shape, wishes: PathOptions) -> int:
         """How many modules given cells become."""
         del wishes
         return RING * len(shape)
 
     def fill(
-        self, shape: Shape, wishes: Wishes, *, of_solid: bool, seed: int, time_limit_s: float
+        self, shape: Shape, wishes: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
     ) -> Filled:
         """Finds chains through cells; see ``planner.pathfinding.filling.Filling``."""
         del time_limit_s
@@ -75,7 +75,7 @@ class Tetrahedra:
             modules_per_cell=RING,
         )
 
-    def check(self, shape: Shape, wishes: Wishes) -> None:
+    def check(self, shape: Shape, wishes: PathOptions) -> None:
         """Refuses given cells that no trail goes through."""
         state = _feasibility(shape)
         if not state.feasible and not wishes.repair:

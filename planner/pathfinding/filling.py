@@ -8,23 +8,23 @@ from planner.chain.module import CUBE, TETRAHEDRON
 from planner.pathfinding.fill_cubes import Cubes
 from planner.pathfinding.fill_tetrahedra import Tetrahedra
 from planner.pathfinding.filled import Filled
-from planner.pathfinding.options import Wishes
+from planner.pathfinding.options import PathOptions
 from planner.shapes.shape import Shape
 
 
 class Filling(Protocol):
     """How cells become chains of modules of one kind."""
 
-    def cells_for(self, wishes: Wishes) -> int:
+    def cells_for(self, wishes: PathOptions) -> int:
         """How many cells a solid should be voxelised into."""
         ...
 
-    def modules_of(self, shape: Shape, wishes: Wishes) -> int:
+    def modules_of(self, shape: Shape, wishes: PathOptions) -> int:
         """How many modules given cells become, as far as that is known beforehand."""
         ...
 
     def fill(
-        self, shape: Shape, wishes: Wishes, *, of_solid: bool, seed: int, time_limit_s: float
+        self, shape: Shape, wishes: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
     ) -> Filled:
         """Finds chains through cells.
 
@@ -40,7 +40,7 @@ class Filling(Protocol):
         """
         ...
 
-    def check(self, shape: Shape, wishes: Wishes) -> None:
+    def check(self, shape: Shape, wishes: PathOptions) -> None:
         """Refuses given cells that can't be filled, for a reason that is quickly found."""
         ...
 

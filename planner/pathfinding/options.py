@@ -1,4 +1,4 @@
-"""Wishes: what somebody wants a shape to become."""
+"""Options of a path: what somebody wants a shape to become."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MODULE_COUNTS: Final = (8, 20_000)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wishes:
+class PathOptions:
     """How a shape is to become a chain.
 
     Attributes:

@@ -14,7 +14,7 @@ from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding.duration import expected_seconds
 from planner.pathfinding.knots import Knot, knot_of
-from planner.pathfinding.options import Wishes
+from planner.pathfinding.options import PathOptions
 from planner.pathfinding.starts import started
 from planner.readers import read
 from planner.shapes.shape import Shape
@@ -54,7 +54,7 @@ class Preparation:
 
     kind: str
     name: str
-    wishes: Wishes
+    wishes: PathOptions
     chains: tuple[Chain, ...]
     solid: Solid | None = None
     voxels: Voxels | None = None
@@ -169,7 +169,7 @@ class Preparation:
 def prepare(
     data: bytes,
     filename: str | None,
-    wishes: Wishes | None = None,
+    wishes: PathOptions | None = None,
     *,
     seed: int = 0,
     time_limit_s: float = SEARCH_S,
@@ -189,7 +189,7 @@ def prepare(
     Raises:
         InputError: When the file cannot be used, or a wish cannot be wished for.
     """
-    wishes = Wishes() if wishes is None else wishes
+    wishes = PathOptions() if wishes is None else wishes
     wishes.check()
     found = read(data, filename=filename, as_voxels=wishes.as_voxels)
     if isinstance(found, Chain):
@@ -207,7 +207,7 @@ def prepare(
 def prepare_in_any_order(
     data: bytes,
     filename: str | None,
-    wishes: Wishes,
+    wishes: PathOptions,
     *,
     seed: int = 0,
     time_limit_s: float = SEARCH_S,
@@ -228,7 +228,7 @@ def prepare_in_any_order(
     return replace(made, notes=(why, *made.notes))
 
 
-def _prepared_chain(chain: Chain, wishes: Wishes, kind: str) -> Preparation:
+def _prepared_chain(chain: Chain, wishes: PathOptions, kind: str) -> Preparation:
     notes = ()
     if wishes.modules is not None and wishes.modules != len(chain):
         notes = (f"A {kind} is folded as it is: it has {len(chain)} modules.",)
@@ -245,7 +245,7 @@ def _prepared_chain(chain: Chain, wishes: Wishes, kind: str) -> Preparation:
 
 
 def _from_shape(
-    kind: str, shape: Shape, wishes: Wishes, seed: int, time_limit_s: float
+    kind: str, shape: Shape, wishes: PathOptions, seed: int, time_limit_s: float
 ) -> Preparation:
     from planner.pathfinding.filling import FILLINGS
 
@@ -255,7 +255,7 @@ def _from_shape(
     return _made(kind, shape.name, wishes, filled, filled.notes)
 
 
-def _from_solid(solid: Solid, wishes: Wishes, seed: int, time_limit_s: float) -> Preparation:
+def _from_solid(solid: Solid, wishes: PathOptions, seed: int, time_limit_s: float) -> Preparation:
     from planner.pathfinding.filling import FILLINGS
     from planner.pathfinding.shape_kept import kept
     from planner.shapes.voxelise import voxelise
@@ -269,7 +269,7 @@ def _from_solid(solid: Solid, wishes: Wishes, seed: int, time_limit_s: float) ->
 
 
 def _made(
-    kind: str, name: str, wishes: Wishes, filled: Filled, notes: tuple[str, ...], **more: Any
+    kind: str, name: str, wishes: PathOptions, filled: Filled, notes: tuple[str, ...], **more: Any
 ) -> Preparation:
     return Preparation(
         kind=kind,

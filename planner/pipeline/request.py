@@ -11,7 +11,7 @@ from typing import Any, Final
 from planner.chain.module import CUBE
 from planner.errors import InputError
 from planner.pathfinding import Cell
-from planner.pathfinding.options import MODULE_COUNTS, Wishes
+from planner.pathfinding.options import MODULE_COUNTS, PathOptions
 from planner.pathfinding.starts import cell_of
 from planner.pipeline.paper_settings import read_settings, settings_text, with_settings
 from planner.simulation.parameters import (
@@ -46,7 +46,7 @@ class Request:
         refold: Whether the chain begins folded as the plan beside it says, not straight.
         smooth: Whether the plan beside it is smoothed, in place of an explosion.
         module, modules, method, repair, ends, as_voxels, start: See
-            ``planner.pathfinding.options.Wishes``.
+            ``planner.pathfinding.options.PathOptions``.
     """
 
     filename: str | None = None
@@ -116,9 +116,9 @@ class Request:
             return self
         return replace(self, settings=settings_text(self.settings, preset(self.preset)))
 
-    def wishes(self) -> Wishes:
+    def wishes(self) -> PathOptions:
         """How a shape is to become a path."""
-        return Wishes(
+        return PathOptions(
             module=self.module,
             modules=self.modules,
             method=self.method,

@@ -25,12 +25,12 @@ from planner.playback.kinematic import kinematic_frames, root_folded, windowed_f
 from planner.playback.reference import Reference, clear_reference
 from planner.playback.setpoints import (
     Backwards,
-    DirectGuide,
-    Guide,
-    SnapshotGuide,
+    DirectSetpoints,
+    Setpoints,
     Snapshots,
+    SnapshotSetpoints,
     Target,
-    TimedGuide,
+    TimedSetpoints,
 )
 from planner.playback.time_law import TimeLaw, torque_bounded_law
 from planner.playback.unfolding import Unfolding
@@ -363,7 +363,7 @@ class _Run:
             damping=parameters.damping,
         )
         self.refolds = unfolding is not None
-        self.guides: list[tuple[Phase, Guide]] = [("playback", self._guide(record))]
+        self.guides: list[tuple[Phase, Setpoints]] = [("playback", self._guide(record))]
         if unfolding is not None:
             self.guides.insert(0, ("unfolding", self._unfolding(unfolding)))
         self.controller = _controller(parameters, motors)
@@ -376,10 +376,10 @@ class _Run:
             last = _whole(record)[-1:]
             self.tree.place(zero, last.root_position[0], last.root_wxyz[0])
 
-    def _guide(self, record: Record | None) -> Guide:
+    def _guide(self, record: Record | None) -> Setpoints:
         p = self.parameters
         if p.controller == "direct":
-            return DirectGuide(self.chain.folded_rad, p.direct_steps, p.step_s)
+            return DirectSetpoints(self.chain.folded_rad, p.direct_steps, p.step_s)
         if record is None:
             raise InputError("no-record", f"the controller {p.controller!r} needs a record.")
         angles = record.snapshots_rad
@@ -392,18 +392,20 @@ class _Run:
                 f"got the controller {p.controller!r}, expected computed-torque, servo, paper or "
                 "direct.",
             )
-        return TimedGuide(*self._timed(self.chain, snapshots))
+        return TimedSetpoints(*self._timed(self.chain, snapshots))
 
-    def _unfolding(self, unfolding: Unfolding) -> Guide:
+    def _unfolding(self, unfolding: Unfolding) -> Setpoints:
         if self.parameters.controller == "paper":
             step_s = self.parameters.step_s
             return self._snapshots(Backwards(unfolding.time_s, unfolding.folding_rad, step_s))
         reference, law = self._timed(unfolding.chain, unfolding.folding_rad)
-        return TimedGuide(reference, law.backwards())
+        return TimedSetpoints(reference, law.backwards())
 
-    def _snapshots(self, snapshots: Snapshots) -> SnapshotGuide:
+    def _snapshots(self, snapshots: Snapshots) -> SnapshotSetpoints:
         p = self.parameters
-        return SnapshotGuide(snapshots, threshold_rad2=p.threshold_rad2, least_steps=p.least_steps)
+        return SnapshotSetpoints(
+            snapshots, threshold_rad2=p.threshold_rad2, least_steps=p.least_steps
+        )
 
     def _timed(self, chain: Chain, snapshots: Array) -> tuple[Reference, TimeLaw]:
         """A smooth curve through configurations from straight on, and how fast to run along it."""
@@ -436,8 +438,8 @@ class _Run:
             while self.steps - begun < self.parameters.max_steps:
                 tree.begin_step()
                 angles = tree.angles
-                phase, guide = self.guides[part]
-                following = guide.target(angles, tree.rates)
+                phase, setpoints = self.guides[part]
+                following = setpoints.target(angles, tree.rates)
                 if following is None:
                     assert target is not None
                     if part + 1 < len(self.guides):

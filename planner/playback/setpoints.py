@@ -36,7 +36,7 @@ class Target:
     fraction: float
 
 
-class Guide(Protocol):
+class Setpoints(Protocol):
     """Gives the target of each step; None ends the playback."""
 
     def target(self, angles: Array, rates: Array) -> Target | None:
@@ -44,14 +44,14 @@ class Guide(Protocol):
         ...
 
 
-class TimedGuide:
+class TimedSetpoints:
     """Runs along a reference by a time law, either way, then holds its end for a moment."""
 
     def __init__(self, reference: Reference, law: TimeLaw) -> None:
         self._targets = _timed_targets(reference, law)
 
     def target(self, angles: Array, rates: Array) -> Target | None:
-        """See ``Guide``."""
+        """See ``Setpoints``."""
         del angles, rates
         return next(self._targets, None)
 
@@ -114,7 +114,7 @@ class Backwards:
         return (1.0 - part) * self._angles[k] + part * self._angles[k + 1]
 
 
-class SnapshotGuide:
+class SnapshotSetpoints:
     """The paper's rule: each snapshot is the target until the chain is near enough to it.
 
     Args:
@@ -133,7 +133,7 @@ class SnapshotGuide:
         self._ending = _Ending()
 
     def target(self, angles: Array, rates: Array) -> Target | None:
-        """See ``Guide``."""
+        """See ``Setpoints``."""
         last = len(self._snapshots) - 1
         while self._next < last and self._steps >= self._least() and self._near(angles):
             self._next += 1
@@ -153,7 +153,7 @@ class SnapshotGuide:
         return float(((self._snapshots[self._next] - angles) ** 2).max()) < self._threshold
 
 
-class DirectGuide:
+class DirectSetpoints:
     """From straight to folded in a line, all hinges at once, then waits for rest: the baseline."""
 
     def __init__(self, folded: Array, steps: int, step_s: float) -> None:
@@ -163,7 +163,7 @@ class DirectGuide:
         self._ending = _Ending()
 
     def target(self, angles: Array, rates: Array) -> Target | None:
-        """See ``Guide``."""
+        """See ``Setpoints``."""
         k = self._step
         if k >= len(self._law):
             return None if self._ending.over(rates) else _still(self._folded, 1.0)

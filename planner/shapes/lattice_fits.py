@@ -1,7 +1,7 @@
 """Rungs: the pitches and orientations in which a solid is laid on the lattice, and what it gives.
 
 They are steps of one ladder that belongs to the solid and not to the count that is asked for, so
-that what one search finds is found again by another. Nothing in a rung depends on a search.
+that what one search finds is found again by another. Nothing in a fit depends on a search.
 
 The inside is sampled several times finer than the cells. Sums over windows of samples then tell for
 every offset at once how full each cell would be.
@@ -52,7 +52,7 @@ Place = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Rung:
+class LatticeFit:
     """One sampling, judged for every offset and threshold.
 
     Attributes:
@@ -72,10 +72,10 @@ class Rung:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Made:
-    """Cells in one piece, as one rung has them with one offset and threshold.
+    """Cells in one piece, as one fit has them with one offset and threshold.
 
     Attributes:
-        turn, pitch: Of the rung.
+        turn, pitch: Of the fit.
         place: The offset along each axis, and the number of the threshold.
         joined: The cells, and what was joined or left out.
         count: How many they are.
@@ -120,7 +120,7 @@ class Grid:
 
 
 class Ladder:
-    """All rungs of a solid; each is made when it is first asked for."""
+    """All fits of a solid; each is made when it is first asked for."""
 
     def __init__(self, solid: Solid, turns: tuple[Floats, ...]) -> None:
         self.solid = solid
@@ -130,7 +130,7 @@ class Ladder:
         self.bodies = 1
         self.share = 1.0
         self._apart = False
-        self._rungs: dict[tuple[int, float], Rung | None] = {}
+        self._rungs: dict[tuple[int, float], LatticeFit | None] = {}
         self._made: dict[tuple[int, float, Place], Made] = {}
         self._grids: dict[tuple[int, float, int], Grid] = {}
         self._stored = 0
@@ -206,14 +206,14 @@ class Ladder:
         return size if self.samples(turn, pitch, size) <= 2 * MANY_SAMPLES else 0
 
     def work(self, turn: int, pitch: float) -> float:
-        """About what a rung costs."""
+        """About what a fit costs."""
         samples = self.samples(turn, pitch, self.size(turn, pitch) or PLAIN_SIZE // 2)
         triangles = len(self._roughened(pitch)[1])
         several = 4.0 if self._apart else 1.0
         return several * samples + (40.0 if self.solid.oriented else 120.0) * triangles
 
-    def rung(self, turn: int, pitch: float) -> Rung | None:
-        """The rung of a turn and pitch; None where it would take too many samples."""
+    def fit(self, turn: int, pitch: float) -> LatticeFit | None:
+        """The fit of a turn and pitch; None where it would take too many samples."""
         key = (turn, pitch)
         if key not in self._rungs:
             size = self.size(turn, pitch)
@@ -250,18 +250,18 @@ class Ladder:
             self._grids[key] = grid
         return grid
 
-    def made(self, rung: Rung, place: Place) -> Made:
-        """The cells of a rung in one piece, and how much of the solid they truly keep."""
-        key = (rung.turn, rung.pitch, place)
+    def made(self, fit: LatticeFit, place: Place) -> Made:
+        """The cells of a fit in one piece, and how much of the solid they truly keep."""
+        key = (fit.turn, fit.pitch, place)
         if key not in self._made:
-            grid = self.grid(rung.turn, rung.pitch, self.size(rung.turn, rung.pitch))
+            grid = self.grid(fit.turn, fit.pitch, self.size(fit.turn, fit.pitch))
             sums = grid.fill(place)
-            joined = bridged(sums >= rung.thresholds[place[3]], sums / float(grid.size**3))
-            finer = self.finer(rung.turn, rung.pitch, FINER_SAMPLES)
-            fine = self.grid(rung.turn, rung.pitch, finer)
+            joined = bridged(sums >= fit.thresholds[place[3]], sums / float(grid.size**3))
+            finer = self.finer(fit.turn, fit.pitch, FINER_SAMPLES)
+            fine = self.grid(fit.turn, fit.pitch, finer)
             self._made[key] = Made(
-                turn=rung.turn,
-                pitch=rung.pitch,
+                turn=fit.turn,
+                pitch=fit.pitch,
                 place=place,
                 joined=joined,
                 count=int(joined.cells.sum()),
@@ -300,7 +300,7 @@ def overlap(grid: Grid, place: Place, cells: Bools) -> float:
     return shared / max(1, grid.count + int(cells.sum()) * grid.size**3 - shared)
 
 
-def _judged(grid: Grid, turn: int, pitch: float) -> Rung:
+def _judged(grid: Grid, turn: int, pitch: float) -> LatticeFit:
     full = grid.size**3
     levels = min(LEVELS, full)
     sums = window_sums(grid.parts, grid.split)
@@ -311,7 +311,7 @@ def _judged(grid: Grid, turn: int, pitch: float) -> Rung:
     counts = np.cumsum(windows[..., ::-1], axis=-1)[..., ::-1][..., chosen]
     shared = np.cumsum(samples[..., ::-1], axis=-1)[..., ::-1][..., chosen]
     union = grid.count + counts * full - shared
-    return Rung(
+    return LatticeFit(
         turn=turn,
         pitch=pitch,
         counts=counts,

@@ -1,4 +1,4 @@
-"""Choice: of the rungs of a solid, the cells that come near a count and keep the most.
+"""Choice: of the fits of a solid, the cells that come near a count and keep the most.
 
 ``Choice.of`` depends on the solid and the count alone. So a count may be offered when asking for it
 was tried and gave it.
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.shapes.lattice_fits import Ladder, Made, Place, Rung
+from planner.shapes.lattice_fits import Ladder, LatticeFit, Made, Place
 from planner.shapes.layers import has_whole_layers
 from planner.shapes.sampling import too_fine
 
@@ -54,42 +54,42 @@ class Choice:
 
     Attributes:
         made: The cells.
-        visited: The rungs that were looked at.
+        visited: The fits that were looked at.
         score: What they keep, with the bonus for the orientation of the file.
     """
 
     made: Made
-    visited: tuple[Rung, ...]
+    visited: tuple[LatticeFit, ...]
     score: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Entries:
-    """Everything that some rungs have for some counts.
+    """Everything that some fits have for some counts.
 
     Attributes:
-        rungs: The rungs.
-        rows: (E,) number of the rung.
+        fits: The fits.
+        rows: (E,) number of the fit.
         places: (E,) offset and threshold in it.
         counts: (E,) cells before they are joined.
         scores: (E,) what they keep.
         misfits: (E,) by how much their volume differs from the solid's, as a part of it.
     """
 
-    rungs: tuple[Rung, ...]
+    fits: tuple[LatticeFit, ...]
     rows: Ints
     places: Ints
     counts: Ints
     scores: Floats
     misfits: Floats
 
-    def at(self, entry: int) -> tuple[Rung, Place]:
-        rung = self.rungs[self.rows[entry]]
-        x, y, z, t = np.unravel_index(self.places[entry], rung.counts.shape)
-        return rung, (int(x), int(y), int(z), int(t))
+    def at(self, entry: int) -> tuple[LatticeFit, Place]:
+        fit = self.fits[self.rows[entry]]
+        x, y, z, t = np.unravel_index(self.places[entry], fit.counts.shape)
+        return fit, (int(x), int(y), int(z), int(t))
 
     def first(self, order: Ints, most: int, *, each: int) -> Iterator[int]:
-        """The first entries of an order, so many of each rung."""
+        """The first entries of an order, so many of each fit."""
         taken: dict[int, int] = {}
         for entry in order.tolist():
             row = int(self.rows[entry])
@@ -101,7 +101,7 @@ class _Entries:
 
 
 class Chooser:
-    """Chooses among the rungs of a solid; remembers what was chosen for which count."""
+    """Chooses among the fits of a solid; remembers what was chosen for which count."""
 
     def __init__(self, ladder: Ladder) -> None:
         self._ladder = ladder
@@ -120,7 +120,7 @@ class Chooser:
     def _search(self, cells: int) -> Choice:
         ladder = self._ladder
         most = self._most(cells)
-        visited: dict[tuple[int, float], Rung] = {}
+        visited: dict[tuple[int, float], LatticeFit] = {}
         for turn in range(len(ladder.turns)):
             if turn and len(visited) > most // 2:
                 break
@@ -132,18 +132,18 @@ class Chooser:
                 pitch = near * _count_factor(visited[turn, near], cells)
         if not visited:
             raise too_fine(ladder.pitch_for(cells), ladder.solid.extents)
-        if not any(rung.counts.any() for rung in visited.values()):
+        if not any(fit.counts.any() for fit in visited.values()):
             raise InputError(
                 "no-volume",
                 "the mesh has no inside that cells of this size can fill; expected a closed "
                 "surface with walls, or ask for more modules.",
             )
-        best = max(visited.values(), key=lambda rung: _merit(rung, cells))
+        best = max(visited.values(), key=lambda fit: _merit(fit, cells))
         for turn in dict.fromkeys([best.turn, 0]):
-            own = [rung for rung in visited.values() if rung.turn == turn]
+            own = [fit for fit in visited.values() if fit.turn == turn]
             if not own:
                 continue
-            pitch = max(own, key=lambda rung: _merit(rung, cells)).pitch
+            pitch = max(own, key=lambda fit: _merit(fit, cells)).pitch
             self._visit_all(turn, self._around(turn, pitch), visited, most)
         made = self._best(visited.values(), cells)
         if made is None or not _near(made.count, cells):
@@ -159,17 +159,17 @@ class Chooser:
         work = self._ladder.work(0, self._ladder.pitch_for(cells))
         return int(np.clip(WORK / max(work, 1.0), FEWEST_TRIED, MOST_TRIED))
 
-    def _visit(self, turn: int, pitch: float, visited: dict[tuple[int, float], Rung]) -> bool:
-        rung = self._ladder.rung(turn, pitch)
-        if rung is not None:
-            visited[turn, pitch] = rung
-        return rung is not None
+    def _visit(self, turn: int, pitch: float, visited: dict[tuple[int, float], LatticeFit]) -> bool:
+        fit = self._ladder.fit(turn, pitch)
+        if fit is not None:
+            visited[turn, pitch] = fit
+        return fit is not None
 
     def _visit_all(
         self,
         turn: int,
         pitches: Iterable[float],
-        visited: dict[tuple[int, float], Rung],
+        visited: dict[tuple[int, float], LatticeFit],
         most: int,
     ) -> None:
         for pitch in pitches:
@@ -184,10 +184,10 @@ class Chooser:
         sides = [step + sign * n for n in range(STEPS_TO_SIDES + 1) for sign in (1, -1)]
         return self._ladder.dividing(turn, pitch) + [self._ladder.pitch_of(s) for s in sides]
 
-    def _best(self, rungs: Iterable[Rung], cells: int) -> Made | None:
+    def _best(self, fits: Iterable[LatticeFit], cells: int) -> Made | None:
         """Of what is nearly as good as the best of a count, what comes nearest to the count."""
         many = self._most(cells) >= MUCH_TRIED
-        entries = _entries(rungs, self._ladder.volume)
+        entries = _entries(fits, self._ladder.volume)
         off = np.abs(entries.counts - cells)
         inside = np.flatnonzero(_near(entries.counts, cells))
         if len(inside):
@@ -260,16 +260,14 @@ class Chooser:
         return None
 
     def _likely(self, choice: Choice, limit: int, *, above: bool) -> Iterator[int]:
-        """Counts to one side that rungs near the chosen one have, those that keep most first."""
+        """Counts to one side that fits near the chosen one have, those that keep most first."""
         ladder = self._ladder
-        rungs = {(rung.turn, rung.pitch): rung for rung in choice.visited}
+        fits = {(fit.turn, fit.pitch): fit for fit in choice.visited}
         turn, pitch = choice.made.turn, choice.made.pitch
         for other in OTHER_PITCHES[above]:
             near = [ladder.pitch_of(ladder.step(pitch * other))]
-            self._visit_all(
-                turn, near + ladder.dividing(turn, pitch * other), rungs, len(rungs) + 3
-            )
-        entries = _entries(rungs.values(), ladder.volume)
+            self._visit_all(turn, near + ladder.dividing(turn, pitch * other), fits, len(fits) + 3)
+        entries = _entries(fits.values(), ladder.volume)
         counts = entries.counts
         beyond = counts >= limit if above else counts <= limit
         far = counts <= FARTHEST_OFFER * limit if above else counts >= limit / FARTHEST_OFFER
@@ -296,17 +294,17 @@ def _near(counts: Ints | int, cells: int) -> NDArray[np.bool_]:
     return np.asarray((np.abs(np.asarray(counts) - cells) <= NEAR_COUNT * cells) & (counts != 0))
 
 
-def _entries(rungs: Iterable[Rung], volume: float) -> _Entries:
-    listed = tuple(rungs)
-    sizes = [rung.counts.size for rung in listed]
-    counts = np.concatenate([rung.counts.ravel() for rung in listed])
-    scores = np.concatenate([(rung.ious + _bonus(rung.turn)).ravel() for rung in listed])
+def _entries(fits: Iterable[LatticeFit], volume: float) -> _Entries:
+    listed = tuple(fits)
+    sizes = [fit.counts.size for fit in listed]
+    counts = np.concatenate([fit.counts.ravel() for fit in listed])
+    scores = np.concatenate([(fit.ious + _bonus(fit.turn)).ravel() for fit in listed])
     rows = np.repeat(np.arange(len(listed)), sizes)
     places = np.concatenate([np.arange(size) for size in sizes])
     some = np.flatnonzero(counts)
-    volumes = np.array([rung.pitch**3 for rung in listed])[rows] * counts
+    volumes = np.array([fit.pitch**3 for fit in listed])[rows] * counts
     return _Entries(
-        rungs=listed,
+        fits=listed,
         rows=rows[some],
         places=places[some],
         counts=counts[some],
@@ -315,9 +313,9 @@ def _entries(rungs: Iterable[Rung], volume: float) -> _Entries:
     )
 
 
-def _count_factor(rung: Rung, cells: int) -> float:
+def _count_factor(fit: LatticeFit, cells: int) -> float:
     """By how much to change the pitch to come near the count, as the best offset has it."""
-    count = int(rung.counts.ravel()[int(np.argmax(rung.ious))])
+    count = int(fit.counts.ravel()[int(np.argmax(fit.ious))])
     return float(np.clip(np.cbrt(max(count, 0.2) / cells), 0.6, 1.4))
 
 
@@ -334,8 +332,8 @@ def _worth(made: Made, cells: int) -> float:
     return _score(made) - OFF_COUNT * abs(made.count - cells) / cells
 
 
-def _merit(rung: Rung, cells: int) -> float:
-    """What a rung keeps at best, less what the count is off beyond what is near."""
-    off = np.abs(rung.counts - cells) / cells
-    scores = rung.ious + _bonus(rung.turn) - np.maximum(0.0, off - NEAR_COUNT)
+def _merit(fit: LatticeFit, cells: int) -> float:
+    """What a fit keeps at best, less what the count is off beyond what is near."""
+    off = np.abs(fit.counts - cells) / cells
+    scores = fit.ious + _bonus(fit.turn) - np.maximum(0.0, off - NEAR_COUNT)
     return float(scores.max())

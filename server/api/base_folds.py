@@ -26,7 +26,7 @@ BROUGHT: Final = tuple(name for files in FILES.values() for name in files)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Beginning:
+class BaseFold:
     """What a refold begins with, or what is smoothed: a fold, by files that are copied.
 
     Attributes:
@@ -52,7 +52,7 @@ class Beginning:
             shutil.copyfile(path, directory / name)
 
 
-def beginning_of(context: Context, fold_id: str, use: Use) -> Beginning:
+def beginning_of(context: Context, fold_id: str, use: Use) -> BaseFold:
     """A finished fold, as what another one is made of.
 
     Raises:
@@ -71,7 +71,7 @@ def beginning_of(context: Context, fold_id: str, use: Use) -> Beginning:
     return _beginning(use, fold_id, row, files)
 
 
-def beginning_noted(directory: Path, row: FoldRow) -> Beginning | None:
+def beginning_noted(directory: Path, row: FoldRow) -> BaseFold | None:
     """What a fold was made of that is a refold or smoothed; None when it is neither."""
     if row.refold is None and row.smooths is None:
         return None
@@ -80,7 +80,7 @@ def beginning_noted(directory: Path, row: FoldRow) -> Beginning | None:
     return found if row.refold is None else replace(found, name=row.refold)
 
 
-def _beginning(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path]) -> Beginning:
+def _beginning(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path]) -> BaseFold:
     plan = files[START_PLAN if use == "refold" else RECORDED_PLAN]
     name = row.name
     try:
@@ -92,7 +92,7 @@ def _beginning(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path])
             f"{use}-no-plan",
             f"{name} ended without a plan, expected a fold that has one; fold it again.",
         ) from error
-    return Beginning(
+    return BaseFold(
         use=use,
         fold=fold,
         name=name,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from fastapi import Request
 
-from server.api.fold_states import Watch
+from server.api.fold_states import FoldStates
 from server.files.exports import Exports
 from server.files.preview_scenes import PreviewScenes
 from server.files.previews import Previews
@@ -29,7 +29,7 @@ from server.store.gallery import Gallery
 from server.store.leases import Leases
 
 if TYPE_CHECKING:
-    from web.timeline.views import Films
+    from web.timeline.views import TimelineViews
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ class Context:
     settings: Settings
     store: Store
     jobs: Jobs
-    films: Films
+    timelines: TimelineViews
     fork_server: ForkServer | None
     reader: Reader
     preparer: Reader
@@ -49,7 +49,7 @@ class Context:
     exports: Exports
     movies: Movies
     gallery: Gallery
-    watch: Watch
+    watch: FoldStates
     streams: Quota
     robots: Quota
     trajectories: Trajectories

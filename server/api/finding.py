@@ -14,7 +14,7 @@ from server.settings import Settings
 from server.store.shown import FoldSource, Found
 
 if TYPE_CHECKING:
-    from web.timeline.views import Films
+    from web.timeline.views import TimelineViews
 
 FOLD_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
@@ -28,7 +28,7 @@ class Viewing(Protocol):
     @property
     def store(self) -> FoldSource: ...
     @property
-    def films(self) -> Films: ...
+    def timelines(self) -> TimelineViews: ...
     @property
     def workshop(self) -> Workshop: ...
     @property

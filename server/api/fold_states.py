@@ -1,4 +1,4 @@
-"""Watch: the state of folds as it changes, read once for all who look at the same fold."""
+"""Fold states: the state of folds as it changes, read once for all who look at the same fold."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LOOK_EVERY_S: Final = 0.15
 MOST_KEPT: Final = 1024
 
 
-class Watch:
+class FoldStates:
     """Keeps each looked-at state for a moment."""
 
     def __init__(self, store: Store, leases: Leases) -> None:

@@ -27,7 +27,7 @@ from server.api.schemas import Accepted, Fold, Folds, Links, ProblemBody, Shape,
 from server.api.submit import Submission, input_noted, noted, submit
 from server.errors import Forbidden, Unidentified, Unusable
 from server.files.cancelled import sweep_cancelled
-from server.files.previews import ShapeWishes
+from server.files.previews import ShapeOptions
 from server.http.client_address import address_of
 from server.http.response_cache import mark
 from server.store.folds import new_token
@@ -76,8 +76,8 @@ def _wishes(
             description="The cell that the chain begins in, as `x,y,z` of a preview's `cells`.",
         ),
     ] = None,
-) -> ShapeWishes:
-    return ShapeWishes(
+) -> ShapeOptions:
+    return ShapeOptions(
         module=module,
         modules=modules,
         method=method,
@@ -88,7 +88,7 @@ def _wishes(
     )
 
 
-Wishes = Annotated[ShapeWishes, Depends(_wishes)]
+PathOptions = Annotated[ShapeOptions, Depends(_wishes)]
 Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]
 GalleryShape = Annotated[str | None, Form(description="Or the name of a gallery shape.")]
 
@@ -109,7 +109,7 @@ def post_fold(
     request: Request,
     context: Here,
     credentials: Bearer,
-    wishes: Wishes,
+    wishes: PathOptions,
     file: Uploaded = None,
     shape: GalleryShape = None,
     preview: Annotated[
@@ -372,7 +372,7 @@ def input_of(
 
 
 def _previewed(
-    context: Context, preview: str | None, wishes: ShapeWishes
+    context: Context, preview: str | None, wishes: ShapeOptions
 ) -> list[list[int]] | None:
     """The cells that a preview has found, so that the fold's page can draw them at once."""
     return None if preview is None else context.previews.cells(preview, wishes)

@@ -1,4 +1,4 @@
-"""Films: what a browser shows of a fold, taken from its timeline.
+"""Frames: what a browser shows of a fold, taken from its timeline.
 
 ``/view`` is viser's client, the same for every fold, so that a browser keeps it. The page that
 frames it hands it the fold's scenery (``web.viser.scene_bundle``) and, frame by frame, what is in
@@ -22,7 +22,7 @@ from server.store.folds import NoSuchFoldError
 from server.store.shown import RUNNING
 from web.timeline.frame_batch import kept_reel
 from web.timeline.metrics import kept_figures
-from web.timeline.view import Film
+from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.scene_bundle import scenery_of
 
@@ -53,8 +53,8 @@ async def scenery(request: Request, fold_id: str) -> Response:
     """What is known of a fold's chain and its scene; the id is that of the timeline."""
 
     def answer() -> Response:
-        film = _film(request, fold_id)
-        return _nothing() if film is None else _scenery(request, film)
+        timeline = _view(request, fold_id)
+        return _nothing() if timeline is None else _scenery(request, timeline)
 
     return await asyncio.to_thread(answer)
 
@@ -70,16 +70,16 @@ async def reel(
 ) -> Response:
     """Frames of a fold's timeline; with ``wait``, seconds, not before there are any from there."""
 
-    def answer(film: Film | None = None) -> Response | Film:
-        """In one go, for threads are few and a slider asks often; the film, where one waits."""
-        waited = film is not None
-        film = film or _film(request, fold_id)
-        if film is None:
+    def answer(timeline: TimelineView | None = None) -> Response | TimelineView:
+        """In one go, for threads are few and a slider asks often; the timeline, where one waits."""
+        waited = timeline is not None
+        timeline = timeline or _view(request, fold_id)
+        if timeline is None:
             return _nothing()
-        if wait and not waited and start >= len(film) and film.growing:
-            return film
+        if wait and not waited and start >= len(timeline) and timeline.growing:
+            return timeline
         try:
-            return _binary(request, kept_reel(film, start, stop, stride), film)
+            return _binary(request, kept_reel(timeline, start, stop, stride), timeline)
         except TimelineError:
             return _nothing()  # it is being replaced just now
 
@@ -119,12 +119,12 @@ async def figures(
     return await asyncio.to_thread(answer)
 
 
-def _scenery(request: Request, film: Film) -> Response:
-    return _binary(request, scenery_of(film.chain, film.stretch), film)
+def _scenery(request: Request, timeline: TimelineView) -> Response:
+    return _binary(request, scenery_of(timeline.chain, timeline.stretch), timeline)
 
 
-def _binary(request: Request, data: bytes, film: Film) -> Response:
-    if film.growing:
+def _binary(request: Request, data: bytes, timeline: TimelineView) -> Response:
+    if timeline.growing:
         return Response(data, media_type=BINARY, headers={"Cache-Control": "no-store"})
     return _kept(request, data)
 
@@ -145,11 +145,11 @@ def _nothing() -> Response:
     return Response(status_code=204, headers={"Cache-Control": "no-store"})
 
 
-def _film(request: Request, fold_id: str) -> Film | None:
+def _view(request: Request, fold_id: str) -> TimelineView | None:
     found = find_now(request, fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)
-    film = viewing_of(request).films.get(found.directory / "timeline.zarr")
-    if film is not None and not film.growing:
+    timeline = viewing_of(request).timelines.get(found.directory / "timeline.zarr")
+    if timeline is not None and not timeline.growing:
         mark(request, found.row)
-    return film if film is not None and len(film) else None
+    return timeline if timeline is not None and len(timeline) else None

@@ -13,7 +13,7 @@ from server.api.folds import Here, problems
 from server.errors import Forbidden
 from server.ops.metrics import MEDIA_TYPE
 from server.ops.readiness import Readiness
-from server.store.stats import Census
+from server.store.stats import Stats
 
 router = APIRouter(tags=["operation"])
 PASSED_ON = ("forwarded", "x-forwarded-for", "x-real-ip", "via")
@@ -58,10 +58,10 @@ async def get_metrics(request: Request, context: Here) -> Response:
             "The figures are for this machine alone; an operator opens them with "
             "FOLDBACK_METRICS_PUBLIC=true.",
         )
-    census: Census = request.app.state.census
+    stats: Stats = request.app.state.stats
     streams, robots = len(context.streams), len(context.robots)
     try:
-        figures = await asyncio.to_thread(census.figures)
+        figures = await asyncio.to_thread(stats.figures)
     except SQLAlchemyError:
         figures = None
     text = context.metrics.text(figures, streams=streams, robots=robots)

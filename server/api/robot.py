@@ -16,7 +16,7 @@ from server.api.artifacts import not_there
 from server.api.context import Context
 from server.api.finding import FOLD_ID
 from server.api.folds import Here, problems
-from server.api.robot_clock import Pace, Reason
+from server.api.robot_clock import Reason, RobotClock
 from server.api.robot_messages import (
     DECODER,
     ENCODER,
@@ -283,7 +283,7 @@ class _Hand:
         self._answered: int | None = None
         self._ahead = max(2, round(AHEAD_S * ask.rate_hz))
         self._heard = self._clock()
-        self._pace = Pace(
+        self._pace = RobotClock(
             self._trajectory.duration_s,
             speed=ask.speed,
             # A clock that stops at top speed must not ask for more than the largest acceleration.

@@ -1,4 +1,4 @@
-"""Pace: the clock of a robot's motion. It stands while the robot does not follow.
+"""Robot clock: the clock of a robot's motion. It stands while the robot does not follow.
 
 The rule is the paper's: servo to a target until the largest angle error is less than a threshold,
 then go on. Here the targets lie densely on a trajectory, and the clock that runs along it slows
@@ -14,7 +14,7 @@ LONGEST_STEP_S: Final = 0.1
 """After a delay the clock goes on from where it was, instead of jumping."""
 
 
-class Pace:
+class RobotClock:
     """The clock of one motion. Times of the outer clock come in as ``now``.
 
     Attributes:

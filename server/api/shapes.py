@@ -14,7 +14,7 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
 from planner.pipeline.request import LARGEST_SEED
-from server.api.folds import ID, GalleryShape, Here, Uploaded, Wishes, input_of, problems
+from server.api.folds import ID, GalleryShape, Here, PathOptions, Uploaded, input_of, problems
 from server.api.schemas import Preview, Shape, Shapes
 from server.errors import NotFound, Unusable
 
@@ -36,7 +36,7 @@ def get_shapes(context: Here) -> Shapes:
 async def post_preview(
     request: Request,
     context: Here,
-    wishes: Wishes,
+    wishes: PathOptions,
     file: Uploaded = None,
     shape: GalleryShape = None,
     preview: Annotated[

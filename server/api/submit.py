@@ -16,10 +16,10 @@ from typing import Any, BinaryIO, Final
 from planner.errors import InputError
 from planner.pipeline.request import Request
 from planner.simulation.parameters import AUTO
-from server.api.base_folds import Beginning
+from server.api.base_folds import BaseFold
 from server.api.context import Context
 from server.errors import Conflict, NoRoom, NotFound, TooMany, Unavailable, Unusable, nearly_full
-from server.files.previews import ShapeWishes
+from server.files.previews import ShapeOptions
 from server.files.uploads import Upload
 from server.processes.children import ChildError
 from server.processes.read_task import LARGEST_DRAWING
@@ -44,10 +44,10 @@ class Submission:
     visitor: str
     token: str
     """Of who asks: he owns what is made for him."""
-    wishes: ShapeWishes = field(default_factory=ShapeWishes)
+    wishes: ShapeOptions = field(default_factory=ShapeOptions)
     cells: list[list[int]] | None = None
     """For a drawing until there is a chain; those that a preview has found."""
-    beginning: Beginning | None = None
+    beginning: BaseFold | None = None
     strategy: str = AUTO
     again: FoldRow | None = None
     """The fold that is asked for once more, by its id."""
@@ -65,12 +65,12 @@ class Submission:
         )
 
     @property
-    def refolds(self) -> Beginning | None:
+    def refolds(self) -> BaseFold | None:
         """What it begins folded as."""
         return self.beginning if self.beginning and self.beginning.use == "refold" else None
 
     @property
-    def smooths(self) -> Beginning | None:
+    def smooths(self) -> BaseFold | None:
         """Whose plan is to be smoothed."""
         return self.beginning if self.beginning and self.beginning.use == "smooth" else None
 
@@ -200,14 +200,14 @@ def _no_input() -> NotFound:
     )
 
 
-def noted(directory: Path) -> tuple[ShapeWishes, list[list[int]] | None]:
+def noted(directory: Path) -> tuple[ShapeOptions, list[list[int]] | None]:
     """How a fold's input was to become a chain, and cells for a drawing if there are some.
 
     Raises:
         NotFound: When they are not there any more.
     """
     request = _request(directory)
-    names = {each.name for each in fields(ShapeWishes)} - {"seed"}
+    names = {each.name for each in fields(ShapeOptions)} - {"seed"}
     wishes = {name: value for name, value in request.items() if name in names}
     if wishes.get("start") is not None:
         wishes["start"] = tuple(wishes["start"])
@@ -215,7 +215,7 @@ def noted(directory: Path) -> tuple[ShapeWishes, list[list[int]] | None]:
         cells = json.loads((directory / "cells.json").read_bytes())
     except (OSError, ValueError):
         cells = None
-    return ShapeWishes(**wishes), cells
+    return ShapeOptions(**wishes), cells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -302,7 +302,7 @@ def _sync(directory: Path) -> None:
         os.close(handle)
 
 
-def _read(context: Context, directory: Path, beginning: Beginning | None, visitor: str) -> _Found:
+def _read(context: Context, directory: Path, beginning: BaseFold | None, visitor: str) -> _Found:
     try:
         found = context.reader.check(directory, visitor=visitor)
     except InputError as error:

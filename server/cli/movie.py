@@ -47,7 +47,7 @@ def movie(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Film a fold: the straight chain folds into its shape."""
+    """Make a movie of a fold: the straight chain folds into its shape."""
     try:
         kind = out.suffix.lower().removeprefix(".")
         if kind not in FORMATS:

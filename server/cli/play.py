@@ -24,12 +24,12 @@ from planner.motion.timeline import Timeline
 from planner.pipeline.ended import where
 from planner.pipeline.request import Request
 from planner.pipeline.stages import work_out_figures
-from server.api import frames as films
+from server.api import frames as timelines
 from server.files.workshop import Workshop
 from server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
 from server.pages import landing, share
 from server.store.shown import Found, ShownFold
-from web.timeline.views import Films
+from web.timeline.views import TimelineViews
 
 ONLY: Final = "fold"
 
@@ -60,7 +60,7 @@ class FolderContext:
     """What the routes of the viewer share."""
 
     store: FolderStore
-    films: Films
+    timelines: TimelineViews
     workshop: Workshop
     jobs: None = None
     settings: None = None
@@ -115,7 +115,7 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
         # The directory is somebody's own: nothing is put into it.
         with TemporaryDirectory(prefix="foldback-") as place:
             workshop = Workshop(store, folder=Path(place))
-            app.state.context = FolderContext(store, Films(), workshop)
+            app.state.context = FolderContext(store, TimelineViews(), workshop)
             yield
             workshop.close()
 
@@ -126,7 +126,7 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
         return RedirectResponse(f"/folds/{ONLY}")
 
     app.include_router(landing.router)
-    app.include_router(films.router)
+    app.include_router(timelines.router)
     app.include_router(share.router)
     app.add_middleware(SameOrigin)
     app.add_middleware(AllowedHosts, hosts=hosts_of(host))

@@ -167,7 +167,7 @@ class Upkeep:
             epoch=FoldRow.epoch + 1,
         )
         if row.status == "cancelled" and not self.fold(fold_id).bytes:
-            raise _no_input(fold_id)  # a sweeper has just given its files up
+            raise _no_input(fold_id)  # a janitor has just given its files up
         self._check_inputs(row)
         size = self._strip(row)
         if job is not None:

@@ -20,7 +20,7 @@ KEPT_S: Final = 3600.0
 """From the end of a cancelled fold until its files go."""
 KEPT_BYTES: Final = 16 * 2**20
 """What the files of one visitor's cancelled folds may take meanwhile, besides the last one's."""
-log = logging.getLogger("foldback.sweeper")
+log = logging.getLogger("foldback.janitor")
 
 
 def sweep_cancelled(store: Store, now: float, *, visitor: str | None = None) -> None:

@@ -19,7 +19,7 @@ from server.store.tables import ENDED, MAKING, FoldRow, MovieRow, movie_file
 
 FRESH_S: Final = 600.0
 """What was made since stays for who has asked for it."""
-log = logging.getLogger("foldback.sweeper")
+log = logging.getLogger("foldback.janitor")
 
 
 def derived_bytes(store: Store) -> int:

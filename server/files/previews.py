@@ -33,7 +33,7 @@ from server.errors import (
 from server.files.stored_previews import (
     UPLOAD,
     HeldPreview,
-    KeptPreviews,
+    StoredPreviews,
     noted,
     superfluous,
     visitor_noted,
@@ -51,7 +51,7 @@ SWEEP_EVERY_S: Final = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShapeWishes:
+class ShapeOptions:
     """How a shape is to become a path, in the words of ``planner.pathfinding.options``."""
 
     module: str = "cube"
@@ -71,7 +71,7 @@ class ShapeWishes:
 
     def changed(self) -> dict[str, Any]:
         """Those that are not as they would be anyway, without the seed."""
-        plain = asdict(ShapeWishes())
+        plain = asdict(ShapeOptions())
         return {k: v for k, v in asdict(self).items() if k != "seed" and v != plain[k]}
 
 
@@ -94,7 +94,7 @@ class Previews:
 
     def __init__(self, settings: Settings, storage: Storage | None = None) -> None:
         self._settings = settings
-        self._elsewhere = KeptPreviews(settings, storage)
+        self._elsewhere = StoredPreviews(settings, storage)
         self._root = settings.previews_dir
         self._root.mkdir(parents=True, exist_ok=True)
         self._lock = threading.Lock()
@@ -178,7 +178,7 @@ class Previews:
     def report(
         self,
         preview_id: str,
-        wishes: ShapeWishes,
+        wishes: ShapeOptions,
         reader: Reader,
         *,
         visitor: str,
@@ -230,7 +230,7 @@ class Previews:
         self._elsewhere.keep_report(place)
         return found
 
-    def cells(self, preview_id: str, wishes: ShapeWishes) -> list[list[int]] | None:
+    def cells(self, preview_id: str, wishes: ShapeOptions) -> list[list[int]] | None:
         """The cells of cubes that came of an upload with these wishes, if that has been computed.
 
         Raises:

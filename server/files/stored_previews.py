@@ -105,7 +105,7 @@ def visitor_noted(about: bytes | None) -> str:
     return str(noted(about).get("visitor", ""))
 
 
-class KeptPreviews:
+class StoredPreviews:
     """See the module's description. Safe to use from many threads.
 
     Args:

@@ -1,4 +1,4 @@
-"""Lately: what was answered within the last second is answered again to who asks for the same.
+"""Response cache: what was answered within the last second is answered again.
 
 A link that many have opened is asked for the same things many times a second, and a verified fold
 changes no more. So a route may mark its answer as one of a verified fold; others then get the same
@@ -43,7 +43,7 @@ def mark(request: HTTPConnection, row: Any) -> None:
         setattr(request.state, MARK, row.id)
 
 
-class Lately:
+class ResponseCache:
     """See the module's description.
 
     Args:

@@ -1,4 +1,4 @@
-"""Sweeper: forgets folds that nobody looks at any more, and files that belong to nobody.
+"""Janitor: forgets folds that nobody looks at any more, and files that belong to nobody.
 
 Folds of the gallery and pinned ones stay, and so do those that are not over. The others go when
 nobody has looked at them for ``keep_days``, or, the longest unseen first, when the folds of a
@@ -32,10 +32,10 @@ FRESH_S: Final = 3600.0
 ORPHANS_EVERY_S: Final = 3600.0
 ORPHAN_AGE_S: Final = 3600.0
 """An upload that is being accepted has files before it has a row."""
-log = logging.getLogger("foldback.sweeper")
+log = logging.getLogger("foldback.janitor")
 
 
-class Sweeper:
+class Janitor:
     """See the module's description. Several may sweep at once.
 
     Args:

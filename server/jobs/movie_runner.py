@@ -17,7 +17,7 @@ import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
 from planner.errors import InputError
-from server.jobs.progress import News
+from server.jobs.progress import JobProgress
 from server.jobs.retry import patiently
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
@@ -64,7 +64,7 @@ class MovieJobs:
         movie = Movie.of(row.wishes)
         with self._scratch.directory() as place:
             done = _Progress(self._store, job)
-            news = News(done.report)
+            news = JobProgress(done.report)
             if not patiently(news.last):
                 return
             files = patiently(lambda: self._store.directory(fold_id))
@@ -149,7 +149,7 @@ class _Progress:
         self._told: int | None = None
 
     def take(self, event: dict[str, Any]) -> None:
-        """News from the child."""
+        """What the child tells."""
         self._done = int(event["steps"])
 
     def report(self) -> bool:

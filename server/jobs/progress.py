@@ -1,4 +1,4 @@
-"""News: carries progress to a row, and that nobody wants it back, both at a bounded pace."""
+"""Progress of jobs: told to a row at a bounded pace, and stopped when nobody wants the result."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from server.store.tables import passes
 REPORT_EVERY_S: Final = 0.2
 
 
-class News:
+class JobProgress:
     """See the module's description.
 
     Args:

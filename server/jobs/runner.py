@@ -16,7 +16,7 @@ from planner.errors import InputError, TimelineError
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.playback.unfolding import START_CHAIN
 from server.files.cancelled import sweep_cancelled
-from server.jobs.progress import News
+from server.jobs.progress import JobProgress
 from server.jobs.retry import Answer, patiently
 from server.processes.children import Child, ChildError, Children
 from server.processes.fork_server import ForkServer
@@ -258,7 +258,7 @@ class Runner:
             fold_id, epoch, lambda: self._store.folders.bring(fold_id, known, epoch)
         )
         done = _Progress(self._store, fold_id, stage, epoch)
-        news = News(done.report)
+        news = JobProgress(done.report)
         with _keeping(self._store, fold_id, epoch):
             result = child.call(
                 stage,
@@ -390,7 +390,7 @@ class _Progress:
         self._waits = True
 
     def take(self, event: dict[str, Any]) -> None:
-        """News from the child."""
+        """What the child tells."""
         self._progress = {key: event[key] for key in self._progress}
         self._waits = True
 

@@ -24,7 +24,7 @@ from dbos import DBOS, DBOSConfig
 from dbos import error as dbos_errors
 
 from server.jobs.dbos_private import hand_back, hand_back_all, take_nothing_new
-from server.jobs.janitor import Sweeper
+from server.jobs.janitor import Janitor
 from server.jobs.movie_runner import MovieJobs
 from server.jobs.queue import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, Jobs
 from server.jobs.runner import STAGES, Outcome, Runner, TakenOverError
@@ -36,7 +36,7 @@ from server.settings import Settings
 from server.store.folds import Store
 from server.store.leases import Leases
 from server.store.tables import passes
-from server.store.worker_identity import Slots
+from server.store.worker_identity import WorkerIdentities
 
 LOOK_EVERY_S: Final = 2.0
 BEATS_A_LEASE: Final = 5
@@ -152,7 +152,7 @@ class _Caretaker:
         self._name = name
         self._active = active
         self._leases = Leases.of(settings, store)
-        self._sweeper = Sweeper(settings, store)
+        self._sweeper = Janitor(settings, store)
         self._strays: dict[str, float] = {}
         self._swept_at = time.monotonic()
 
@@ -233,8 +233,8 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         store = Store(settings)
         runner = Runner(settings, store)
         runner.prewarm()
-        slot = Slots(settings).take()
-        set_up_logs(settings, worker=slot.name)
+        identity = WorkerIdentities(settings).take()
+        set_up_logs(settings, worker=identity.name)
         jobs = Jobs(settings)
     told = threading.Semaphore(0)
 
@@ -252,31 +252,31 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         "name": APPLICATION,
         "system_database_url": settings.queue_url,
         "application_version": APPLICATION_VERSION,
-        "executor_id": slot.name,
+        "executor_id": identity.name,
         "log_level": "WARNING",
     }
     config.update(tracing(settings))
     DBOS(config=config)
     active = Active()
-    register(runner, MovieJobs(settings, store), slot.name, active)
+    register(runner, MovieJobs(settings, store), identity.name, active)
     stopping = threading.Event()
-    caretaker = _Caretaker(settings, store, jobs, runner, slot.name, active)
+    caretaker = _Caretaker(settings, store, jobs, runner, identity.name, active)
     caretaker.beat()
     DBOS.launch()
     _repeat(stopping, settings.lease_s / BEATS_A_LEASE, caretaker.beat, "saying that we live")
     look_every_s = min(LOOK_EVERY_S, settings.lease_s / LOOKS_A_LEASE)
     _repeat(stopping, look_every_s, caretaker.look, "looking after folds")
-    log.info("worker %s is ready", slot.name)
+    log.info("worker %s is ready", identity.name)
     told.acquire()
     take_nothing_new()
     deadline = time.monotonic() + settings.drain_s
     while len(active) and time.monotonic() < deadline and not told.acquire(timeout=0.1):
         pass
-    log.info("worker %s ends; %d jobs go on elsewhere", slot.name, len(active))
+    log.info("worker %s ends; %d jobs go on elsewhere", identity.name, len(active))
     stopping.set()
     runner.stop()
     try:
-        hand_back_all(slot.name)
+        hand_back_all(identity.name)
         caretaker.leave()
     except Exception:
         log.exception("handing back failed; others notice that we are gone")

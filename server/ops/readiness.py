@@ -16,7 +16,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from server.settings import Settings
 from server.store.object_store import StorageError
-from server.store.stats import Census
+from server.store.stats import Stats
 
 KEPT_S: Final = 2.0
 OK: Final = "ok"
@@ -43,16 +43,16 @@ class Readiness:
 
     Args:
         settings: The settings.
-        census: Knows the workers.
+        stats: Knows the workers.
         storage: Raises when files that are kept elsewhere cannot be reached.
     """
 
     def __init__(
-        self, settings: Settings, census: Census, storage: Callable[[], None] = lambda: None
+        self, settings: Settings, stats: Stats, storage: Callable[[], None] = lambda: None
     ) -> None:
         self._storage = storage
         self._settings = settings
-        self._census = census
+        self._stats = stats
         self._lock = threading.Lock()
         self._ending = threading.Event()
         self._kept: tuple[float, str, str] | None = None
@@ -65,7 +65,7 @@ class Readiness:
         """What is found now; disk and storage as of a moment ago."""
         database, workers = OK, 0
         try:
-            workers = self._census.workers()
+            workers = self._stats.workers()
         except SQLAlchemyError as error:
             database = f"does not answer: {type(error).__name__}"
         disk, storage = self._places()

@@ -10,7 +10,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from server.api.context import context_of
 from server.api.folds import post_fold
 from server.errors import ServiceError
-from server.files.previews import ShapeWishes
+from server.files.previews import ShapeOptions
 from server.http.problems import Problem
 from server.pages.cards import CHAINS, STATUSES, Sieve, Standing, cards, kinds, standings
 from server.pages.landing import not_found_page, page
@@ -43,7 +43,7 @@ async def gallery_page(request: Request) -> Response:
 def fold_shape(request: Request, name: str) -> Response:
     """Folds an example shape and leads to its fold, for browsers that run no script."""
     try:
-        accepted = post_fold(request, context_of(request), None, ShapeWishes(), shape=name)
+        accepted = post_fold(request, context_of(request), None, ShapeOptions(), shape=name)
     except ServiceError as error:
         problem = Problem.of(error)
         detail = sentence(problem.detail)

@@ -23,7 +23,7 @@ from server.pages.landing import POLICY, not_found_page, page, rendered, script_
 from server.store.folds import NoSuchFoldError
 from server.store.shown import RUNNING, Found
 from web.timeline.metrics import curves_of
-from web.timeline.view import Film
+from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.recording import recording_of
 from web.viser.standalone import standalone_html, standalone_scripts
@@ -89,7 +89,7 @@ async def standalone(request: Request, fold_id: str) -> Response:
     path = await viewing_of(request).workshop.file(
         fold_id,
         "standalone.html",
-        _of_film(found, lambda film: _standalone(found.directory, film, facts)),
+        _of_view(found, lambda timeline: _standalone(found.directory, timeline, facts)),
         of=OF,
         edition=await asyncio.to_thread(_edition, facts),
         visitor=address_of(request),
@@ -104,31 +104,31 @@ async def recording(request: Request, fold_id: str) -> Response:
     path = await viewing_of(request).workshop.file(
         fold_id,
         "recording.viser",
-        _of_film(found, recording_of),
+        _of_view(found, recording_of),
         of=OF,
         visitor=address_of(request),
     )
     return _file(path, found.row.name, "viser", "application/octet-stream")
 
 
-def _of_film(found: Found, make: Callable[[Film], bytes]) -> Callable[[], bytes]:
-    """Makes something of a film of its own: the one that is looked at has other frames at hand."""
+def _of_view(found: Found, make: Callable[[TimelineView], bytes]) -> Callable[[], bytes]:
+    """Makes something of a view of its own: the one that is looked at has other frames at hand."""
 
     def made() -> bytes:
         try:
-            return make(Film(found.directory / TIMELINE))
+            return make(TimelineView(found.directory / TIMELINE))
         except TimelineError as error:
             raise Conflict("not-ready", str(error), retry_after_s=1) from error
 
     return made
 
 
-def _standalone(directory: Path, film: Film, facts: dict[str, Any]) -> bytes:
+def _standalone(directory: Path, timeline: TimelineView, facts: dict[str, Any]) -> bytes:
     try:
         curves = curves_of(directory)
     except (TimelineError, OSError):
         curves = None
-    return standalone_html(film, _page, facts, curves=curves)
+    return standalone_html(timeline, _page, facts, curves=curves)
 
 
 def _edition(facts: dict[str, Any]) -> str:
@@ -145,9 +145,9 @@ async def _finished(request: Request, fold_id: str) -> Found:
     found = await find_fold(request, fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)
-    films = viewing_of(request).films
-    film = await asyncio.to_thread(films.get, found.directory / TIMELINE)
-    if found.row.status in RUNNING or film is None or not len(film):
+    timelines = viewing_of(request).timelines
+    timeline = await asyncio.to_thread(timelines.get, found.directory / TIMELINE)
+    if found.row.status in RUNNING or timeline is None or not len(timeline):
         raise Conflict(
             "not-ready",
             f"There is nothing to take away yet: the fold is {found.row.status}.",

@@ -21,7 +21,7 @@ from planner.readers import read
 from planner.shapes.shape import Shape
 
 if TYPE_CHECKING:
-    from planner.pathfinding.options import Wishes
+    from planner.pathfinding.options import PathOptions
 
 LARGEST_DRAWING: Final = 4000
 WISHES: Final = ("module", "modules", "method", "repair", "ends", "as_voxels", "start")
@@ -32,14 +32,14 @@ def warm_up() -> None:
     _ = Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0)])).folded_poses
 
 
-def wishes_of(request: dict[str, Any]) -> Wishes:
+def wishes_of(request: dict[str, Any]) -> PathOptions:
     """The wishes in a request; those that are not there are as usual."""
-    from planner.pathfinding.options import Wishes
+    from planner.pathfinding.options import PathOptions
 
     values = {name: request[name] for name in WISHES if name in request}
     if values.get("start") is not None:
         values["start"] = tuple(values["start"])
-    wishes = Wishes(**values)
+    wishes = PathOptions(**values)
     wishes.check()
     return wishes
 

@@ -17,7 +17,7 @@ import sqlalchemy as sa
 from server.settings import Settings
 from server.store.folds import Store, rows_of
 from server.store.tables import WorkerRow
-from server.store.worker_identity import Slots
+from server.store.worker_identity import WorkerIdentities
 
 
 class Leases:
@@ -25,7 +25,7 @@ class Leases:
 
     Args:
         store: Where the rows are.
-        slots: The workers of this machine.
+        identities: The workers of this machine.
         lease_s: How long a worker may be silent.
         clock: Seconds that only rise.
     """
@@ -33,13 +33,13 @@ class Leases:
     def __init__(
         self,
         store: Store,
-        slots: Slots,
+        identities: WorkerIdentities,
         lease_s: float,
         *,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._store = store
-        self._slots = slots
+        self._slots = identities
         self._lease_s = lease_s
         self._clock = clock
         self._lock = threading.Lock()
@@ -49,7 +49,7 @@ class Leases:
     @classmethod
     def of(cls, settings: Settings, store: Store) -> Leases:
         """Those of a service with these settings."""
-        return cls(store, Slots(settings), settings.lease_s)
+        return cls(store, WorkerIdentities(settings), settings.lease_s)
 
     def beat(self, name: str, *, host: str, pid: int, folds_at_once: int) -> None:
         """Says that a worker lives."""

@@ -1,4 +1,4 @@
-"""Census: a few sums over all rows, for operators; asked for rarely, answered from memory else."""
+"""Stats: a few sums over all rows, for operators; asked for rarely, answered from memory else."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Figures:
     computed_s: tuple[float, ...]
 
 
-class Census:
+class Stats:
     """Counts, at most every ``KEPT_S``.
 
     It has a connection of its own: when a crowd holds all others, operators want to see it.

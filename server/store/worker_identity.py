@@ -1,4 +1,4 @@
-"""Slots: the names of the workers on this machine, each held by at most one living process.
+"""Worker identities: names of the workers on this machine, each held by one process at most.
 
 A name is held by a lock of an open file (OFD lock): whoever looks asks the kernel who holds it, and
 never takes it, so that a worker which starts just then gets its name.
@@ -22,8 +22,8 @@ from server.settings import Settings
 MOST_WORKERS: Final = 256
 
 
-class Slots:
-    """The slots of one data directory: a name and a lock for each worker."""
+class WorkerIdentities:
+    """The identities of one data directory: a name and a lock for each worker."""
 
     def __init__(self, settings: Settings) -> None:
         self._directory = settings.root / "workers"
@@ -37,8 +37,8 @@ class Slots:
                     write_whole(mark, secrets.token_hex(4).encode())
         self._prefix = f"{socket.gethostname()[:100]}/{mark.read_text()}/"
 
-    def take(self) -> Slot:
-        """The slot of the lowest number whose lock nobody holds.
+    def take(self) -> WorkerIdentity:
+        """The identity of the lowest number whose lock nobody holds.
 
         Raises:
             RuntimeError: When all are taken.
@@ -46,7 +46,7 @@ class Slots:
         for number in range(MOST_WORKERS):
             lock = _lock(self._path(number))
             if lock is not None:
-                return Slot(f"{self._prefix}{number}", lock)
+                return WorkerIdentity(f"{self._prefix}{number}", lock)
         raise RuntimeError(f"found {MOST_WORKERS} workers on {self._directory}, expected fewer.")
 
     def dead(self, names: Iterable[str]) -> set[str]:
@@ -64,8 +64,8 @@ class Slots:
         return self._directory / f"{number}.lock"
 
 
-class Slot:
-    """One worker's name, the same after every start in the same slot; held by its process."""
+class WorkerIdentity:
+    """One worker's name, the same after every start in the same identity; held by its process."""
 
     def __init__(self, name: str, lock: IO[str]) -> None:
         self.name = name
@@ -77,7 +77,7 @@ class Slot:
 
 
 def _lock(path: Path) -> IO[str] | None:
-    file = open(path, "w")  # noqa: SIM115 (a slot's lock is held for the life of the process)
+    file = open(path, "w")  # noqa: SIM115 (the lock is held for the life of the process)
     try:
         fcntl(file, F_OFD_SETLK, _of_file(F_WRLCK))
     except OSError as error:

@@ -22,7 +22,7 @@ STEP = 2.36
 WINDOWS = ((1280, 720), (390, 844))
 PLAYED_S = 8.0
 COMPUTED = 400
-REACHED = "() => window.foldback?.player.shown?.exact && window.foldback.film.complete"
+REACHED = "() => window.foldback?.player.shown?.exact && window.foldback.timeline.complete"
 COMPUTE = """(count) => {
   const { player, film } = window.foldback;
   const first = Math.round(film.last * 0.1);

@@ -236,7 +236,7 @@ def _opened(
         )
     page.goto(address)
     page.locator("#sketch.gone").wait_for(state="attached", timeout=90_000)
-    page.wait_for_function("() => window.foldback.film.complete", timeout=60_000)
+    page.wait_for_function("() => window.foldback.timeline.complete", timeout=60_000)
     page.wait_for_timeout(1500)
     page.evaluate(WARM)  # until the page knows how quick the machine's 3D graphics are
     page.wait_for_timeout(2500)
@@ -246,7 +246,7 @@ def _opened(
 def _scrubs(browser: Browser, address: str, *, latency_ms: int) -> list[list[float]]:
     """Milliseconds from the slider's event to the poses and to the picture, for each scrub."""
     page = _opened(browser, address, latency_ms=latency_ms)
-    last = page.evaluate("() => window.foldback.film.last")
+    last = page.evaluate("() => window.foldback.timeline.last")
     frames = np.random.default_rng(0).integers(1, last, SCRUBS).tolist()
     found: list[list[float]] = page.evaluate(SCRUB, frames)
     browser.close()

@@ -23,7 +23,7 @@ LAPTOP = {"width": 960, "height": 420, "color_scheme": "light"}
 PHONE = {"width": 390, "height": 844, "has_touch": True}
 ORANGE = """() => {
   const { player } = window.foldback;
-  const stuck = player.film.scenery.header.colours.stuck;
+  const stuck = player.timeline.scenery.header.colours.stuck;
   const colours = player.colours();
   const is = (i) => stuck.every((v, c) => colours[3 * i + c] === v);
   return Array.from({ length: colours.length / 3 }, (_, i) => i).filter(is);
@@ -47,7 +47,7 @@ def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 def opened(page: Page) -> Page:
     page.locator("#sketch.gone").wait_for(state="attached")
-    page.wait_for_function("() => window.foldback.film.complete")
+    page.wait_for_function("() => window.foldback.timeline.complete")
     return page
 
 
@@ -195,7 +195,7 @@ def test_a_knot(visit: Visit, service: Service) -> None:
         assert found == state["summary"]["stuck"]["modules"]
         # The knot is in the middle, between the tails.
         assert min(found) > TAIL and max(found) < len(walk(tuple(corners))) - TAIL
-        assert shown_frame(page) == page.evaluate("() => window.foldback.film.last")
+        assert shown_frame(page) == page.evaluate("() => window.foldback.timeline.last")
     page.locator("#stuck-fold").click()
     page.locator("#stuck-attempts").click()
     tried = page.locator(".attempts li")
@@ -207,7 +207,7 @@ def test_a_knot(visit: Visit, service: Service) -> None:
 
 def test_a_verified_fold_has_no_such_card(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
-    page.wait_for_function("() => window.foldback.film.complete")
+    page.wait_for_function("() => window.foldback.timeline.complete")
     expect(page.locator("#stuck")).to_be_hidden()
     expect(page.locator("#jump option[value=stuck]")).to_have_attribute("hidden", "")
     assert page.evaluate(ORANGE) == []

@@ -17,7 +17,7 @@ from planner.progress import COMPILING
 from tests.browser.conftest import PATIENCE_MS, keep, picture, shot
 from tests.server.service import STAIRS, Service
 from web.pictures.colours import error_scale, module_errors
-from web.timeline.view import Film
+from web.timeline.view import TimelineView
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
@@ -127,7 +127,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
     fold_id = page.url.rsplit("/", 1)[1]
     timeline = Timeline.open(service.directory(fold_id) / "timeline.zarr")
     frames, chain = timeline.frames(), timeline.chain
-    film = Film(timeline.path)
+    film = TimelineView(timeline.path)
 
     # Scrub: the picture is as red as the recorded error says.
     errors = module_errors(

@@ -21,10 +21,10 @@ Visit = Callable[..., Page]
 CHAIN = peels.snake((20, 20, 25))
 OPENED = 2**20
 """Bytes that a fold may take to open, of its scenery and frames."""
-SHOWN = "() => window.foldback?.player.shown?.exact && window.foldback.film.complete"
+SHOWN = "() => window.foldback?.player.shown?.exact && window.foldback.timeline.complete"
 HERE = """() => {
   let found = 0;
-  for (const { count } of window.foldback.film.chunks.values()) found += count;
+  for (const { count } of window.foldback.timeline.chunks.values()) found += count;
   return found;
 }"""
 CLICK = """([module, way]) => {

@@ -55,7 +55,7 @@ def opened(visit: Visit, fold: str, *, view: bool = False, **options: object) ->
     page = visit(f"/folds/{fold}", view=view, **options)
     if view:
         page.locator("#sketch.gone").wait_for(state="attached")
-    page.wait_for_function("() => window.foldback.film.complete")
+    page.wait_for_function("() => window.foldback.timeline.complete")
     return page
 
 

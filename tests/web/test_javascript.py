@@ -35,7 +35,7 @@ from web.pictures.colours import error_colours, error_scale, module_errors
 from web.static_files import STATIC, scripts_of
 from web.timeline.columns import encode
 from web.timeline.frame_batch import reel_of
-from web.timeline.view import Film
+from web.timeline.view import TimelineView
 from web.timeline.window_columns import PLANES, window_columns, windows_of
 from web.viser.scene_bundle import scenery_of
 
@@ -239,11 +239,11 @@ def colours() -> Vectors:
     }
 
 
-def film(path: Path) -> Vectors:
+def timeline(path: Path) -> Vectors:
     """A short fold, as its page gets it, and what Python says of three of its frames."""
-    film = Film(path)
-    chain = film.chain
-    frames = film.frames(0, len(film))
+    timeline = TimelineView(path)
+    chain = timeline.chain
+    frames = timeline.frames(0, len(timeline))
     module = chain.module
     errors = module_errors(
         frames.joint_error_rad,
@@ -251,10 +251,10 @@ def film(path: Path) -> Vectors:
         hinges=module.hinges_per_joint,
         rigid_links=module.rigid_links,
     )
-    scale = film.outline()["error_scale_rad"]
+    scale = timeline.outline()["error_scale_rad"]
     return {
         "scenery": text(scenery_of(chain)),
-        "reel": text(reel_of(film)),
+        "reel": text(reel_of(timeline)),
         "cells": np.rint(chain.folded_poses.positions).astype(int).tolist(),
         "joints": list(chain.joint_names),
         "frames": [
@@ -273,7 +273,7 @@ def film(path: Path) -> Vectors:
                 "colours": error_colours(errors[k], scale).ravel().tolist(),
                 "errors": [None if np.isnan(v) else float(v) for v in errors[k]],
             }
-            for k in (0, 120, len(film) - 1)
+            for k in (0, 120, len(timeline) - 1)
         ],
     }
 
@@ -292,7 +292,7 @@ def cases(timeline_path: Path, tmp_path_factory: pytest.TempPathFactory) -> list
                 "camera": camera(),
                 "columns": columns(),
                 "colours": colours(),
-                "film": film(timeline_path),
+                "timeline": timeline(timeline_path),
             },
             allow_nan=False,
         ),

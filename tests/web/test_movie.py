@@ -18,7 +18,7 @@ from web.movies.filming import film_movie, frame_numbers
 from web.movies.movie import Movie
 from web.movies.renderer import NoGLError, Stage
 from web.pictures.lighting import THEMES
-from web.timeline.view import Film
+from web.timeline.view import TimelineView
 
 SMALL = {"width": 320, "height": 180, "seconds": 0.8, "fps": 10}
 
@@ -105,7 +105,7 @@ def test_cancelled_it_ends_and_leaves_no_more_than_its_own_file(
 
 
 def test_frames_rest_at_both_ends_and_go_from_straight_to_folded(timeline_path: Path) -> None:
-    film = Film(timeline_path)
+    film = TimelineView(timeline_path)
     numbers = frame_numbers(film, Movie.of({"seconds": 10}))
     assert (numbers[0], numbers[-1]) == (100, 199)  # the playback, as it has 100 of 200 frames
     assert (numbers == 100).sum() > 8 and (numbers == 199).sum() > 30
@@ -146,7 +146,7 @@ def test_refusals_say_what_is_expected(wishes: dict[str, Any], where: str) -> No
 @pytest.mark.parametrize("frame", [-1, 200])
 def test_frames_that_are_not_there_are_refused(timeline_path: Path, frame: int) -> None:
     with pytest.raises(InputError, match="200 frames") as refusal:
-        frame_numbers(Film(timeline_path), Movie.of({"last_frame": frame}))
+        frame_numbers(TimelineView(timeline_path), Movie.of({"last_frame": frame}))
     assert refusal.value.where == "last_frame"
 
 

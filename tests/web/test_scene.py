@@ -12,7 +12,7 @@ from planner.chain.chain import Chain
 from planner.chain.rotations import matrix_from_wxyz
 from web.pictures.camera import framing
 from web.pictures.colours import UNKNOWN, instance_colours
-from web.timeline.view import Film
+from web.timeline.view import TimelineView
 from web.viser.scene import Scene
 
 
@@ -32,9 +32,9 @@ def sent(server: viser.ViserServer, kind: type) -> list[messages.Message]:
 def test_modules_are_where_the_timeline_has_them(
     server: viser.ViserServer, timeline_path: Path, chain: Chain
 ) -> None:
-    film = Film(timeline_path)
+    timeline = TimelineView(timeline_path)
     scene = Scene(server, chain)
-    shown = film.snapshot(40)
+    shown = timeline.snapshot(40)
     scene.show(shown, scale_rad=1e-3)
     modules = scene._modules
     assert np.allclose(modules.batched_positions, shown.positions * scene.pitch)
@@ -44,9 +44,9 @@ def test_modules_are_where_the_timeline_has_them(
 def test_colours_are_sent_as_linear_light(
     server: viser.ViserServer, timeline_path: Path, chain: Chain
 ) -> None:
-    film = Film(timeline_path)
+    timeline = TimelineView(timeline_path)
     scene = Scene(server, chain)
-    scene.show(film.snapshot(0), scale_rad=1e-3)
+    scene.show(timeline.snapshot(0), scale_rad=1e-3)
     grey = instance_colours(np.array([UNKNOWN], np.uint8))[0]
     assert (np.asarray(scene._modules.batched_colors) == grey).all()
 
@@ -55,7 +55,7 @@ def test_the_ends_are_marked_outside_the_chain(
     server: viser.ViserServer, timeline_path: Path, chain: Chain
 ) -> None:
     scene = Scene(server, chain)
-    shown = Film(timeline_path).snapshot(99)  # straight
+    shown = TimelineView(timeline_path).snapshot(99)  # straight
     scene.show(shown, scale_rad=1e-3)
     ends = np.asarray(scene._ends.batched_positions) / scene.pitch
     way = shown.positions[1] - shown.positions[0]
@@ -69,7 +69,7 @@ def test_the_ground_lies_below_the_chain(
     server: viser.ViserServer, timeline_path: Path, chain: Chain
 ) -> None:
     scene = Scene(server, chain)
-    shown = Film(timeline_path).snapshot(0)
+    shown = TimelineView(timeline_path).snapshot(0)
     scene.show(shown, scale_rad=1e-3)
     while scene.move_ground(0.1):
         pass
@@ -81,7 +81,7 @@ def test_the_camera_goes_to_all_clients_with_the_poses(
     server: viser.ViserServer, timeline_path: Path, chain: Chain
 ) -> None:
     scene = Scene(server, chain)
-    shown = Film(timeline_path).snapshot(0)
+    shown = TimelineView(timeline_path).snapshot(0)
     view = framing(scene.points(shown), radius=scene.radius)
     scene.look(view)
     (position,) = sent(server, messages.SetCameraPositionMessage)

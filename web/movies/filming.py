@@ -16,7 +16,7 @@ from web.pictures.camera import few_points
 from web.pictures.camera_path import CameraPath, camera_path
 from web.pictures.colours import error_colours
 from web.pictures.drawn import MOST_DRAWN, drawn_modules
-from web.timeline.view import Film, Snapshot
+from web.timeline.view import Snapshot, TimelineView
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def film_movie(
         NoGLError: When this backend cannot draw here.
         EncodingError: When the encoder fails.
     """
-    film = Film(timeline)
+    film = TimelineView(timeline)
     frames = frame_numbers(film, movie)
     with Stage(
         film.chain.module,
@@ -73,7 +73,7 @@ def film_movie(
     return True
 
 
-def frame_numbers(film: Film, movie: Movie) -> Array:
+def frame_numbers(film: TimelineView, movie: Movie) -> Array:
     """(K,) the frame of the timeline that each picture shows, not whole between two.
 
     The movie rests a moment at both ends, so that the eye has time for them.
@@ -87,7 +87,7 @@ def frame_numbers(film: Film, movie: Movie) -> Array:
     return np.asarray(first + (last - first) * share, np.float64)
 
 
-def _shot(film: Film, snapshot: Snapshot, path: CameraPath, k: int) -> Shot:
+def _shot(film: TimelineView, snapshot: Snapshot, path: CameraPath, k: int) -> Shot:
     view = path.views[k]
     drawn = drawn_modules(snapshot.positions, film.chain.module, target=view.target)
     poses = np.concatenate([snapshot.positions, snapshot.wxyzs], axis=1).astype(np.float64)
@@ -101,7 +101,7 @@ def _shot(film: Film, snapshot: Snapshot, path: CameraPath, k: int) -> Shot:
     )
 
 
-def _path(film: Film, movie: Movie, frames: Array) -> CameraPath:
+def _path(film: TimelineView, movie: Movie, frames: Array) -> CameraPath:
     azimuth = movie.azimuth_deg
     lows = np.empty(len(frames))
     some: list[Array] = []

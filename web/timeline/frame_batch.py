@@ -1,11 +1,11 @@
-"""Reel: a stretch of a film as one message, for a browser that computes the poses itself.
+"""Reel: a stretch of a timeline as one message, for a browser that computes the poses itself.
 
 A message (``web.timeline.columns``) tells in its header which timeline it is of (``id``), its
 ``status`` (``growing``, ``complete`` or ``failed``), how many frames there are in ``total``, the
-stretch ``start``, ``stop`` and ``stride`` that the columns hold, and the film's outline. The
+stretch ``start``, ``stop`` and ``stride`` that the columns hold, and the timeline's outline. The
 columns are those of ``planner.motion.timeline.Frames``: the time is exact, joint angles are within
 half a millionth of a radian, joint errors within a half per cent, so that little has to travel. A
-windowed film's are those of ``web.timeline.window_columns``.
+windowed timeline's are those of ``web.timeline.window_columns``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from planner.motion.timeline import TimelineWriter
 from planner.motion.windows import Windows
 from web.timeline.cache import Cache
 from web.timeline.columns import encode
-from web.timeline.view import Film
+from web.timeline.view import TimelineView
 from web.timeline.window_columns import ANGLE_STEP_RAD, PLANES, window_columns
 
 LARGEST_REEL: Final = 2**20
@@ -35,24 +35,26 @@ SAMPLES: Final = 64
 _REELS: Final[Cache[bytes]] = Cache(64 * 2**20, len)
 
 
-def kept_reel(film: Film, start: int = 0, stop: int | None = None, stride: int = 1) -> bytes:
-    """``reel_of`` with its usual size; of a film that is over, those made lately are kept.
+def kept_reel(
+    timeline: TimelineView, start: int = 0, stop: int | None = None, stride: int = 1
+) -> bytes:
+    """``reel_of`` with its usual size; of a timeline that is over, the latest are cached.
 
     Raises:
         TimelineError: When the timeline is being replaced.
     """
-    key = (film.edition, start, stop, stride)
+    key = (timeline.edition, start, stop, stride)
     if (data := _REELS.get(key)) is not None:
         return data
-    data = reel_of(film, start, stop, stride)
+    data = reel_of(timeline, start, stop, stride)
     # What was replaced in the meantime may be partly one and partly the other.
-    if not film.growing and film.edition == key[0]:
+    if not timeline.growing and timeline.edition == key[0]:
         _REELS.keep(key, data)
     return data
 
 
 def reel_of(
-    film: Film,
+    timeline: TimelineView,
     start: int = 0,
     stop: int | None = None,
     stride: int = 1,
@@ -62,7 +64,7 @@ def reel_of(
     """Frames from ``start`` on, as many as fit into one message of about a mebibyte.
 
     Args:
-        film: What they are of.
+        timeline: What they are of.
         start: The first one; one past the end is answered with no frames.
         stop: Past the last one; the end when None.
         stride: Every so many-th.
@@ -71,16 +73,16 @@ def reel_of(
     Raises:
         TimelineError: When the timeline is being replaced.
     """
-    total = len(film)
+    total = len(timeline)
     start = min(start, total)
     end = total if stop is None else max(start, min(stop, total))
-    if film.windowed:
-        windows, end = _windows(film, start, end, stride, largest)
-        columns = window_columns(windows, film.chain.folded_rad)
-        return encode(_header(film, total, start, end, stride), columns, planes=PLANES)
-    most = max(1, largest // (8 * len(film.chain.joint_names) + 40))
+    if timeline.windowed:
+        windows, end = _windows(timeline, start, end, stride, largest)
+        columns = window_columns(windows, timeline.chain.folded_rad)
+        return encode(_header(timeline, total, start, end, stride), columns, planes=PLANES)
+    most = max(1, largest // (8 * len(timeline.chain.joint_names) + 40))
     end = min(end, start + most * stride)
-    frames = film.frames(start, end, stride)
+    frames = timeline.frames(start, end, stride)
     columns = {
         "time_s": frames.time_s.astype("<f8"),
         "phase": frames.phase.astype("|u1"),
@@ -90,39 +92,43 @@ def reel_of(
         "joint_error_rad": frames.joint_error_rad.astype("<f4"),
     }
     return encode(
-        _header(film, total, start, end, stride),
+        _header(timeline, total, start, end, stride),
         columns,
         steps={"joint_angles_rad": ANGLE_STEP_RAD},
         short=frozenset({"joint_error_rad"}),
     )
 
 
-def unpacked_bytes(film: Film) -> int:
-    """About as many bytes as a reel of the whole film has when unpacked."""
-    if not film.windowed:
-        return len(film) * (8 * len(film.chain.joint_names) + 40)
-    some = film.windows(0, len(film), max(1, len(film) // SAMPLES))
-    return len(film) * (WINDOW_FRAME + 4 * len(some.angles_rad) // max(1, len(some)))
+def unpacked_bytes(timeline: TimelineView) -> int:
+    """About as many bytes as a reel of the whole timeline has when unpacked."""
+    if not timeline.windowed:
+        return len(timeline) * (8 * len(timeline.chain.joint_names) + 40)
+    some = timeline.windows(0, len(timeline), max(1, len(timeline) // SAMPLES))
+    return len(timeline) * (WINDOW_FRAME + 4 * len(some.angles_rad) // max(1, len(some)))
 
 
-def _header(film: Film, total: int, start: int, stop: int, stride: int) -> dict[str, Any]:
+def _header(
+    timeline: TimelineView, total: int, start: int, stop: int, stride: int
+) -> dict[str, Any]:
     return {
-        "id": film.id,
-        "status": film.status,
+        "id": timeline.id,
+        "status": timeline.status,
         "total": total,
         "start": start,
         "stop": stop,
         "stride": stride,
-        "outline": film.outline(),
+        "outline": timeline.outline(),
     }
 
 
-def _windows(film: Film, start: int, stop: int, stride: int, largest: int) -> tuple[Windows, int]:
+def _windows(
+    timeline: TimelineView, start: int, stop: int, stride: int, largest: int
+) -> tuple[Windows, int]:
     """As many snapshots as fit, at least one, and where the stretch that they are of ends."""
-    parts = [film.windows(start, start)]
+    parts = [timeline.windows(start, start)]
     room = largest
     for at in range(start, stop, AT_ONCE * stride):
-        part = film.windows(at, min(at + AT_ONCE * stride, stop), stride)
+        part = timeline.windows(at, min(at + AT_ONCE * stride, stop), stride)
         sizes = 4 * part.offsets[1:] + WINDOW_FRAME * np.arange(1, len(part) + 1)
         fitting = int(np.searchsorted(sizes, room, "right"))
         if fitting < len(part):
@@ -134,34 +140,34 @@ def _windows(film: Film, start: int, stop: int, stride: int, largest: int) -> tu
     return Windows.joined(parts), stop
 
 
-def thinned(film: Film, stride: int) -> bytes:
-    """A whole finished film in one reel, of every ``stride``-th frame and the last, counted anew.
+def thinned(timeline: TimelineView, stride: int) -> bytes:
+    """A whole finished timeline in one reel: every ``stride``-th frame and the last, counted anew.
 
     Raises:
         TimelineError: When the timeline is being replaced.
     """
     if stride == 1:
-        return reel_of(film, largest=WHOLE)
-    taken = film.windows if film.windowed else film.frames
-    parts: list[Motion] = [taken(0, len(film), stride)]
-    if (len(film) - 1) % stride:
-        parts.append(taken(len(film) - 1, len(film)))
-    return _joined(film, parts)
+        return reel_of(timeline, largest=WHOLE)
+    taken = timeline.windows if timeline.windowed else timeline.frames
+    parts: list[Motion] = [taken(0, len(timeline), stride)]
+    if (len(timeline) - 1) % stride:
+        parts.append(taken(len(timeline) - 1, len(timeline)))
+    return _joined(timeline, parts)
 
 
-def chosen(film: Film, frames: NDArray[np.int64]) -> bytes:
-    """Some frames of a finished film without windows in one reel, counted anew.
+def chosen(timeline: TimelineView, frames: NDArray[np.int64]) -> bytes:
+    """Some frames of a finished timeline without windows in one reel, counted anew.
 
     Raises:
         TimelineError: When the timeline is being replaced.
     """
-    return _joined(film, [film.frames(0, len(film))[frames]])
+    return _joined(timeline, [timeline.frames(0, len(timeline))[frames]])
 
 
-def _joined(film: Film, parts: Sequence[Motion]) -> bytes:
+def _joined(timeline: TimelineView, parts: Sequence[Motion]) -> bytes:
     with tempfile.TemporaryDirectory() as place:
         path = f"{place}/timeline.zarr"
-        with TimelineWriter.create(path, film.chain, windowed=film.windowed) as writer:
+        with TimelineWriter.create(path, timeline.chain, windowed=timeline.windowed) as writer:
             for part in parts:
                 writer.append(part)
-        return reel_of(Film(path), largest=WHOLE)
+        return reel_of(TimelineView(path), largest=WHOLE)

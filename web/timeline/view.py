@@ -1,4 +1,4 @@
-"""Film: a timeline made ready for showing, shared by everybody who looks at the same fold.
+"""Timeline view: a timeline made ready for showing, shared by everybody who looks at the same fold.
 
 It holds the poses and errors of the frames lately asked for, computed chunk by chunk with
 vectorised kinematics, and a summary of all frames for the bar along the bottom of the page. It
@@ -47,7 +47,7 @@ FILM_BYTES: Final = 2**18
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Snapshot:
-    """One moment of a film.
+    """One moment of a view.
 
     Attributes:
         frame: Which one; not whole between two recorded frames.
@@ -99,7 +99,7 @@ class _WindowChunk:
         return self.windows.angles_rad.nbytes + 100 * len(self.windows)
 
 
-class Film:
+class TimelineView:
     """See the module's description. Safe to use from several threads."""
 
     def __init__(self, path: str | Path) -> None:
@@ -207,7 +207,7 @@ class Film:
         """The moment at ``frame``, interpolated when it is not whole.
 
         Raises:
-            TimelineError: When the film holds no frame yet, or its timeline is being replaced.
+            TimelineError: When the view holds no frame yet, or its timeline is being replaced.
         """
         with self._lock:
             if not self._summarised:
@@ -229,7 +229,7 @@ class Film:
             return self._timeline.frames(start, min(stop, self._summarised), stride)
 
     def windows(self, start: int, stop: int, stride: int = 1) -> Windows:
-        """As ``frames``, of a windowed film.
+        """As ``frames``, of a windowed view.
 
         Raises:
             TimelineError: When they are not there, or the timeline is being replaced.

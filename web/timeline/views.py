@@ -1,4 +1,4 @@
-"""Films: open films by path, shared while anybody looks."""
+"""Timeline views: open ones by path, shared while anybody looks."""
 
 from __future__ import annotations
 
@@ -9,54 +9,54 @@ from pathlib import Path
 from typing import Final
 
 from planner.errors import TimelineError
-from web.timeline.view import Film
+from web.timeline.view import TimelineView
 
 MOST_KEPT: Final = 512
 MOST_BYTES: Final = 192 * 2**20
-"""Of films kept open though nobody may be looking: opening one reads its whole summary."""
+"""Of views kept open though nobody may be looking: opening one reads its whole summary."""
 
 
-class Films:
+class TimelineViews:
     """See the module's description. Safe to use from several threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._films: weakref.WeakValueDictionary[str, Film] = weakref.WeakValueDictionary()
+        self._views: weakref.WeakValueDictionary[str, TimelineView] = weakref.WeakValueDictionary()
         self._opening: weakref.WeakValueDictionary[str, threading.Lock] = (
             weakref.WeakValueDictionary()
         )
-        self._kept: OrderedDict[str, Film] = OrderedDict()
+        self._kept: OrderedDict[str, TimelineView] = OrderedDict()
 
-    def get(self, timeline: Path) -> Film | None:
-        """The film of a timeline, or None when there is none yet."""
+    def get(self, timeline: Path) -> TimelineView | None:
+        """The view of a timeline, or None when there is none yet."""
         key = str(timeline)
         with self._lock:
-            film = self._films.get(key)
+            view = self._views.get(key)
             opening = self._opening.setdefault(key, threading.Lock())
-        if film is None:
-            film = self._opened(key, opening)
-            if film is None:
+        if view is None:
+            view = self._opened(key, opening)
+            if view is None:
                 return None
-        film.refresh()
-        self._keep(key, film)
-        return film
+        view.refresh()
+        self._keep(key, view)
+        return view
 
-    def _opened(self, key: str, opening: threading.Lock) -> Film | None:
-        with opening:  # whoever wants another film need not wait
+    def _opened(self, key: str, opening: threading.Lock) -> TimelineView | None:
+        with opening:  # whoever wants another view need not wait
             with self._lock:
-                film = self._films.get(key)
-            if film is None:
+                view = self._views.get(key)
+            if view is None:
                 try:
-                    film = Film(key)
+                    view = TimelineView(key)
                 except (TimelineError, OSError, ValueError, KeyError):
                     return None
                 with self._lock:
-                    self._films[key] = film
-            return film
+                    self._views[key] = view
+            return view
 
-    def _keep(self, key: str, film: Film) -> None:
+    def _keep(self, key: str, view: TimelineView) -> None:
         with self._lock:
-            self._kept[key] = film
+            self._kept[key] = view
             self._kept.move_to_end(key)
             held = sum(kept.nbytes for kept in self._kept.values())
             while len(self._kept) > 1 and (len(self._kept) > MOST_KEPT or held > MOST_BYTES):

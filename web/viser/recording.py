@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from web.pictures.camera import framing
-from web.timeline.view import Film
+from web.timeline.view import TimelineView
 from web.viser.scene_bundle import viser_scene
 
 MOST_FRAMES: Final = 1200
@@ -16,19 +16,21 @@ MOST_NUMBERS: Final = 12_000_000
 SECONDS: Final = 24.0
 
 
-def recording_of(film: Film) -> bytes:
-    """The film as a recording of ``SECONDS`` seconds, thinned where it is long.
+def recording_of(timeline: TimelineView) -> bytes:
+    """The timeline as a recording of ``SECONDS`` seconds, thinned where it is long.
 
     Raises:
         TimelineError: When the timeline is being replaced.
     """
-    most = max(2, min(MOST_FRAMES, MOST_NUMBERS // (8 * len(film.chain))))
-    frames = np.unique(np.linspace(0, len(film) - 1, min(most, len(film))).round().astype(int))
-    with viser_scene(film.chain, film.stretch) as (server, scene):
+    most = max(2, min(MOST_FRAMES, MOST_NUMBERS // (8 * len(timeline.chain))))
+    frames = np.unique(
+        np.linspace(0, len(timeline) - 1, min(most, len(timeline))).round().astype(int)
+    )
+    with viser_scene(timeline.chain, timeline.stretch) as (server, scene):
         record = server.get_scene_serializer()
         for frame in frames:
-            snapshot = film.snapshot(float(frame))
-            scene.show(snapshot, scale_rad=film.error_scale_rad)
+            snapshot = timeline.snapshot(float(frame))
+            scene.show(snapshot, scale_rad=timeline.error_scale_rad)
             scene.move_ground(SECONDS / len(frames))
             scene.look(framing(scene.points(snapshot), radius=scene.radius))
             record.insert_sleep(SECONDS / len(frames))

@@ -55,7 +55,7 @@ class Scene:
         stretch: int | None = None,
         shadows: bool = True,
     ) -> None:
-        """Builds the scene; ``stretch`` as of ``web.timeline.view.Film``."""
+        """Builds the scene; ``stretch`` as of ``web.timeline.view.TimelineView``."""
         self._server = server
         self._chain = chain
         span = len(chain) if stretch is None else min(len(chain), BESIDE * stretch)

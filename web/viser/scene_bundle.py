@@ -63,7 +63,7 @@ def scenery_of(chain: Chain, stretch: int | None = None) -> bytes:
 
     Args:
         chain: The chain.
-        stretch: As of the fold's ``web.timeline.view.Film``.
+        stretch: As of the fold's ``web.timeline.view.TimelineView``.
     """
     module, n = chain.module, len(chain)
     pitch, messages, arrays = _staged(module.name, n, stretch, chain)

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from web.static_files import IMPORT, STATIC, imported, scripts_of, text_of
 from web.timeline.frame_batch import thinned, unpacked_bytes
-from web.timeline.view import Film
+from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.scene_bundle import scenery_of
 
@@ -30,12 +30,12 @@ Render = Callable[..., str]
 
 
 def standalone_html(
-    film: Film, render: Render, facts: Mapping[str, Any], *, curves: bytes | None = None
+    timeline: TimelineView, render: Render, facts: Mapping[str, Any], *, curves: bytes | None = None
 ) -> bytes:
     """The page of one finished fold.
 
     Args:
-        film: The fold's frames.
+        timeline: The fold's frames.
         render: Fills the template ``standalone.html`` with the values it is given.
         facts: What the page says of the fold, as for its own page.
         curves: What plots are drawn of, as of ``web.timeline.metrics``.
@@ -43,12 +43,12 @@ def standalone_html(
     Raises:
         TimelineError: When the timeline is being replaced.
     """
-    stride = max(1, -(-unpacked_bytes(film) // MOST_BYTES))
+    stride = max(1, -(-unpacked_bytes(timeline) // MOST_BYTES))
     parts = {
         "client": client().html.decode(),
         "worker": text_of(WORKER),
-        "scenery": _text(scenery_of(film.chain, film.stretch)),
-        "reel": _text(thinned(film, stride)),
+        "scenery": _text(scenery_of(timeline.chain, timeline.stretch)),
+        "reel": _text(thinned(timeline, stride)),
         "curves": None if curves is None or stride > 1 else _text(curves),
         "facts": dict(facts),
     }

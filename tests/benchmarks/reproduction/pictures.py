@@ -20,7 +20,7 @@ from planner.motion.timeline import chain_attributes
 from web.pictures.colours import STUCK, error_colours
 from web.pictures.still import SIZE, still
 from web.timeline.frame_batch import chosen
-from web.timeline.view import Film, Snapshot
+from web.timeline.view import Snapshot, TimelineView
 
 Ints = NDArray[np.int64]
 FRAMES: Final = 120
@@ -45,7 +45,7 @@ class Moment:
 
 
 def keep_pictures(
-    film: Film, folder: Path, *, moment: Moment | None, strip: bool, straight: bool
+    film: TimelineView, folder: Path, *, moment: Moment | None, strip: bool, straight: bool
 ) -> tuple[int, int | None]:
     """Writes film and stills of a fold.
 
@@ -81,12 +81,12 @@ def keep_pictures(
     return len(frames), None if at is None else int(np.searchsorted(frames, at))
 
 
-def _phases(film: Film) -> list[Ints]:
+def _phases(film: TimelineView) -> list[Ints]:
     """The frames of each phase."""
     return [np.arange(phase["from"], phase["to"]) for phase in film.outline()["phases"]]
 
 
-def _spread(film: Film, count: int, also: int | None) -> Ints:
+def _spread(film: TimelineView, count: int, also: int | None) -> Ints:
     """So many frames of each phase, and one that must be among them."""
     parts = [_evenly(film, frames, count) for frames in _phases(film)]
     if also is not None:
@@ -94,7 +94,7 @@ def _spread(film: Film, count: int, also: int | None) -> Ints:
     return np.unique(np.concatenate(parts))
 
 
-def _evenly(film: Film, frames: Ints, count: int) -> Ints:
+def _evenly(film: TimelineView, frames: Ints, count: int) -> Ints:
     """So many of some frames, the same turn of hinges apart; the first and the last are there."""
     angles = film.frames(int(frames[0]), int(frames[-1]) + 1).joint_angles_rad
     turned = np.sqrt((np.diff(angles, axis=0) ** 2).mean(axis=1))
@@ -106,7 +106,7 @@ def _evenly(film: Film, frames: Ints, count: int) -> Ints:
 
 
 def _still(
-    film: Film,
+    film: TimelineView,
     snapshot: Snapshot,
     moment: Moment | None = None,
     size: tuple[int, int] = SIZE,
@@ -123,7 +123,7 @@ def _still(
     )
 
 
-def _strip(film: Film) -> Image.Image:
+def _strip(film: TimelineView) -> Image.Image:
     columns, rows = STRIP
     width, height = STRIP_SIZE
     sheet = Image.new("RGBA", (columns * width, rows * height))
@@ -134,7 +134,7 @@ def _strip(film: Film) -> Image.Image:
     return sheet
 
 
-def _evenly_few(film: Film, frames: Ints, count: int) -> Ints:
+def _evenly_few(film: TimelineView, frames: Ints, count: int) -> Ints:
     found = _evenly(film, frames, FRAMES)
     return found[np.rint(np.linspace(0, len(found) - 1, count)).astype(np.int64)]
 

@@ -28,7 +28,7 @@ from tests.benchmarks.machine import processor, reference_seconds
 from tests.benchmarks.reproduction.experiments import Experiment, experiments
 from tests.benchmarks.reproduction.pictures import Moment, keep_pictures
 from tests.benchmarks.success_map.stored import version_of
-from web.timeline.view import Film
+from web.timeline.view import TimelineView
 
 STARTS: Final = Path(__file__).parents[3] / "out" / "reproduction"
 """Where plans are kept that other experiments begin from."""
@@ -197,7 +197,7 @@ def _figures(
             **{"modules": 0, "module": "", "stuck": (), "folder_mb": 0.0, "frames": 0},
         }
     certificate, playback = summary["certificate"], summary["playback"] or {}
-    film = Film(directory / "timeline.zarr")
+    film = TimelineView(directory / "timeline.zarr")
     stages = {phase["name"]: (phase["from"], phase["to"]) for phase in film.outline()["phases"]}
     overlap = _overlap(certificate, stages, len(film))
     stuck = tuple((summary["stuck"] or {}).get("modules") or ())
@@ -246,7 +246,9 @@ def _explosion(directory: Path, told: dict[str, Any]) -> Phase | None:
     return _phase(told, record.frames.time_s, int(told["frames"]))
 
 
-def _playback(told: dict[str, Any], film: Film, frames: tuple[int, int] | None) -> Phase | None:
+def _playback(
+    told: dict[str, Any], film: TimelineView, frames: tuple[int, int] | None
+) -> Phase | None:
     if not told.get("steps") or frames is None:
         return None
     return _phase(told, film.frames(*frames).time_s, frames[1] - frames[0])

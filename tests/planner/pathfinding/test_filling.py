@@ -8,7 +8,7 @@ from planner.chain.honeycomb import RING
 from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.pathfinding.options import Wishes
+from planner.pathfinding.options import PathOptions
 from planner.pathfinding.prepare import Preparation, prepare
 from planner.plan.formats import write_path
 
@@ -17,7 +17,7 @@ VOXELS = b'{"format": "foldback-voxels/1", "cells": [[0,0,0],[1,0,0],[1,1,0],[5,
 
 
 def prepared(data: bytes, **wishes: object) -> Preparation:
-    return prepare(data, "shape", Wishes(module="tetrahedron", **wishes))  # pyright: ignore
+    return prepare(data, "shape", PathOptions(module="tetrahedron", **wishes))  # pyright: ignore
 
 
 def test_the_cells_of_a_path_become_rings() -> None:
@@ -79,7 +79,7 @@ def test_a_mesh_is_filled_and_what_is_kept_is_told() -> None:
 
 
 def test_cubes_are_told_as_before() -> None:
-    made = prepare(write_path(Path.from_cells(U)), "u.json", Wishes())
+    made = prepare(write_path(Path.from_cells(U)), "u.json", PathOptions())
     report = made.report()
     assert (report["module"], report["modules"], report["wxyzs"]) == ("cube", len(U), None)
     assert report["line"] == report["positions"]
@@ -87,14 +87,14 @@ def test_cubes_are_told_as_before() -> None:
 
 def test_an_unknown_module_is_refused() -> None:
     with pytest.raises(InputError) as refusal:
-        prepare(b"[[0,0,0],[1,0,0],[2,0,0]]", None, Wishes(module="sphere"))
+        prepare(b"[[0,0,0],[1,0,0],[2,0,0]]", None, PathOptions(module="sphere"))
     assert refusal.value.code == "unknown-module"
 
 
 @pytest.mark.parametrize(("modules", "method"), [(200, "blocks"), (1000, "assembly")])
 def test_a_large_mesh_becomes_a_chain_that_can_be_peeled(modules: int, method: str) -> None:
     ball = trimesh.creation.icosphere(subdivisions=3).export(file_type="stl")
-    made = prepare(ball, "ball.stl", Wishes(modules=modules))
+    made = prepare(ball, "ball.stl", PathOptions(modules=modules))
     assert made.method == method
-    asked = prepare(ball, "ball.stl", Wishes(modules=modules, method="blocks"))
+    asked = prepare(ball, "ball.stl", PathOptions(modules=modules, method="blocks"))
     assert asked.method == "blocks"

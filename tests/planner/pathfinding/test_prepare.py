@@ -10,7 +10,7 @@ from planner.errors import InputError
 from planner.pathfinding.duration import expected_seconds
 from planner.pathfinding.feasibility import feasibility
 from planner.pathfinding.fill_cubes import doubled
-from planner.pathfinding.options import Wishes
+from planner.pathfinding.options import PathOptions
 from planner.pathfinding.prepare import prepare
 from planner.plan.formats import write_chain
 from planner.shapes.shape import Shape
@@ -39,13 +39,13 @@ def test_a_path_is_taken_as_it_is() -> None:
 
 def test_a_chain_is_taken_as_it_is() -> None:
     chain = coil(12)
-    prepared = prepare(write_chain(chain), "coil.json", Wishes(modules=40))
+    prepared = prepare(write_chain(chain), "coil.json", PathOptions(modules=40))
     np.testing.assert_allclose(prepared.chain.folded_rad, chain.folded_rad)
     assert "12 modules" in prepared.notes[0]
 
 
 def test_a_mesh_becomes_about_as_many_modules_as_asked_for() -> None:
-    prepared = prepare(CUBE_OBJ, "cube.obj", Wishes(modules=64))
+    prepared = prepare(CUBE_OBJ, "cube.obj", PathOptions(modules=64))
     report = prepared.report()
     assert (report["kind"], report["method"], report["modules"]) == ("mesh", "blocks", 64)
     assert report["iou"] > 0.99
@@ -60,7 +60,7 @@ def test_a_mesh_becomes_about_as_many_modules_as_asked_for() -> None:
 
 
 def test_candidates_differ_and_fill_the_same_cells() -> None:
-    prepared = prepare(CUBE_OBJ, "cube.obj", Wishes(modules=64))
+    prepared = prepare(CUBE_OBJ, "cube.obj", PathOptions(modules=64))
     assert len(prepared.chains) >= 2
     filled = [
         {tuple(cell) for cell in np.rint(chain.folded_poses.positions).astype(int).tolist()}
@@ -82,14 +82,14 @@ def test_voxels_without_a_path_say_why_and_are_repaired_on_request() -> None:
     with pytest.raises(InputError) as refused:
         _ = prepared.chain
     assert refused.value.code == "no-path"
-    repaired = prepare(voxels(plus), "plus.json", Wishes(repair=True))
+    repaired = prepare(voxels(plus), "plus.json", PathOptions(repair=True))
     assert repaired.chains
     assert any(note.startswith("Repaired") for note in repaired.notes)
 
 
 def test_blocks_double_voxels_that_are_not_doubled() -> None:
     plus = [[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]
-    prepared = prepare(voxels(plus), "plus.json", Wishes(method="blocks"))
+    prepared = prepare(voxels(plus), "plus.json", PathOptions(method="blocks"))
     assert len(prepared.chain) == 40
     assert prepared.chain.pitch_m == pytest.approx(0.005)
 
@@ -105,13 +105,13 @@ def test_doubling_keeps_the_volume() -> None:
 @pytest.mark.parametrize(
     ("wishes", "code"),
     [
-        (Wishes(modules=3), "bad-modules"),
-        (Wishes(modules=10**9), "bad-modules"),
-        (Wishes(method="magic"), "unknown-method"),
-        (Wishes(ends="loose"), "unknown-ends"),
+        (PathOptions(modules=3), "bad-modules"),
+        (PathOptions(modules=10**9), "bad-modules"),
+        (PathOptions(method="magic"), "unknown-method"),
+        (PathOptions(ends="loose"), "unknown-ends"),
     ],
 )
-def test_wishes_that_cannot_be_had_are_refused(wishes: Wishes, code: str) -> None:
+def test_wishes_that_cannot_be_had_are_refused(wishes: PathOptions, code: str) -> None:
     with pytest.raises(InputError) as refused:
         prepare(CUBE_OBJ, "cube.obj", wishes)
     assert refused.value.code == code
@@ -121,14 +121,14 @@ def test_cells_in_no_order_are_a_path_only_for_those_who_say_so() -> None:
     cells = [[0, 0, 0], [0, 0, 1], [1, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 1], [1, 0, 1], [0, 1, 1]]
     with pytest.raises(InputError, match="voxels"):
         prepare(json.dumps(cells).encode(), "cells.json")
-    prepared = prepare(json.dumps(cells).encode(), "cells.json", Wishes(as_voxels=True))
+    prepared = prepare(json.dumps(cells).encode(), "cells.json", PathOptions(as_voxels=True))
     assert (prepared.kind, len(prepared.chain)) == ("voxels", 8)
 
 
 @pytest.mark.slow
 def test_paths_begin_in_the_cell_that_is_asked_for() -> None:
-    for cell in prepare(CUBE_OBJ, "cube.obj", Wishes(modules=64)).report()["cells"][::7]:
-        prepared = prepare(CUBE_OBJ, "cube.obj", Wishes(modules=64, start=tuple(cell)))
+    for cell in prepare(CUBE_OBJ, "cube.obj", PathOptions(modules=64)).report()["cells"][::7]:
+        prepared = prepare(CUBE_OBJ, "cube.obj", PathOptions(modules=64, start=tuple(cell)))
         starts = [chain.folded_poses.positions[0].tolist() for chain in prepared.chains]
         assert starts == [cell] * len(prepared.chains)
         assert prepared.not_started == ""
@@ -136,14 +136,14 @@ def test_paths_begin_in_the_cell_that_is_asked_for() -> None:
 
 def test_where_no_path_begins_another_is_kept_and_it_says_so() -> None:
     cells = np.argwhere(np.ones((3, 3, 3))).tolist()
-    prepared = prepare(voxels(cells), "box.json", Wishes(start=(1, 0, 0)))
+    prepared = prepare(voxels(cells), "box.json", PathOptions(start=(1, 0, 0)))
     assert "colour" in prepared.not_started
     assert prepared.report()["cells"][0] != [1, 0, 0]
     with pytest.raises(InputError, match="elsewhere") as refused:
         _ = prepared.chain
     assert refused.value.code == "no-start"
     with pytest.raises(InputError) as refused:
-        prepare(voxels(cells), "box.json", Wishes(start=(9, 0, 0)))
+        prepare(voxels(cells), "box.json", PathOptions(start=(9, 0, 0)))
     assert refused.value.code == "not-a-cell"
 
 
@@ -154,12 +154,12 @@ def test_a_repair_never_makes_eight_times_the_modules_unless_so_many_are_wanted(
     shape = Shape.from_cells(comb)
     assert [repair.doubled for repair in feasibility(shape).repairs] == [True]
     for modules in (None, 100):
-        prepared = prepare(voxels(comb), "comb.json", Wishes(repair=True, modules=modules))
+        prepared = prepare(voxels(comb), "comb.json", PathOptions(repair=True, modules=modules))
         assert not prepared.chains
         assert any(f"{8 * len(comb)} modules" in note for note in prepared.notes)
         with pytest.raises(InputError, match=str(8 * len(comb))):
             _ = prepared.chain
     (repair,) = prepared.report()["feasibility"]["repairs"]
-    wished = prepare(voxels(comb), "comb.json", Wishes(repair=True, modules=repair["modules"]))
+    wished = prepare(voxels(comb), "comb.json", PathOptions(repair=True, modules=repair["modules"]))
     assert len(wished.chain) == repair["modules"] == 8 * len(comb)
     assert any(note.startswith("Repaired") for note in wished.notes)

@@ -13,11 +13,11 @@ from planner.playback.setpoints import (
     STILL_STEPS,
     STUCK_STEPS,
     Backwards,
-    DirectGuide,
-    Guide,
-    SnapshotGuide,
+    DirectSetpoints,
+    Setpoints,
+    SnapshotSetpoints,
     Target,
-    TimedGuide,
+    TimedSetpoints,
 )
 from planner.playback.time_law import smooth_law
 
@@ -25,17 +25,17 @@ Array = NDArray[np.float64]
 STEP_S = 0.02
 
 
-def obeyed(guide: Guide, start: Array, most: int = 20_000) -> list[Target]:
+def obeyed(setpoints: Setpoints, start: Array, most: int = 20_000) -> list[Target]:
     """All targets for a chain that is always where it should be, and then at rest."""
     found: list[Target] = []
     angles, rates = start, np.zeros_like(start)
     while len(found) < most:
-        target = guide.target(angles, rates)
+        target = setpoints.target(angles, rates)
         if target is None:
             return found
         found.append(target)
         angles, rates = target.angles, target.rates
-    raise AssertionError("the guide does not end")
+    raise AssertionError("the setpoints does not end")
 
 
 def test_the_timed_guide_runs_along_its_reference(folded: Callable[..., Any]) -> None:
@@ -47,7 +47,7 @@ def test_the_timed_guide_runs_along_its_reference(folded: Callable[..., Any]) ->
         distance_weight=0.03,
     )
     law = smooth_law(steps=600, step_s=STEP_S)
-    targets = obeyed(TimedGuide(reference, law), np.zeros_like(fold.chain.folded_rad))
+    targets = obeyed(TimedSetpoints(reference, law), np.zeros_like(fold.chain.folded_rad))
     assert len(targets) == 600 + SETTLE_STEPS
     angles = np.array([t.angles for t in targets])
     rates = np.array([t.rates for t in targets])
@@ -66,7 +66,7 @@ def test_the_timed_guide_runs_along_its_reference(folded: Callable[..., Any]) ->
 
 def test_the_direct_guide_goes_in_a_line_and_waits() -> None:
     folded_rad = np.array([np.pi / 2, 0.0, -np.pi / 2])
-    targets = obeyed(DirectGuide(folded_rad, 400, STEP_S), np.zeros(3))
+    targets = obeyed(DirectSetpoints(folded_rad, 400, STEP_S), np.zeros(3))
     angles = np.array([t.angles for t in targets])
     np.testing.assert_array_equal(angles[0], 0.0)
     np.testing.assert_array_equal(angles[-1], folded_rad)
@@ -75,17 +75,17 @@ def test_the_direct_guide_goes_in_a_line_and_waits() -> None:
 
 
 def test_a_chain_that_never_rests_is_waited_for() -> None:
-    guide = DirectGuide(np.ones(2), 10, STEP_S)
+    setpoints = DirectSetpoints(np.ones(2), 10, STEP_S)
     for _ in range(5000):
-        assert guide.target(np.zeros(2), np.ones(2)) is not None
+        assert setpoints.target(np.zeros(2), np.ones(2)) is not None
 
 
-def paper_guide(snapshots: Array, least_steps: int = 1) -> SnapshotGuide:
-    return SnapshotGuide(snapshots, threshold_rad2=0.15, least_steps=least_steps)
+def paper_guide(snapshots: Array, least_steps: int = 1) -> SnapshotSetpoints:
+    return SnapshotSetpoints(snapshots, threshold_rad2=0.15, least_steps=least_steps)
 
 
-def goals(guide: SnapshotGuide, angle: float, steps: int) -> list[float]:
-    found = [guide.target(np.array([angle]), np.ones(1)) for _ in range(steps)]
+def goals(setpoints: SnapshotSetpoints, angle: float, steps: int) -> list[float]:
+    found = [setpoints.target(np.array([angle]), np.ones(1)) for _ in range(steps)]
     return [float(target.angles[0]) for target in found if target is not None]
 
 
@@ -94,9 +94,9 @@ STEPS_AWAY = np.array([[0.0], [0.3], [0.6], [0.9], [1.2]])
 
 def test_a_snapshot_is_left_when_the_chain_is_near_and_not_before() -> None:
     # Up to √0.15 = 0.387 from a chain that does not move: 0.6 is never reached.
-    guide = paper_guide(STEPS_AWAY)
-    assert goals(guide, 0.0, 5) == [0.0, 0.3, 0.6, 0.6, 0.6]
-    assert goals(guide, 0.3, 3) == [0.9, 0.9, 0.9]
+    setpoints = paper_guide(STEPS_AWAY)
+    assert goals(setpoints, 0.0, 5) == [0.0, 0.3, 0.6, 0.6, 0.6]
+    assert goals(setpoints, 0.3, 3) == [0.9, 0.9, 0.9]
 
 
 def test_each_snapshot_is_the_target_for_so_many_steps_at_least() -> None:
@@ -104,10 +104,10 @@ def test_each_snapshot_is_the_target_for_so_many_steps_at_least() -> None:
 
 
 def test_the_threshold_alone_passes_over_what_is_near() -> None:
-    guide = paper_guide(STEPS_AWAY, 0)
+    setpoints = paper_guide(STEPS_AWAY, 0)
     # But for the first, where the motion begins.
-    assert goals(guide, 0.0, 3) == [0.0, 0.6, 0.6]
-    assert goals(guide, 0.6, 1) == [1.2]
+    assert goals(setpoints, 0.0, 3) == [0.0, 0.6, 0.6]
+    assert goals(setpoints, 0.6, 1) == [1.2]
 
 
 def test_the_papers_rule_ends_at_its_last_snapshot_at_rest() -> None:
@@ -117,8 +117,10 @@ def test_the_papers_rule_ends_at_its_last_snapshot_at_rest() -> None:
 
 
 def test_a_chain_that_comes_no_nearer_is_given_up() -> None:
-    guide = paper_guide(STEPS_AWAY, 2)
-    given = sum(guide.target(np.zeros(1), np.ones(1)) is not None for _ in range(2 * STUCK_STEPS))
+    setpoints = paper_guide(STEPS_AWAY, 2)
+    given = sum(
+        setpoints.target(np.zeros(1), np.ones(1)) is not None for _ in range(2 * STUCK_STEPS)
+    )
     assert given == 2 + 2 + 2 + STUCK_STEPS
 
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from server.api.robot_clock import LONGEST_STEP_S, Pace
+from server.api.robot_clock import LONGEST_STEP_S, RobotClock
 
 TICK = 0.01
 
@@ -12,7 +12,7 @@ class Driven:
 
     def __init__(self, *, speed: float = 1.0, ramp_s: float = 0.1) -> None:
         self.now = 100.0
-        self.pace = Pace(
+        self.pace = RobotClock(
             10.0, speed=speed, ramp_s=ramp_s, threshold_rad=0.05, silence_s=1.0, now=self.now
         )
 

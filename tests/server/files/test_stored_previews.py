@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from server.files.previews import NoSuchPreviewError, Previews, ShapeWishes
+from server.files.previews import NoSuchPreviewError, Previews, ShapeOptions
 from server.files.stored_previews import (
     UPLOAD,
     HeldPreview,
-    KeptPreviews,
+    StoredPreviews,
     superfluous,
     visitor_noted,
 )
@@ -50,12 +50,16 @@ def test_who_holds_most_loses_his_own_first(tmp_path: Path) -> None:
 
 def test_other_wishes_have_a_report_of_their_own() -> None:
     others = [
-        *(ShapeWishes(module="tetrahedron"), ShapeWishes(modules=64), ShapeWishes(method="exact")),
-        *(ShapeWishes(repair=True), ShapeWishes(ends="surface"), ShapeWishes(as_voxels=True)),
-        *(ShapeWishes(start=(0, 0, 0)), ShapeWishes(seed=1)),
+        *(
+            ShapeOptions(module="tetrahedron"),
+            ShapeOptions(modules=64),
+            ShapeOptions(method="exact"),
+        ),
+        *(ShapeOptions(repair=True), ShapeOptions(ends="surface"), ShapeOptions(as_voxels=True)),
+        *(ShapeOptions(start=(0, 0, 0)), ShapeOptions(seed=1)),
     ]
-    assert len(others) == len(fields(ShapeWishes))
-    assert len({wishes.key for wishes in (ShapeWishes(), *others)}) == len(others) + 1
+    assert len(others) == len(fields(ShapeOptions))
+    assert len({wishes.key for wishes in (ShapeOptions(), *others)}) == len(others) + 1
 
 
 @pytest.mark.parametrize("about", [b"[]", b"7", b"\xff", b"[" * 100_000])
@@ -98,10 +102,10 @@ def test_kept_fetched_and_forgotten(
         monkeypatch.setenv(name, value)
     url = bucket.bucket()
 
-    def machine(name: str, **settings: object) -> KeptPreviews:
+    def machine(name: str, **settings: object) -> StoredPreviews:
         chosen = Settings(data_dir=tmp_path / name, storage_url=url, **settings)  # type: ignore[arg-type]
         chosen.previews_dir.mkdir(parents=True, exist_ok=True)
-        return KeptPreviews(chosen, open_storage(chosen))
+        return StoredPreviews(chosen, open_storage(chosen))
 
     here, there = machine("here"), machine("there")
     mine, theirs = (tmp_path / name / "previews" for name in ("here", "there"))

@@ -10,7 +10,7 @@ import pytest
 from fastapi import FastAPI, Request
 from fastapi.responses import Response
 
-from server.http.response_cache import KEPT_S, Lately, mark
+from server.http.response_cache import KEPT_S, ResponseCache, mark
 from tests.server.service import SNAKE, Service, owner
 
 
@@ -33,7 +33,7 @@ class Desk:
         def delete(fold_id: str) -> None:  # pyright: ignore
             pass
 
-        self._app = Lately(app, clock=lambda: self.now)
+        self._app = ResponseCache(app, clock=lambda: self.now)
 
     def get(self, path: str, **headers: str) -> httpx.Response:
         return asyncio.run(self._ask("GET", path, headers))

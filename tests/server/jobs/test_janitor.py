@@ -11,7 +11,7 @@ import pytest
 
 from server.files.cancelled import KEPT_S, sweep_cancelled
 from server.files.derived import FRESH_S
-from server.jobs.janitor import DAY_S, ORPHAN_AGE_S, Sweeper
+from server.jobs.janitor import DAY_S, ORPHAN_AGE_S, Janitor
 from server.settings import Settings
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError, Store, new_id, new_token
@@ -23,8 +23,8 @@ MIB = 2**20
 GALLERY: dict[str, Any] = {"public": True, "shape": "wrench-24"}
 
 
-def sweeper(tmp_path: Path, store: Store, **settings: object) -> Sweeper:
-    return Sweeper(Settings(data_dir=tmp_path, **settings), store)  # pyright: ignore
+def janitor(tmp_path: Path, store: Store, **settings: object) -> Janitor:
+    return Janitor(Settings(data_dir=tmp_path, **settings), store)  # pyright: ignore
 
 
 def fold(store: Store, *, days: float, size: int = MIB, **more: object) -> str:
@@ -93,7 +93,7 @@ def left(store: Store, *folds: str) -> list[bool]:
 
 def test_nothing_is_forgotten_unless_it_is_asked_for(tmp_path: Path, store: Store) -> None:
     old = fold(store, days=5000, size=10**12)
-    assert sweeper(tmp_path, store).sweep() == 0
+    assert janitor(tmp_path, store).sweep() == 0
     assert left(store, old) == [True]
 
 
@@ -106,34 +106,34 @@ def test_what_nobody_looks_at_expires(tmp_path: Path, store: Store) -> None:
         fold(store, days=31, status="queued", ended_at=None),
         fold(store, days=31, status="running", ended_at=None),
     ]
-    assert sweeper(tmp_path, store, keep_days=30).sweep() == 1
+    assert janitor(tmp_path, store, keep_days=30).sweep() == 1
     assert left(store, *folds) == [False, True, True, True, True, True]
 
 
 def test_looking_at_a_fold_keeps_it(tmp_path: Path, store: Store) -> None:
     seen = fold(store, days=31)
     store.looked(store.fold(seen))
-    assert sweeper(tmp_path, store, keep_days=30).sweep() == 0
+    assert janitor(tmp_path, store, keep_days=30).sweep() == 0
     assert left(store, seen) == [True]
 
 
 def test_the_longest_unseen_make_room(tmp_path: Path, store: Store) -> None:
     folds = [fold(store, days=days) for days in (4, 3, 2, 0)]
     pinned = fold(store, days=9, pinned=True)
-    assert sweeper(tmp_path, store, storage_bytes=3 * MIB).sweep() == 2
+    assert janitor(tmp_path, store, storage_bytes=3 * MIB).sweep() == 2
     assert left(store, *folds, pinned) == [False, False, True, True, True]
 
 
 def test_what_somebody_has_just_looked_at_stays(tmp_path: Path, store: Store) -> None:
     folds = [fold(store, days=0), fold(store, days=0)]
-    assert sweeper(tmp_path, store, storage_bytes=MIB).sweep() == 0
+    assert janitor(tmp_path, store, storage_bytes=MIB).sweep() == 0
     assert left(store, *folds) == [True, True]
 
 
 def test_a_visitor_has_a_bound_of_his_own(tmp_path: Path, store: Store) -> None:
     greedy = [fold(store, days=days, visitor="greedy") for days in (3, 2, 1)]
     modest = fold(store, days=9, visitor="modest")
-    assert sweeper(tmp_path, store, storage_of_visitor_bytes=2 * MIB).sweep() == 1
+    assert janitor(tmp_path, store, storage_of_visitor_bytes=2 * MIB).sweep() == 1
     assert left(store, *greedy, modest) == [False, True, True, True]
 
 
@@ -154,7 +154,7 @@ def test_a_cancelled_fold_keeps_its_files_for_an_hour_and_its_page(
         fold(store, days=days, status="cancelled", pinned=days > 2 * hour, visitor=f"{days}")
         for days in (1.1 * hour, 0.9 * hour, 3 * hour)
     )
-    sweeper(tmp_path, store).sweep()
+    janitor(tmp_path, store).sweep()
     assert [store.folders.place(name).exists() for name in (early, late, pinned)] == [
         False,
         True,
@@ -188,7 +188,7 @@ def test_of_the_gallery_what_was_cancelled_or_failed_and_done_again_goes(
         fold(store, days=1, **failed, **GALLERY),  # nothing came after it
         fold(store, days=3, **failed, **GALLERY, content_key="key"),  # it would fail so again
     ]
-    sweeper(tmp_path, store).sweep()
+    janitor(tmp_path, store).sweep()
     assert left(store, *gone, *stay) == [False, False, True, True, True, True]
 
 
@@ -200,18 +200,18 @@ def test_what_can_be_made_again_goes_before_any_fold_and_spends_nobody_s_quota(
         derive(store, name, 2 * MIB)
     movies = [movie(store, folds[0], of_owner=True), movie(store, folds[1], of_owner=False)]
     quota = {"storage_of_visitor_bytes": 2 * MIB}
-    sweeper(tmp_path, store, storage_bytes=8 * MIB, **quota).sweep()
+    janitor(tmp_path, store, storage_bytes=8 * MIB, **quota).sweep()
     assert left(store, *folds) == [True, True]
     assert [store.fold(name).derived_bytes for name in folds] == [2 * MIB, 2 * MIB]
-    sweeper(tmp_path, store, storage_bytes=7 * MIB, **quota).sweep()
+    janitor(tmp_path, store, storage_bytes=7 * MIB, **quota).sweep()
     assert [store.fold(name).derived_bytes for name in folds] == [0, 2 * MIB]
     # The movie that the owner has asked for is the last to go, then folds.
     for bound, there in ((3, [True, False]), (2, [False, False])):
-        sweeper(tmp_path, store, storage_bytes=bound * MIB, **quota).sweep()
+        janitor(tmp_path, store, storage_bytes=bound * MIB, **quota).sweep()
         assert [path.exists() for path in movies] == there
     assert [store.fold(name).derived_bytes for name in folds] == [0, 0]
     assert left(store, *folds) == [True, True]
-    sweeper(tmp_path, store, storage_bytes=1 * MIB).sweep()
+    janitor(tmp_path, store, storage_bytes=1 * MIB).sweep()
     assert left(store, *folds) == [False, True]
 
 
@@ -222,7 +222,7 @@ def test_what_an_earlier_version_counted_as_the_fold_s_own_counts_apart(
     for name in (old, counted):
         derive(store, name, MIB)
     store.set_derived(old, 0)
-    sweeping = sweeper(tmp_path, store)
+    sweeping = janitor(tmp_path, store)
     sweeping.sweep()
     assert (store.fold(old).bytes, store.fold(old).derived_bytes) == (len("{}"), MIB)
     assert (store.fold(counted).bytes, store.fold(counted).derived_bytes) == (MIB, MIB)
@@ -236,7 +236,7 @@ def test_what_was_counted_twice_is_set_right_when_room_is_made(
     derive(store, fresh, MIB, age_s=0.0)
     for name in (twice, fresh):  # two processes have made the same file
         store.add_derived(name, MIB)
-    sweeper(tmp_path, store, storage_bytes=2 * MIB).sweep()
+    janitor(tmp_path, store, storage_bytes=2 * MIB).sweep()
     assert [store.fold(name).derived_bytes for name in (twice, fresh)] == [0, MIB]
 
 
@@ -244,7 +244,7 @@ def test_what_was_just_made_stays_for_who_has_asked(tmp_path: Path, store: Store
     fresh = fold(store, days=1)
     derive(store, fresh, MIB, age_s=0.0)
     made = movie(store, fresh, of_owner=False, age_s=0.0)
-    sweeper(tmp_path, store, storage_bytes=MIB).sweep()
+    janitor(tmp_path, store, storage_bytes=MIB).sweep()
     assert (store.fold(fresh).derived_bytes, made.exists()) == (MIB, True)
     assert left(store, fresh) == [True]
 
@@ -252,7 +252,7 @@ def test_what_was_just_made_stays_for_who_has_asked(tmp_path: Path, store: Store
 def test_a_full_disk_has_what_can_be_made_again_go(tmp_path: Path, store: Store) -> None:
     full = fold(store, days=1)
     derive(store, full, MIB)
-    sweeper(tmp_path, store, min_free_disk_bytes=2**60).sweep()
+    janitor(tmp_path, store, min_free_disk_bytes=2**60).sweep()
     assert store.fold(full).derived_bytes == 0
     assert left(store, full) == [True]
 
@@ -264,7 +264,7 @@ def test_files_of_no_fold_go_when_they_were_seen_twice(tmp_path: Path, store: St
     before = time.time() - 2 * ORPHAN_AGE_S
     for name in (kept, orphan):
         os.utime(store.folders.place(name), (before, before))
-    sweeping = sweeper(tmp_path, store)
+    sweeping = janitor(tmp_path, store)
     sweeping.sweep_orphans()
     assert store.folders.place(orphan).exists()
     sweeping.sweep_orphans()
@@ -285,7 +285,7 @@ def test_copies_of_folds_forgotten_elsewhere_go_too(
         copies = {name: settings.cache_dir / f"{name}-1" for name in (kept, orphan)}
         for copy in copies.values():
             copy.mkdir()
-        sweeping = Sweeper(settings, store)
+        sweeping = Janitor(settings, store)
         sweeping.sweep_orphans()
         assert copies[orphan].exists()
         sweeping.sweep_orphans()

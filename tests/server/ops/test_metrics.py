@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.leases import Leases
-from server.store.stats import Census
+from server.store.stats import Stats
 from server.store.tables import WorkerRow, engine_for
 from tests.server.postgres import DATABASES
 from tests.server.rows import a_fold
@@ -102,7 +102,7 @@ def test_the_world_does_not_read_them(desk: Service, header: str, source: str) -
 def test_reading_them_often_asks_the_database_seldom(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path)
     store = Store(settings)
-    census = Census(settings, Leases.of(settings, store))
+    stats = Stats(settings, Leases.of(settings, store))
     asked = 0
 
     @sa.event.listens_for(sa.Engine, "before_cursor_execute")
@@ -111,20 +111,20 @@ def test_reading_them_often_asks_the_database_seldom(tmp_path: Path) -> None:
         asked += 1
 
     try:
-        census.figures()
+        stats.figures()
         once = asked
         for _ in range(100):
-            census.figures()
+            stats.figures()
         assert 0 < once <= 10  # a few of them are about the connection itself
         assert asked <= 2 * once
     finally:
         sa.event.remove(sa.Engine, "before_cursor_execute", count)
-        census.close()
+        stats.close()
         store.close()
 
 
 @pytest.mark.parametrize("kind", DATABASES)
-def test_the_census_counts_rows(kind: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+def test_the_stats_count_rows(kind: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     url = None if kind == "sqlite" else request.getfixturevalue("postgres").database()
     settings = Settings(data_dir=tmp_path, database_url=url)
     store = Store(settings)
@@ -149,13 +149,13 @@ def test_the_census_counts_rows(kind: str, tmp_path: Path, request: pytest.Fixtu
                 name="w/0", host="w", pid=1, beat=1, folds_at_once=1, started_at=now, version="1"
             )
         )
-    census = Census(settings, Leases.of(settings, store))
-    found = census.figures()
+    stats = Stats(settings, Leases.of(settings, store))
+    found = stats.figures()
     assert found.folds == {"queued": 2, "running": 1, "verified": 1, "failed": 2, "cancelled": 0}
     assert 1000 <= found.oldest_queued_s < 1100
     assert found.storage_bytes == 11111
     assert found.workers == 1
     assert found.computed_s == pytest.approx((30.0, 40.0))
-    census.close()
+    stats.close()
     store.close()
     engine.dispose()

@@ -12,7 +12,7 @@ from server.ops.readiness import Readiness
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.leases import Leases
-from server.store.stats import Census
+from server.store.stats import Stats
 from tests.server.here import ServiceHere
 from tests.server.postgres import Postgres
 from tests.server.service import Service
@@ -35,32 +35,32 @@ def test_all_is_well(desk: Service) -> None:
 def test_a_folder_that_is_gone_is_a_reason(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path, workers=0)
     store = Store(settings)
-    census = Census(settings, Leases.of(settings, store))
-    assert Readiness(settings, census).state().ready
+    stats = Stats(settings, Leases.of(settings, store))
+    assert Readiness(settings, stats).state().ready
     settings.uploads_dir.rmdir()
     settings.folds_dir.rmdir()
-    state = Readiness(settings, census).state()
+    state = Readiness(settings, stats).state()
     assert not state.ready
     assert [reason.split(" ")[1] for reason in state.reasons] == ["disk", "storage"]
     assert not list(tmp_path.glob("**/*probe*"))
-    census.close()
+    stats.close()
     store.close()
 
 
 def test_without_a_worker_it_is_not_ready(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path, workers=1)
     store = Store(settings)
-    census = Census(settings, Leases.of(settings, store))
-    assert Readiness(settings, census).state().reasons == ("no worker lives",)
-    census.close()
+    stats = Stats(settings, Leases.of(settings, store))
+    assert Readiness(settings, stats).state().reasons == ("no worker lives",)
+    stats.close()
     store.close()
 
 
 def test_a_database_that_is_gone_is_a_reason(tmp_path: Path, postgres: Postgres) -> None:
     settings = Settings(data_dir=tmp_path, database_url=postgres.database(), workers=0)
     store = Store(settings)
-    census = Census(settings, Leases.of(settings, store))
-    readiness = Readiness(settings, census)
+    stats = Stats(settings, Leases.of(settings, store))
+    readiness = Readiness(settings, stats)
     assert readiness.state().ready
     postgres.kill()
     try:
@@ -69,7 +69,7 @@ def test_a_database_that_is_gone_is_a_reason(tmp_path: Path, postgres: Postgres)
         postgres.start()
     assert state.reasons == ("the database does not answer: OperationalError",)
     assert readiness.state().ready
-    census.close()
+    stats.close()
     store.close()
 
 

@@ -30,7 +30,7 @@ from server.settings import Settings
 from server.store.folds import Store
 from server.store.leases import Leases
 from server.store.shown import Found, ShownFold
-from server.store.worker_identity import Slots
+from server.store.worker_identity import WorkerIdentities
 from tests.server.rows import a_fold
 from tests.server.service import SNAKE, Service
 from tests.web.conftest import unfolding
@@ -163,7 +163,9 @@ def test_a_fold_of_an_earlier_version_is_told_by_what_it_bears_out(tmp_path: Pat
     settings = Settings(data_dir=tmp_path)
     with closing(Store(settings)) as store:
         store.add(a_fold("earlier", summary=summary), "a token")
-        state = Fold.of(store.fold("earlier"), store, Leases(store, Slots(settings), 1.0)).summary
+        state = Fold.of(
+            store.fold("earlier"), store, Leases(store, WorkerIdentities(settings), 1.0)
+        ).summary
     assert state["certificate"]["verdict"] == "verified (kinematics only)"
     assert state["certificate"]["rms_position_error"] is None
     assert state["playback"] == {

@@ -43,7 +43,7 @@ def test_every_statement_is_told_and_every_address_in_it_answers() -> None:
     for name in ("Radial force gain λ", "Damping", "not in the paper"):
         assert name in text
     stills = set(re.findall(r'<img src="([^"]+)"', page.text))
-    films = set(re.findall(r'data-film="([^"]+)"', page.text))
+    films = set(re.findall(r'data-timeline="([^"]+)"', page.text))
     assert stills and films
     for still in stills:
         answer = get(still)

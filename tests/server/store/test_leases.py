@@ -9,7 +9,7 @@ import pytest
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.leases import Leases
-from server.store.worker_identity import Slots
+from server.store.worker_identity import WorkerIdentities
 
 LEASE_S = 15.0
 
@@ -31,7 +31,7 @@ def clock() -> Clock:
 
 @pytest.fixture
 def leases(store: Store, tmp_path: Path, clock: Clock) -> Leases:
-    return Leases(store, Slots(Settings(data_dir=tmp_path)), LEASE_S, clock=clock)
+    return Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), LEASE_S, clock=clock)
 
 
 def beat(leases: Leases, name: str, pid: int = 1) -> None:
@@ -86,8 +86,8 @@ def test_who_was_thought_dead_comes_back(leases: Leases, clock: Clock) -> None:
 
 
 def test_on_this_machine_a_lock_tells_at_once(leases: Leases, tmp_path: Path, clock: Clock) -> None:
-    slot = Slots(Settings(data_dir=tmp_path)).take()
-    beat(leases, slot.name)
+    identity = WorkerIdentities(Settings(data_dir=tmp_path)).take()
+    beat(leases, identity.name)
     assert leases.dead(()) == set()
-    slot.close()
+    identity.close()
     assert len(leases.dead(())) == 1

@@ -75,7 +75,7 @@ def processes(tmp_path: Path) -> Iterator[Callable[..., list[Process]]]:
 
 @pytest.fixture
 def filming(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], None]]:
-    """Films nothing and writes seven bytes, when ``meanwhile`` is over."""
+    """Draws nothing and writes seven bytes, when ``meanwhile`` is over."""
     acts: dict[str, Callable[[], None]] = {"meanwhile": lambda: None}
 
     def film(place: Path, limits: object, *, cancelled: Callable[[], bool], **rest: Any) -> bool:

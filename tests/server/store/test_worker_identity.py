@@ -9,25 +9,25 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from server.settings import Settings
-from server.store.worker_identity import Slots
+from server.store.worker_identity import WorkerIdentities
 
 PROBE = """
 import sys
 from pathlib import Path
 from server.settings import Settings
-from server.store.worker_identity import Slots
-slots = Slots(Settings(data_dir=Path(sys.argv[1])))
+from server.store.worker_identity import WorkerIdentities
+identities = WorkerIdentities(Settings(data_dir=Path(sys.argv[1])))
 print("begun", flush=True)
 while True:
-    slots.dead([sys.argv[2]])
+    identities.dead([sys.argv[2]])
 """
 HOLD = """
 import sys
 from pathlib import Path
 from server.settings import Settings
-from server.store.worker_identity import Slots
-slot = Slots(Settings(data_dir=Path(sys.argv[1]))).take()
-print(slot.name, flush=True)
+from server.store.worker_identity import WorkerIdentities
+identity = WorkerIdentities(Settings(data_dir=Path(sys.argv[1]))).take()
+print(identity.name, flush=True)
 sys.stdin.read()
 """
 
@@ -49,23 +49,23 @@ def process(code: str, *arguments: str) -> Iterator[tuple[subprocess.Popen[str],
 
 
 def test_a_name_is_free_whoever_looks_for_the_dead_meanwhile(tmp_path: Path) -> None:
-    slots = Slots(Settings(data_dir=tmp_path))
-    slot = slots.take()
-    slot.close()
-    with process(PROBE, str(tmp_path), slot.name), process(PROBE, str(tmp_path), slot.name):
+    identities = WorkerIdentities(Settings(data_dir=tmp_path))
+    identity = identities.take()
+    identity.close()
+    with process(PROBE, str(tmp_path), identity.name), process(PROBE, str(tmp_path), identity.name):
         for _ in range(1000):
-            taken = slots.take()
+            taken = identities.take()
             taken.close()
-            assert taken.name == slot.name
+            assert taken.name == identity.name
 
 
 def test_a_worker_that_was_killed_is_dead_at_once(tmp_path: Path) -> None:
-    slots = Slots(Settings(data_dir=tmp_path))
+    identities = WorkerIdentities(Settings(data_dir=tmp_path))
     with process(HOLD, str(tmp_path)) as (worker, name):
-        mine = slots.take()
+        mine = identities.take()
         assert mine.name != name
-        assert slots.dead([name, mine.name, "another/machine/0"]) == set()
+        assert identities.dead([name, mine.name, "another/machine/0"]) == set()
         worker.kill()
         worker.wait()
-        assert slots.dead([name, mine.name]) == {name}
+        assert identities.dead([name, mine.name]) == {name}
     mine.close()

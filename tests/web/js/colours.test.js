@@ -26,15 +26,15 @@ test("scales end as in Python", () => {
 });
 
 test("every colouring has a scale in numbers", async () => {
-  const { film } = await recorded();
-  const shown = film.snapshot(film.last);
-  const figures = figuresOf(film.chain.modules, film.joints);
+  const { timeline } = await recorded();
+  const shown = timeline.snapshot(timeline.last);
+  const figures = figuresOf(timeline.chain.modules, timeline.joints);
   const told = {};
   const seen = {};
   for (const [key] of COLOURINGS) {
-    const chosen = colouring(key, film, figures);
+    const chosen = colouring(key, timeline, figures);
     seen[key] = chosen.of(shown);
-    assert.equal(seen[key].length, 3 * film.chain.modules);
+    assert.equal(seen[key].length, 3 * timeline.chain.modules);
     told[key] = chosen.legend().high;
     assert.match(chosen.legend().ramp, /^linear-gradient\(to right, (rgb\(\d+ \d+ \d+\)(, |\)$)){9}/);
   }
@@ -43,21 +43,21 @@ test("every colouring has a scale in numbers", async () => {
     "error-even": error, position: "0.05 pitch", torque: "2 N·m", clearance: "0.5 pitch", chain: "Module 15",
   });
   assert.match(speed, /^[\d.]+ rad\/s$/);
-  const scale = film.errorScale;
+  const scale = timeline.errorScale;
   assert.equal(error, `${scale} rad`);
   // Red alone means error, or worse: two that overlap.
   const redness = (colours) => Array.from({ length: colours.length / 3 }, (_, i) => colours[3 * i] - Math.max(colours[3 * i + 1], colours[3 * i + 2]));
   assert.ok(Math.max(...redness(seen.error)) > 60);
   for (const key of ["error-even", "position", "torque", "speed", "chain"]) assert.ok(Math.max(...redness(seen[key])) < 60, key);
-  assert.deepEqual([...seen.clearance.subarray(9, 12)], film.scenery.header.colours.error);
+  assert.deepEqual([...seen.clearance.subarray(9, 12)], timeline.scenery.header.colours.error);
 });
 
 test("what is not measured yet is grey", async () => {
-  const { film } = await recorded();
+  const { timeline } = await recorded();
   const nothing = { row: () => null, largest: () => 0 };
-  const { unknown } = film.scenery.header.colours;
+  const { unknown } = timeline.scenery.header.colours;
   for (const key of ["position", "torque", "clearance"]) {
-    const colours = colouring(key, film, nothing).of(film.snapshot(0));
+    const colours = colouring(key, timeline, nothing).of(timeline.snapshot(0));
     assert.deepEqual([...colours.subarray(0, 3)], unknown, key);
   }
 });

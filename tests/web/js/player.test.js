@@ -7,7 +7,7 @@ import { Playhead } from "../../../web/static/js/player/playhead.js";
 import { close, recorded, turnOfEvents, vectors } from "./vectors.js";
 
 const PICTURE_MS = 1000 / 30;
-const AT_END = vectors.film.frames.at(-1);
+const AT_END = vectors.timeline.frames.at(-1);
 let due = [];
 let now = 0;
 
@@ -26,24 +26,24 @@ function draw(pictures) {
 }
 
 async function shown(options = {}) {
-  const { film } = await recorded();
-  const player = new Player(film, options);
+  const { timeline } = await recorded();
+  const player = new Player(timeline, options);
   const heard = {};
   for (const name of ["state", "module", "outline", "drawn"]) player.on(name, (detail) => { heard[name] = detail; });
   assert.equal(player.send({ do: "play" }), false); // there is nothing yet
   await turnOfEvents();
   draw(1);
-  return { film, player, heard };
+  return { timeline, player, heard };
 }
 
 test("a frame that is sought is shown, and told of", async () => {
-  const { player, heard, film } = await shown();
-  assert.deepEqual([heard.outline.frames, heard.outline.modules, heard.outline.joints], [film.total, 16, 14]);
-  for (const { frame, time_s: time } of vectors.film.frames) {
+  const { player, heard, timeline } = await shown();
+  assert.deepEqual([heard.outline.frames, heard.outline.modules, heard.outline.joints], [timeline.total, 16, 14]);
+  for (const { frame, time_s: time } of vectors.timeline.frames) {
     assert.ok(player.send({ do: "seek", frame }));
     draw(1);
     assert.equal(heard.drawn, frame);
-    assert.deepEqual([heard.state.frame, heard.state.frames, heard.state.time_s], [frame, film.total, time]);
+    assert.deepEqual([heard.state.frame, heard.state.frames, heard.state.time_s], [frame, timeline.total, time]);
   }
   assert.equal(heard.state.phase, "playback");
   assert.ok(player.send({ do: "seek", percent: 0 }));
@@ -53,10 +53,10 @@ test("a frame that is sought is shown, and told of", async () => {
 
 test("who wants little to move sees no glide to a frame that is sought, but one while it plays", async () => {
   for (const calm of [false, true]) {
-    const { player, film } = await shown({ calm });
+    const { player, timeline } = await shown({ calm });
     draw(60);
     const { distance } = player.follower.view;
-    player.send({ do: "seek", frame: Math.round(film.last / 2) });
+    player.send({ do: "seek", frame: Math.round(timeline.last / 2) });
     draw(1);
     const goal = player.follower.goal;
     assert.notEqual(goal.distance, distance);
@@ -69,12 +69,12 @@ test("who wants little to move sees no glide to a frame that is sought, but one 
 });
 
 test("modules are as red as Python says, and blue when selected", async () => {
-  const { player, film } = await shown();
-  for (const { frame, colours } of vectors.film.frames) {
+  const { player, timeline } = await shown();
+  for (const { frame, colours } of vectors.timeline.frames) {
     player.send({ do: "seek", frame });
     close(player.colours(), colours, { atol: 2 }); // errors travel with a precision of 1 in 256
   }
-  const { selected: blue, stuck } = film.scenery.header.colours;
+  const { selected: blue, stuck } = timeline.scenery.header.colours;
   player.send({ do: "select", module: 5 });
   player.mark([2, 99]);
   const found = player.colours();
@@ -84,14 +84,14 @@ test("modules are as red as Python says, and blue when selected", async () => {
 });
 
 test("a selected module tells its cell and its joint", async () => {
-  const { player, heard, film } = await shown();
+  const { player, heard, timeline } = await shown();
   player.send({ do: "seek", frame: AT_END.frame });
   player.send({ do: "select", module: 6 });
   const { index, cell, joints } = heard.module;
-  assert.deepEqual([index, cell.map((c) => c + 0)], [6, vectors.film.cells[6]]);
-  const first = (6 - film.chain.rigid_links) * film.chain.hinges;
-  assert.deepEqual(joints.map(({ name }) => name), vectors.film.joints.slice(first, first + film.chain.hinges));
-  close(joints.map(({ angle_rad: angle }) => angle), AT_END.angles.slice(first, first + film.chain.hinges));
+  assert.deepEqual([index, cell.map((c) => c + 0)], [6, vectors.timeline.cells[6]]);
+  const first = (6 - timeline.chain.rigid_links) * timeline.chain.hinges;
+  assert.deepEqual(joints.map(({ name }) => name), vectors.timeline.joints.slice(first, first + timeline.chain.hinges));
+  close(joints.map(({ angle_rad: angle }) => angle), AT_END.angles.slice(first, first + timeline.chain.hinges));
   close([Math.max(...joints.map(({ error_rad: error }) => error))], [AT_END.errors[6]], { rtol: 1 / 256 });
   player.send({ do: "select", module: 99 });
   assert.equal(heard.module.index, 6);
@@ -101,11 +101,11 @@ test("a selected module tells its cell and its joint", async () => {
 
 test("each module but the first and the last tells the hinges of the joint that it carries", () => {
   const chain = { modules: 5, rigid_links: 1, hinges: 2, hinge_names: ["z", "y"] };
-  const film = { chain, joints: 6, foldedPositions: new Float32Array(15), foldedRad: [10, 11, 12, 13, 14, 15] };
+  const timeline = { chain, joints: 6, foldedPositions: new Float32Array(15), foldedRad: [10, 11, 12, 13, 14, 15] };
   const snapshot = { angle: (j) => j, errors: new Float32Array(6) };
   const told = [0, 1, 3, 4].map((selected) => {
     let found = null;
-    Player.prototype.tellModule.call({ film, shown: snapshot, selected, tell: (_, { joints }) => { found = joints; } });
+    Player.prototype.tellModule.call({ timeline, shown: snapshot, selected, tell: (_, { joints }) => { found = joints; } });
     return found.map(({ name, angle_rad: angle, target_rad: target }) => [name, angle, target]);
   });
   assert.deepEqual(told, [[], [["joint_1_z", 0, 10], ["joint_1_y", 1, 11]], [["joint_3_z", 4, 14], ["joint_3_y", 5, 15]], []]);
@@ -121,7 +121,7 @@ test("a click on a module selects it, and lets go of it", async () => {
 });
 
 test("it plays to the end, with the whole chain in view", async () => {
-  const { player, heard, film } = await shown({ aspect: () => 0.7 });
+  const { player, heard, timeline } = await shown({ aspect: () => 0.7 });
   player.send({ do: "play" });
   for (let k = 0; k < 900 && player.is.playing; k++) {
     draw(1);
@@ -130,7 +130,7 @@ test("it plays to the end, with the whole chain in view", async () => {
     const { view } = player.follower;
     assert.ok(view.distance >= (1 - 1e-9) * distanceNeeded(player.points(player.shown), view, player.seeing));
   }
-  assert.deepEqual([player.is.playing, player.playhead.frame, heard.state.playing], [false, film.last, false]);
+  assert.deepEqual([player.is.playing, player.playhead.frame, heard.state.playing], [false, timeline.last, false]);
   draw(200);
   assert.equal(due.length, 0); // at rest nothing is drawn any more
   player.send({ do: "play" });
@@ -154,8 +154,8 @@ test("the camera goes to modules that are to be looked at, and back", async () =
 });
 
 function head(last = 239, growing = false) {
-  const film = { last, growing };
-  return { film, playhead: new Playhead(film) };
+  const timeline = { last, growing };
+  return { timeline, playhead: new Playhead(timeline) };
 }
 
 test("a playhead stops at the end, or goes round, or back", () => {
@@ -180,7 +180,7 @@ test("a playhead stops at the end, or goes round, or back", () => {
   assert.equal(playhead.frame, 233);
 });
 
-test("steps are whole frames, and stay in the film", () => {
+test("steps are whole frames, and stay in the timeline", () => {
   const { playhead } = head();
   playhead.do({ do: "seek", percent: 50 });
   assert.equal(playhead.frame, 119.5);
@@ -207,31 +207,31 @@ test("frames that pass too fast to be seen are shown whole", () => {
 });
 
 test("a live playhead stays at the end of what grows", () => {
-  const { film, playhead } = head(10, true);
+  const { timeline, playhead } = head(10, true);
   playhead.do({ do: "set", live: true });
   for (let k = 0; k < 60; k++) playhead.advance(0.1, k);
   assert.equal(playhead.frame, 10);
-  film.last = 20;
+  timeline.last = 20;
   for (let k = 0; k < 60; k++) playhead.advance(0.1, k);
   assert.deepEqual([playhead.frame, playhead.is.live], [20, true]);
-  film.growing = false;
+  timeline.growing = false;
   playhead.advance(0.1, 99);
   assert.equal(playhead.is.live, false);
 });
 
 test("two folds go through their phases in step", async () => {
-  const [{ player: one, film }, { player: two }] = [await shown(), await shown()];
+  const [{ player: one, timeline }, { player: two }] = [await shown(), await shown()];
   // The second has half as long an explosion.
-  const begin = film.outline.phases[1].from;
-  const { outline } = two.film;
+  const begin = timeline.outline.phases[1].from;
+  const { outline } = two.timeline;
   outline.phases = [{ name: "explosion", from: begin / 2, to: begin }, outline.phases[1]];
   const pair = new Pair([one, two]);
   let told = null;
   pair.on("state", (state) => { told = state; });
   assert.equal(pair.send({ do: "play" }), false);
   pair.begin();
-  assert.equal(pair.last, film.last);
-  for (const [frame, other] of [[0, begin / 2], [begin - 1, begin - 1], [begin, begin], [film.last, film.last]]) {
+  assert.equal(pair.last, timeline.last);
+  for (const [frame, other] of [[0, begin / 2], [begin - 1, begin - 1], [begin, begin], [timeline.last, timeline.last]]) {
     assert.ok(pair.send({ do: "seek", frame }));
     assert.deepEqual([one.playhead.frame, two.playhead.frame], [frame, other]);
     assert.equal(told.phase, frame < begin ? "explosion" : "playback");

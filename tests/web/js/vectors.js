@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { decode } from "../../../web/static/js/lib/columns.js";
-import { Film } from "../../../web/static/js/player/timeline.js";
+import { Timeline } from "../../../web/static/js/player/timeline.js";
 
 const path = process.env.FOLDBACK_VECTORS;
 if (!path) throw new Error("FOLDBACK_VECTORS names no file: run these by `pytest tests/web/test_javascript.py`");
@@ -31,14 +31,14 @@ export function closeTurns(found, expected, atol = 1e-6) {
 // Lets all that was promised happen.
 export const turnOfEvents = () => new Promise((done) => { setImmediate(done); });
 
-// The film of `vectors.film`, once all of it is there; `asked` counts what it asked for.
+// The timeline of `vectors.timeline`, once all of it is there; `asked` counts what it asked for.
 export async function recorded() {
   const source = {
     asked: 0,
-    scenery() { this.asked++; return unpack(vectors.film.scenery); },
-    reel() { this.asked++; return unpack(vectors.film.reel); },
+    scenery() { this.asked++; return unpack(vectors.timeline.scenery); },
+    reel() { this.asked++; return unpack(vectors.timeline.reel); },
   };
-  const film = new Film(source);
-  while (!film.complete) await turnOfEvents();
-  return { film, source };
+  const timeline = new Timeline(source);
+  while (!timeline.complete) await turnOfEvents();
+  return { timeline, source };
 }

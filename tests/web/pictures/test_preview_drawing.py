@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from planner.pathfinding.options import Wishes
+from planner.pathfinding.options import PathOptions
 from planner.pathfinding.prepare import prepare
 from web.pictures.isometric import isometric_svg
 from web.pictures.preview_drawing import LARGEST_DRAWING, preview_svg
@@ -14,7 +14,7 @@ CROSS = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 2, 0]]
 
 def report(cells: list[list[int]], module: str = "cube") -> dict[str, object]:
     data = json.dumps({"format": "foldback-voxels/1", "cells": cells}).encode()
-    return prepare(data, None, Wishes(module=module)).report()
+    return prepare(data, None, PathOptions(module=module)).report()
 
 
 def test_cells_are_drawn_from_where_the_3d_view_looks() -> None:

@@ -11,12 +11,12 @@ from tests.planner import peels
 from tests.web import long_folds
 from web.timeline.columns import decode
 from web.timeline.frame_batch import chosen, kept_reel, reel_of, thinned
-from web.timeline.view import Film
+from web.timeline.view import TimelineView
 from web.timeline.window_columns import windows_of
 
 
 def test_a_reel_holds_what_was_recorded(timeline_path: Path) -> None:
-    header, found = decode(reel_of(Film(timeline_path), 90, 130))
+    header, found = decode(reel_of(TimelineView(timeline_path), 90, 130))
     frames = Timeline.open(timeline_path).frames(90, 130)
     assert (header["start"], header["stop"], header["total"]) == (90, 130, 200)
     assert header["status"] == "complete"
@@ -32,22 +32,22 @@ def test_a_reel_holds_what_was_recorded(timeline_path: Path) -> None:
 
 
 def test_a_stride_spreads_frames_over_the_film(timeline_path: Path) -> None:
-    header, found = decode(reel_of(Film(timeline_path), stride=50))
+    header, found = decode(reel_of(TimelineView(timeline_path), stride=50))
     assert header["stride"] == 50
     assert len(found["time_s"]) == 4
     assert np.array_equal(found["time_s"], Timeline.open(timeline_path).frames(stride=50).time_s)
 
 
 def test_a_reel_is_never_longer_than_asked_for(timeline_path: Path) -> None:
-    header, found = decode(reel_of(Film(timeline_path), 10, largest=3000))
+    header, found = decode(reel_of(TimelineView(timeline_path), 10, largest=3000))
     assert 1 <= len(found["time_s"]) < 20
     assert header["stop"] == 10 + len(found["time_s"])
-    _, one = decode(reel_of(Film(timeline_path), 10, largest=1))
+    _, one = decode(reel_of(TimelineView(timeline_path), 10, largest=1))
     assert len(one["time_s"]) == 1
 
 
 def test_past_the_end_there_is_nothing(timeline_path: Path) -> None:
-    header, found = decode(reel_of(Film(timeline_path), 999))
+    header, found = decode(reel_of(TimelineView(timeline_path), 999))
     assert header["start"] == header["stop"] == 200
     assert found["joint_angles_rad"].shape[0] == 0
 
@@ -56,28 +56,28 @@ def test_a_timeline_that_is_begun_anew_is_another_one(
     growing: tuple[Path, TimelineWriter, Callable[[int], None]],
 ) -> None:
     path, _, add = growing
-    film = Film(path)
-    first, _ = decode(reel_of(film))
+    timeline = TimelineView(path)
+    first, _ = decode(reel_of(timeline))
     add(5)
-    film.refresh(at_once=True)
-    more, _ = decode(reel_of(film, 10))
+    timeline.refresh(at_once=True)
+    more, _ = decode(reel_of(timeline, 10))
     assert more["id"] == first["id"]
     assert (more["start"], more["stop"], more["status"]) == (10, 15, "growing")
-    with TimelineWriter.create(path, film.chain) as writer:
+    with TimelineWriter.create(path, timeline.chain) as writer:
         writer.append(Timeline.open(path).frames(0, 0))
-    film.refresh(at_once=True)
-    assert film.id != first["id"]
+    timeline.refresh(at_once=True)
+    assert timeline.id != first["id"]
 
 
 def test_a_reel_of_a_finished_film_is_made_once(
     timeline_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    film = Film(timeline_path)
-    first = kept_reel(film, 3, 90, 7)
-    assert first == reel_of(film, 3, 90, 7)
-    # Not even another film of the same timeline reads its frames again.
-    again = Film(timeline_path)
-    monkeypatch.delattr(Film, "frames")
+    timeline = TimelineView(timeline_path)
+    first = kept_reel(timeline, 3, 90, 7)
+    assert first == reel_of(timeline, 3, 90, 7)
+    # Not even another view of the same timeline reads its frames again.
+    again = TimelineView(timeline_path)
+    monkeypatch.delattr(TimelineView, "frames")
     assert kept_reel(again, 3, 90, 7) == first
 
 
@@ -85,19 +85,21 @@ def test_a_reel_is_made_anew_when_its_film_goes_on(
     growing: tuple[Path, TimelineWriter, Callable[[int], None]],
 ) -> None:
     path, writer, add = growing
-    film = Film(path)
-    assert decode(kept_reel(film))[0]["total"] == 10
+    timeline = TimelineView(path)
+    assert decode(kept_reel(timeline))[0]["total"] == 10
     add(5)
-    film.refresh(at_once=True)
-    assert decode(kept_reel(film))[0]["total"] == 15
+    timeline.refresh(at_once=True)
+    assert decode(kept_reel(timeline))[0]["total"] == 15
     writer.close()
-    film.refresh(at_once=True)
-    assert decode(kept_reel(film))[0]["status"] == "complete"
+    timeline.refresh(at_once=True)
+    assert decode(kept_reel(timeline))[0]["status"] == "complete"
     some = Timeline.open(path).frames(0, 10)
     with TimelineWriter.reopen(path, frames=5) as writer:  # as many as before
         writer.append(some)
-    film.refresh(at_once=True)
-    assert np.array_equal(decode(kept_reel(film))[1]["time_s"], Timeline.open(path).frames().time_s)
+    timeline.refresh(at_once=True)
+    assert np.array_equal(
+        decode(kept_reel(timeline))[1]["time_s"], Timeline.open(path).frames().time_s
+    )
 
 
 CHAIN = peels.snake((4, 4, 6))
@@ -105,11 +107,13 @@ LONG = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True)
 
 
 @pytest.fixture(scope="module")
-def long_film(tmp_path_factory: pytest.TempPathFactory) -> Film:
-    return Film(long_folds.write(tmp_path_factory.mktemp("long") / "timeline.zarr", CHAIN, LONG))
+def long_film(tmp_path_factory: pytest.TempPathFactory) -> TimelineView:
+    return TimelineView(
+        long_folds.write(tmp_path_factory.mktemp("long") / "timeline.zarr", CHAIN, LONG)
+    )
 
 
-def test_a_long_fold_is_told_by_windows(long_film: Film) -> None:
+def test_a_long_fold_is_told_by_windows(long_film: TimelineView) -> None:
     header, found = decode(reel_of(long_film, 30, 90, 4))
     assert (header["start"], header["stop"], header["total"]) == (30, 90, len(LONG))
     told = windows_of(found, CHAIN.folded_rad)
@@ -122,7 +126,7 @@ def test_a_long_fold_is_told_by_windows(long_film: Film) -> None:
 
 
 @pytest.mark.parametrize("stride", [1, 3])
-def test_a_long_reel_is_never_longer_than_asked_for(long_film: Film, stride: int) -> None:
+def test_a_long_reel_is_never_longer_than_asked_for(long_film: TimelineView, stride: int) -> None:
     seen: list[float] = []
     start = 0
     while start < len(LONG):
@@ -135,7 +139,7 @@ def test_a_long_reel_is_never_longer_than_asked_for(long_film: Film, stride: int
     assert len(decode(reel_of(long_film, 10, largest=1))[1]["time_s"]) == 1
 
 
-def test_a_long_fold_is_thinned(long_film: Film) -> None:
+def test_a_long_fold_is_thinned(long_film: TimelineView) -> None:
     header, found = decode(thinned(long_film, 10))
     assert header["total"] == len(found["time_s"]) == len(range(0, len(LONG), 10)) + 1
     assert found["time_s"][-1] == LONG.time_s[-1]
@@ -143,7 +147,7 @@ def test_a_long_fold_is_thinned(long_film: Film) -> None:
 
 def test_some_frames_of_a_film(timeline_path: Path) -> None:
     frames = np.array([0, 3, 99, 150, 199])
-    header, found = decode(chosen(Film(timeline_path), frames))
+    header, found = decode(chosen(TimelineView(timeline_path), frames))
     assert (header["total"], header["stride"]) == (5, 1)
     recorded = Timeline.open(timeline_path).frames(0, 200)
     assert np.array_equal(found["time_s"], recorded.time_s[frames])

@@ -13,25 +13,25 @@ from planner.motion.windows import Windows
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import ERROR_AT_END, unfolding
-from web.timeline.view import Film
+from web.timeline.view import TimelineView
 
 Growing = tuple[Path, TimelineWriter, Callable[[int], None]]
 
 
 def test_first_frame_is_folded_and_middle_is_straight(timeline_path: Path, chain: Chain) -> None:
-    film = Film(timeline_path)
-    assert len(film) == 200
-    assert np.allclose(film.snapshot(0).positions, chain.folded_poses.positions, atol=1e-5)
-    straight = film.snapshot(99).positions
+    timeline = TimelineView(timeline_path)
+    assert len(timeline) == 200
+    assert np.allclose(timeline.snapshot(0).positions, chain.folded_poses.positions, atol=1e-5)
+    straight = timeline.snapshot(99).positions
     steps = np.diff(straight, axis=0)
     assert np.allclose(steps, steps[0], atol=1e-5)
-    assert film.snapshot(99).phase == "explosion"
-    assert film.snapshot(100).phase == "playback"
+    assert timeline.snapshot(99).phase == "explosion"
+    assert timeline.snapshot(100).phase == "playback"
 
 
 def test_between_two_frames_the_angles_are_between(timeline_path: Path) -> None:
-    film = Film(timeline_path)
-    low, between, high = (film.snapshot(f) for f in (20, 20.25, 21))
+    timeline = TimelineView(timeline_path)
+    low, between, high = (timeline.snapshot(f) for f in (20, 20.25, 21))
     assert np.allclose(
         between.joint_angles_rad, 0.75 * low.joint_angles_rad + 0.25 * high.joint_angles_rad
     )
@@ -40,22 +40,22 @@ def test_between_two_frames_the_angles_are_between(timeline_path: Path) -> None:
 
 
 def test_frames_beyond_the_ends_are_the_ends(timeline_path: Path) -> None:
-    film = Film(timeline_path)
-    assert film.snapshot(-5).frame == 0
-    assert film.snapshot(1e9).frame == 199
+    timeline = TimelineView(timeline_path)
+    assert timeline.snapshot(-5).frame == 0
+    assert timeline.snapshot(1e9).frame == 199
 
 
 def test_module_errors_are_those_of_the_timeline(timeline_path: Path) -> None:
-    film = Film(timeline_path)
-    assert np.isnan(film.snapshot(50).module_error_rad).all()
-    shown = film.snapshot(199).module_error_rad
+    timeline = TimelineView(timeline_path)
+    assert np.isnan(timeline.snapshot(50).module_error_rad).all()
+    shown = timeline.snapshot(199).module_error_rad
     assert int(np.argmax(shown)) == 6
     assert shown[6] == pytest.approx(ERROR_AT_END, rel=1e-5)
-    assert film.error_scale_rad == 5e-3
+    assert timeline.error_scale_rad == 5e-3
 
 
 def test_outline_tells_phases_and_the_largest_error(timeline_path: Path) -> None:
-    outline = Film(timeline_path).outline(columns=20)
+    outline = TimelineView(timeline_path).outline(columns=20)
     assert outline["phases"] == [
         {"name": "explosion", "from": 0, "to": 100},
         {"name": "playback", "from": 100, "to": 200},
@@ -68,41 +68,41 @@ def test_outline_tells_phases_and_the_largest_error(timeline_path: Path) -> None
 def test_many_frames_are_shown_with_little_memory(
     timeline_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = Film(timeline_path)
+    whole = TimelineView(timeline_path)
     expected = [whole.snapshot(f).positions.copy() for f in range(200)]
     monkeypatch.setattr("web.timeline.view.CHUNK_BYTES", 1)
-    film = Film(timeline_path)
+    timeline = TimelineView(timeline_path)
     for frame in range(199, -1, -1):
-        assert np.array_equal(film.snapshot(frame).positions, expected[frame])
+        assert np.array_equal(timeline.snapshot(frame).positions, expected[frame])
 
 
 def test_a_growing_film_is_followed(growing: Growing) -> None:
     path, writer, add = growing
-    film = Film(path)
-    assert (len(film), film.growing) == (10, True)
-    assert not film.refresh(at_once=True)
+    timeline = TimelineView(path)
+    assert (len(timeline), timeline.growing) == (10, True)
+    assert not timeline.refresh(at_once=True)
     add(60)
-    assert film.refresh(at_once=True)
-    assert len(film) == 70
-    assert film.snapshot(69).frame == 69
-    version = film.version
+    assert timeline.refresh(at_once=True)
+    assert len(timeline) == 70
+    assert timeline.snapshot(69).frame == 69
+    version = timeline.version
     writer.close()
-    assert film.refresh(at_once=True)
-    assert film.status == "complete"
-    assert film.version > version
+    assert timeline.refresh(at_once=True)
+    assert timeline.status == "complete"
+    assert timeline.version > version
 
 
 def test_a_film_that_is_begun_anew_is_shown_anew(growing: Growing, chain: Chain) -> None:
     path, writer, add = growing
     add(90)
-    film = Film(path)
-    before = film.snapshot(60)
+    timeline = TimelineView(path)
+    before = timeline.snapshot(60)
     writer.close()
     with TimelineWriter.create(path, chain) as again:
         again.append(unfolding(chain, 5))
-    assert film.refresh(at_once=True)
-    assert len(film) == 5
-    assert not np.array_equal(film.snapshot(4).positions, before.positions)
+    assert timeline.refresh(at_once=True)
+    assert len(timeline) == 5
+    assert not np.array_equal(timeline.snapshot(4).positions, before.positions)
 
 
 def test_a_film_that_is_begun_anew_and_is_longer_already_is_shown_anew(
@@ -110,22 +110,22 @@ def test_a_film_that_is_begun_anew_and_is_longer_already_is_shown_anew(
 ) -> None:
     path, writer, add = growing
     add(90)
-    film = Film(path)
-    before = film.snapshot(5)
+    timeline = TimelineView(path)
+    before = timeline.snapshot(5)
     writer.close()
     with TimelineWriter.create(path, chain) as again:
         again.append(unfolding(chain, 190))  # the same times, other angles
-    assert film.refresh(at_once=True)
-    assert len(film) == 190
-    assert np.abs(film.snapshot(5).positions - before.positions).max() > 0.1
+    assert timeline.refresh(at_once=True)
+    assert len(timeline) == 190
+    assert np.abs(timeline.snapshot(5).positions - before.positions).max() > 0.1
 
 
 def test_no_timeline_is_an_error(tmp_path: Path, chain: Chain) -> None:
     with pytest.raises(TimelineError):
-        Film(tmp_path / "none.zarr")
+        TimelineView(tmp_path / "none.zarr")
     TimelineWriter.create(tmp_path / "empty.zarr", chain)
     with pytest.raises(TimelineError, match="no frame"):
-        Film(tmp_path / "empty.zarr").snapshot(0)
+        TimelineView(tmp_path / "empty.zarr").snapshot(0)
 
 
 LONG_CHAIN = peels.snake((4, 4, 12))
@@ -138,16 +138,16 @@ def long_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_long_fold_is_shown_as_its_windows_say(long_path: Path) -> None:
-    film = Film(long_path)
-    assert film.windowed
+    timeline = TimelineView(long_path)
+    assert timeline.windowed
     dense = LONG.dense(LONG_CHAIN)
     poses = LONG_CHAIN.poses(dense.joint_angles_rad, dense.root_position, dense.root_wxyz)
     for frame in (0, 77, len(LONG) - 1):
-        shown = film.snapshot(frame)
+        shown = timeline.snapshot(frame)
         assert np.allclose(shown.positions, poses.positions[frame], atol=2e-5)
         assert np.allclose(shown.joint_angles_rad, dense.joint_angles_rad[frame])
         assert np.isnan(shown.module_error_rad).all()
-    between = film.snapshot(77.25)
+    between = timeline.snapshot(77.25)
     lengths = np.linalg.norm(np.diff(between.positions, axis=0), axis=1)
     assert np.allclose(lengths, 1.0, atol=1e-5)
     assert np.allclose(
@@ -157,14 +157,14 @@ def test_a_long_fold_is_shown_as_its_windows_say(long_path: Path) -> None:
 
 
 def test_a_camera_keeps_to_what_moves_in_a_long_fold(long_path: Path) -> None:
-    film = Film(long_path)
-    assert film.stretch is not None
-    assert film.snapshot(0).framed == len(LONG_CHAIN)  # all of it is folded
-    straight = film.snapshot(len(LONG) // 2)
+    timeline = TimelineView(long_path)
+    assert timeline.stretch is not None
+    assert timeline.snapshot(0).framed == len(LONG_CHAIN)  # all of it is folded
+    straight = timeline.snapshot(len(LONG) // 2)
     assert straight.framed < len(LONG_CHAIN)
     moving = int(np.flatnonzero(LONG.last < len(LONG_CHAIN.folded_rad))[0])
     bent = -(-int(LONG.last[moving]) // 2) + 1
-    assert film.snapshot(moving).framed == min(len(LONG_CHAIN), bent + film.stretch)
+    assert timeline.snapshot(moving).framed == min(len(LONG_CHAIN), bent + timeline.stretch)
 
 
 def test_to_open_a_long_fold_reads_none_of_its_angles_but_the_last(
@@ -180,20 +180,20 @@ def test_to_open_a_long_fold_reads_none_of_its_angles_but_the_last(
 
     monkeypatch.setattr(Timeline, "windows", counted)
     monkeypatch.setattr(Timeline, "frames", None)
-    assert len(Film(long_path)) == len(LONG)
+    assert len(TimelineView(long_path)) == len(LONG)
     assert read == [1]
 
 
 def test_a_long_fold_that_is_begun_anew_is_shown_anew(tmp_path: Path) -> None:
     path = long_folds.write(tmp_path / "timeline.zarr", LONG_CHAIN, LONG[:50])
     with TimelineWriter.reopen(path) as writer:
-        film = Film(path)
-        assert film.growing
+        timeline = TimelineView(path)
+        assert timeline.growing
         writer.append(LONG[50:80])
         writer.flush()
-        assert film.refresh(at_once=True)
-        assert (len(film), film.snapshot(79).time_s) == (80, LONG.time_s[79])
-        before = film.id
+        assert timeline.refresh(at_once=True)
+        assert (len(timeline), timeline.snapshot(79).time_s) == (80, LONG.time_s[79])
+        before = timeline.id
     long_folds.write(path, LONG_CHAIN, LONG[100:220])  # it is longer already
-    assert film.refresh(at_once=True)
-    assert (film.id != before, film.snapshot(0).time_s) == (True, LONG.time_s[100])
+    assert timeline.refresh(at_once=True)
+    assert (timeline.id != before, timeline.snapshot(0).time_s) == (True, LONG.time_s[100])

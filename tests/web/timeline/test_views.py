@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from web.timeline import views
-from web.timeline.view import Film
-from web.timeline.views import Films
+from web.timeline.view import TimelineView
+from web.timeline.views import TimelineViews
 
 
 def copies(timeline: Path, place: Path, count: int) -> list[Path]:
@@ -17,31 +17,31 @@ def copies(timeline: Path, place: Path, count: int) -> list[Path]:
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The paths of the films that were opened, in turn."""
+    """The paths of the timelines that were opened, in turn."""
     found: list[str] = []
 
-    def counting(path: str) -> Film:
+    def counting(path: str) -> TimelineView:
         found.append(path)
-        return Film(path)
+        return TimelineView(path)
 
-    monkeypatch.setattr(views, "Film", counting)
+    monkeypatch.setattr(views, "TimelineView", counting)
     return found
 
 
 def test_many_films_stay_open(timeline_path: Path, tmp_path: Path, opened: list[str]) -> None:
-    shared, paths = Films(), copies(timeline_path, tmp_path, 12)
+    shared, paths = TimelineViews(), copies(timeline_path, tmp_path, 12)
     for path in paths * 3:
-        film = shared.get(path)
-        assert film is not None
-        assert film.path == str(path)
+        timeline = shared.get(path)
+        assert timeline is not None
+        assert timeline.path == str(path)
     assert len(opened) == len(paths)
 
 
 def test_films_beyond_the_bound_are_let_go(
     timeline_path: Path, tmp_path: Path, opened: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shared, paths = Films(), copies(timeline_path, tmp_path, 3)
-    monkeypatch.setattr(views, "MOST_BYTES", 2 * Film(paths[0]).nbytes)
+    shared, paths = TimelineViews(), copies(timeline_path, tmp_path, 3)
+    monkeypatch.setattr(views, "MOST_BYTES", 2 * TimelineView(paths[0]).nbytes)
     for path in (*paths, paths[2], paths[1], paths[0]):
         shared.get(path)
     assert [Path(path).stem for path in opened] == ["0", "1", "2", "0"]
@@ -50,18 +50,18 @@ def test_films_beyond_the_bound_are_let_go(
 def test_one_that_is_slow_to_open_keeps_nobody_from_another(
     timeline_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shared, paths = Films(), copies(timeline_path, tmp_path, 2)
+    shared, paths = TimelineViews(), copies(timeline_path, tmp_path, 2)
     begun, may_end = threading.Event(), threading.Event()
     opened: list[str] = []
 
-    def slow(path: str) -> Film:
+    def slow(path: str) -> TimelineView:
         opened.append(path)
         if path == str(paths[0]):
             begun.set()
             assert may_end.wait(30.0)
-        return Film(path)
+        return TimelineView(path)
 
-    monkeypatch.setattr(views, "Film", slow)
+    monkeypatch.setattr(views, "TimelineView", slow)
     both = [threading.Thread(target=shared.get, args=(paths[0],)) for _ in range(2)]
     other = threading.Thread(target=shared.get, args=(paths[1],))
     for thread in both:
@@ -78,7 +78,7 @@ def test_one_that_is_slow_to_open_keeps_nobody_from_another(
 
 
 def test_what_is_not_there_yet_is_looked_for_again(timeline_path: Path, tmp_path: Path) -> None:
-    shared, path = Films(), tmp_path / "timeline.zarr"
+    shared, path = TimelineViews(), tmp_path / "timeline.zarr"
     assert shared.get(path) is None
     shutil.copytree(timeline_path, path)
     assert shared.get(path) is not None

@@ -1,5 +1,5 @@
 // Something that tells what is: events with a name and a detail.
-export class Teller extends EventTarget {
+export class Emitter extends EventTarget {
   /**
    * @param {string} name
    * @param {unknown} [detail]

@@ -1,7 +1,7 @@
 // Two folds beside each other.
 import { Bar } from "../player/bar.js";
 import { COLOURINGS, MEASURED, colouring } from "../player/colours.js";
-import { Film, Source } from "../player/timeline.js";
+import { Timeline, Source } from "../player/timeline.js";
 import { showScale } from "../panels/legend.js";
 import { Pair } from "../player/pair.js";
 import { Player } from "../player/player.js";
@@ -29,7 +29,7 @@ const sides = facts.map(({ id, running }, k) => {
     touch: () => { if (player.is.follow) pair.send({ do: "set", follow: false }); },
     pick: (origin, direction) => player.pick(origin, direction),
   });
-  const player = new Player(new Film(new Source(`/folds/${id}`), { over: !running }), {
+  const player = new Player(new Timeline(new Source(`/folds/${id}`), { over: !running }), {
     stage, sketch, calm, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),
   });
   new ResizeObserver(() => player.show(true)).observe(frame);
@@ -46,12 +46,12 @@ pair.on("begun", () => { if (!calm) pair.send({ do: "play" }); });
 const colours = get("colour-by");
 colours.append(...COLOURINGS.filter(([key]) => !MEASURED.has(key)).map(([key, label]) => element("option", { value: key }, label)));
 colours.onchange = () => {
-  for (const { player } of sides) player.colourBy(colouring(colours.value, player.film, null));
+  for (const { player } of sides) player.colourBy(colouring(colours.value, player.timeline, null));
   scale();
 };
 const scale = () => {
-  const { colouring: chosen, film } = sides[0].player;
-  if (chosen) showScale(chosen, film);
+  const { colouring: chosen, timeline } = sides[0].player;
+  if (chosen) showScale(chosen, timeline);
 };
 pair.on("outline", scale);
 get("through").onclick = () => {

@@ -16,7 +16,7 @@ import { get } from "../lib/text.js";
 const facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
 const drawer = new Drawer(toast);
-const { film, player, place, bar } = view({
+const { timeline, player, place, bar } = view({
   over: !facts.running,
   source: new Source(`/folds/${facts.id}`), figures, drawer, load: (frame) => { frame.src = "/view"; },
 });
@@ -48,7 +48,7 @@ function show(now) {
   takeAway.facts(now);
   share.facts(now);
   failure.facts(now);
-  if (!now.running) { film.finish(); figures.begin(); }
+  if (!now.running) { timeline.finish(); figures.begin(); }
   const { again, problem } = now;
   get("again").hidden = !again;
   if (again) {

@@ -1,5 +1,5 @@
 // Films that play where they stand: one at a time is loaded and drawn.
-import { Film, Recording } from "../player/timeline.js";
+import { Timeline, Recording } from "../player/timeline.js";
 import { Pair } from "../player/pair.js";
 import { Player } from "../player/player.js";
 import { Sketch } from "../viewer/sketch.js";
@@ -25,7 +25,7 @@ class Showing {
     this.bar = within(figure, ".run-bar");
     this.scrub = /** @type {HTMLInputElement} */ (within(figure, ".run-scrub"));
     this.toggle = within(figure, ".run-bar button");
-    this.views = /** @type {HTMLElement[]} */ ([...figure.querySelectorAll(".run-view[data-film]")]);
+    this.views = /** @type {HTMLElement[]} */ ([...figure.querySelectorAll(".run-view[data-timeline]")]);
     this.players = this.views.map((view) => this.played(view));
     this.head = this.players.length > 1 ? new Pair(this.players) : this.players[0];
     /** @type {(() => void) | null} */
@@ -50,7 +50,7 @@ class Showing {
   played(view) {
     const canvas = element("canvas", { class: "run-sketch", role: "img", "aria-label": view.dataset.label });
     view.append(canvas);
-    const player = new Player(new Film(new Recording(view.dataset.film ?? "")), {
+    const player = new Player(new Timeline(new Recording(view.dataset.timeline ?? "")), {
       sketch: new Sketch(canvas, () => view.classList.add("moving")),
       aspect: () => canvas.clientWidth / Math.max(1, canvas.clientHeight),
     });
@@ -97,7 +97,7 @@ class Showing {
   close() {
     this.watch.disconnect();
     this.head.send({ do: "pause" });
-    for (const { film, sketch } of this.players) { film.stop(); sketch?.worker?.terminate(); sketch?.canvas.remove(); }
+    for (const { timeline, sketch } of this.players) { timeline.stop(); sketch?.worker?.terminate(); sketch?.canvas.remove(); }
     for (const view of this.views) view.classList.remove("moving");
     this.figure.classList.remove("open");
     this.bar.hidden = true;
@@ -119,11 +119,11 @@ function opened(figure) {
   if (showing?.figure === figure) return showing;
   showing?.close();
   showing = new Showing(figure);
-  window.foldback = { film: showing.players[0].film, player: showing.players[0], showing }; // for the console
+  window.foldback = { timeline: showing.players[0].timeline, player: showing.players[0], showing }; // for the console
   return showing;
 }
 
-for (const figure of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll(".run:has([data-film])"))) {
+for (const figure of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll(".run:has([data-timeline])"))) {
   const button = start(figure);
   button.hidden = false;
   button.onclick = () => { opened(figure).play(); within(figure, ".run-toggle").focus(); };

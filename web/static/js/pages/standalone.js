@@ -31,7 +31,7 @@ function unpacked(text) {
   return /** @type {Promise<Told>} */ (/** @type {unknown} */ (decode(bytes.buffer)));
 }
 
-// A film of one reel.
+// A timeline of one reel.
 /** @type {FilmSource} */
 const source = {
   scenery: () => unpacked(parts.scenery),

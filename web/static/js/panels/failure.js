@@ -51,7 +51,7 @@ export class Failure {
   }
 
   mark() {
-    if (this.player.film.chain) this.player.mark(this.found?.modules ?? []);
+    if (this.player.timeline.chain) this.player.mark(this.found?.modules ?? []);
   }
 
   // To the frame where it sticks, with the camera at the modules.

@@ -24,7 +24,7 @@ export class Legend {
     figures.on("begun", () => {
       for (const option of this.menu.options) option.disabled = false;
       const kept = recall();
-      if (kept && MEASURED.has(kept) && player.film.chain) this.choose(kept);
+      if (kept && MEASURED.has(kept) && player.timeline.chain) this.choose(kept);
     });
     figures.on("loaded", () => { if (player.shown) player.show(true); });
   }
@@ -32,26 +32,26 @@ export class Legend {
   /** @param {string} key */
   choose(key) {
     try { localStorage.setItem(KEPT, key); } catch { /* not kept, then */ }
-    this.player.colourBy(colouring(key, this.player.film, this.figures));
+    this.player.colourBy(colouring(key, this.player.timeline, this.figures));
   }
 
   show() {
-    const { colouring: chosen, film } = this.player;
-    if (!chosen || !film.outline) return;
+    const { colouring: chosen, timeline } = this.player;
+    if (!chosen || !timeline.outline) return;
     this.menu.value = chosen.key;
-    showScale(chosen, film);
+    showScale(chosen, timeline);
   }
 }
 
 // The scale of a colouring, in numbers.
 /**
  * @param {import("../player/colours.js").Colouring} chosen
- * @param {import("../player/timeline.js").Film} film
+ * @param {import("../player/timeline.js").Timeline} timeline
  */
-export function showScale(chosen, film) {
+export function showScale(chosen, timeline) {
   const { low, high, ramp, none } = chosen.legend();
   get("legend").hidden = false;
-  get("legend").style.setProperty("--unknown", `rgb(${film.scenery.header.colours.unknown.join(" ")})`);
+  get("legend").style.setProperty("--unknown", `rgb(${timeline.scenery.header.colours.unknown.join(" ")})`);
   get("legend-low").textContent = low;
   get("legend-high").textContent = high;
   get("legend-ramp").style.background = ramp;

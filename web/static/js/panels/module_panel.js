@@ -91,7 +91,7 @@ export class ModulePanel {
   /** @param {ModuleTold} module */
   fill(module) {
     this.shown = module.shown;
-    const speeds = this.player.film.speeds(module.shown.frame);
+    const speeds = this.player.timeline.speeds(module.shown.frame);
     for (const { name, column, angle_rad: angle, target_rad: target, error_rad: error } of module.joints) {
       this.put(`[data-joint="${name}"]`, "now", degrees(angle));
       this.put(`[data-joint="${name}"]`, "target", degrees(target, 0));

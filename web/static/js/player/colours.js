@@ -67,12 +67,12 @@ export class Colouring {
   // `values` tells a figure of each module at a moment, `high` the end of the scale.
   /**
    * @param {string} key
-   * @param {import("./timeline.js").Film} film
+   * @param {import("./timeline.js").Timeline} timeline
    * @param {Scale} scale
    */
-  constructor(key, film, { values, high, low = 0, ramp = "ramp_even", text, none = "not recorded", bad = null }) {
+  constructor(key, timeline, { values, high, low = 0, ramp = "ramp_even", text, none = "not recorded", bad = null }) {
     this.key = key;
-    this.film = film;
+    this.timeline = timeline;
     /** @type {Measured | null} */
     this.figures = null;
     this.values = values;
@@ -87,7 +87,7 @@ export class Colouring {
 
   /** @param {Snapshot} shown */
   of(shown) {
-    const { header, arrays } = this.film.scenery;
+    const { header, arrays } = this.timeline.scenery;
     const values = this.values(shown);
     const high = typeof this.high === "function" ? this.high() : this.high;
     const colours = ramped(values.map((v) => (v - this.low) / (high - this.low)), arrays[this.ramp], header.colours.unknown);
@@ -97,7 +97,7 @@ export class Colouring {
   }
 
   legend() {
-    const ramp = this.film.scenery.arrays[this.ramp];
+    const ramp = this.timeline.scenery.arrays[this.ramp];
     const last = ramp.length / 3 - 1;
     const stops = Array.from({ length: 9 }, (_, k) => Array.from(ramp.subarray(3 * Math.round((k / 8) * last)).slice(0, 3)).join(" "));
     const high = typeof this.high === "function" ? this.high() : this.high;
@@ -108,16 +108,16 @@ export class Colouring {
   }
 }
 
-// The end of a scale that fits a figure all along the film, as far as it is here.
+// The end of a scale that fits a figure all along the timeline, as far as it is here.
 /**
- * @param {import("./timeline.js").Film} film
+ * @param {import("./timeline.js").Timeline} timeline
  * @param {(shown: Snapshot) => Floats} values
  */
-function scaled(film, values) {
+function scaled(timeline, values) {
   let most = 0;
   for (let k = 0; k <= SAMPLES; k++) {
-    const frame = film.nearest(Math.round((film.last * k) / SAMPLES));
-    const there = frame === null ? null : film.peek(frame);
+    const frame = timeline.nearest(Math.round((timeline.last * k) / SAMPLES));
+    const there = frame === null ? null : timeline.peek(frame);
     if (there) most = Math.max(most, largest(values(there)));
   }
   return roundUp(most);
@@ -125,36 +125,36 @@ function scaled(film, values) {
 
 /**
  * @param {string} key
- * @param {import("./timeline.js").Film} film
+ * @param {import("./timeline.js").Timeline} timeline
  * @param {Measured | null | undefined} figures
  */
-export function colouring(key, film, figures) {
-  const { chain } = film;
+export function colouring(key, timeline, figures) {
+  const { chain } = timeline;
   /**
    * @param {Scale["values"]} values
    * @param {Scale["text"]} text
    * @param {Partial<Scale>} more
    */
-  const per = (values, text, more = {}) => new Colouring(key, film, { values, text, high: () => scale(), ...more });
+  const per = (values, text, more = {}) => new Colouring(key, timeline, { values, text, high: () => scale(), ...more });
   const unknown = () => new Float32Array(chain.modules).fill(NaN);
   // A scale is looked for when it is first asked for, and again while frames still come in.
   let [known, version] = [0, -1];
   const scale = () => {
-    if (version !== film.version) [known, version] = [scaled(film, made.values), film.version];
+    if (version !== timeline.version) [known, version] = [scaled(timeline, made.values), timeline.version];
     return known;
   };
   const measured = (/** @type {FigureName} */ name) => figures?.largest(name) ?? 0;
   /** @type {Record<string, () => Colouring>} */
   const makers = {
-    error: () => per((shown) => film.moduleErrors(shown.errors), radians, { high: () => film.errorScale, ramp: "ramp_error" }),
-    "error-even": () => per((shown) => film.moduleErrors(shown.errors), radians, { high: () => film.errorScale }),
+    error: () => per((shown) => timeline.moduleErrors(shown.errors), radians, { high: () => timeline.errorScale, ramp: "ramp_error" }),
+    "error-even": () => per((shown) => timeline.moduleErrors(shown.errors), radians, { high: () => timeline.errorScale }),
     position: () => per((shown) => figures?.row(shown.low)?.position_error ?? unknown(), (v) => `${round(v)} pitch`, {
       high: () => roundUp(measured("position_error")),
     }),
-    speed: () => per((shown) => film.carried(film.speeds(shown.frame), (a, b) => Math.max(Math.abs(a), Math.abs(b))), (v) => `${round(v)} rad/s`),
+    speed: () => per((shown) => timeline.carried(timeline.speeds(shown.frame), (a, b) => Math.max(Math.abs(a), Math.abs(b))), (v) => `${round(v)} rad/s`),
     torque: () => per((shown) => {
       const torques = figures?.row(shown.low)?.torque;
-      return torques ? film.carried(torques, (a, b) => Math.max(Math.abs(a), Math.abs(b))) : unknown();
+      return torques ? timeline.carried(torques, (a, b) => Math.max(Math.abs(a), Math.abs(b))) : unknown();
     }, newtonMetres, { high: () => roundUp(measured("torque")) }),
     clearance: () => per((shown) => figures?.row(shown.low)?.clearance ?? unknown(), (v) => `${round(v)} pitch`, {
       high: NEAR, bad: (v) => v < 0, none: "not measured yet",

@@ -1,12 +1,12 @@
 // Figures of a fold, frame by frame, that are worked out after it: clearances, torques, position errors.
 import { decode } from "../lib/columns.js";
-import { Teller } from "../lib/emitter.js";
+import { Emitter } from "../lib/emitter.js";
 
 const KEPT = 24; // stretches
 const AT_ONCE = 2;
 const RETRY_MS = 2000;
 
-export class Figures extends Teller {
+export class Figures extends Emitter {
   /** @param {string} id */
   constructor(id) {
     super();

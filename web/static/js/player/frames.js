@@ -33,7 +33,7 @@ const part = (values, k, width) => values.subarray(k * width, (k + 1) * width);
 export class Whole {
   /**
    * @param {Message<ReelHeader, WholeArrays>} reel
-   * @param {{ joints: number }} film
+   * @param {{ joints: number }} timeline
    */
   constructor({ header, arrays }, { joints }) {
     this.arrays = arrays;
@@ -82,7 +82,7 @@ const STEP = 2 ** -20;
 export class Window {
   /**
    * @param {Message<Pick<ReelHeader, "start" | "stop" | "stride">, WindowArrays>} reel
-   * @param {{ foldedRad: Floats, noErrors: Floats }} film
+   * @param {{ foldedRad: Floats, noErrors: Floats }} timeline
    */
   constructor({ header, arrays }, { foldedRad, noErrors }) {
     const { counts, steps, ...kept } = arrays;

@@ -1,11 +1,11 @@
 // The fold in motion on the first page.
-import { Film, Recording } from "./timeline.js";
+import { Timeline, Recording } from "./timeline.js";
 import { Player } from "./player.js";
 import { Sketch } from "../viewer/sketch.js";
 
 const SPEED = 1.6;
 
-// Plays the film whose address `hero` names on its canvas.
+// Plays the timeline whose address `hero` names on its canvas.
 /**
  * @param {HTMLElement} hero
  * @param {HTMLCanvasElement} canvas
@@ -13,7 +13,7 @@ const SPEED = 1.6;
  */
 export function playHero(hero, canvas, { calm }) {
   const sketch = new Sketch(canvas, () => hero.classList.add("moving"));
-  const player = new Player(new Film(new Recording(hero.dataset.film ?? "")), {
+  const player = new Player(new Timeline(new Recording(hero.dataset.timeline ?? "")), {
     sketch, aspect: () => canvas.clientWidth / Math.max(1, canvas.clientHeight),
   });
   new ResizeObserver(() => player.show(true)).observe(canvas);
@@ -21,6 +21,6 @@ export function playHero(hero, canvas, { calm }) {
     player.send({ do: "set", loop: true, speed: SPEED, turn: !calm });
     if (!calm) player.send({ do: "play" });
   });
-  window.foldback = { film: player.film, player }; // for the console
+  window.foldback = { timeline: player.timeline, player }; // for the console
   return player;
 }

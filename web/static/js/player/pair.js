@@ -1,11 +1,11 @@
 // Two folds on one playhead: each goes through a phase in step with the other, however many frames it
 // has there; one that has no such phase waits.
 import { Playhead } from "./playhead.js";
-import { Teller } from "../lib/emitter.js";
+import { Emitter } from "../lib/emitter.js";
 
 /** @typedef {import("./player.js").Player} Player */
 
-export class Pair extends Teller {
+export class Pair extends Emitter {
   /** @param {Player[]} players */
   constructor(players) {
     super();
@@ -21,12 +21,12 @@ export class Pair extends Teller {
     for (const player of players) player.on("outline", () => this.begin());
   }
 
-  get growing() { return this.players.some(({ film }) => film.growing); }
+  get growing() { return this.players.some(({ timeline }) => timeline.growing); }
 
   // The phases of both, as long as the longer of them.
   begin() {
-    const outlines = this.players.map(({ film }) => film.outline);
-    if (this.players.some(({ shown, film }) => !shown || !film.outline)) return;
+    const outlines = this.players.map(({ timeline }) => timeline.outline);
+    if (this.players.some(({ shown, timeline }) => !shown || !timeline.outline)) return;
     const first = this.phases.length === 0;
     const { names } = outlines[0];
     const long = (/** @type {string} */ name) => Math.max(...outlines.map(({ phases }) => phases.filter((p) => p.name === name).reduce((sum, p) => sum + p.to - p.from, 0)));
@@ -39,7 +39,7 @@ export class Pair extends Teller {
     });
     this.last = Math.max(0, from - 1);
     const scale = Math.max(...outlines.map((outline) => outline.error_scale_rad));
-    for (const { film } of this.players) film.sharedScale = scale;
+    for (const { timeline } of this.players) timeline.sharedScale = scale;
     this.tell("outline", {
       frames: from, phases: this.phases, errors: this.errors(outlines), error_scale_rad: scale, growing: this.growing,
     });
@@ -73,13 +73,13 @@ export class Pair extends Teller {
    * @param {Player} player
    * @param {number} frame
    */
-  frameOf({ film }, frame) {
+  frameOf({ timeline }, frame) {
     const at = this.phaseAt(frame);
-    const { phases } = film.outline;
+    const { phases } = timeline.outline;
     const own = phases.find(({ name }) => name === at.name);
     if (own) return own.from + (Math.min(1, (frame - at.from) / Math.max(1, at.to - 1 - at.from))) * (own.to - 1 - own.from);
     const after = phases.find(({ name }) => this.phases.findIndex((p) => p.name === name) > this.phases.indexOf(at));
-    return after ? after.from : film.last;
+    return after ? after.from : timeline.last;
   }
 
   /** @param {number} frame */

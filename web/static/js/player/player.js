@@ -1,4 +1,4 @@
-// A visitor's playhead over a film, and what follows from it: the pose, its colours, the camera.
+// A visitor's playhead over a timeline, and what follows from it: the pose, its colours, the camera.
 //
 // It takes the messages of playhead.js and one more, select {module}: highlight a module, null for
 // none. It tells what is by events: waiting, begun, outline, state, module, drawn, painted.
@@ -8,12 +8,12 @@ import { picked } from "../lib/kinematics.js";
 import { Playhead } from "./playhead.js";
 import { clearestSight } from "../viewer/viewpoint.js";
 import { StandIn } from "../viewer/fallback.js";
-import { Teller } from "../lib/emitter.js";
+import { Emitter } from "../lib/emitter.js";
 
 const LONGEST_TICK_S = 0.2;
 const TELL_MS = 200;
 const GOAL_EVERY = 12;
-const GOAL_EVERY_S = 0.2; // or of a film that is played, if that is more
+const GOAL_EVERY_S = 0.2; // or of a timeline that is played, if that is more
 const GOALS_ASIDE = 4;
 const GOAL_SPREAD = 1.8;
 const MOST_GOALS = 4000;
@@ -33,21 +33,21 @@ function nameOf({ rigid_links: rigid, hinge_names: names }, j) {
   return `joint_${rigid + Math.floor(j / names.length)}${hinge && `_${hinge}`}`;
 }
 
-/** @typedef {import("./timeline.js").Film} Film */
+/** @typedef {import("./timeline.js").Timeline} Timeline */
 /** @typedef {import("../viewer/stage.js").Stage} Stage */
 /** @typedef {import("../viewer/sketch.js").Sketch} Sketch */
 
-export class Player extends Teller {
+export class Player extends Emitter {
   // Shows on `stage`, for which `sketch` may stand in; without a stage on the sketch alone. For who
   // wants little to move, the camera is where a frame that is sought asks for it at once.
   /**
-   * @param {Film} film
+   * @param {Timeline} timeline
    * @param {{ stage?: Stage | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean }} shownOn
    */
-  constructor(film, { stage = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false }) {
+  constructor(timeline, { stage = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false }) {
     super();
     this.calm = calm;
-    this.film = film;
+    this.timeline = timeline;
     this.stage = stage;
     this.sketch = sketch;
     this.standIn = stage && sketch ? new StandIn(sketch.canvas, stage, sketch) : null;
@@ -58,7 +58,7 @@ export class Player extends Teller {
     this.aspectNow = aspect;
     /** @type {number | undefined} */
     this.aspect = undefined;
-    this.playhead = new Playhead(film);
+    this.playhead = new Playhead(timeline);
     /** @type {import("./colours.js").Colouring | null} */
     this.colouring = null;
     /** @type {number | null} */
@@ -83,18 +83,18 @@ export class Player extends Teller {
     this.due = false;
     this.gliding = false;
     this.changed = false;
-    film.on("waiting", () => { this.shown = null; this.tell("waiting"); });
-    film.on("begun", () => this.begin());
-    film.on("grew", () => this.grew());
-    film.on("loaded", () => { if (this.shown && !this.shown.exact) this.show(true); });
-    if (film.chain) queueMicrotask(() => this.begin());
+    timeline.on("waiting", () => { this.shown = null; this.tell("waiting"); });
+    timeline.on("begun", () => this.begin());
+    timeline.on("grew", () => this.grew());
+    timeline.on("loaded", () => { if (this.shown && !this.shown.exact) this.show(true); });
+    if (timeline.chain) queueMicrotask(() => this.begin());
   }
 
   // What a message does.
 
   /** @param {Command} message */
   send(message) {
-    if (!this.film.chain || !this.colouring) return false;
+    if (!this.timeline.chain || !this.colouring) return false;
     const { follow } = this.is;
     if (message.do === "set" && "follow" in message) this.lookAt([]);
     if (message.do === "select") this.select(message.module);
@@ -111,7 +111,7 @@ export class Player extends Teller {
 
   /** @param {number | null} module */
   select(module) {
-    if (module !== null && !(module >= 0 && module < this.film.chain.modules)) return;
+    if (module !== null && !(module >= 0 && module < this.timeline.chain.modules)) return;
     this.selected = module;
     this.show(true);
     this.tellModule();
@@ -120,7 +120,7 @@ export class Player extends Teller {
   // Modules that stay highlighted.
   /** @param {number[]} modules */
   mark(modules) {
-    this.marked = modules.filter((module) => module < this.film.chain.modules);
+    this.marked = modules.filter((module) => module < this.timeline.chain.modules);
     this.show(true);
   }
 
@@ -142,7 +142,7 @@ export class Player extends Teller {
   // From where the modules to look at are seen best; once more when their frame is there.
   /** @param {Snapshot} shown */
   seek(shown) {
-    const { azimuth_rad: azimuth, elevation_rad: elevation } = this.film.scenery.header.camera;
+    const { azimuth_rad: azimuth, elevation_rad: elevation } = this.timeline.scenery.header.camera;
     this.direction = clearestSight(shown.positions, this.looked ?? [], [azimuth, elevation], outward);
     this.seeks = !shown.exact;
     this.goals.clear();
@@ -154,7 +154,7 @@ export class Player extends Teller {
    */
   pick(origin, direction) {
     if (!this.shown) return;
-    const module = picked(this.film.chain, this.shown, origin, direction);
+    const module = picked(this.timeline.chain, this.shown, origin, direction);
     if (module === null && this.selected === null) return;
     this.send({ do: "select", module: module === this.selected ? null : module });
   }
@@ -170,32 +170,32 @@ export class Player extends Teller {
   // What time does.
 
   begin() {
-    const { film, playhead } = this;
+    const { timeline, playhead } = this;
     this.shown = null;
-    this.colourBy(colouring(this.colouring?.key ?? "error", film, this.colouring?.figures));
+    this.colourBy(colouring(this.colouring?.key ?? "error", timeline, this.colouring?.figures));
     this.follower = new Follower();
     this.goals.clear();
-    this.selected = this.selected !== null && this.selected < film.chain.modules ? this.selected : null;
-    this.stage?.set(film.scenery);
-    this.sketch?.set(film.scenery);
-    if (film.growing) { this.is.live = true; playhead.frame = film.last; }
-    playhead.frame = Math.min(playhead.frame, film.last);
+    this.selected = this.selected !== null && this.selected < timeline.chain.modules ? this.selected : null;
+    this.stage?.set(timeline.scenery);
+    this.sketch?.set(timeline.scenery);
+    if (timeline.growing) { this.is.live = true; playhead.frame = timeline.last; }
+    playhead.frame = Math.min(playhead.frame, timeline.last);
     this.tell("begun");
     this.show(true);
     this.tellOutline();
   }
 
   grew() {
-    if (!this.film.chain) return;
+    if (!this.timeline.chain) return;
     this.goals.clear();
     this.tellOutline();
     this.show(true);
   }
 
   tellOutline() {
-    const { film } = this;
-    const { modules, rigid_links: rigid } = film.chain;
-    this.tell("outline", { ...film.outline, frames: film.total, growing: film.growing, modules, joints: modules - 1 - rigid });
+    const { timeline } = this;
+    const { modules, rigid_links: rigid } = timeline.chain;
+    this.tell("outline", { ...timeline.outline, frames: timeline.total, growing: timeline.growing, modules, joints: modules - 1 - rigid });
   }
 
   get busy() {
@@ -213,7 +213,7 @@ export class Player extends Teller {
   /** @param {number} now */
   tick(now) {
     const passed = this.clock === null ? 0 : Math.min(Math.max(now - this.clock, 0), LONGEST_TICK_S);
-    if (!this.film.chain || !this.shown) { this.clock = null; return; }
+    if (!this.timeline.chain || !this.shown) { this.clock = null; return; }
     if (this.playhead.advance(passed, now)) this.show();
     const drawn = this.changed;
     this.changed = false;
@@ -227,12 +227,12 @@ export class Player extends Teller {
 
   // Takes the snapshot that the playhead is at.
   show(again = false) {
-    const { film, playhead } = this;
-    if (!film.chain || !this.colouring) return;
+    const { timeline, playhead } = this;
+    if (!timeline.chain || !this.colouring) return;
     const frame = playhead.shown;
     const moved = !this.shown || this.shown.frame !== frame || !this.shown.exact;
     if (moved || again) {
-      const shown = film.snapshot(frame);
+      const shown = timeline.snapshot(frame);
       if (!shown) return;
       this.shown = shown;
       if (this.seeks) this.seek(shown);
@@ -247,14 +247,14 @@ export class Player extends Teller {
   // While a drawing stands in, as often as one can read: every word has to be put into the picture.
   /** @param {Snapshot} shown */
   tellState(shown) {
-    const { film, is, playhead } = this;
+    const { timeline, is, playhead } = this;
     const now = performance.now();
-    if (this.standIn?.latest && is.playing && this.lastPlaying && now - this.toldAt < TELL_MS && playhead.frame < film.last) return;
+    if (this.standIn?.latest && is.playing && this.lastPlaying && now - this.toldAt < TELL_MS && playhead.frame < timeline.last) return;
     Object.assign(this, { toldAt: now, lastPlaying: is.playing });
     let error = -1;
     for (const e of shown.errors) if (Math.abs(e) > error) error = Math.abs(e);
     const state = {
-      ...is, frame: playhead.frame, frames: film.total, growing: film.growing, time_s: shown.time_s, phase: shown.phase, error_rad: error < 0 ? null : error,
+      ...is, frame: playhead.frame, frames: timeline.total, growing: timeline.growing, time_s: shown.time_s, phase: shown.phase, error_rad: error < 0 ? null : error,
     };
     const text = JSON.stringify(state);
     if (text === this.told) return;
@@ -263,18 +263,18 @@ export class Player extends Teller {
   }
 
   tellModule() {
-    const { film, shown, selected: index } = this;
+    const { timeline, shown, selected: index } = this;
     if (index === null || !shown) { this.tell("module", { index: null }); return; }
-    const { chain } = film;
+    const { chain } = timeline;
     const first = (index - chain.rigid_links) * chain.hinges;
-    const columns = first >= 0 && first < film.joints ? Array.from({ length: chain.hinges }, (_, k) => first + k) : [];
-    const at = film.foldedPositions;
+    const columns = first >= 0 && first < timeline.joints ? Array.from({ length: chain.hinges }, (_, k) => first + k) : [];
+    const at = timeline.foldedPositions;
     this.tell("module", {
       index,
       modules: chain.modules,
       cell: chain.cells ? [0, 1, 2].map((k) => Math.round(at[3 * index + k])) : null,
       joints: columns.map((j) => ({
-        name: nameOf(chain, j), column: j, angle_rad: shown.angle(j), target_rad: film.foldedRad[j],
+        name: nameOf(chain, j), column: j, angle_rad: shown.angle(j), target_rad: timeline.foldedRad[j],
         error_rad: Number.isNaN(shown.errors[j]) ? null : Math.abs(shown.errors[j]),
       })),
       shown,
@@ -285,11 +285,11 @@ export class Player extends Teller {
     if (!this.colouring || !this.shown) return new Uint8Array(0);
     const colours = this.colouring.of(this.shown);
     const { selected } = this;
-    const { selected: blue, stuck } = this.film.scenery.header.colours;
+    const { selected: blue, stuck } = this.timeline.scenery.header.colours;
     for (const module of this.marked) colours.set(stuck, 3 * module);
     if (selected === null) return colours;
     for (const beside of [selected - 1, selected + 1]) {
-      if (beside < 0 || beside >= this.film.chain.modules) continue;
+      if (beside < 0 || beside >= this.timeline.chain.modules) continue;
       for (let c = 0; c < 3; c++) colours[3 * beside + c] += (blue[c] - colours[3 * beside + c]) * BESIDE;
     }
     colours.set(blue, 3 * selected);
@@ -309,7 +309,7 @@ export class Player extends Teller {
 
   get view() { return this.follower.view && { position: positionOf(this.follower.view), target: this.follower.view.target }; }
 
-  get pitch() { return this.film.scenery.header.pitch; }
+  get pitch() { return this.timeline.scenery.header.pitch; }
 
   // A place in pitches as the scene has it.
   /**
@@ -334,7 +334,7 @@ export class Player extends Teller {
   }
 
   get seeing() {
-    const { camera, chain } = this.film.scenery.header;
+    const { camera, chain } = this.timeline.scenery.header;
     const radius = this.looked ? AROUND : chain.radius;
     return { radius: radius * this.pitch, aspect: this.aspect ?? USUAL_ASPECT, field: camera.field_of_view_rad, home: camera.azimuth_rad };
   }
@@ -344,7 +344,7 @@ export class Player extends Teller {
    * @param {number | null} azimuth
    */
   frameIt(snapshot, azimuth = null) {
-    const [direction, elevation] = this.direction ?? [null, this.film.scenery.header.camera.elevation_rad];
+    const [direction, elevation] = this.direction ?? [null, this.timeline.scenery.header.camera.elevation_rad];
     return framing(this.points(snapshot), { ...this.seeing, azimuth: azimuth ?? direction, elevation });
   }
 
@@ -355,7 +355,7 @@ export class Player extends Teller {
   goal(index) {
     let found = this.goals.get(index);
     if (!found) {
-      const snapshot = this.film.peek(index * this.goalEvery);
+      const snapshot = this.timeline.peek(index * this.goalEvery);
       if (!snapshot) return null;
       found = this.frameIt(snapshot);
       if (!snapshot.exact) return found;
@@ -365,9 +365,9 @@ export class Player extends Teller {
     return found;
   }
 
-  // Looks ahead and back along the film, so that the camera moves evenly and in time.
+  // Looks ahead and back along the timeline, so that the camera moves evenly and in time.
   aim() {
-    const { shown, is, film } = this;
+    const { shown, is, timeline } = this;
     if (!shown || !is.follow) return;
     const aspect = this.aspectNow();
     if (aspect > 0 && aspect !== this.aspect) { this.aspect = aspect; this.goals.clear(); }
@@ -375,9 +375,9 @@ export class Player extends Teller {
     const nearest = this.frameIt(shown, is.turn && this.follower.view ? this.follower.view.azimuth : null);
     let goal = nearest;
     const here = shown.frame / this.goalEvery;
-    const end = film.last / this.goalEvery;
-    // Towards both ends of a whole film it looks less far, and at rest there it frames exactly.
-    const reach = film.growing ? GOALS_ASIDE : Math.min(GOALS_ASIDE, here, end - here);
+    const end = timeline.last / this.goalEvery;
+    // Towards both ends of a whole timeline it looks less far, and at rest there it frames exactly.
+    const reach = timeline.growing ? GOALS_ASIDE : Math.min(GOALS_ASIDE, here, end - here);
     if (reach > 1e-6 && !is.turn) {
       const views = [goal];
       const weights = [1];
@@ -408,7 +408,7 @@ export class Player extends Teller {
     const { is, shown, follower } = this;
     if (this.aspectNow() !== this.aspect) { follower.view = null; this.aim(); }
     if (is.turn && follower.view) {
-      follower.view = { ...follower.view, azimuth: follower.view.azimuth + this.film.scenery.header.camera.turn_rad_s * passed };
+      follower.view = { ...follower.view, azimuth: follower.view.azimuth + this.timeline.scenery.header.camera.turn_rad_s * passed };
       this.aim();
     }
     const moved = follower.move(passed) || is.turn;

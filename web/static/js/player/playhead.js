@@ -1,4 +1,4 @@
-// Where a visitor is in a film and how that moves. A message has one verb, `do`:
+// Where a visitor is in a timeline and how that moves. A message has one verb, `do`:
 //   play, pause, toggle           run or stop; play at the end starts over
 //   seek {frame} or {percent}     go there and stop
 //   step {by}                     whole frames back or forward, and stop
@@ -7,15 +7,15 @@ const SPEEDS = [0.05, 20];
 const SWITCHES = /** @type {const} */ (["loop", "reverse", "follow", "turn", "live"]);
 const WHOLE_FILM_S = 20;
 const SLOWEST_FPS = 12;
-const FASTEST_FPS = 240; // a long film takes longer, else its modules fly by
+const FASTEST_FPS = 240; // a long timeline takes longer, else its modules fly by
 const CATCH_UP_S = 0.4;
 const HOLD_S = 1.2;
 
 export class Playhead {
-  // `film` tells its `last` frame and whether it is `growing`.
-  /** @param {{ last: number, growing: boolean }} film */
-  constructor(film) {
-    this.film = film;
+  // `timeline` tells its `last` frame and whether it is `growing`.
+  /** @param {{ last: number, growing: boolean }} timeline */
+  constructor(timeline) {
+    this.timeline = timeline;
     this.frame = 0;
     this.coarse = false;
     this.hold = 0;
@@ -26,13 +26,13 @@ export class Playhead {
   // True when the message was understood.
   /** @param {Command} message */
   do(message) {
-    const { is, film } = this;
+    const { is, timeline } = this;
     switch (message.do) {
       case "play": case "pause": case "toggle":
         this.run(message.do === "toggle" ? !is.playing : message.do === "play");
         return true;
       case "seek":
-        this.go("percent" in message ? (message.percent / 100) * film.last : message.frame);
+        this.go("percent" in message ? (message.percent / 100) * timeline.last : message.frame);
         return true;
       case "step":
         this.go((message.by > 0 ? Math.floor(this.frame + 1e-9) : Math.ceil(this.frame - 1e-9)) + message.by);
@@ -48,15 +48,15 @@ export class Playhead {
 
   /** @param {number} frame */
   go(frame) {
-    this.frame = Math.min(Math.max(frame, 0), this.film.last);
+    this.frame = Math.min(Math.max(frame, 0), this.timeline.last);
     Object.assign(this.is, { playing: false, live: false });
   }
 
   /** @param {boolean} playing */
   run(playing) {
-    const { is, film } = this;
-    if (playing && !is.reverse && this.frame >= film.last - 1e-6 && !film.growing) this.frame = 0;
-    if (playing && is.reverse && this.frame <= 1e-6) this.frame = film.last;
+    const { is, timeline } = this;
+    if (playing && !is.reverse && this.frame >= timeline.last - 1e-6 && !timeline.growing) this.frame = 0;
+    if (playing && is.reverse && this.frame <= 1e-6) this.frame = timeline.last;
     this.hold = 0;
     Object.assign(is, { playing, live: false });
   }
@@ -67,11 +67,11 @@ export class Playhead {
    * @param {number} now
    */
   advance(passed, now) {
-    const { is, film } = this;
+    const { is, timeline } = this;
     if (is.live) {
-      const gap = film.last - this.frame;
-      this.frame = gap < 0.6 ? film.last : this.frame + gap * (1 - Math.exp(-passed / CATCH_UP_S));
-      if (!film.growing && this.frame >= film.last) is.live = false;
+      const gap = timeline.last - this.frame;
+      this.frame = gap < 0.6 ? timeline.last : this.frame + gap * (1 - Math.exp(-passed / CATCH_UP_S));
+      if (!timeline.growing && this.frame >= timeline.last) is.live = false;
       return true;
     }
     if (!is.playing || now < this.hold) return false;
@@ -80,30 +80,30 @@ export class Playhead {
   }
 
   // Frames a second.
-  get pace() { return Math.min(FASTEST_FPS, Math.max(SLOWEST_FPS, (this.film.last + 1) / WHOLE_FILM_S)); }
+  get pace() { return Math.min(FASTEST_FPS, Math.max(SLOWEST_FPS, (this.timeline.last + 1) / WHOLE_FILM_S)); }
 
   /**
    * @param {number} by
    * @param {number} now
    */
   runOn(by, now) {
-    const { is, film } = this;
+    const { is, timeline } = this;
     const frame = this.frame + (is.reverse ? -by : by);
-    if (frame >= 0 && frame <= film.last) {
+    if (frame >= 0 && frame <= timeline.last) {
       // Frames that pass faster than they can be shown need no in-betweens.
       this.coarse = by >= 1;
       this.frame = frame;
       return;
     }
-    const end = is.reverse ? 0 : film.last;
+    const end = is.reverse ? 0 : timeline.last;
     if (!is.loop) {
       this.frame = end;
-      is.playing = film.growing && !is.reverse;
+      is.playing = timeline.growing && !is.reverse;
     } else if (this.frame !== end) {
       this.hold = now + HOLD_S;
       this.frame = end;
     } else {
-      this.frame = film.last - end;
+      this.frame = timeline.last - end;
     }
   }
 

@@ -3,17 +3,17 @@
 import { decode } from "../lib/columns.js";
 import { Whole, Window } from "./frames.js";
 import { Kinematics } from "../lib/kinematics.js";
-import { Teller } from "../lib/emitter.js";
+import { Emitter } from "../lib/emitter.js";
 import { touching } from "./touching.js";
 
 const AT_ONCE = 2; // requests
-const COARSE = 64; // frames that are fetched first, spread over the whole film
+const COARSE = 64; // frames that are fetched first, spread over the whole timeline
 const REEL_BYTES = 2 ** 20;
 const LONGEST_REEL = 128;
 const MOST_BYTES = 384 * 2 ** 20;
 const WINDOW_ROWS = 256;
 const MOST_WINDOW_BYTES = 64 * 2 ** 20;
-const AHEAD = 6; // chunks of a long film that are fetched before they are asked for
+const AHEAD = 6; // chunks of a long timeline that are fetched before they are asked for
 const BEHIND = 1;
 const RETRY_MS = 300;
 const LOOK_MS = 1000;
@@ -52,7 +52,7 @@ export class Source {
   }
 }
 
-// A whole film in one reel, which is fetched once.
+// A whole timeline in one reel, which is fetched once.
 export class Recording extends Source {
   /** @type {Promise<Reel | null> | undefined} */
   once;
@@ -71,8 +71,8 @@ export class Recording extends Source {
  * @property {(row: Row, hinge: number) => number} angle
  */
 
-export class Film extends Teller {
-  // Null until the film has begun: chain and outline; the others are not there before.
+export class Timeline extends Emitter {
+  // Null until the timeline has begun: chain and outline; the others are not there before.
   /** @type {Chain & Hull} */
   chain;
   /** @type {FilmOutline} */
@@ -142,7 +142,7 @@ export class Film extends Teller {
 
   get growing() { return this.status === "growing" && !this.over; }
 
-  // The joint error at which a module is fully red; films beside each other share one.
+  // The joint error at which a module is fully red; timelines beside each other share one.
   get errorScale() { return Math.max(this.outline.error_scale_rad, this.sharedScale ?? 0); }
 
   get last() { return Math.max(0, this.total - 1); }
@@ -199,7 +199,7 @@ export class Film extends Teller {
       await pause(RETRY_MS);
       return;
     }
-    // Frames spread over the whole film, so that it can be scrubbed everywhere at once.
+    // Frames spread over the whole timeline, so that it can be scrubbed everywhere at once.
     const stride = Math.ceil(first.header.total / COARSE);
     const windowed = "first" in first.arrays;
     const spread = stride > 1 && (windowed || first.header.status !== "growing") ? await this.source.reel({ stride }) : null;
@@ -230,10 +230,10 @@ export class Film extends Teller {
     this.load();
   }
 
-  // What rows of this film can do.
+  // What rows of this timeline can do.
   get how() { return /** @type {Kind} */ (/** @type {unknown} */ (this.kind)); }
 
-  // A long film, of which only what is around the playhead is fetched.
+  // A long timeline, of which only what is around the playhead is fetched.
   get windowed() { return this.kind === Window; }
 
   // Keeps what a reel brings.
@@ -249,7 +249,7 @@ export class Film extends Teller {
       chunk.reels[k] = found;
       chunk.at[k] = row;
     }
-    // A film that grows may have more than this reel; what is missing is asked for next.
+    // A timeline that grows may have more than this reel; what is missing is asked for next.
     this.total = this.growing && header.status === "growing" && !this.windowed ? Math.max(this.total, header.stop) : header.total;
     this.status = header.status;
     this.outline = header.outline;

@@ -1,7 +1,7 @@
-// What every page that shows one fold has: the film, the 3D view with the drawing that stands in for
+// What every page that shows one fold has: the timeline, the 3D view with the drawing that stands in for
 // it, the timeline, the legend and, where there are panels for them, module and plots.
 import { Bar } from "../player/bar.js";
-import { Film } from "../player/timeline.js";
+import { Timeline } from "../player/timeline.js";
 import { Legend } from "../panels/legend.js";
 import { ModulePanel } from "../panels/module_panel.js";
 import { Place } from "../player/address.js";
@@ -29,7 +29,7 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 // `load` begins to load viser's client into the frame; `drawer` is shown when a module is selected.
 /** @param {Viewed} viewed */
 export function view({ source, figures, load, over = true, drawer = null, play = !calm }) {
-  const film = new Film(source, { over });
+  const timeline = new Timeline(source, { over });
   const frame = get("view");
   const stage = new Stage(frame, {
     open: () => player.standIn?.takeOver(),
@@ -41,7 +41,7 @@ export function view({ source, figures, load, over = true, drawer = null, play =
     get("cover").classList.add("gone");
     setTimeout(start3d, DRAW_MS);
   });
-  const player = new Player(film, { stage, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight), calm });
+  const player = new Player(timeline, { stage, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight), calm });
   if (player.standIn) player.standIn.onOpen = () => get("cover").classList.add("gone");
   const plots = get("panel-plots") ? new Plots(get("panel-plots"), player, figures) : null;
   const bar = new Bar(player, (name) => plots?.worst(name) ?? null);
@@ -71,8 +71,8 @@ export function view({ source, figures, load, over = true, drawer = null, play =
   player.on("begun", () => {
     if (begun) return;
     begun = true;
-    if (!place.go() && !film.growing && play) player.send({ do: "play" });
+    if (!place.go() && !timeline.growing && play) player.send({ do: "play" });
   });
-  window.foldback = { film, player }; // for the console
-  return { film, player, stage, sketch, bar, place, plots };
+  window.foldback = { timeline, player }; // for the console
+  return { timeline, player, stage, sketch, bar, place, plots };
 }

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Film } from "../../../web/static/js/player/timeline.js";
+import { Timeline } from "../../../web/static/js/player/timeline.js";
 import { close, closeTurns, recorded, turnOfEvents, unpack, vectors } from "./vectors.js";
 
 const TOTAL = 400;
@@ -41,74 +41,74 @@ for (const swaps of [[], [2], [4], [4, 9]]) {
   test(`a timeline begun anew after ${swaps.join(" and ") || "no"} requests is shown to its end`, async ({ mock: { timers } }) => {
     timers.enable({ apis: ["setTimeout"] });
     const source = begunAnew(swaps, "complete");
-    const film = new Film(source, { over: false });
+    const timeline = new Timeline(source, { over: false });
     await pass(timers, 2500);
-    film.finish();
+    timeline.finish();
     await pass(timers, 300);
-    film.stop();
-    assert.deepEqual([film.id, film.complete, film.total], [`timeline ${swaps.length}`, true, TOTAL]);
+    timeline.stop();
+    assert.deepEqual([timeline.id, timeline.complete, timeline.total], [`timeline ${swaps.length}`, true, TOTAL]);
     assert.ok(source.asked < 60, `${source.asked} requests`); // it waits between looking and looking again
   });
 }
 
 test("a fold that ended in the middle is over", async () => {
   const source = begunAnew([], "growing");
-  const film = new Film(source, { over: true });
-  while (!film.complete) await turnOfEvents();
-  film.stop();
-  assert.deepEqual([film.growing, film.total], [false, TOTAL]);
+  const timeline = new Timeline(source, { over: true });
+  while (!timeline.complete) await turnOfEvents();
+  timeline.stop();
+  assert.deepEqual([timeline.growing, timeline.total], [false, TOTAL]);
   assert.ok(source.asked < 20, `${source.asked} requests`);
 });
 
-test("every frame is kept in its place, those first that are spread over the film", async () => {
-  const film = new Film(begunAnew([], "complete"));
-  const times = () => Array.from({ length: TOTAL }, (_, k) => film.row(k)?.time_s ?? null);
+test("every frame is kept in its place, those first that are spread over the timeline", async () => {
+  const timeline = new Timeline(begunAnew([], "complete"));
+  const times = () => Array.from({ length: TOTAL }, (_, k) => timeline.row(k)?.time_s ?? null);
   let spread = null;
-  film.on("begun", () => { spread = times(); });
-  while (!film.complete) await turnOfEvents();
+  timeline.on("begun", () => { spread = times(); });
+  while (!timeline.complete) await turnOfEvents();
   const frames = Array.from({ length: TOTAL }, (_, k) => k);
   assert.deepEqual(spread, frames.map((k) => (k % 7 ? null : k)));
   assert.deepEqual(times(), frames);
 });
 
 test("frames are as they were recorded, and between two in between", async () => {
-  const { film } = await recorded();
-  assert.equal(film.last, vectors.film.frames.at(-1).frame);
-  for (const { frame, time_s: time, angles, poses, errors } of vectors.film.frames) {
-    const shown = film.snapshot(frame);
+  const { timeline } = await recorded();
+  assert.equal(timeline.last, vectors.timeline.frames.at(-1).frame);
+  for (const { frame, time_s: time, angles, poses, errors } of vectors.timeline.frames) {
+    const shown = timeline.snapshot(frame);
     assert.ok(shown.exact);
     assert.equal(shown.time_s, time);
     close(angles.map((_, j) => shown.angle(j)), angles, { atol: 6e-7 });
     const expected = (await unpack(poses)).arrays;
     close(shown.positions, expected.positions, { atol: 3e-6 });
     closeTurns(shown.wxyzs, expected.wxyzs, 1e-5);
-    const told = film.moduleErrors(shown.errors);
+    const told = timeline.moduleErrors(shown.errors);
     assert.deepEqual([...told].map(Number.isNaN), errors.map((v) => v === null));
     const known = errors.flatMap((v, i) => (v === null ? [] : [i]));
     close(known.map((i) => told[i]), known.map((i) => errors[i]), { rtol: 1 / 256 });
   }
-  const [before, between, after] = [120, 120.25, 121].map((frame) => film.snapshot(frame));
+  const [before, between, after] = [120, 120.25, 121].map((frame) => timeline.snapshot(frame));
   assert.ok(Math.abs(between.time_s - (0.75 * before.time_s + 0.25 * after.time_s)) < 1e-9);
   assert.ok(Math.abs(between.angle(0) - (0.75 * before.angle(0) + 0.25 * after.angle(0))) < 1e-9);
 });
 
 test("hinges turn as fast as their angles change", async () => {
-  const { film } = await recorded();
-  const [one, two] = [film.snapshot(120), film.snapshot(121)];
-  const expected = Array.from({ length: film.joints }, (_, j) => (two.angle(j) - one.angle(j)) / (two.time_s - one.time_s));
+  const { timeline } = await recorded();
+  const [one, two] = [timeline.snapshot(120), timeline.snapshot(121)];
+  const expected = Array.from({ length: timeline.joints }, (_, j) => (two.angle(j) - one.angle(j)) / (two.time_s - one.time_s));
   assert.ok(Math.max(...expected.map(Math.abs)) > 0.1);
-  for (const frame of [120, 120.5]) close(film.speeds(frame), expected, { atol: 1e-5 });
-  const seam = film.outline.phases[1].from - 1; // an explosion's last frame and a playback's first
-  assert.ok(film.speeds(seam).every(Number.isNaN));
-  const row = film.row(120);
-  film.row = () => row; // no time passes
-  assert.ok(film.speeds(120).every(Number.isNaN));
+  for (const frame of [120, 120.5]) close(timeline.speeds(frame), expected, { atol: 1e-5 });
+  const seam = timeline.outline.phases[1].from - 1; // an explosion's last frame and a playback's first
+  assert.ok(timeline.speeds(seam).every(Number.isNaN));
+  const row = timeline.row(120);
+  timeline.row = () => row; // no time passes
+  assert.ok(timeline.speeds(120).every(Number.isNaN));
 });
 
 test("what has been fetched is scrubbed without a word to the server", async () => {
-  const { film, source } = await recorded();
+  const { timeline, source } = await recorded();
   const { asked } = source;
-  for (const frame of [3, 90, 41, 150, 7, film.last]) assert.ok(film.snapshot(frame).exact);
+  for (const frame of [3, 90, 41, 150, 7, timeline.last]) assert.ok(timeline.snapshot(frame).exact);
   await turnOfEvents();
   assert.equal(source.asked, asked);
 });

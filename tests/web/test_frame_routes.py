@@ -1,4 +1,4 @@
-"""Films, sharing and comparing through a real service, and through ``foldback play``."""
+"""Frames, sharing and comparing through a real service, and through ``foldback play``."""
 
 from __future__ import annotations
 
