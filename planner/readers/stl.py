@@ -136,7 +136,7 @@ def _facets(text: bytes) -> Iterator[bytes]:
 
 def _corners(part: bytes) -> NDArray[np.float64]:
     """(3 F, 3) the vertices of F facets."""
-    expected, found = 3 * part.count(FACET_END), VERTEX.findall(part)
+    expected, found = 3 * part.count(FACET_END), VERTEX.findall(part.lower())
     if len(found) != expected:
         raise InputError(
             "damaged",

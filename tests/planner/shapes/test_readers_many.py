@@ -67,6 +67,7 @@ def test_all_lines_at_once_are_the_same_as_one_by_one(
 SAME_STL = {
     "as it is": lambda text: text,
     "in capitals": bytes.upper,
+    "with exponents": lambda text: text.replace(b"vertex 0.0 ", b"Vertex 0.0E+00 "),
     "on one line": lambda text: b" ".join(text.split()),
     "with a word a line": lambda text: b"\n".join(text.split()),
     "with other line ends": lambda text: text.replace(b"\n", b"\r\n"),
