@@ -38,7 +38,7 @@ def triangles_in(data: bytes, kind: Format) -> Triangles:
 
     # Text that is no number ends the reading of numbers with a warning, and the rest would be lost.
     with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("error", DeprecationWarning)
+        warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
         try:
             scene = trimesh.load_scene(
                 io.BytesIO(data),
