@@ -132,6 +132,10 @@ def _facets(text: bytes) -> Iterator[bytes]:
         part, at = text[at : end + len(FACET_END)], end + len(FACET_END)
         # A name may hold any words, and one file several solids.
         yield NAME.sub(b"", part) if b"solid" in part else part
+    if VERTEX.search(NAME.sub(b"", text[at:].lower())):
+        raise InputError(
+            "damaged", "the last triangle does not end; the file is cut or damaged, save it again."
+        )
 
 
 def _corners(part: bytes) -> NDArray[np.float64]:

@@ -66,11 +66,12 @@ def edges_of(faces: Ints) -> Edges:
     counts = np.bincount(kind)
     balance = np.bincount(kind, weights=np.where(runs[:, 0] < runs[:, 1], 1.0, -1.0))
     open_ = int((counts % 2).sum())
+    loose = runs[first[counts == 1]]
     return Edges(
         open=open_,
         scattered=2 * open_ > len(runs),
         oriented=not balance.any(),
-        loose=runs[first[counts == 1]],
+        loose=loose[np.lexsort((loose.max(axis=1), loose.min(axis=1)))],
     )
 
 
@@ -104,10 +105,17 @@ def welded(
     """
     from trimesh import grouping
 
-    keys = _bits(points + 0.0).view(np.int64)
+    rows = points + 0.0
     if tolerance > 0:
-        keys = np.round((points - points.min(axis=0)) / tolerance).astype(np.int64)
-    first, inverse = grouping.unique_rows(keys)
+        rows = np.round((points - points.min(axis=0)) / tolerance)
+    first, inverse = grouping.unique_rows(
+        rows.astype(np.int64) if tolerance > 0 else _bits(rows).view(np.int64)
+    )
+    # The order in which trimesh has them means nothing, but rims that touch are closed by it.
+    order = np.argsort(_mixed(rows[first]))
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    first, inverse = first[order], place[inverse]
     joined = inverse[faces]
     a, b, c = joined.T
     kept = (a != b) & (b != c) & (c != a)
