@@ -23,9 +23,9 @@ from planner.explosion.diagnosis import diagnose
 from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes, chain_from_attributes
+from planner.pipeline.attempt_folders import ATTEMPTS
 from planner.pipeline.portfolio import Attempt, Choice, Try
 
-FILE: Final = "attempts.json"
 CANDIDATES: Final = "candidates.json"
 MOST_JUDGED: Final = 6
 """Playbacks of a fold that are judged."""
@@ -69,7 +69,7 @@ class Candidates:
 
 def load(directory: FilePath) -> list[Attempt]:
     """The attempts so far."""
-    path = directory / FILE
+    path = directory / ATTEMPTS
     if not path.exists():
         return []
     return [Attempt.from_dict(values) for values in json.loads(path.read_bytes())]
@@ -77,7 +77,7 @@ def load(directory: FilePath) -> list[Attempt]:
 
 def save(directory: FilePath, attempts: Sequence[Attempt]) -> None:
     """Keeps them."""
-    write_json(directory / FILE, [attempt.as_dict() for attempt in attempts])
+    write_json(directory / ATTEMPTS, [attempt.as_dict() for attempt in attempts])
 
 
 def made(todo: Try, chain: Chain, record: Record) -> Attempt:
@@ -113,8 +113,19 @@ def before_playback(directory: FilePath, choice: Choice) -> list[Attempt]:
     return attempts
 
 
-def judged(attempts: Sequence[Attempt], certificate: Certificate) -> list[Attempt]:
-    """With the verdict on the last one."""
+def judged(
+    attempts: Sequence[Attempt], certificate: Certificate, number: int | None
+) -> list[Attempt]:
+    """With the verdict on an explosion and on its latest playback.
+
+    Args:
+        attempts: All of the fold.
+        certificate: The verdict, and where the plan is narrowest.
+        number: Which explosion it is of; None for the last one.
+    """
+    judged = len(attempts) - 1 if number is None else number
+    while judged + 1 < len(attempts) and attempts[judged + 1].finer > 1:
+        judged += 1
     place = certificate.min_clearance_playback_at
     between = (
         certificate.min_clearance is not None
@@ -124,7 +135,8 @@ def judged(attempts: Sequence[Attempt], certificate: Certificate) -> list[Attemp
         and place is not None
         and not float(place.frame).is_integer()
     )
-    return [*attempts[:-1], replace(attempts[-1], verdict=certificate.verdict, between=between)]
+    after = replace(attempts[judged], verdict=certificate.verdict, between=between)
+    return [*attempts[:judged], after, *attempts[judged + 1 :]]
 
 
 def following(

@@ -6,12 +6,12 @@ from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Any
 
+from planner.chain.chain import Chain
 from planner.explosion.strategies import strategies_for
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
-from planner.pipeline import attempts, refused
+from planner.pipeline import attempt_folders, attempts
 from planner.pipeline.attempts import Candidates
-from planner.pipeline.best_record import BestRecord
 from planner.pipeline.fold_directory import read_recorded, read_request, write_chain_folded
 from planner.pipeline.parallel import Tries, make_try
 from planner.pipeline.portfolio import MOST_SEEDS, Attempt, Choice, Try
@@ -33,40 +33,38 @@ def explode_stage(
     candidates = Candidates.load(directory)
     choice = choice_of(request, candidates)
     tried = attempts.before_explosion(directory, choice)
-    if tried:
-        refused.put_aside(directory)
-    else:
-        refused.drop(directory)
     # What an earlier fold left in this directory must not pass for a result of this one.
-    for name in ("record.npz", "playback.npz", "picture.png"):
-        (directory / name).unlink(missing_ok=True)
+    if not tried:
+        attempt_folders.clear(directory)
+    (directory / "picture.png").unlink(missing_ok=True)
     rmtree(directory / "figures.zarr", ignore_errors=True)
     if request.parameters().explosion is None:
-        TimelineWriter.create(directory / "timeline.zarr", candidates.chains[0])
+        _begun(directory, 0, candidates.chains[0])
         attempts.save(directory, [])
         return {"status": "none", "reason": "", "steps": 0, "frames": 0, "seconds": 0.0}
-    best = BestRecord(directory)
+    made: dict[int, Record] = {}
     while (todo := choice.after(tried)) is not None:
-        chain = candidates.chain_of(todo)
-        write_chain_folded(directory, chain)
+        number, chain = len(tried), candidates.chain_of(todo)
+        place = _begun(directory, number, chain)
         attempts.save(directory, [*tried, Attempt(todo=todo, status="begun")])
         if request.smooth:
             record = _smoothed(directory, request, todo, progress, cancelled)
             attempt = attempts.made(todo, chain, record)
         else:
             tries.come_to(choice, tried, todo)
-            record, attempt = tries.take(progress, cancelled) or make_try(
-                directory, request.parameters(), chain, todo, tries.watched(progress), cancelled
+            record, attempt = tries.take(place, progress, cancelled) or make_try(
+                place, request.parameters(), chain, todo, tries.watched(progress), cancelled
             )
+        record.save(place / "record.npz")
+        made[number] = record
         tried.append(attempt)
-        best.look_at(chain, record)
+        attempts.save(directory, tried)
+        attempt_folders.keep_best_explosion(directory)
         if record.status in ("straight", "cancelled"):
             break
-    record = best.keep()
+    record = made[attempt_folders.numbers(directory)[-1]]
     if record.status != "straight" or len(tried) == 1:
         tries.rest()  # what comes out at once is rarely refused
-    attempts.save(directory, tried)
-    record.save(directory / "record.npz")
     return {**record.summary(), "attempts": len(tried)}
 
 
@@ -87,12 +85,19 @@ def choice_of(request: Request, candidates: Candidates) -> Choice:
     )
 
 
+def _begun(directory: FilePath, number: int, chain: Chain) -> FilePath:
+    """The folder of an attempt that begins, with its chain and a timeline that is still empty."""
+    place = attempt_folders.begin(directory, number)
+    write_chain_folded(place, chain)
+    TimelineWriter.create(place / attempt_folders.TIMELINE, chain)
+    return place
+
+
 def _smoothed(
     directory: FilePath, request: Request, todo: Try, progress: Report, cancelled: Cancelled
 ) -> Record:
     """One smoothing, of which there is nothing to see before it is played back."""
     recorded = read_recorded(directory)
-    TimelineWriter.create(directory / "timeline.zarr", recorded.chain)
 
     def told(part: float) -> None:
         progress(Progress(stage="explode", fraction=min(part, 0.99), message="smoothing"))

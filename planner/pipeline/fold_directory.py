@@ -9,6 +9,7 @@ from planner.chain.chain import Chain
 from planner.files import write_json, write_whole
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes, chain_from_attributes
+from planner.pipeline.attempt_folders import CHAIN, result
 from planner.pipeline.request import Request
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
@@ -34,23 +35,23 @@ def read_request(directory: FilePath) -> Request:
 
 def write_chain_folded(directory: FilePath, chain: Chain) -> None:
     """Keeps the chain that is being folded."""
-    write_json(directory / "chain.json", chain_attributes(chain))
+    write_json(directory / CHAIN, chain_attributes(chain))
 
 
 def read_chain(directory: FilePath) -> Chain:
     """The chain that is being folded: of the attempts, that of the last."""
-    return chain_from_attributes(json.loads((directory / "chain.json").read_bytes()))
+    return chain_from_attributes(json.loads(result(directory, CHAIN).read_bytes()))
 
 
 def read_record(directory: FilePath) -> Record | None:
     """How it exploded, if it did."""
-    path = directory / "record.npz"
+    path = result(directory, "record.npz")
     return Record.load(path) if path.exists() else None
 
 
 def read_playback(directory: FilePath) -> Playback | None:
     """How it was played back, if it was."""
-    path = directory / "playback.npz"
+    path = result(directory, "playback.npz")
     return Playback.load(path) if path.exists() else None
 
 

@@ -24,6 +24,7 @@ from planner.explosion.strategies import let_go, windowed
 from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
+from planner.pipeline.attempt_folders import TIMELINE
 from planner.pipeline.attempts import made
 from planner.pipeline.portfolio import MOST, Attempt, Choice, Try
 from planner.progress import Cancelled, Progress, Report
@@ -48,9 +49,7 @@ def make_try(
     cancelled: Cancelled,
 ) -> Made:
     """One explosion on a timeline of its own: its record, and what is told of it."""
-    writer = TimelineWriter.create(
-        directory / "timeline.zarr", chain, windowed=windowed(todo.strategy)
-    )
+    writer = TimelineWriter.create(directory / TIMELINE, chain, windowed=windowed(todo.strategy))
     record = let_go(
         chain,
         todo.strategy,
@@ -121,11 +120,11 @@ class Tries:
 
         return told if self._workers > 1 else progress
 
-    def take(self, progress: Report, cancelled: Cancelled) -> Made | None:
+    def take(self, place: FilePath, progress: Report, cancelled: Cancelled) -> Made | None:
         """What is to be made now, if it was begun beside: waits for it.
 
-        Its timeline becomes the fold's. None when it was not begun, or its process failed: whoever
-        makes it here comes to the same, or sees why it cannot be made.
+        Its timeline moves to ``place``, the attempt's folder. None when it was not begun, or its
+        process failed: whoever makes it here comes to the same, or sees why it cannot be made.
         """
         if self._here not in self._beside:
             return None
@@ -141,9 +140,8 @@ class Tries:
         del self._beside[self._here]
         made = beside.made()
         if made is not None:
-            timeline = self._directory / "timeline.zarr"
-            rmtree(timeline, ignore_errors=True)
-            (beside.place / "timeline.zarr").rename(timeline)
+            rmtree(place / TIMELINE, ignore_errors=True)
+            (beside.place / TIMELINE).rename(place / TIMELINE)
         beside.end()
         return made
 

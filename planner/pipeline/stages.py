@@ -21,7 +21,17 @@ from planner.files import write_json, write_whole
 from planner.motion.frames import PHASES
 from planner.motion.timeline import TimelineWriter
 from planner.pathfinding.prepare import prepare
-from planner.pipeline import attempts, manifest, refused
+from planner.pipeline import attempts, manifest
+from planner.pipeline.attempt_folders import (
+    CERTIFICATE,
+    TIMELINE,
+    clear,
+    folder,
+    keep_best,
+    numbers,
+    publish,
+    result,
+)
 from planner.pipeline.attempts import Candidates
 from planner.pipeline.explode_stage import choice_of, explode_stage
 from planner.pipeline.fold_directory import (
@@ -155,7 +165,7 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
 def _noted(directory: FilePath, candidates: Candidates, **how: Any) -> dict[str, Any]:
     """Keeps the chains that may be folded; what is said of how they were found."""
     chain = candidates.chains[0]
-    (directory / attempts.FILE).unlink(missing_ok=True)  # of an earlier fold in this directory
+    clear(directory)
     candidates.save(directory)
     write_chain_folded(directory, chain)
     return {
@@ -172,7 +182,8 @@ def _noted(directory: FilePath, candidates: Candidates, **how: Any) -> dict[str,
 
 def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
     request, chain, record = read_request(directory), read_chain(directory), read_record(directory)
-    (directory / "playback.npz").unlink(missing_ok=True)
+    place = folder(directory)
+    (place / "playback.npz").unlink(missing_ok=True)
     parameters = request.parameters()
     if record is not None and record.status != "straight":
         return {
@@ -190,7 +201,7 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
         start_s, frames = float(record.frames.time_s[-1]), len(record.frames)
     tried = attempts.before_playback(directory, choice_of(request, Candidates.load(directory)))
     attempts.save(directory, tried)
-    timeline = directory / "timeline.zarr"
+    timeline = place / TIMELINE
     if whole:  # a refold's timeline goes from one shape to the other; a smoothed one only folds
         TimelineWriter.create(timeline, chain)
     with TimelineWriter.reopen(timeline, frames=frames) as writer:
@@ -206,13 +217,11 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
             finer=tried[-1].finer if tried else 1,
             unfolding=unfolding,
         )
-    playback.save(directory / "playback.npz")
+    playback.save(place / "playback.npz")
     return playback.summary()
 
 
 def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
-    if refused.finish(directory):
-        return {**_certificate(directory).as_dict(), "again": None}
     request, playback = read_request(directory), read_playback(directory)
     parameters = request.parameters()
     certificate = certify(
@@ -227,7 +236,8 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
     again = None
     tried = attempts.load(directory)
     if tried:
-        tried = attempts.judged(tried, certificate)
+        known = numbers(directory)
+        tried = attempts.judged(tried, certificate, known[-1] if known else None)
         attempts.save(directory, tried)
         # What was published, or is a baseline, is shown as it is, with what is wrong with it.
         ours = isinstance(parameters.explosion, ExplosionParameters)
@@ -235,16 +245,15 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
             again = attempts.following(tried, choice_of(request, Candidates.load(directory)))
         if again == "explode" and _overlaps_unfolding(certificate, playback):
             again = None  # which is the same whatever the other shape's path
-    write_json(directory / "certificate.json", certificate.as_dict())
-    if certificate.verified:
-        refused.drop(directory)
-    elif again is None and not cancelled() and refused.bring_back(directory, certificate):
+    write_json(folder(directory) / CERTIFICATE, certificate.as_dict())
+    if again is None and not cancelled():
+        keep_best(directory)
         certificate = _certificate(directory)
     return {**certificate.as_dict(), "again": again}
 
 
 def _certificate(directory: FilePath) -> Certificate:
-    return Certificate.from_dict(json.loads((directory / "certificate.json").read_bytes()))
+    return Certificate.from_dict(json.loads(result(directory, CERTIFICATE).read_bytes()))
 
 
 def _overlaps_unfolding(certificate: Certificate, playback: Playback | None) -> bool:
@@ -263,6 +272,7 @@ def _overlaps_unfolding(certificate: Certificate, playback: Playback | None) -> 
 
 def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
     del progress, cancelled
+    publish(directory)
     request, chain = read_request(directory), read_chain(directory)
     parameters = request.parameters()
     certificate = _certificate(directory)
@@ -282,7 +292,6 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
     plan.save_npz(directory / "plan.npz")
     plan.save_json(directory / "plan.json")
     work_out_figures(directory)
-    refused.drop(directory)
     manifest.write_manifest(directory)
     return plan.summary()
 
@@ -296,11 +305,11 @@ def work_out_figures(directory: FilePath) -> FilePath:
     Raises:
         TimelineError: When the fold has no timeline.
     """
-    certificate = directory / "certificate.json"
+    certificate = result(directory, CERTIFICATE)
     known = json.loads(certificate.read_bytes()) if certificate.exists() else None
     path = directory / "figures.zarr"
     write_figures(
-        directory / "timeline.zarr",
+        result(directory, TIMELINE),
         path,
         read_request(directory).parameters(),
         certificate=known and Certificate.from_dict(known),

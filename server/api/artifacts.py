@@ -11,6 +11,7 @@ from fastapi.responses import FileResponse, Response
 
 from planner.errors import InputError
 from planner.exports import EXPORTS, export_named, exports_of
+from planner.pipeline.attempt_folders import TIMELINE, result
 from server.api.context import Context
 from server.api.folds import Here, problems
 from server.api.schemas import ExportBody, ExportList, FramesBody
@@ -56,7 +57,7 @@ def get_frames(
 
     row = context.store.fold(fold_id)
     try:
-        timeline = Timeline.open(context.store.directory(fold_id) / "timeline.zarr")
+        timeline = Timeline.open(result(context.store.directory(fold_id), TIMELINE))
     except (TimelineError, OSError, KeyError) as error:  # or it is just being made anew
         raise not_there(row, "timeline") from error
     total, chain = len(timeline), timeline.chain

@@ -16,6 +16,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 
 from planner.errors import TimelineError
+from planner.pipeline.attempt_folders import TIMELINE, result
 from server.api.finding import find_now, viewing_of
 from server.http.response_cache import mark
 from server.store.folds import NoSuchFoldError
@@ -149,7 +150,7 @@ def _view(request: Request, fold_id: str) -> TimelineView | None:
     found = find_now(request, fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)
-    timeline = viewing_of(request).timelines.get(found.directory / "timeline.zarr")
+    timeline = viewing_of(request).timelines.get(result(found.directory, TIMELINE))
     if timeline is not None and not timeline.growing:
         mark(request, found.row)
     return timeline if timeline is not None and len(timeline) else None

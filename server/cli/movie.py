@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from planner.errors import InputError
+from planner.pipeline.attempt_folders import TIMELINE, result
 from server.cli.inputs import refuse
 from server.cli.options import AsJson, FoldDirectory
 from server.ops.starting import settings_of
@@ -69,7 +70,7 @@ def movie(
                 "last_frame": last,
             }
         )
-        timeline = directory.resolve() / "timeline.zarr"
+        timeline = result(directory.resolve(), TIMELINE)
         if not timeline.is_dir():
             raise InputError(
                 "no-directory",

@@ -21,6 +21,7 @@ from planner.errors import InputError, TimelineError
 from planner.explosion.diagnosis import stuck_of
 from planner.files import json_of
 from planner.motion.timeline import Timeline
+from planner.pipeline.attempt_folders import CERTIFICATE, TIMELINE, result
 from planner.pipeline.ended import where
 from planner.pipeline.request import Request
 from planner.pipeline.stages import work_out_figures
@@ -72,11 +73,11 @@ def row_of(directory: Path) -> ShownFold:
     Raises:
         TimelineError: When there is no timeline in it.
     """
-    chain = Timeline.open(directory / "timeline.zarr").chain
+    chain = Timeline.open(result(directory, TIMELINE)).chain
     request = json_of(directory / "request.json")
     plan = json_of(directory / "plan.json")
     certificate = told_honestly(
-        plan.get("certificate") or json_of(directory / "certificate.json"), plan.get("playback")
+        plan.get("certificate") or json_of(result(directory, CERTIFICATE)), plan.get("playback")
     )
     verified = str(certificate.get("verdict")).startswith("verified")
     status = "verified" if verified else "failed"

@@ -17,6 +17,7 @@ import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
 from planner.errors import InputError
+from planner.pipeline.attempt_folders import TIMELINE, result
 from server.jobs.progress import JobProgress
 from server.jobs.retry import patiently
 from server.processes.children import ChildError
@@ -68,7 +69,7 @@ class MovieJobs:
             if not patiently(news.last):
                 return
             files = patiently(lambda: self._store.directory(fold_id))
-            timeline = files / "timeline.zarr"
+            timeline = result(files, TIMELINE)
             request = {"movie": row.wishes, "timeline": str(timeline), "part": PART}
             (place / "request.json").write_text(json.dumps(request))
 

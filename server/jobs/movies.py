@@ -19,6 +19,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
+from planner.pipeline.attempt_folders import TIMELINE, result
 from server.errors import Conflict, NoRoom, NoSuch, NotFound, TooMany, Unavailable
 from server.jobs.queue import Jobs
 from server.settings import Settings
@@ -109,7 +110,7 @@ class Movies:
                 f"the fold is {row.status}; a movie can be made once it is over.",
                 retry_after_s=RETRY_AFTER_S,
             )
-        if not (self._store.directory(fold_id) / "timeline.zarr" / "zarr.json").is_file():
+        if not (result(self._store.directory(fold_id), TIMELINE) / "zarr.json").is_file():
             raise NotFound("no-such-artifact", "This fold ended without a timeline to film.")
         try:
             state = self.state(fold_id, movie.key)

@@ -14,6 +14,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from planner.errors import InputError, TimelineError
 from planner.motion.timeline import Timeline, TimelineWriter
+from planner.pipeline.attempt_folders import TIMELINE, result
 from planner.playback.unfolding import START_CHAIN
 from server.files.cancelled import sweep_cancelled
 from server.jobs.progress import JobProgress
@@ -312,7 +313,7 @@ class Runner:
 
     def _close(self, fold_id: str) -> None:
         """Closes the timeline of a stage that was ended before it could."""
-        path = self._store.folders.place(fold_id) / "timeline.zarr"
+        path = result(self._store.folders.place(fold_id), TIMELINE)
         with contextlib.suppress(TimelineError, OSError, ValueError, KeyError):
             if Timeline.open(path).status == "growing":
                 TimelineWriter.reopen(path).close("failed")

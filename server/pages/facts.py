@@ -19,6 +19,7 @@ from planner.exports import exports_of
 from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.pathfinding.duration import expected_seconds
+from planner.pipeline.attempt_folders import CERTIFICATE, CHAIN, TIMELINE, result
 from planner.pipeline.request import LARGEST_SEED, Request
 from planner.robot import MOST_ANGLES
 from planner.simulation.parameters import AUTO
@@ -56,7 +57,7 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
     row, directory = found.row, found.directory
     summary: dict[str, Any] = summary_told_honestly(row.summary or {})
     certificate = summary.get("certificate") or told_honestly(
-        json_of(directory / "certificate.json"), summary.get("playback")
+        json_of(result(directory, CERTIFICATE)), summary.get("playback")
     )
     running = row.status in RUNNING
     done = row.status in ("verified", "failed")
@@ -266,7 +267,7 @@ def _properties(
     """Groups of labels and values, each group with a heading."""
     explosion = summary.get("explosion") or {}
     playback = summary.get("playback") or {}
-    chain = json_of(directory / "chain.json")
+    chain = json_of(result(directory, CHAIN))
     plan = _settings_of(directory / "plan.npz") if row.status in ("verified", "failed") else {}
     made = "Smoothing" if summary.get("smoothing") else "Explosion"
     groups: list[tuple[str, list[tuple[str, Any]]]] = [
@@ -371,17 +372,18 @@ def _settings_at(path: Path, changed_ns: int) -> dict[str, Any]:
 def _simulated_s(directory: Path) -> float | None:
     """Simulated time of a timeline; looked up once for each length that it has had."""
     try:
-        changed_ns = (directory / "timeline.zarr" / "zarr.json").stat().st_mtime_ns
+        timeline = result(directory, TIMELINE)
+        changed_ns = (timeline / "zarr.json").stat().st_mtime_ns
     except OSError:
         return None
-    return _simulated_at(directory, changed_ns)
+    return _simulated_at(timeline, changed_ns)
 
 
 @lru_cache(maxsize=512)
-def _simulated_at(directory: Path, changed_ns: int) -> float | None:
+def _simulated_at(path: Path, changed_ns: int) -> float | None:
     del changed_ns
     try:
-        timeline = Timeline.open(directory / "timeline.zarr")
+        timeline = Timeline.open(path)
         if not len(timeline):
             return None
         return float(timeline.frames(len(timeline) - 1).time_s[-1])

@@ -20,6 +20,7 @@ from markupsafe import Markup
 from planner.chain.chain import Chain
 from planner.errors import PlannerError
 from planner.motion.timeline import chain_from_attributes
+from planner.pipeline.attempt_folders import CHAIN, result
 from planner.readers import read
 from server.api.context import context_of
 from server.api.finding import find_now, viewing_of
@@ -327,9 +328,9 @@ def _featured(store: Store) -> str | None:
 
 def _drawing(found: Found) -> str:
     """The folded shape, shown until the view is there; empty while nobody knows what it will be."""
-    for name in ("chain.json", "cells.json"):
-        if (path := found.directory / name).exists():
-            return _drawing_of(path, name == "chain.json")
+    for path in (result(found.directory, CHAIN), found.directory / "cells.json"):
+        if path.exists():
+            return _drawing_of(path, path.name == CHAIN)
     return ""
 
 

@@ -14,6 +14,7 @@ from fastapi.responses import Response
 from planner.errors import PlannerError
 from planner.files import write_whole
 from planner.motion.timeline import chain_from_attributes
+from planner.pipeline.attempt_folders import CHAIN, result
 from server.api.context import context_of
 from server.api.finding import find_fold
 from server.files.workshop import newer
@@ -26,7 +27,6 @@ from server.store.shown import RUNNING
 router = APIRouter(include_in_schema=False)
 
 NAME: Final = "picture.png"
-OF: Final = "chain.json"
 DAY_S: Final = 86400
 MINUTE_S: Final = 60
 
@@ -71,7 +71,7 @@ def _no_picture() -> Response:
 def _kept(path: Path) -> bytes | None:
     """The picture in a fold's directory, if it is one of its chain."""
     try:
-        return path.read_bytes() if newer(path, path.parent.parent / OF) else None
+        return path.read_bytes() if newer(path, result(path.parent.parent, CHAIN)) else None
     except OSError:
         return None
 
@@ -79,7 +79,7 @@ def _kept(path: Path) -> bytes | None:
 def _drawn(store: Store, fold_id: str, path: Path, *, keep: bool) -> bytes | None:
     """The picture of the chain in a fold's directory; None while there is none."""
     try:
-        chain = chain_from_attributes(json.loads((path.parent.parent / OF).read_bytes()))
+        chain = chain_from_attributes(json.loads((result(path.parent.parent, CHAIN)).read_bytes()))
     except (PlannerError, OSError, ValueError, KeyError):
         return None
     # Drawing brings kernels along that the start of the server need not wait for.

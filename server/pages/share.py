@@ -15,6 +15,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, HTMLResponse, Response
 
 from planner.errors import TimelineError
+from planner.pipeline.attempt_folders import TIMELINE, result
 from server.api.finding import find_fold, viewing_of
 from server.errors import Conflict
 from server.http.client_address import address_of
@@ -30,7 +31,6 @@ from web.viser.standalone import standalone_html, standalone_scripts
 
 router = APIRouter(include_in_schema=False)
 FOLD_ID: Final = r"^[A-Za-z0-9_-]{1,64}$"
-TIMELINE: Final = "timeline.zarr"
 OF: Final = f"{TIMELINE}/zarr.json"
 """Written last, whatever changes in the timeline."""
 
@@ -116,7 +116,7 @@ def _of_view(found: Found, make: Callable[[TimelineView], bytes]) -> Callable[[]
 
     def made() -> bytes:
         try:
-            return make(TimelineView(found.directory / TIMELINE))
+            return make(TimelineView(result(found.directory, TIMELINE)))
         except TimelineError as error:
             raise Conflict("not-ready", str(error), retry_after_s=1) from error
 
@@ -146,7 +146,7 @@ async def _finished(request: Request, fold_id: str) -> Found:
     if found is None:
         raise NoSuchFoldError(fold_id)
     timelines = viewing_of(request).timelines
-    timeline = await asyncio.to_thread(timelines.get, found.directory / TIMELINE)
+    timeline = await asyncio.to_thread(timelines.get, result(found.directory, TIMELINE))
     if found.row.status in RUNNING or timeline is None or not len(timeline):
         raise Conflict(
             "not-ready",

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Final
 
 from planner.files import write_whole
+from planner.pipeline.attempt_folders import TIMELINE, result
 from server.errors import NoSuch
 from server.settings import Settings
 from server.store.object_store import INDEX, Storage, open_storage
@@ -350,7 +351,7 @@ def _epoch_of(place: Path) -> int | None:
 def frames_promised(directory: Path) -> int:
     """Frames that the timeline in a fold's directory promises."""
     try:
-        attributes = (directory / "timeline.zarr" / "zarr.json").read_bytes()
+        attributes = (result(directory, TIMELINE) / "zarr.json").read_bytes()
         return int(json.loads(attributes)["attributes"]["frames"])
     except (OSError, ValueError, KeyError):
         return 0

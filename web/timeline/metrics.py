@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from planner.certificate.metrics import Curves, Figures
 from planner.motion.angle_steps import plan_angles
 from planner.motion.timeline import Timeline
+from planner.pipeline.attempt_folders import TIMELINE, result
 from web.timeline.cache import Cache
 from web.timeline.columns import encode
 
@@ -38,7 +39,7 @@ def kept_figures(directory: Path, part: int | None = None) -> bytes:
         TimelineError: When there are no figures, or no such stretch.
         OSError: When they are being replaced.
     """
-    parts = (directory / FIGURES / "zarr.json", directory / "timeline.zarr" / "zarr.json")
+    parts = (directory / FIGURES / "zarr.json", result(directory, TIMELINE) / "zarr.json")
     stamps = [(found.st_ino, found.st_mtime_ns) for found in (path.stat() for path in parts)]
     key = (directory, part, *stamps)
     if (data := _MESSAGES.get(key)) is None:
@@ -54,7 +55,7 @@ def curves_of(directory: Path) -> bytes:
         TimelineError: When there are no figures.
     """
     curves = Curves.load(directory / FIGURES)
-    timeline = Timeline.open(directory / "timeline.zarr")
+    timeline = Timeline.open(result(directory, TIMELINE))
     total = len(timeline)
     error = 0.0
     if total and (reference := _reference(directory)) is not None:
@@ -81,7 +82,7 @@ def stretch_of(directory: Path, part: int) -> bytes:
     Raises:
         TimelineError: When there are no figures, or no such stretch.
     """
-    timeline = Timeline.open(directory / "timeline.zarr")
+    timeline = Timeline.open(result(directory, TIMELINE))
     rows, total = _rows(timeline), len(timeline)
     start, stop = part * rows, min((part + 1) * rows, total)
     found = Figures.load(directory / FIGURES, start, stop)

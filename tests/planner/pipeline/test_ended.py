@@ -10,10 +10,16 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
+from planner.files import write_json
 from planner.motion.frames import Frames
-from planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
+from planner.motion.timeline import (
+    Timeline,
+    TimelineWriter,
+    chain_attributes,
+    chain_from_attributes,
+)
 from planner.pipeline import attempts
-from planner.pipeline.best_record import ASIDE
+from planner.pipeline.attempt_folders import begin
 from planner.pipeline.ended import look_back, where
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.portfolio import Attempt, Try
@@ -39,6 +45,15 @@ def recorded(path: FilePath, chain: Chain, share: float, phase: str = "explosion
     )
     with TimelineWriter.create(path, chain) as writer:
         writer.append(frames)
+
+
+def attempted(directory: FilePath, chain: Chain, share: float) -> None:
+    """One more attempt, which was ended when so much of its bends was left."""
+    known = attempts.load(directory)
+    attempts.save(directory, [*known, Attempt(todo=Try(len(known), 0, "peel"), status="begun")])
+    place = begin(directory, len(known))
+    write_json(place / "chain.json", chain_attributes(chain))
+    recorded(place / "timeline.zarr", chain, share)
 
 
 def test_it_tells_which_modules_are_still_bent(tmp_path: FilePath) -> None:
@@ -70,27 +85,29 @@ def test_of_an_unfolding_it_tells_what_is_not_straight_yet(tmp_path: FilePath) -
 
 
 def test_who_only_looks_changes_nothing(tmp_path: FilePath) -> None:
-    recorded(tmp_path / "timeline.zarr", CHAIN, 0.8)
-    recorded(tmp_path / ASIDE, OTHER, 0.3)
-    assert where(tmp_path)["stuck"]["modules"]
-    assert (tmp_path / ASIDE).exists()
+    attempted(tmp_path, CHAIN, 0.3)
+    attempted(tmp_path, OTHER, 0.8)
+    there = sorted(tmp_path.rglob("*"))
+    bends = np.abs(OTHER.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
+    assert where(tmp_path)["stuck"]["modules"] == (np.flatnonzero(bends) + 1).tolist()
+    assert sorted(tmp_path.rglob("*")) == there
     assert where(tmp_path / "nothing") == {}
 
 
-@pytest.mark.parametrize(("aside", "kept"), [(0.3, OTHER), (0.9, CHAIN)])
+@pytest.mark.parametrize(("left", "kept"), [(0.3, OTHER), (0.9, CHAIN)])
 def test_the_explosion_that_came_farthest_stays(
-    aside: float, kept: Chain, tmp_path: FilePath
+    left: float, kept: Chain, tmp_path: FilePath
 ) -> None:
-    recorded(tmp_path / "timeline.zarr", CHAIN, 0.6)
-    recorded(tmp_path / ASIDE, OTHER, aside)
-    (tmp_path / "chain.json").write_text(json.dumps({}))
+    attempted(tmp_path, OTHER, left)
+    attempted(tmp_path, CHAIN, 0.6)
     look_back(tmp_path)
-    left = Timeline.open(tmp_path / "timeline.zarr")
-    np.testing.assert_array_equal(left.chain.folded_rad, kept.folded_rad)
-    assert not (tmp_path / ASIDE).exists()
-    if kept is OTHER:
-        told = chain_from_attributes(json.loads((tmp_path / "chain.json").read_text()))
-        np.testing.assert_array_equal(told.folded_rad, kept.folded_rad)
+    timeline = Timeline.open(tmp_path / "timeline.zarr")
+    np.testing.assert_array_equal(timeline.chain.folded_rad, kept.folded_rad)
+    told = chain_from_attributes(json.loads((tmp_path / "chain.json").read_text()))
+    np.testing.assert_array_equal(told.folded_rad, kept.folded_rad)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        *("attempts.json", "chain.json", "timeline.zarr")
+    }
 
 
 def test_without_a_frame_there_is_nothing_to_tell(tmp_path: FilePath) -> None:

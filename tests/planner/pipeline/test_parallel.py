@@ -114,14 +114,14 @@ def test_one_that_is_made_beside_is_the_same_and_its_timeline_is_the_folds(
     told: list[Progress] = []
     with Tries(fold, 2) as tries:
         tries.come_to(CHOICE, [], FIRST)
-        assert tries.take(told.append, never) is None
+        assert tries.take(fold, told.append, never) is None
         watched = tries.watched(told.append)
         watched(Progress(stage="explode", fraction=0.5, pushes=STALLING - 1))
         assert not beside()
         watched(PUSHED)
         assert len(beside()) == 1
         tries.come_to(CHOICE, [STUCK], second)
-        made = tries.take(told.append, never)
+        made = tries.take(fold, told.append, never)
         assert made is not None
         assert len(beside()) <= 1  # the one after it has been begun meanwhile
         same_motion(made[0].frames, record.frames)
@@ -151,7 +151,7 @@ def test_as_many_are_made_at_once_as_there_are_workers(tmp_path: FilePath) -> No
         tries.watched(silent)(PUSHED)
         assert len(beside()) == 2
         tries.come_to(CHOICE, [STUCK], Try(0, 3, "peel"))
-        made = tries.take(silent, soon)
+        made = tries.take(fold, silent, soon)
         assert made is None or made[0].status == "cancelled"
         assert max(seen) == 3
         tries.rest()
@@ -167,7 +167,7 @@ def test_a_process_that_fails_is_as_if_it_had_not_been(tmp_path: FilePath) -> No
         (child,) = beside()
         child.kill()
         tries.come_to(CHOICE, [STUCK], second)
-        assert tries.take(silent, never) is None
+        assert tries.take(fold, silent, never) is None
 
 
 def test_one_that_cannot_be_begun_does_not_end_the_one_at_hand(

@@ -17,9 +17,8 @@ from planner.explosion.peeling import peel
 from planner.explosion.simultaneous import explode
 from planner.motion.frames import Frames
 from planner.motion.record import Record
-from planner.motion.timeline import Timeline, TimelineWriter
+from planner.motion.timeline import Timeline
 from planner.pipeline import attempts
-from planner.pipeline.best_record import BestRecord, bent
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.portfolio import MOST, Attempt, Choice, Reason, Try
 from planner.pipeline.request import Request
@@ -219,26 +218,6 @@ def test_a_peeling_that_stops_says_what_is_buried() -> None:
     slight = diagnose(chain, replace(one, frames=frames))
     assert slight is not None and slight.kind == "buried"
     assert slight.modules and min(slight.modules) > 10
-
-
-def test_the_one_that_came_farthest_is_kept(tmp_path: FilePath) -> None:
-    chain = snake((2, 2, 3))
-    best = BestRecord(tmp_path)
-    shares = (0.9, 0.4, 0.7)
-    records: list[Record] = []
-    for share in shares:
-        record = at_rest(chain)
-        angles = share * record.frames.joint_angles_rad
-        record = replace(record, frames=replace(record.frames, joint_angles_rad=angles))
-        with TimelineWriter.create(tmp_path / "timeline.zarr", chain) as writer:
-            writer.append(record.frames)
-        best.look_at(chain, record)
-        records.append(record)
-        assert bent(chain, record) == pytest.approx(share)
-    assert best.keep() is records[1]
-    kept = Timeline.open(tmp_path / "timeline.zarr").frames()
-    np.testing.assert_array_equal(kept.joint_angles_rad, records[1].frames.joint_angles_rad)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["chain.json", "timeline.zarr"]
 
 
 @pytest.mark.slow

@@ -18,6 +18,7 @@ from planner.explosion.simultaneous import explode
 from planner.motion.frames import PHASES
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
+from planner.pipeline.attempt_folders import result
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import STAGES, next_stage, run_stage, run_stages
@@ -47,8 +48,8 @@ def begun(directory: FilePath, **values: Any) -> FilePath:
 
 def run(directory: FilePath, *stages: str) -> list[dict[str, Any]]:
     results = [run_stage(stage, directory) for stage in stages]
-    for result in results:
-        json.dumps(result, allow_nan=False)
+    for told in results:
+        json.dumps(told, allow_nan=False)
     return results
 
 
@@ -145,9 +146,9 @@ def test_a_stage_killed_half_way_leaves_nothing_half_written(
         run_stage(stage, directory, cancelled=killed)
     left = {path.name for path in directory.iterdir()}
     earlier = [name for s in STAGES[: STAGES.index(stage)] for name in OUTPUTS[s]]
-    under_way = {"attempts.json"} if stage == "explode" else set[str]()
-    assert left == {*earlier, *under_way, "request.json", "input", "timeline.zarr"}
-    Timeline.open(directory / "timeline.zarr").frames()
+    under_way = {"attempts.json", "attempts"} if stage == "explode" else {"timeline.zarr"}
+    assert left == {*earlier, *under_way, "request.json", "input"}
+    Timeline.open(result(directory, "timeline.zarr")).frames()
     run(directory, *STAGES[STAGES.index(stage) :])
     again = Plan.load(directory / "plan.npz")
     np.testing.assert_array_equal(again.joint_angles_rad, whole.plan.joint_angles_rad)

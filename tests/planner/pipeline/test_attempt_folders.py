@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
@@ -12,12 +13,27 @@ import numpy as np
 import pytest
 
 from planner.certificate.certificate import Certificate, Place, certify
+from planner.chain.chain import Chain
 from planner.explosion.simultaneous import explode
+from planner.files import write_json
 from planner.motion.record import Record
-from planner.motion.timeline import Timeline
-from planner.pipeline import refused
+from planner.motion.timeline import Timeline, TimelineWriter
+from planner.pipeline import attempts
+from planner.pipeline.attempt_folders import (
+    CERTIFICATE,
+    RESULTS,
+    TIMELINE,
+    begin,
+    folder,
+    keep_best,
+    keep_best_explosion,
+    numbers,
+    publish,
+    result,
+)
 from planner.pipeline.ended import look_back
 from planner.pipeline.fold_directory import write_request
+from planner.pipeline.portfolio import Attempt, Try
 from planner.pipeline.request import Request
 from planner.pipeline.stages import next_stage, run_stage, run_stages
 from planner.plan.formats import write_path
@@ -27,7 +43,6 @@ from tests.planner.chains import COIL
 
 pytestmark = pytest.mark.slow
 
-LEFT = {"refused", "refused.part", "refused.back", "best.zarr", "best.part"}
 Judge = Callable[..., Certificate]
 
 
@@ -40,15 +55,19 @@ def begun(directory: FilePath, **values: Any) -> FilePath:
 def refusing(monkeypatch: pytest.MonkeyPatch, *clearances: float) -> None:
     """Certificates that refuse one plan after the other, by so much, and none after them."""
     due = list(clearances)
+    judged: dict[bytes, float] = {}
 
-    def judge(*arguments: Any, **more: Any) -> Certificate:
-        found = certify(*arguments, **more)
-        if not due:
+    def judge(chain: Any, record: Any, playback: Any, *arguments: Any, **more: Any) -> Certificate:
+        found = certify(chain, record, playback, *arguments, **more)
+        plan = b"" if playback is None else playback.frames.joint_angles_rad.tobytes()
+        if due and plan not in judged:
+            judged[plan] = due.pop(0)
+        if plan not in judged:
             return found
         return replace(
             found,
             verdict="failed: in the plan, modules 1 and 9 overlap",
-            min_clearance=due.pop(0),
+            min_clearance=judged[plan],
             min_clearance_at=Place(frame=3.0, modules=(1, 9)),
         )
 
@@ -86,7 +105,7 @@ def test_a_refused_plan_is_shown_when_all_others_stick(
     assert [a["status"] for a in plan.attempts][:2] == ["straight", "stalled"]
     frames = summary["explosion"]["frames"] + len(plan.time_s)
     assert len(Timeline.open(directory / "timeline.zarr")) == frames
-    assert not LEFT & {path.name for path in directory.iterdir()}
+    assert not (directory / "attempts").exists()
 
 
 @pytest.mark.slow
@@ -107,7 +126,7 @@ def test_the_closest_of_the_refused_is_shown(
     anew = explode(plan.chain, Request().parameters().explosion, seed=shown)
     record = Record.load(directory / "record.npz")
     np.testing.assert_array_equal(record.frames.joint_angles_rad, anew.frames.joint_angles_rad)
-    assert not LEFT & {path.name for path in directory.iterdir()}
+    assert not (directory / "attempts").exists()
 
 
 @pytest.mark.slow
@@ -117,7 +136,7 @@ def test_nothing_is_left_when_a_later_one_is_verified(
     refusing(monkeypatch, -0.1)
     directory = begun(tmp_path / "fold")
     assert run_stages(directory)["status"] == "verified"
-    assert not LEFT & {path.name for path in directory.iterdir()}
+    assert not (directory / "attempts").exists()
 
 
 @pytest.mark.slow
@@ -149,63 +168,105 @@ def test_a_cancel_while_others_are_tried_leaves_the_refused_one(
     directory = begun(tmp_path / "fold")
     for stage in ("read", "explode", "play_back", "certify"):
         run_stage(stage, directory)
-    frames = len(Timeline.open(directory / "timeline.zarr"))
+    frames = len(Timeline.open(result(directory, "timeline.zarr")))
     run_stage("explode", directory, cancelled=lambda: True)
-    assert len(Timeline.open(directory / "timeline.zarr")) < frames
+    assert len(Timeline.open(result(directory, "timeline.zarr"))) < frames
     told = look_back(directory)
     assert told["certificate"]["min_clearance"] == -0.001
     assert told["explosion"]["status"] == "straight"
     assert len(Timeline.open(directory / "timeline.zarr")) == frames
-    assert not LEFT & {path.name for path in directory.iterdir()}
+    assert not (directory / "attempts").exists()
 
 
-def files(place: FilePath, clearance: float) -> None:
-    place.mkdir(exist_ok=True)
-    certificate = {"min_clearance": clearance, "min_clearance_playback": 0.0}
-    (place / "certificate.json").write_text(json.dumps(certificate))
-    for name in ("chain.json", "record.npz", "playback.npz"):
-        (place / name).write_text(str(clearance))
-    (place / "timeline.zarr").mkdir(exist_ok=True)
-    (place / "timeline.zarr" / "zarr.json").write_text(str(clearance))
+def attempted(directory: FilePath, clearances: Sequence[float | None], *verdicts: str) -> None:
+    """Attempts that came straight; a certificate has judged those that have a clearance."""
+    tried = [Attempt(todo=Try(0, k, "peel"), status="straight") for k in range(len(clearances))]
+    attempts.save(directory, tried)
+    for number, clearance in enumerate(clearances):
+        place = begin(directory, number)
+        for name in RESULTS:
+            if name == TIMELINE:
+                TimelineWriter.create(place / name, Chain.from_path(COIL)).close("failed")
+            elif name != CERTIFICATE:
+                (place / name).write_text(str(number))
+        if clearance is not None:
+            verdict = verdicts[number] if verdicts else "failed: modules 1 and 9 overlap"
+            certificate = {
+                **{"verdict": verdict, "number": number, "min_clearance": clearance},
+                "min_clearance_playback": 0.0,
+            }
+            write_json(place / CERTIFICATE, certificate)
 
 
-@pytest.mark.parametrize("call", range(12))
-def test_what_is_cut_off_at_any_rename_goes_on(
+@pytest.mark.parametrize(
+    ("clearances", "verdicts", "best"),
+    [
+        ((-0.3, -0.1, -0.2), (), 1),
+        ((-0.3, None, None), (), 0),
+        ((None, None), (), 1),
+        ((-0.1, -0.1), (), 1),
+        ((0.4, 0.1), ("failed: a joint bends too far", "verified"), 1),
+    ],
+)
+def test_the_attempt_that_came_farthest_is_kept(
+    clearances: tuple[float | None, ...], verdicts: tuple[str, ...], best: int, tmp_path: FilePath
+) -> None:
+    attempted(tmp_path, clearances, *verdicts)
+    keep_best(tmp_path)
+    assert numbers(tmp_path) == [best]
+    assert folder(tmp_path) == tmp_path / "attempts" / str(best)
+
+
+def test_of_explosions_alone_those_that_were_judged_stay(tmp_path: FilePath) -> None:
+    attempted(tmp_path, (-0.3, -0.1, None, None))
+    keep_best_explosion(tmp_path)
+    assert numbers(tmp_path) == [0, 1, 3]
+    begin(tmp_path, 1)
+    assert numbers(tmp_path) == [0, 1]
+    assert not list((tmp_path / "attempts" / "1").iterdir())
+
+
+def test_a_result_is_where_it_was_made_last(tmp_path: FilePath) -> None:
+    (tmp_path / "chain.json").write_text("of the first candidate")
+    assert result(tmp_path, "chain.json").read_text() == "of the first candidate"
+    attempted(tmp_path, (None, None))
+    assert result(tmp_path, "chain.json").read_text() == "1"
+    begin(tmp_path, 2)
+    assert result(tmp_path, "chain.json").read_text() == "of the first candidate"
+
+
+@pytest.mark.parametrize("call", range(9))
+def test_what_is_cut_off_while_it_is_published_goes_on(
     call: int, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Put aside and brought back, each cut off once before some rename."""
+    """Cut off once before some change of a directory; results are found all the while."""
     calls = 0
-    rename, over = FilePath.rename, FilePath.replace
 
     def cut(original: Callable[..., Any]) -> Callable[..., Any]:
-        def moved(*arguments: Any) -> Any:
+        def moved(*arguments: Any, **more: Any) -> Any:
             nonlocal calls
             calls += 1
             if calls == call + 1:
                 raise KeyboardInterrupt
-            return original(*arguments)
+            return original(*arguments, **more)
 
         return moved
 
-    monkeypatch.setattr(FilePath, "rename", cut(rename))
-    monkeypatch.setattr(FilePath, "replace", cut(over))
-
-    def patiently(do: Callable[[], Any]) -> Any:
+    attempted(tmp_path, (-0.2, -0.1, -0.3))
+    (tmp_path / "chain.json").write_text("of the first candidate")
+    with monkeypatch.context() as patched:
+        for name in ("rename", "replace"):
+            patched.setattr(FilePath, name, cut(getattr(FilePath, name)))
+        patched.setattr("planner.pipeline.attempt_folders.rmtree", cut(shutil.rmtree))
         try:
-            return do()
+            publish(tmp_path)
         except KeyboardInterrupt:
-            return do()
-
-    files(tmp_path, -0.1)
-    patiently(lambda: refused.put_aside(tmp_path))
-    assert not (tmp_path / "record.npz").exists() and not (tmp_path / "timeline.zarr").exists()
-    assert (tmp_path / "chain.json").exists()
-    (tmp_path / "timeline.zarr").mkdir()
-    (tmp_path / "certificate.json").write_text("{}")
-    assert patiently(lambda: refused.bring_back(tmp_path))
-    for name in ("chain.json", "record.npz", "playback.npz", "timeline.zarr/zarr.json"):
-        assert (tmp_path / name).read_text() == "-0.1"
-    refused.drop(tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {
-        *("certificate.json", "chain.json", "record.npz", "playback.npz", "timeline.zarr")
-    }
+            assert result(tmp_path, "playback.npz").read_text() in ("1", "2")
+            publish(tmp_path)
+    assert calls > 9
+    for name in ("chain.json", "record.npz", "playback.npz"):
+        assert (tmp_path / name).read_text() == "1"
+    assert json.loads((tmp_path / CERTIFICATE).read_text())["number"] == 1
+    assert {path.name for path in tmp_path.iterdir()} == {*RESULTS, "attempts.json"}
+    publish(tmp_path)
+    assert (tmp_path / "playback.npz").read_text() == "1"

@@ -1,0 +1,151 @@
+"""Attempt folders: what an attempt makes is in a folder of its own until the fold is over.
+
+``attempts/2`` in a fold's directory holds the chain, timeline, record, playback and certificate of
+the explosion that is entry 2 of ``attempts.json``. Of attempts that are over the one that came
+farthest stays. When the fold is over, its files go to the fold's directory itself.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path as FilePath
+from shutil import rmtree
+from typing import Any, Final
+
+import numpy as np
+
+from planner.chain.chain import Chain
+from planner.errors import TimelineError
+from planner.motion.frames import PHASES, Frames
+from planner.motion.timeline import Timeline
+
+ATTEMPTS: Final = "attempts.json"
+FOLDER: Final = "attempts"
+CERTIFICATE: Final = "certificate.json"
+TIMELINE: Final = "timeline.zarr"
+CHAIN: Final = "chain.json"
+RESULTS: Final = (CHAIN, TIMELINE, "record.npz", "playback.npz", CERTIFICATE)
+"""What an attempt makes."""
+_EXPLOSION: Final = PHASES.index("explosion")
+_UNWANTED: Final = "unwanted-"
+"""A folder is renamed so before its files are removed: half of one would pass for an attempt."""
+
+
+def numbers(directory: FilePath) -> list[int]:
+    """Of the attempts that have a folder, in order."""
+    try:
+        found = [path.name for path in (directory / FOLDER).iterdir()]
+    except OSError:
+        return []
+    return sorted(int(name) for name in found if name.isdecimal())
+
+
+def folder(directory: FilePath) -> FilePath:
+    """Where the latest attempt's files are written; the fold's directory when there is none."""
+    known = numbers(directory)
+    return directory / FOLDER / str(known[-1]) if known else directory
+
+
+def result(directory: FilePath, name: str) -> FilePath:
+    """Where a file of ``RESULTS`` is, also while the fold is computed; it need not be there."""
+    path = folder(directory) / name
+    return path if path.exists() else directory / name
+
+
+def begin(directory: FilePath, number: int) -> FilePath:
+    """Makes the folder of an attempt, without those that an earlier run made from there on."""
+    _remove(directory, [known for known in numbers(directory) if known >= number])
+    place = directory / FOLDER / str(number)
+    place.mkdir(parents=True)
+    return place
+
+
+def clear(directory: FilePath) -> None:
+    """Removes what earlier attempts have made: a fold begins anew."""
+    rmtree(directory / FOLDER, ignore_errors=True)
+    (directory / ATTEMPTS).unlink(missing_ok=True)
+    for name in RESULTS[1:]:  # the chain is the first candidate's
+        path = directory / name
+        if path.is_dir():
+            rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def keep_best_explosion(directory: FilePath) -> None:
+    """Of explosions that no certificate has judged keeps the one that came farthest."""
+    place = directory / FOLDER
+    among = [n for n in numbers(directory) if not (place / str(n) / CERTIFICATE).exists()]
+    _keep_best(directory, among)
+
+
+def keep_best(directory: FilePath) -> None:
+    """Keeps the attempt that came farthest: the clearest plan, or the straightest explosion."""
+    _keep_best(directory, numbers(directory))
+
+
+def publish(directory: FilePath) -> None:
+    """Moves the best attempt's files to the fold's directory; one that was cut off goes on."""
+    keep_best(directory)
+    place = folder(directory)
+    if place == directory:
+        return
+    for name in RESULTS:
+        there = place / name
+        if there.is_dir():
+            rmtree(directory / name, ignore_errors=True)
+        if there.exists():
+            there.replace(directory / name)
+    rmtree(directory / FOLDER)
+
+
+def last_frame(timeline: FilePath) -> tuple[Chain, Frames] | None:
+    """A timeline's chain and last frame; None when it has none."""
+    try:
+        opened = Timeline.open(timeline)
+        return (opened.chain, opened.frames(len(opened) - 1)) if len(opened) else None
+    except (TimelineError, OSError, ValueError, KeyError):
+        return None
+
+
+def judgement(certificate: FilePath) -> tuple[bool, float]:
+    """Whether a plan is verified, and its least clearance; −∞ where that is not known."""
+    if not certificate.exists():
+        return False, float("-inf")
+    values: dict[str, Any] = json.loads(certificate.read_bytes())
+    plan, playback = (values.get(name) for name in ("min_clearance", "min_clearance_playback"))
+    known = [float(value) for value in (plan, playback) if value is not None]
+    verified = str(values["verdict"]).startswith("verified")
+    return verified, float("-inf") if plan is None else min(known)
+
+
+def _keep_best(directory: FilePath, among: Sequence[int]) -> None:
+    if len(among) > 1:
+        best = max(among, key=lambda number: (*_progress(directory, number), number))
+        _remove(directory, [number for number in among if number != best])
+
+
+def _progress(directory: FilePath, number: int) -> tuple[bool, float, bool, float]:
+    """How far an attempt came: verified, its clearance, whether it was straight, bends removed."""
+    place = directory / FOLDER / str(number)
+    attempts: list[dict[str, Any]] = json.loads((directory / ATTEMPTS).read_bytes())
+    straight = number < len(attempts) and attempts[number]["status"] == "straight"
+    last = last_frame(place / TIMELINE)
+    bent = float("inf") if last is None else _share_bent(*last)
+    return (*judgement(place / CERTIFICATE), straight, -bent)
+
+
+def _share_bent(chain: Chain, last: Frames) -> float:
+    """The bends that an explosion has left, as a share of the folded chain's; 0 when it is over."""
+    if last.phase[-1] != _EXPLOSION:
+        return 0.0
+    left = np.abs(last.joint_angles_rad[-1]).sum()
+    return float(left / max(np.abs(chain.folded_rad).sum(), 1e-9))
+
+
+def _remove(directory: FilePath, unwanted: Sequence[int]) -> None:
+    for number in unwanted:
+        (directory / FOLDER / str(number)).rename(directory / FOLDER / f"{_UNWANTED}{number}")
+    for path in (directory / FOLDER).glob(f"{_UNWANTED}*"):
+        rmtree(path)
