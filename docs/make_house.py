@@ -28,6 +28,7 @@ FLOORS: Final = (
     ("planner.robot",),
     ("planner.exports",),
     ("planner.pipeline",),
+    ("planner.verification",),
     ("web",),
     ("web.pictures",),
     ("web.timeline",),

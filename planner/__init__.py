@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from planner.pipeline.fold import fold
     from planner.pipeline.refold import refold
     from planner.pipeline.smooth import smooth_plan
-    from planner.pipeline.verify import Verification, verify
     from planner.plan.plan import Plan
     from planner.playback.playback import Playback, play_back
     from planner.readers import read
     from planner.simulation.parameters import PRESETS, Parameters, preset
+    from planner.verification.verify import Verification, verify
 
 __all__ = [
     "CUBE",
@@ -85,7 +85,7 @@ _HOMES = {
     "planner.pipeline.refold": ("refold",),
     "planner.pipeline.smooth": ("smooth_plan",),
     "planner.motion.timeline": ("Timeline", "TimelineWriter"),
-    "planner.pipeline.verify": ("Verification", "verify"),
+    "planner.verification.verify": ("Verification", "verify"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

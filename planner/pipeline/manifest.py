@@ -2,7 +2,7 @@
 
 It is written last. A digest tells damage and slips by name, also in what nobody can work out anew:
 seeds, versions, wall times. It does not hold against somebody who writes it anew; what can be
-worked out anew ``planner.pipeline.verify`` works out.
+worked out anew ``planner.verification.verify`` works out.
 """
 
 from __future__ import annotations

@@ -8,14 +8,26 @@ from typing import Any, Final, cast
 
 import numpy as np
 
+SINGLE_WITHIN: Final = 1e-6
+"""Joint errors below 16 rad in single precision, as timelines have them."""
+FIGURES_RTOL: Final = 1e-7
+FIGURES_ATOL: Final = 1e-9
+"""Sums over a thousand modules and positions of a thousand pitches in double precision lose 1e-12;
+another processor's sines change the last digit of what goes in."""
+Differences = Iterator[str]
 LONGEST: Final = 60
 """Characters of a value that is shown."""
 NOTHING: Final = object()
 
 
+def versus_plan(name: str, field: str) -> str:
+    """What a difference between a file and the plan is called."""
+    return f"{name} and plan.npz differ in {field}"
+
+
 def value_differences(
     got: Any, expected: Any, name: str, *, rtol: float = 0.0, atol: float = 0.0
-) -> Iterator[str]:
+) -> Differences:
     """``name.key[3]: got …, expected …`` for each leaf of plain JSON values that differs.
 
     Args:
@@ -44,7 +56,7 @@ def value_differences(
         yield f"{name}: got {_shown(got)}, expected {_shown(expected)}"
 
 
-def array_difference(got: Any, expected: Any, name: str, *, atol: float = 0.0) -> Iterator[str]:
+def array_difference(got: Any, expected: Any, name: str, *, atol: float = 0.0) -> Differences:
     """Where two arrays differ first; NaN are the same.
 
     Args:

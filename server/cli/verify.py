@@ -14,10 +14,10 @@ from planner.clearance.largest_size import largest_size as find_largest
 from planner.errors import InputError, TimelineError
 from planner.motion.windows import Windows
 from planner.pipeline.request import Request
-from planner.pipeline.verify import Verification
-from planner.pipeline.verify import verify as verify_files
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
+from planner.verification.verify import Verification
+from planner.verification.verify import verify as verify_files
 from server.cli.inputs import refuse
 from server.cli.options import AsJson, FoldDirectory
 from server.pages import certificate_words

@@ -1,7 +1,7 @@
 """An outsider's replay: MuJoCo, the exported model and the plan's numbers, and nothing of foldback.
 
-``planner.plan.replay`` is what ``foldback verify`` runs; this is written apart from it, so that
-neither can hide a fault of the other.
+``planner.verification.replay`` is what ``foldback verify`` runs; this is written apart from it, so
+that neither can hide a fault of the other.
 """
 
 from __future__ import annotations

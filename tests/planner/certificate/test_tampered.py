@@ -16,7 +16,6 @@ from planner.chain.module import Module
 from planner.chain.path import Path
 from planner.errors import InputError, TimelineError
 from planner.pathfinding.assembly import layered_snake
-from planner.pipeline import verify
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.manifest import Digests, digests_of
 from planner.pipeline.refold import refold
@@ -25,6 +24,7 @@ from planner.pipeline.smooth import smooth_plan
 from planner.pipeline.stages import run_stages
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
+from planner.verification import verify
 from tests.planner.tampering import Change, Random, Tampered, says_nothing
 
 pytestmark = pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")

@@ -25,11 +25,11 @@ from planner.pipeline.fold_directory import read_playback, read_record, read_req
 from planner.pipeline.manifest import write_manifest
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
-from planner.pipeline.verify import verify
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
-from planner.plan.replay import replay
 from planner.simulation.parameters import PlaybackParameters
+from planner.verification.replay import replay
+from planner.verification.verify import verify
 from tests.planner.chains import COIL
 from tests.planner.plans import changed
 
@@ -114,7 +114,7 @@ def test_an_untouched_fold_is_verified_again(directory: FilePath) -> None:
 
 
 def test_what_was_left_out_is_said(directory: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.pipeline.verify.MOST_REPLAYED", 148 * 24 // 2)
+    monkeypatch.setattr("planner.verification.verify.MOST_REPLAYED", 148 * 24 // 2)
     checked = verify(directory).checked
     assert "plain MuJoCo has the same poses and finds no overlap at one frame in 2" in checked
     assert any("but for what only the simulation knew: torques" in line for line in checked)

@@ -33,14 +33,14 @@ from planner.pathfinding.candidates import find_paths
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage, run_stages
-from planner.pipeline.verify import verify
 from planner.plan import plan as plan_module
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
-from planner.plan.replay import replay
 from planner.playback.playback import Playback
 from planner.shapes.shape import Shape
 from planner.simulation.parameters import Parameters, preset
+from planner.verification.replay import replay
+from planner.verification.verify import verify
 from tests.planner.chains import line
 from tests.planner.peels import peel, snake
 

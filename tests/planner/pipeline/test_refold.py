@@ -27,13 +27,13 @@ from planner.pipeline.manifest import write_manifest
 from planner.pipeline.refold import refold, write_start
 from planner.pipeline.request import Request
 from planner.pipeline.stages import STAGES, run_stage
-from planner.pipeline.verify import verify
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback, play_back
 from planner.playback.unfolding import check_fits
 from planner.progress import Progress
 from planner.readers import read
 from planner.simulation.parameters import Parameters, PlaybackParameters
+from planner.verification.verify import verify
 from tests.planner.chains import line
 from tests.planner.conftest import SHAPES, Folded
 from tests.planner.plans import changed

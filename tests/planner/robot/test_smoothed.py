@@ -23,11 +23,11 @@ from planner.pipeline.refold import refold
 from planner.pipeline.request import Request
 from planner.pipeline.smooth import smooth_plan, write_smooth
 from planner.pipeline.stages import run_stages
-from planner.pipeline.verify import verify
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.robot import RECORDED, SMOOTHED, SOFTENED
 from planner.robot.smoothed import check_smoothable, smoothed_record
+from planner.verification.verify import verify
 from tests.planner.conftest import Folded
 from tests.planner.plans import changed
 

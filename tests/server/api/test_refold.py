@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner
 from websockets.sync.client import connect
 
-from planner.pipeline.verify import verify
 from planner.plan.plan import Plan
+from planner.verification.verify import verify
 from server.cli.command_line import application
 from server.store.gallery import Gallery
 from tests.planner.plans import changed

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from planner.pipeline.verify import verify
 from planner.plan.plan import Plan
+from planner.verification.verify import verify
 from server.cli.command_line import application
 from server.cli.upkeep import Upkeep
 from server.settings import Settings

@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from planner.pipeline.paper_settings import SETTINGS
-from planner.pipeline.verify import verify
 from planner.plan.plan import Plan
+from planner.verification.verify import verify
 from server.cli.command_line import application
 from server.pages.setting_words import ROWS, SOURCES, changed, in_a_line
 from tests.server.service import STAIRS

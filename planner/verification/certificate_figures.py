@@ -1,0 +1,142 @@
+"""Figures of a certificate: whether those that a plan tells come out again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.certificate.certificate import Certificate
+from planner.clearance.linked import Place
+from planner.clearance.sweep import clearance_at
+from planner.motion.record import Record
+from planner.motion.windows import Windows
+from planner.plan.differences import (
+    FIGURES_ATOL,
+    FIGURES_RTOL,
+    Differences,
+    value_differences,
+)
+from planner.plan.plan import Plan
+from planner.playback.playback import Playback
+
+PLACE_WITHIN: Final = 1e-7
+"""Clearance in pitches by which a place may differ from the closest one and still be it."""
+BOUND_RTOL: Final = 1e-3
+IN_BETWEENS_RTOL: Final = 1e-2
+"""Where a tie is broken otherwise, some intervals are halved once more or less."""
+
+
+@dataclass(frozen=True, slots=True)
+class ToldFigures:
+    """What a plan's certificate tells, and the motions that it tells of.
+
+    Attributes:
+        plan: The plan.
+        certificate: Plain values of its certificate, as they were written.
+        record, playback: What was looked at.
+        earlier: Whether the plan is of an earlier format.
+    """
+
+    plan: Plan
+    certificate: dict[str, Any]
+    record: Record | None
+    playback: Playback | None
+    earlier: bool
+
+    def differences(self, again: Certificate, notes: list[str]) -> Differences:
+        """Where it is not what comes out anew; wall time aside."""
+        mine, theirs = self.plan.certificate.as_dict(), again.as_dict()
+        aside = {"seconds", *_LOOSE}
+        loose = [*_LOOSE]
+        if self.record is None and self.plan.explosion is not None:
+            aside |= {"min_clearance_record", "max_angle_record_rad"}
+            loose = [n for n in _LOOSE if n not in ("in_betweens", "min_clearance_record_at")]
+            notes.append("There is no record.npz, so figures of the record were not compared.")
+        if self.earlier and "simulated" not in self.certificate:
+            # Earlier versions told the bound of the plan alone, told less of the rest,
+            # and looked at other places in between.
+            loose = [n for n in loose if n not in ("clearance_bound", "in_betweens")]
+            loose = [name for name in loose if name in self.certificate]
+            aside |= {f.name for f in fields(Certificate)} - set(self.certificate)
+            notes.append(
+                "The certificate is of an earlier version: it was compared in what it tells, but "
+                "for clearance_bound and in_betweens."
+            )
+        names = [f.name for f in fields(Certificate) if f.name not in aside]
+        yield from value_differences(
+            {name: mine[name] for name in names},
+            {name: theirs[name] for name in names},
+            "plan.npz certificate",
+            rtol=FIGURES_RTOL,
+            atol=FIGURES_ATOL,
+        )
+        for name in loose:
+            if not self._passes(name, again):
+                yield from value_differences(
+                    mine[name], theirs[name], f"plan.npz certificate.{name}"
+                )
+        yield from self._end(again)
+
+    def _passes(self, name: str, again: Certificate) -> bool:
+        """Whether a figure that another processor may find otherwise is as good as the new one."""
+        mine, theirs = getattr(self.plan.certificate, name), getattr(again, name)
+        if mine is None or theirs is None:
+            return mine is theirs
+        if name == "in_betweens":
+            return abs(mine - theirs) <= 16 + IN_BETWEENS_RTOL * theirs
+        if name == "clearance_bound":
+            told = self.plan.certificate
+            seen = [c for c in (told.min_clearance, told.min_clearance_playback) if c is not None]
+            return mine <= min(seen, default=0.0) and mine <= theirs + BOUND_RTOL * abs(theirs)
+        return mine == theirs or self._as_near(name, mine)
+
+    def _as_near(self, name: str, place: Place) -> bool:
+        """Whether the clearance at a place is the least one that is told of its motion."""
+        told = getattr(self.plan.certificate, name.removesuffix("_at"))
+        motion = self._motion(name)
+        if motion is None or place.modules is None or told is None:
+            return False
+        i, j = sorted(place.modules)
+        chain = self.plan.chain
+        if not (0.0 <= place.frame <= len(motion) - 1 and i >= 0 and j < len(chain)):
+            return False
+        if j - i < chain.module.apart:
+            return False
+        size = self.plan.certificate.module_size
+        found = clearance_at(chain, motion, place.frame, (i, j), size=size)
+        return abs(found - told) <= PLACE_WITHIN
+
+    def _motion(self, name: str) -> NDArray[np.float64] | Windows | None:
+        if name == "min_clearance_at":
+            return self.playback and self.playback.reference
+        held = self.record if name == "min_clearance_record_at" else self.playback
+        if held is None:
+            return None
+        return held.frames if isinstance(held.frames, Windows) else held.frames.joint_angles_rad
+
+    def _end(self, again: Certificate) -> Differences:
+        """Where the end of a simulation is not what the playback says of it."""
+        playback = self.playback
+        if playback is None or not playback.simulated or again.rms_position_error is None:
+            return
+        if playback.status in ("folded", "missed"):  # else it broke off between two frames
+            yield from value_differences(
+                playback.rms_position_error,
+                again.rms_position_error,
+                "plan.npz playback.rms_position_error",
+                rtol=FIGURES_RTOL,
+                atol=FIGURES_ATOL,
+            )
+
+
+_LOOSE: Final = (
+    "in_betweens",
+    "clearance_bound",
+    "min_clearance_at",
+    "min_clearance_playback_at",
+    "min_clearance_record_at",
+)
+"""Figures that depend on the last digits: which of two like places is found, where to halve."""

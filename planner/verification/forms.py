@@ -1,0 +1,68 @@
+"""Forms of a plan: ``plan.json`` and ``plan.npz`` say the same, and all that a plan has."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, Final, cast
+
+import numpy as np
+
+from planner.motion.motion import motion_arrays
+from planner.motion.record import Record
+from planner.plan.differences import Differences, array_difference, value_differences, versus_plan
+from planner.plan.plan import EARLIER, Plan
+from planner.playback.playback import Playback
+
+ROUNDED_WITHIN: Final = 1e-9
+"""Numbers in the JSON form of earlier formats have twelve decimals."""
+
+
+def forms_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Differences:
+    """Where the two forms of a plan differ, and where one of them contradicts itself."""
+    other = Plan.of_values(text, "plan.json")
+    earlier = npz["format"] in EARLIER
+    arrays = {**motion_arrays(plan.motion), "max_error_rad": plan.max_error_rad}
+    theirs = {**motion_arrays(other.motion), "max_error_rad": other.max_error_rad}
+    if type(plan.motion) is not type(other.motion):
+        yield "plan.json and plan.npz differ in what they hold of a frame"
+        return
+    for name, mine in arrays.items():
+        if name != "joint_error_rad":  # which a plan has not
+            both = f"plan.json and plan.npz differ in {name}"
+            yield from array_difference(theirs[name], mine, both, atol=ROUNDED_WITHIN * earlier)
+    columns = {*arrays, "plan", "angle_planes", "joint_error_rad"}
+    mine, said = (
+        {k: _plain(v) for k, v in values.items() if k not in columns} for values in (npz, text)
+    )
+    if isinstance(said.get("angles"), dict):
+        said["angles"].pop("data", None)
+    yield from value_differences(said, mine, versus_plan("plan.json", "plan"))
+    rest = plan.rest()
+    derived = {name: rest[name] for name in ("chain", "start", "root_module")}
+    derived["joint_names"] = list(plan.chain.joint_names)
+    yield from value_differences({name: mine.get(name) for name in derived}, derived, "plan.npz")
+
+
+def lacking(
+    plan: Plan, npz: dict[str, Any], record: Record | None, playback: Playback | None
+) -> Differences:
+    """Where a plan of today lacks a field, or has one that there is not.
+
+    What is left out would be read as an earlier version left it, and not be checked.
+    """
+    expected = {**plan.rest(), "joint_names": list(plan.chain.joint_names)}
+    if playback is not None:
+        expected["playback"] = playback.summary()
+    if record is not None:
+        expected["explosion"] = record.summary()
+    columns = {*motion_arrays(plan.motion), "max_error_rad", "angle_planes"}
+    mine = {name: _plain(value) for name, value in npz.items() if name not in columns}
+    yield from value_differences(mine, json.loads(json.dumps(expected)), "plan.npz")
+    if record is None and plan.explosion is not None:
+        yield "record.npz: it is not there, so what plan.npz tells of it can't be worked out anew"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return dict(cast("dict[str, Any]", value)) if isinstance(value, dict) else value

@@ -1,0 +1,95 @@
+"""Parameters: those of a plan, as a certificate depends on them, and those that were asked for."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any
+
+from planner.errors import UNREADABLE, InputError, PlannerError, named
+from planner.pipeline.fold_directory import read_request
+from planner.plan.differences import Differences, value_differences, versus_plan
+from planner.plan.plan import Plan, versions
+from planner.simulation.parameters import Parameters, preset
+
+
+def playback_number(plan: Plan, name: str) -> float:
+    """One of the plan's own parameters of playback.
+
+    Raises:
+        InputError: ``not-a-plan`` when it is no number above 0, ``unknown-preset``.
+    """
+    value = plan.parameters["playback"].get(name, getattr(own_preset(plan).playback, name))
+    return _checked_number(value, f"playback.{name}")
+
+
+def own_parameters(plan: Plan, module_size: float | None) -> Parameters:
+    """The plan's own parameters, as far as a certificate depends on them.
+
+    Raises:
+        InputError: ``not-a-plan`` when they are none, ``unknown-preset``.
+    """
+    names = ("module_size", "density_kg_m3", "joint_speed_limit_rad_s")
+    plain = {
+        name: _checked_number(plan.parameters[name], name)
+        for name in names
+        if name in plan.parameters
+    }
+    found = replace(own_preset(plan), **plain)
+    return found if module_size is None else replace(found, module_size=module_size)
+
+
+def own_preset(plan: Plan) -> Parameters:
+    """The preset that a plan names.
+
+    Raises:
+        InputError: ``unknown-preset``.
+    """
+    try:
+        return preset(plan.preset)
+    except InputError as error:
+        raise named(error, "plan.npz") from None
+
+
+def _checked_number(value: Any, name: str) -> float:
+    """A parameter.
+
+    Raises:
+        InputError: ``not-a-plan`` when it is no number above 0.
+    """
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (number and 0.0 < value < float("inf")):
+        raise InputError(
+            "not-a-plan",
+            f"got {value!r} in parameters.{name} of plan.npz, expected a number above 0.",
+        )
+    return value
+
+
+def request_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differences:
+    """Where the plan's parameters are not those that were asked for."""
+    if not (directory / "request.json").exists():
+        notes.append(
+            "There is no request.json, so the plan's parameters were not compared with it."
+        )
+        return
+    try:
+        request = read_request(directory)
+        request.check()
+        parameters = request.parameters()
+    except (*UNREADABLE, PlannerError) as error:
+        yield f"request.json: it cannot be read ({error})"
+        return
+    told = {"seed": plan.seed, "preset": plan.preset}
+    told |= {"refold": plan.start is not None, "smooth": plan.smoothing is not None}
+    yield from value_differences(
+        {n: getattr(request, n) for n in told}, told, versus_plan("request.json", "request")
+    )
+    wanted = json.loads(json.dumps(parameters.as_dict()))
+    here, made = versions().get("foldback"), plan.versions.get("foldback")
+    different = value_differences(plan.parameters, wanted, "plan.npz parameters")
+    if here == made:
+        yield from different
+    else:
+        notes += [f"{each} of foldback {here}; the plan is of {made}." for each in different]

@@ -1,0 +1,103 @@
+"""Playback kinds: whether a playback was simulated, or was not, as its plan says.
+
+Which of the two follows from the chain, what was recorded of it and the parameters; each has
+figures of its own, which the frames bear out or do not.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from planner.motion.frames import Frames
+from planner.motion.inverse import inverse_dynamics
+from planner.plan.differences import (
+    FIGURES_ATOL,
+    FIGURES_RTOL,
+    SINGLE_WITHIN,
+    Differences,
+    array_difference,
+    value_differences,
+)
+from planner.plan.plan import Plan
+from planner.playback.playback import Playback, simulates
+from planner.verification.own_parameters import own_preset, playback_number
+
+STEPS_WITHIN: Final = 1e-3
+"""Steps by which the time of the frames may differ from that of a simulation's steps."""
+
+
+def kind_differs(plan: Plan, playback: Playback, *, earlier: bool) -> Differences:
+    """Where a playback is not of the kind that it says, or has not the figures of that kind.
+
+    Which kind it must be follows from the chain, what was recorded of it, and the parameters.
+    """
+    wanted = own_preset(plan).explosion is not None
+    if wanted != (plan.explosion is not None):
+        need = "what came of it" if wanted else "null"
+        yield f"plan.npz explosion: expected {need}, as of the preset {plan.preset}"
+    direct = plan.explosion is None and isinstance(plan.motion, Frames)
+    limit = int(playback_number(plan, "dynamic_up_to"))
+    simulated = direct or simulates(plan.chain, plan.motion, limit)
+    kind = "dynamic" if simulated else "kinematic"
+    yield from value_differences(playback.kind, kind, "plan.npz playback.kind")
+    if simulated:
+        yield from _simulated_figures(plan, playback, earlier=earlier)
+    else:
+        yield from _kinematic_figures(plan, playback, earlier=earlier)
+
+
+def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Differences:
+    """Where the figures of a simulation are not borne out by its frames."""
+    yield from value_differences(playback.torque_frames, None, "plan.npz playback.torque_frames")
+    if playback.status not in ("folded", "missed"):  # it broke off between two frames
+        return
+    most = float(np.nanmax(plan.max_error_rad, initial=0.0))
+    if playback.status == "folded" and not most <= (playback.max_angle_error_rad or 0.0) * (
+        1 + SINGLE_WITHIN
+    ):
+        yield f"plan.npz playback.max_angle_error_rad: got less than {most}, as a frame has"
+    told = playback.summary()
+    for name in ("rms_position_error", "max_angle_error_rad", "peak_torque", "rms_torque"):
+        if told[name] is None:
+            yield f"plan.npz playback.{name}: got null, expected a number, as it was simulated"
+    if not earlier:
+        steps = float(np.diff(plan.time_s).sum()) / playback_number(plan, "step_s")
+        if not abs(playback.steps - steps) <= STEPS_WITHIN:
+            yield f"plan.npz playback.steps: got {playback.steps}, expected {steps:.9g}"
+    played, reference = playback.frames, playback.reference_rad
+    if not isinstance(played, Frames) or reference is None:
+        return
+    if not np.isfinite(played.joint_error_rad).all():
+        yield "timeline.zarr joint_error_rad: got no numbers, expected those of a simulation"
+    if np.diff(reference, axis=0).any() and np.array_equal(played.joint_angles_rad, reference):
+        yield (
+            "timeline.zarr joint_angles_rad: got those of plan.npz to the last digit, expected "
+            "those of a simulation, which never are"
+        )
+
+
+def _kinematic_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Differences:
+    """Where the figures of a kinematic playback are not those of its frames."""
+    torques = inverse_dynamics(plan.chain, playback.frames)
+    looked = len(torques.frames)
+    again: dict[str, Any] = {
+        "peak_torque": torques.peak if looked else None,
+        "rms_torque": torques.rms if looked else None,
+    }
+    if playback.torque_frames is not None or not earlier:
+        again["torque_frames"] = looked
+    if not earlier:  # earlier versions told errors of 0
+        again |= {"status": "folded", "reason": "", "steps": 0}
+        again |= {"rms_position_error": None, "max_angle_error_rad": None}
+        none = np.full(len(plan.max_error_rad), np.nan)
+        yield from array_difference(plan.max_error_rad, none, "plan.npz max_error_rad")
+    told = playback.summary()
+    yield from value_differences(
+        {name: told[name] for name in again},
+        again,
+        "plan.npz playback",
+        rtol=FIGURES_RTOL,
+        atol=FIGURES_ATOL,
+    )

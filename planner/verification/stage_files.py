@@ -1,0 +1,168 @@
+"""Files of the stages: whether what stands beside a plan says the same as the plan."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+import numpy as np
+
+from planner.errors import UNREADABLE, PlannerError
+from planner.explosion.paper import KEPT_RAD
+from planner.motion.angle_steps import STEP_RAD
+from planner.motion.motion import Motion, motion_arrays
+from planner.motion.record import Record
+from planner.motion.timeline import chain_attributes
+from planner.motion.windows import Windows
+from planner.pipeline.attempts import CANDIDATES, Candidates
+from planner.pipeline.fold_directory import read_playback, read_record
+from planner.plan.differences import (
+    SINGLE_WITHIN,
+    Differences,
+    array_difference,
+    value_differences,
+    versus_plan,
+)
+from planner.plan.plan import Plan
+from planner.playback.playback import Playback
+from planner.playback.unfolding import START_CHAIN, START_PLAN
+from planner.robot import RECORDED_PLAN
+
+
+def stage_files_differ(
+    directory: FilePath,
+    plan: Plan,
+    npz: dict[str, Any],
+    record: Record | None,
+    playback: Playback | None,
+    notes: list[str],
+) -> Differences:
+    """Where what the stages left beside the plan does not say the same."""
+    chain = chain_attributes(plan.chain)
+    checks: dict[str, Callable[[], Differences]] = {
+        "chain.json": lambda: value_differences(
+            _json(directory / "chain.json"), chain, versus_plan("chain.json", "chain")
+        ),
+        CANDIDATES: lambda: _among(directory, plan),
+        "attempts.json": lambda: value_differences(
+            _json(directory / "attempts.json"),
+            list(plan.attempts),
+            versus_plan("attempts.json", "attempts"),
+        ),
+        "certificate.json": lambda: value_differences(
+            _json(directory / "certificate.json"),
+            npz["certificate"],
+            versus_plan("certificate.json", "certificate"),
+        ),
+        "playback.npz": lambda: _same_playback(directory, plan, playback),
+        "record.npz": lambda: _same_record(directory, plan, record),
+    }
+    if plan.start is not None:
+        start = chain_attributes(plan.start)
+        checks[START_CHAIN] = lambda: value_differences(
+            _json(directory / START_CHAIN), start, versus_plan(START_CHAIN, "start")
+        )
+        checks[START_PLAN] = lambda: value_differences(
+            chain_attributes(Plan.load(directory / START_PLAN).chain),
+            start,
+            versus_plan(START_PLAN, "start"),
+        )
+    if plan.smoothing is not None:
+        checks[RECORDED_PLAN] = lambda: value_differences(
+            chain_attributes(Plan.load(directory / RECORDED_PLAN).chain),
+            chain,
+            versus_plan(RECORDED_PLAN, "chain"),
+        )
+    for name, differences in checks.items():
+        if not (directory / name).exists():
+            if not (name in _RESULTS and getattr(plan, _RESULTS[name]) is None):
+                notes.append(f"There is no {name}, so it was not compared with the plan.")
+            continue
+        try:
+            yield from differences()
+        except (*UNREADABLE, PlannerError) as error:
+            yield f"{name}: it cannot be read ({error})"
+
+
+_RESULTS: Final = {"playback.npz": "playback", "record.npz": "explosion"}
+
+
+def _among(directory: FilePath, plan: Plan) -> Differences:
+    """Whether the plan's chain is one of those that could be folded."""
+    candidates = Candidates.load(directory)
+    chain = chain_attributes(plan.chain)
+    for candidate in candidates.chains:
+        if chain_attributes(candidate) == chain:
+            return
+        if candidates.two_ended and chain_attributes(candidate.from_other_end()) == chain:
+            return
+    yield f"{CANDIDATES}: none of them is the chain of plan.npz"
+
+
+def _same_playback(directory: FilePath, plan: Plan, playback: Playback | None) -> Differences:
+    found = read_playback(directory)
+    assert found is not None
+    told = {name: value for name, value in found.summary().items() if name in (plan.playback or {})}
+    yield from value_differences(told, plan.playback or {}, versus_plan("playback.npz", "playback"))
+    if playback is not None:
+        yield from _same_motion(found.frames, playback.frames, "playback.npz")
+        if found.reference_rad is not None:
+            yield from array_difference(
+                found.reference_rad,
+                playback.reference,
+                versus_plan("playback.npz", "joint_angles_rad"),
+            )
+
+
+def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Differences:
+    found = read_record(directory)
+    assert found is not None
+    yield from value_differences(
+        found.summary(), plan.explosion or {}, versus_plan("record.npz", "explosion")
+    )
+    if record is not None:
+        yield from _same_motion(found.frames, record.frames, "record.npz")
+    yield from _snapshots(found, plan)
+
+
+def _snapshots(record: Record, plan: Plan) -> Differences:
+    """Where the snapshots that a published playback follows are not those its frames are of."""
+    told: Any = plan.parameters.get("explosion") or {}
+    every, name = told.get("snapshot_interval"), "record.npz snapshots_rad"
+    angles, frames = record.snapshots_rad, record.frames
+    if every is None or isinstance(frames, Windows):
+        if angles is not None:
+            yield f"{name}: got some, expected none with these parameters"
+        return
+    shape = (record.steps // every + 2, len(plan.chain.folded_rad))
+    if angles is None or (record.status == "straight" and angles.shape != shape):
+        got = None if angles is None else angles.shape
+        yield f"{name}: got the shape {got}, expected {shape}"
+        return
+    numbers = np.rint(frames.time_s / (every * told["step_s"])).astype(np.int64)
+    numbers[-1] = len(angles) - 1
+    if (np.diff(numbers) < 0).any() or numbers[0] < 0 or numbers.max() >= len(angles):
+        yield f"{name}: the frames are not at its times"
+        return
+    yield from array_difference(angles[numbers], frames.joint_angles_rad, name, atol=STEP_RAD)
+    held = np.searchsorted(numbers, np.arange(len(angles)), side="right") - 1
+    far = np.abs(angles - frames.joint_angles_rad[held]).max(axis=1)
+    if not (far <= KEPT_RAD + STEP_RAD).all():
+        yield f"{name}[{int(np.argmax(~(far <= KEPT_RAD + STEP_RAD)))}]: it is far from its frame"
+
+
+def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:
+    if type(got) is not type(expected):
+        yield f"{name}: it holds frames of another kind than timeline.zarr"
+        return
+    theirs = motion_arrays(expected)
+    both = f"{name} and timeline.zarr differ in"
+    for column, values in motion_arrays(got).items():
+        single = SINGLE_WITHIN if column == "joint_error_rad" else 0.0
+        yield from array_difference(values, theirs[column], f"{both} {column}", atol=single)
+
+
+def _json(path: FilePath) -> Any:
+    return json.loads(path.read_bytes())

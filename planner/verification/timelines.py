@@ -1,0 +1,127 @@
+"""Timelines of plans: whether the frames in ``timeline.zarr`` are the plan's, and its results."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Final
+
+import numpy as np
+
+from planner.errors import UNREADABLE, InputError, TimelineError
+from planner.motion.frames import PHASES, Frames
+from planner.motion.motion import Motion
+from planner.motion.record import Record
+from planner.motion.timeline import Timeline, chain_attributes
+from planner.motion.windows import Windows
+from planner.pipeline.fold_directory import read_record
+from planner.plan.differences import (
+    SINGLE_WITHIN,
+    Differences,
+    array_difference,
+    value_differences,
+    versus_plan,
+)
+from planner.plan.plan import Plan
+from planner.playback.playback import Playback
+
+
+def chain_differs(timeline: Timeline, plan: Plan) -> Differences:
+    """Where a timeline is not a finished one of the plan's chain."""
+    if timeline.status != "complete":
+        yield f"timeline.zarr: got the status {timeline.status}, expected complete"
+    expected = chain_attributes(plan.chain)
+    if timeline.windowed:
+        del expected["joint_names"]  # which those of long chains leave out
+    yield from value_differences(
+        timeline.told_chain, expected, versus_plan("timeline.zarr", "chain")
+    )
+
+
+def opened(path: FilePath) -> tuple[Timeline, Motion]:
+    """A timeline and all of its frames.
+
+    Raises:
+        TimelineError: When it is missing or damaged.
+    """
+    try:
+        timeline = Timeline.open(path)
+        return timeline, timeline.motion()
+    except UNREADABLE as error:
+        raise TimelineError(f"{path.name} is damaged: {error}") from error
+
+
+def results(plan: Plan, frames: Motion) -> tuple[Record | None, Playback | None]:
+    """What a plan's figures and its timeline's frames say of explosion and playback.
+
+    Raises:
+        InputError: ``wrong-timeline`` when the frames are not those of the plan.
+    """
+    record = playback = None
+    # The timeline of a refold, and of a smoothed plan, shows only what was made of the record.
+    made = plan.start is not None or plan.smoothing is not None
+    exploded = frames[np.flatnonzero(frames.phase == PHASES.index("explosion"))]
+    if plan.explosion is not None and (not made or len(exploded)):
+        figures = {k: v for k, v in plan.explosion.items() if k != "frames"}
+        record = Record(frames=exploded, **figures)
+    if plan.playback is not None:
+        played = frames[np.flatnonzero(frames.phase != PHASES.index("explosion"))]
+        if len(played) != len(plan.time_s):
+            raise InputError(
+                "wrong-timeline",
+                f"got {len(played)} frames of playback in timeline.zarr, expected "
+                f"{len(plan.time_s)} as in plan.npz.",
+            )
+        if not np.array_equal(played.phase, plan.phase):
+            raise InputError(
+                "wrong-timeline", "the phases in timeline.zarr are not those of plan.npz."
+            )
+        if isinstance(plan.motion, Windows):
+            if not isinstance(played, Windows) or not played.passes_as(plan.motion):
+                raise InputError(
+                    "wrong-timeline", "the playback in timeline.zarr is not the motion of plan.npz."
+                )
+            reference = None
+        else:
+            reference = plan.joint_angles_rad
+        playback = Playback(frames=played, reference_rad=reference, **plan.playback)
+    return record, playback
+
+
+def kept_record(directory: FilePath, plan: Plan) -> Record | None:
+    """The record of a refold or a smoothed plan, whose timeline does not show it."""
+    try:
+        record = read_record(directory)
+    except UNREADABLE as error:
+        raise InputError("not-a-record", f"record.npz cannot be read: {error}") from error
+    if record is None:
+        return None
+    figures = {k: v for k, v in (plan.explosion or {}).items() if k != "frames"}
+    return Record(frames=record.frames, **figures)
+
+
+def playback_differs(plan: Plan, playback: Playback) -> Differences:
+    """Where the frames of the playback in the timeline are not those of the plan."""
+    played, motion = playback.frames, plan.motion
+    columns = {"time_s": played.time_s - played.time_s[0] if len(played) else played.time_s}
+    names = ("base_position", "base_wxyz") if isinstance(played, Windows) else _ROOT
+    columns |= {name: getattr(played, name) for name in names}
+    if isinstance(played, Frames) and not playback.simulated:
+        columns["joint_angles_rad"] = played.joint_angles_rad
+    both = "timeline.zarr and plan.npz differ in"
+    for name, values in columns.items():
+        yield from array_difference(values, getattr(motion, name), f"{both} {name}")
+    if isinstance(played, Frames):
+        largest = played.joint_error_rad.max(axis=1)
+        yield from array_difference(
+            largest, plan.max_error_rad, f"{both} max_error_rad", atol=SINGLE_WITHIN
+        )
+        if playback.simulated:
+            yield from array_difference(
+                played.joint_error_rad,
+                np.abs(played.joint_angles_rad - plan.joint_angles_rad),
+                "timeline.zarr joint_error_rad",
+                atol=SINGLE_WITHIN,
+            )
+
+
+_ROOT: Final = ("root_position", "root_wxyz")

@@ -1,0 +1,257 @@
+"""Verification: a fold's directory checked anew, from its files alone.
+
+All that is said of the plan is either worked out anew or compared with what says the same, and the
+rest with the digests in the manifest. What is not as it should be is told by file and field.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict, dataclass
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+import numpy as np
+
+from planner.certificate.certificate import Certificate, certify
+from planner.errors import UNREADABLE, InputError, TimelineError, named
+from planner.exports import mjcf
+from planner.pipeline import manifest
+from planner.plan.differences import Differences
+from planner.plan.model_differences import model_differences
+from planner.plan.plan import EARLIER, Plan, read_values
+from planner.progress import Report, silent
+from planner.verification.certificate_figures import ToldFigures
+from planner.verification.forms import forms_differ, lacking
+from planner.verification.own_parameters import own_parameters, request_differs
+from planner.verification.playback_kinds import kind_differs
+from planner.verification.replay import Replay, replay
+from planner.verification.stage_files import stage_files_differ
+from planner.verification.timelines import (
+    chain_differs,
+    kept_record,
+    opened,
+    playback_differs,
+    results,
+)
+
+POSES_WITHIN: Final = 1e-6
+"""Pitches by which a module of MuJoCo's model may be elsewhere than the plan has it."""
+OVERLAP_WITHIN: Final = 1e-9
+"""Overlap in pitches that the digits of a double leave open."""
+MOST_REPLAYED: Final = 5_000_000
+"""Frames times modules that are replayed; of a longer plan every second frame, every third, …"""
+MOST_TOLD: Final = 8
+"""Differences of one kind that are told one by one."""
+NEIGHBOURS: Final = re.compile(r'<exclude body1="module_(\d+)" body2="module_(\d+)"/>')
+"""Pairs of modules that a model exempts from collision."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verification:
+    """What a second look at a plan's files says.
+
+    Attributes:
+        certificate: Made anew from the files.
+        replay: What plain MuJoCo says of the exported model with the plan's angles.
+        checked: What was looked at, in plain words.
+        problems: Everything that speaks against the plan, in plain words; empty when verified.
+        notes: What could not be checked, and why.
+    """
+
+    certificate: Certificate
+    replay: Replay | None
+    checked: tuple[str, ...]
+    problems: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def verified(self) -> bool:
+        """Whether nothing speaks against the plan."""
+        return not self.problems
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {
+            "status": "verified" if self.verified else "failed",
+            "problems": list(self.problems),
+            "notes": list(self.notes),
+            "checked": list(self.checked),
+            "replay": None if self.replay is None else asdict(self.replay),
+            "certificate": self.certificate.as_dict(),
+        }
+
+
+def verify(
+    directory: FilePath, *, module_size: float | None = None, progress: Report = silent
+) -> Verification:
+    """Checks the plan in a directory by exact kinematics and by a replay in plain MuJoCo.
+
+    Args:
+        directory: Holds ``plan.json``, ``plan.npz``, ``model.xml`` and ``timeline.zarr``, and what
+            else the stages of the fold have left.
+        module_size: Another size than the plan's own.
+        progress: Told what is being checked.
+
+    Raises:
+        InputError: When a file is missing or cannot be read.
+        TimelineError: When the timeline is missing or damaged.
+    """
+    try:
+        try:
+            # What damaged numbers come out as, infinite or none, is told as any other difference.
+            with np.errstate(all="ignore"):
+                return _verified(directory, module_size, progress)
+        except UNREADABLE as error:
+            raise InputError(
+                "not-a-plan", f"plan.npz: what it says cannot be worked out ({error})."
+            ) from error
+    except (InputError, TimelineError) as error:
+        changed = manifest.changed_fields(directory)
+        if not changed:
+            raise
+        more = "" if len(changed) <= MOST_TOLD else f", and {len(changed) - MOST_TOLD} more"
+        told = f"{error} Not as it was written: {'; '.join(changed[:MOST_TOLD])}{more}."
+        if isinstance(error, InputError):
+            raise InputError(error.code, told) from error
+        raise TimelineError(told) from error
+
+
+def _verified(directory: FilePath, module_size: float | None, progress: Report) -> Verification:
+    found = _Findings()
+    npz = read_values(directory / "plan.npz")
+    text = read_values(directory / "plan.json")
+    plan = Plan.of_values(npz, "plan.npz")
+    found.look("plan.json and plan.npz say the same", forms_differ(plan, npz, text))
+    earlier = npz["format"] in EARLIER
+    timeline, frames = opened(directory / "timeline.zarr")
+    found.look("timeline.zarr is of this chain", chain_differs(timeline, plan))
+    try:
+        record, playback = results(plan, frames)
+        if record is None and plan.explosion is not None:
+            record = kept_record(directory, plan)
+    except (TypeError, AttributeError) as error:
+        raise InputError(
+            "not-a-plan", f"the results in plan.npz cannot be read ({error}); plan the fold again."
+        ) from error
+    if not earlier:
+        found.look("plan.npz holds all that a plan has", lacking(plan, npz, record, playback))
+    if playback is not None:
+        found.look("timeline.zarr shows the plan's playback", playback_differs(plan, playback))
+        found.look(
+            "the playback was simulated, or was not, as it says",
+            kind_differs(plan, playback, earlier=earlier),
+        )
+    found.look(
+        "the files of the stages say the same as the plan",
+        stage_files_differ(directory, plan, npz, record, playback, found.notes),
+    )
+    parameters = own_parameters(plan, module_size)
+    found.look("parameters are those of the request", request_differs(directory, plan, found.notes))
+    certificate = certify(
+        plan.chain, record, playback, parameters, start=plan.start, progress=progress
+    )
+    if not certificate.verified:
+        found.problems.append(certificate.verdict)
+    if module_size is None:
+        simulated = playback is not None and playback.simulated
+        alone = ", but for what only the simulation knew: torques, largest error between frames"
+        told = ToldFigures(plan, npz["certificate"], record, playback, earlier=earlier)
+        found.look(
+            f"the certificate's figures come out again{alone if simulated else ''}",
+            told.differences(certificate, found.notes),
+        )
+    model = _text(directory / "model.xml")
+    found.look("model.xml is the plan's model", _model(model, plan, found.notes, earlier=earlier))
+    replayed = None
+    if len(plan.time_s):
+        stride = -(-len(plan.motion) * len(plan.chain) // MOST_REPLAYED)
+        try:
+            replayed = replay(plan, model, stride=stride)
+        except InputError as error:
+            found.problems.append(f"failed: model.xml: {error.detail}")
+        else:
+            where = "" if stride == 1 else f" at one frame in {stride}"
+            found.look(
+                f"plain MuJoCo has the same poses and finds no overlap{where}", _replayed(replayed)
+            )
+    changed = manifest.changed_fields(directory)
+    if changed is None and not earlier:
+        found.problems.append(
+            f"failed: {manifest.FILE}: it is not there, expected the digests of all fields; copy "
+            "it with the fold's other files."
+        )
+    elif changed is None:
+        found.notes.append(
+            f"There is no {manifest.FILE}, as earlier versions wrote none: what can't be worked "
+            "out anew (seed, versions, wall times, figures.zarr, input) was not checked."
+        )
+    else:
+        found.look(
+            "every field of every file has the digest in manifest.json, figures.zarr (what plots "
+            "show) by that alone",
+            (f"{field}: it is not what was written" for field in changed),
+        )
+    return Verification(
+        certificate=certificate,
+        replay=replayed,
+        checked=tuple(found.checked),
+        problems=tuple(found.problems),
+        notes=tuple(found.notes),
+    )
+
+
+class _Findings:
+    """What was looked at, and what of it speaks against the plan."""
+
+    def __init__(self) -> None:
+        self.checked: list[str] = []
+        self.problems: list[str] = []
+        self.notes: list[str] = []
+
+    def look(self, at: str, differences: Differences) -> None:
+        self.checked.append(at)
+        told = list(dict.fromkeys(differences))
+        self.problems += [f"failed: {difference}" for difference in told[:MOST_TOLD]]
+        if len(told) > MOST_TOLD:
+            self.problems.append(f"failed: … and {len(told) - MOST_TOLD} more where {at}")
+
+
+def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differences:
+    """Where the model is not the plan's; those of earlier versions excluded all neighbours."""
+    exempt = set(plan.chain.module.exempt_pairs(len(plan.chain)))
+
+    def needed(pair: re.Match[str]) -> str:
+        i, j = sorted((int(pair[1]), int(pair[2])))
+        return "" if j == i + 1 and (i, j) not in exempt else pair[0]
+
+    if earlier and (fewer := NEIGHBOURS.sub(needed, text)) != text:
+        text = fewer
+        notes.append(
+            "model.xml exempts neighbours from collision, as earlier versions did; the replay "
+            "looked at them all the same."
+        )
+    try:
+        size = own_parameters(plan, None).module_size
+        again = mjcf.mjcf(plan.chain, module_size=size, keys=mjcf.keys_of(plan))
+        for difference in model_differences(text, again):
+            yield f"model.xml: {difference}"
+    except InputError as error:
+        raise named(error, "model.xml") from None
+
+
+def _replayed(found: Replay) -> Differences:
+    if not found.pose_difference <= POSES_WITHIN:
+        yield f"model.xml: poses differ from the plan's by {found.pose_difference:.2g} pitch"
+    if not found.overlap <= OVERLAP_WITHIN:
+        yield (
+            f"plan.npz: MuJoCo finds an overlap of {found.overlap:.2g} pitch at frame "
+            f"{found.overlap_frame:g}"
+        )
+
+
+def _text(path: FilePath) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError("not-a-model", f"{path.name} cannot be read: {error}") from error
