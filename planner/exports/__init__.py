@@ -10,42 +10,14 @@ A format's own parts are imported when it is written.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
 from planner.errors import InputError
+from planner.exports.export import Export, Write, write_json, write_npz
 
 if TYPE_CHECKING:
     from planner.plan.plan import Plan
-
-Write = Callable[["Plan"], bytes]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Export:
-    """One format that a plan can be taken away in.
-
-    Attributes:
-        name: Short stable word for programs and addresses.
-        label: What it is, for people.
-        hint: Its format, what reads it, its units.
-        media_type: Of the file.
-        filename: What the file is called in a directory of its own.
-        write: Makes the file; ``InputError`` when the plan lacks what it needs.
-        moving: Whether it shows the motion, so that a plan without frames has none.
-        shared: Whether other files name it, so that it keeps its name wherever it goes.
-    """
-
-    name: str
-    label: str
-    hint: str
-    media_type: str
-    filename: str
-    write: Write
-    moving: bool = False
-    shared: bool = False
 
 
 def _by(module: str) -> Write:
@@ -62,7 +34,7 @@ EXPORTS: Final = (
         hint="JSON: joint angles, poses, certificate",
         media_type="application/json",
         filename="plan.json",
-        write=_by("plan_json"),
+        write=write_json,
     ),
     Export(
         name="npz",
@@ -70,7 +42,7 @@ EXPORTS: Final = (
         hint="NumPy arrays, the same numbers",
         media_type="application/octet-stream",
         filename="plan.npz",
-        write=_by("plan_npz"),
+        write=write_npz,
     ),
     Export(
         name="csv",

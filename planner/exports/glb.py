@@ -14,8 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.exports.motion import require_frames
-from planner.exports.names import clean_name
+from planner.exports.export import clean_name, require_frames
 from planner.exports.stl import hull_of
 from planner.plan.plan import Plan
 

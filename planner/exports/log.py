@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.exports import urdf
-from planner.exports.motion import require_frames
-from planner.exports.names import clean_name
+from planner.exports.export import clean_name, require_frames
 from planner.motion.frames import Frames
 from planner.plan.plan import Plan
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.exports.motion import require_frames
+from planner.exports.export import require_frames
 from planner.motion.frames import PHASES
 from planner.plan.plan import Plan
 

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.chain.chain import Chain
 from planner.chain.module import Module
-from planner.exports.names import clean_name
+from planner.exports.export import clean_name
 from planner.plan.plan import Plan
 from planner.simulation.model import hinge_names
 

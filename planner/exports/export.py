@@ -1,0 +1,74 @@
+"""Export: one format that plans are taken away in, and what several of them need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from io import BytesIO
+from typing import TYPE_CHECKING, Final
+
+from planner.errors import InputError
+
+if TYPE_CHECKING:
+    from planner.plan.plan import Plan
+
+Write = Callable[["Plan"], bytes]
+LONGEST: Final = 100
+"""Characters of a name."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Export:
+    """One format that a plan can be taken away in.
+
+    Attributes:
+        name: Short stable word for programs and addresses.
+        label: What it is, for people.
+        hint: Its format, what reads it, its units.
+        media_type: Of the file.
+        filename: What the file is called in a directory of its own.
+        write: Makes the file; ``InputError`` when the plan lacks what it needs.
+        moving: Whether it shows the motion, so that a plan without frames has none.
+        shared: Whether other files name it, so that it keeps its name wherever it goes.
+    """
+
+    name: str
+    label: str
+    hint: str
+    media_type: str
+    filename: str
+    write: Write
+    moving: bool = False
+    shared: bool = False
+
+
+def require_frames(plan: Plan) -> None:
+    """Refuses a plan whose chain never moved.
+
+    Raises:
+        InputError: ``no-frames``.
+    """
+    if not len(plan.time_s):
+        raise InputError(
+            "no-frames", "the plan has no frames, expected some; its fold failed before playback."
+        )
+
+
+def clean_name(name: str) -> str:
+    """A name, which may be a stranger's, without what does not print; ``fold`` if empty."""
+    printing = "".join(c if c.isprintable() else " " for c in name)
+    return " ".join(printing.split())[:LONGEST].rstrip() or "fold"
+
+
+def write_json(plan: Plan) -> bytes:
+    """The plan as JSON text, in the format ``foldback-plan/3``."""
+    return plan.json_bytes()
+
+
+def write_npz(plan: Plan) -> bytes:
+    """The arrays that ``Plan.save_npz`` writes; needs no pickle to read."""
+    import numpy as np
+
+    file = BytesIO()
+    np.savez_compressed(file, **plan.npz_arrays())
+    return file.getvalue()
