@@ -1,4 +1,4 @@
-"""Makes the recording that plays on the first page: web/featured.reel.
+"""Makes the recording that plays on the first page: web/featured.batch.
 
 python examples/make_featured.py
 """
@@ -15,7 +15,7 @@ from web.timeline.frame_batch import thinned
 from web.timeline.view import TimelineView
 
 SHAPE = Path(__file__).parent / "shapes" / "wrench-160.json"
-REEL = Path(__file__).parents[1] / "web" / "featured.reel"
+BATCH = Path(__file__).parents[1] / "web" / "featured.batch"
 EVERY = 4
 
 
@@ -25,8 +25,8 @@ def main() -> None:
         directory = Path(place)
         write_request(directory, Request(filename=SHAPE.name), SHAPE.read_bytes())
         run_stages(directory)
-        REEL.write_bytes(thinned(TimelineView(directory / "timeline.zarr"), EVERY))
-    print(f"{REEL.name}: {REEL.stat().st_size / 1e3:.0f} kB")
+        BATCH.write_bytes(thinned(TimelineView(directory / "timeline.zarr"), EVERY))
+    print(f"{BATCH.name}: {BATCH.stat().st_size / 1e3:.0f} kB")
 
 
 if __name__ == "__main__":

@@ -16,12 +16,12 @@ from fastapi import FastAPI
 from server.api import artifacts, folds, frames, health, movies, robot, shapes
 from server.api.context import Context
 from server.api.fold_states import FoldStates
+from server.files.artifacts import Artifacts
 from server.files.exports import Exports
 from server.files.preview_scenes import PreviewScenes
 from server.files.previews import Previews
 from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
-from server.files.workshop import Workshop
 from server.http import problems
 from server.http.access_log import Access
 from server.http.request_rate import RequestRate
@@ -103,7 +103,7 @@ def create_app(
             context.trajectories.close()
             if context.fork_server is not None and fork_server is None:
                 context.fork_server.close()
-            context.workshop.close()
+            context.artifacts.close()
             context.preview_scenes.close()
             context.jobs.close()
             context.store.close()
@@ -168,7 +168,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     jobs.reconcile(store)
     previews = Previews(settings, store.folders.storage)
     leases = Leases.of(settings, store)
-    workshop = Workshop(
+    artifacts = Artifacts(
         store,
         # With a storage they are among the copies, which have a bound of their own.
         kept=store.add_derived if store.folders.storage is None else None,
@@ -229,8 +229,8 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         ),
         previews=previews,
         preview_scenes=PreviewScenes(previews),
-        workshop=workshop,
-        exports=Exports(store, workshop),
+        artifacts=artifacts,
+        exports=Exports(store, artifacts),
         movies=Movies(settings, store, jobs),
         gallery=Gallery(),
         watch=FoldStates(store, leases),

@@ -20,7 +20,7 @@ interface ColumnTold {
 }
 interface Message<Header, Arrays> { header: Header; arrays: Arrays }
 
-// Scenery: web/viser/scene_bundle.py.
+// Scene bundle: web/viser/scene_bundle.py.
 
 interface Chain {
   name: string;
@@ -61,7 +61,7 @@ interface CameraConstants {
   stretch: number | null;
 }
 type Colour = [red: number, green: number, blue: number];
-interface SceneryHeader {
+interface BundleHeader {
   chain: Chain & Hull;
   messages: SceneMessage[];
   sketch: Outline;
@@ -71,19 +71,19 @@ interface SceneryHeader {
   reach: number;
   colours: Record<"neutral" | "unknown" | "error" | "selected" | "stuck" | "first" | "last", Colour>;
 }
-interface SceneryArrays extends Record<string, Column> {
+interface BundleArrays extends Record<string, Column> {
   folded_rad: Floats;
   folded_positions: Float32Array<ArrayBuffer>;
   ramp_error: Uint8Array<ArrayBuffer>;
   ramp_even: Uint8Array<ArrayBuffer>;
 }
-interface Scenery extends Message<SceneryHeader, SceneryArrays> {
+interface Bundle extends Message<BundleHeader, BundleArrays> {
   neighbours?: Int32Array; // of a long fold: see touching.js
 }
 // What a scene is built of, whatever else is told with it.
 interface Staged extends Message<{ messages: SceneMessage[] }, Record<string, Column>> {}
 // web/viser/preview_scene.py.
-interface PreviewScenery extends Message<{
+interface PreviewBundle extends Message<{
   messages: SceneMessage[];
   hull: Hull;
   corners: Vector[];
@@ -104,7 +104,7 @@ interface FilmOutline {
   error_scale_rad: number;
   end_s?: number;
 }
-interface ReelHeader {
+interface BatchHeader {
   id: string;
   status: "growing" | "complete" | "failed";
   total: number;
@@ -130,11 +130,11 @@ interface WindowArrays {
   counts: Numbers;
   steps: Int32Array;
 }
-type Reel = Message<ReelHeader, WholeArrays | WindowArrays>;
-interface ReelAsked { from?: number; to?: number | null; stride?: number; wait?: number }
+type Batch = Message<BatchHeader, WholeArrays | WindowArrays>;
+interface BatchAsked { from?: number; to?: number | null; stride?: number; wait?: number }
 interface FilmSource {
-  scenery(): Promise<Scenery | null>;
-  reel(asked?: ReelAsked): Promise<Reel | null>;
+  bundle(): Promise<Bundle | null>;
+  batch(asked?: BatchAsked): Promise<Batch | null>;
 }
 interface Row {
   time_s: number;

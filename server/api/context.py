@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 from fastapi import Request
 
 from server.api.fold_states import FoldStates
+from server.files.artifacts import Artifacts
 from server.files.exports import Exports
 from server.files.preview_scenes import PreviewScenes
 from server.files.previews import Previews
 from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
-from server.files.workshop import Workshop
 from server.http.client_address import address_of
 from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
@@ -45,7 +45,7 @@ class Context:
     preparer: Reader
     previews: Previews
     preview_scenes: PreviewScenes
-    workshop: Workshop
+    artifacts: Artifacts
     exports: Exports
     movies: Movies
     gallery: Gallery

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from fastapi import Request
 
-from server.files.workshop import Workshop
+from server.files.artifacts import Artifacts
 from server.jobs.queue import Jobs
 from server.settings import Settings
 from server.store.shown import FoldSource, Found
@@ -30,7 +30,7 @@ class Viewing(Protocol):
     @property
     def timelines(self) -> TimelineViews: ...
     @property
-    def workshop(self) -> Workshop: ...
+    def artifacts(self) -> Artifacts: ...
     @property
     def jobs(self) -> Jobs | None: ...
     @property

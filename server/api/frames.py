@@ -1,8 +1,8 @@
 """Frames: what a browser shows of a fold, taken from its timeline.
 
 ``/view`` is viser's client, the same for every fold, so that a browser keeps it. The page that
-frames it hands it the fold's scenery (``web.viser.scene_bundle``) and, frame by frame, what is in
-the fold's reels (``web.timeline.frame_batch``): a visitor far away scrubs as quickly as one next
+frames it hands it the fold's bundle (``web.viser.scene_bundle``) and, frame by frame, what is in
+the fold's batches (``web.timeline.frame_batch``): a visitor far away scrubs as quickly as one next
 door.
 """
 
@@ -21,11 +21,11 @@ from server.api.finding import find_now, viewing_of
 from server.http.response_cache import mark
 from server.store.folds import NoSuchFoldError
 from server.store.shown import RUNNING
-from web.timeline.frame_batch import kept_reel
+from web.timeline.frame_batch import kept_batch
 from web.timeline.metrics import kept_figures
 from web.timeline.view import TimelineView
 from web.viser.client import client
-from web.viser.scene_bundle import scenery_of
+from web.viser.scene_bundle import bundle_of
 
 router = APIRouter(include_in_schema=False)
 
@@ -49,19 +49,19 @@ async def view(request: Request) -> Response:
     return Response(page.html, media_type="text/html", headers=headers)
 
 
-@router.get("/folds/{fold_id}/scenery")
-async def scenery(request: Request, fold_id: str) -> Response:
+@router.get("/folds/{fold_id}/bundle")
+async def bundle(request: Request, fold_id: str) -> Response:
     """What is known of a fold's chain and its scene; the id is that of the timeline."""
 
     def answer() -> Response:
         timeline = _view(request, fold_id)
-        return _nothing() if timeline is None else _scenery(request, timeline)
+        return _nothing() if timeline is None else _bundle(request, timeline)
 
     return await asyncio.to_thread(answer)
 
 
-@router.get("/folds/{fold_id}/reel")
-async def reel(
+@router.get("/folds/{fold_id}/batch")
+async def batch(
     request: Request,
     fold_id: str,
     start: Annotated[int, Query(alias="from", ge=0)] = 0,
@@ -80,7 +80,7 @@ async def reel(
         if wait and not waited and start >= len(timeline) and timeline.growing:
             return timeline
         try:
-            return _binary(request, kept_reel(timeline, start, stop, stride), timeline)
+            return _binary(request, kept_batch(timeline, start, stop, stride), timeline)
         except TimelineError:
             return _nothing()  # it is being replaced just now
 
@@ -120,8 +120,8 @@ async def figures(
     return await asyncio.to_thread(answer)
 
 
-def _scenery(request: Request, timeline: TimelineView) -> Response:
-    return _binary(request, scenery_of(timeline.chain, timeline.stretch), timeline)
+def _bundle(request: Request, timeline: TimelineView) -> Response:
+    return _binary(request, bundle_of(timeline.chain, timeline.stretch), timeline)
 
 
 def _binary(request: Request, data: bytes, timeline: TimelineView) -> Response:

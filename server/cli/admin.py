@@ -14,7 +14,7 @@ import typer
 from server.ops.starting import settings_of
 
 if TYPE_CHECKING:
-    from server.cli.upkeep import Upkeep
+    from server.cli.admin_tasks import AdminTasks
     from server.store.tables import FoldRow
 
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
@@ -34,24 +34,24 @@ admin = typer.Typer(
 
 
 @contextmanager
-def _upkeep(data_dir: Path | None) -> Generator[Upkeep]:
-    """The upkeep of the service with these settings; what is wrong ends the command in words."""
+def _tasks(data_dir: Path | None) -> Generator[AdminTasks]:
+    """An operator's tasks with these settings; what is wrong ends the command in words."""
     from sqlalchemy.exc import SQLAlchemyError
 
-    from server.cli.upkeep import Upkeep, UpkeepError
+    from server.cli.admin_tasks import AdminError, AdminTasks
 
     try:
-        upkeep = Upkeep(settings_of(data_dir=data_dir))
-    except UpkeepError as error:
+        tasks = AdminTasks(settings_of(data_dir=data_dir))
+    except AdminError as error:
         raise _ended(str(error)) from None
     except SQLAlchemyError as error:
         raise _ended(
             f"the database does not answer ({type(error).__name__}); `foldback doctor` says more."
         ) from None
     try:
-        yield upkeep
+        yield tasks
     finally:
-        upkeep.close()
+        tasks.close()
 
 
 def _ended(words: str) -> typer.Exit:
@@ -69,8 +69,8 @@ def list_folds(
     data_dir: DataDir = None,
 ) -> None:
     """List folds, the oldest first."""
-    with _upkeep(data_dir) as upkeep:
-        rows = [_shown(row) for row in upkeep.folds(status=status, older_days=older)]
+    with _tasks(data_dir) as tasks:
+        rows = [_shown(row) for row in tasks.folds(status=status, older_days=older)]
     if as_json:
         typer.echo(json.dumps(rows, indent=2))
         return
@@ -82,16 +82,16 @@ def show(fold_id: str, as_json: AsJson = False, data_dir: DataDir = None) -> Non
     """Show all that is known of a fold."""
     from server.store.folds import NoSuchFoldError
 
-    with _upkeep(data_dir) as upkeep:
+    with _tasks(data_dir) as tasks:
         try:
-            row = upkeep.fold(fold_id)
+            row = tasks.fold(fold_id)
         except NoSuchFoldError:
             raise _ended(f"There is no fold {fold_id!r}.") from None
         known = {column.key: getattr(row, column.key) for column in row.__table__.columns}
         known |= {
             "visitor": row.visitor[:VISITOR],
             "owner": row.owner is not None,
-            "job": upkeep.job(fold_id),
+            "job": tasks.job(fold_id),
         }
     if as_json:
         typer.echo(json.dumps(known, indent=2))
@@ -113,9 +113,9 @@ def expire(
     """Forget folds with their files. Pinned ones and those of the gallery stay."""
     if bool(ids) == (older is not None):
         raise typer.BadParameter("give ids or --older DAYS, and not both.")
-    with _upkeep(data_dir) as upkeep:
+    with _tasks(data_dir) as tasks:
         if older is not None:
-            rows = upkeep.folds(older_days=older)
+            rows = tasks.folds(older_days=older)
             ids = [row.id for row in rows if force or not (row.pinned or row.public)]
         assert ids is not None
         if not ids:
@@ -123,35 +123,35 @@ def expire(
             return
         if not yes:
             typer.confirm(f"Forget {len(ids)} folds for good?", abort=True)
-        _each(ids, lambda fold_id: upkeep.expire(fold_id, force=force), "forgotten")
+        _each(ids, lambda fold_id: tasks.expire(fold_id, force=force), "forgotten")
 
 
 @admin.command()
 def requeue(ids: Ids, force: Force = False, data_dir: DataDir = None) -> None:
     """Compute folds again that failed, were cancelled or are stuck."""
-    with _upkeep(data_dir) as upkeep:
-        _each(ids, lambda fold_id: upkeep.requeue(fold_id, force=force), "queued")
+    with _tasks(data_dir) as tasks:
+        _each(ids, lambda fold_id: tasks.requeue(fold_id, force=force), "queued")
 
 
 @admin.command()
 def pin(ids: Ids, data_dir: DataDir = None) -> None:
     """Keep folds whatever their age."""
-    with _upkeep(data_dir) as upkeep:
-        _each(ids, lambda fold_id: upkeep.pin(fold_id, pinned=True), "pinned")
+    with _tasks(data_dir) as tasks:
+        _each(ids, lambda fold_id: tasks.pin(fold_id, pinned=True), "pinned")
 
 
 @admin.command()
 def unpin(ids: Ids, data_dir: DataDir = None) -> None:
     """Let folds grow old again."""
-    with _upkeep(data_dir) as upkeep:
-        _each(ids, lambda fold_id: upkeep.pin(fold_id, pinned=False), "not pinned")
+    with _tasks(data_dir) as tasks:
+        _each(ids, lambda fold_id: tasks.pin(fold_id, pinned=False), "not pinned")
 
 
 @admin.command()
 def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
     """Show who computes."""
-    with _upkeep(data_dir) as upkeep:
-        found = upkeep.workers()
+    with _tasks(data_dir) as tasks:
+        found = tasks.workers()
     now = time.time()
     rows = [
         {
@@ -176,7 +176,7 @@ def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
 
 def _each(ids: Sequence[str], do: Callable[[str], None], done: str) -> None:
     """Does it to each; what is refused does not keep the others from it."""
-    from server.cli.upkeep import UpkeepError
+    from server.cli.admin_tasks import AdminError
     from server.store.folds import NoSuchFoldError
 
     refused = 0
@@ -186,7 +186,7 @@ def _each(ids: Sequence[str], do: Callable[[str], None], done: str) -> None:
         except NoSuchFoldError:
             typer.echo(f"There is no fold {fold_id!r}.", err=True)
             refused += 1
-        except UpkeepError as error:
+        except AdminError as error:
             typer.echo(str(error), err=True)
             refused += 1
         else:

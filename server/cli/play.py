@@ -26,7 +26,7 @@ from planner.pipeline.ended import where
 from planner.pipeline.request import Request
 from planner.pipeline.stages import work_out_figures
 from server.api import frames as timelines
-from server.files.workshop import Workshop
+from server.files.artifacts import Artifacts
 from server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
 from server.pages import landing, share
 from server.store.shown import Found, ShownFold
@@ -62,7 +62,7 @@ class FolderContext:
 
     store: FolderStore
     timelines: TimelineViews
-    workshop: Workshop
+    artifacts: Artifacts
     jobs: None = None
     settings: None = None
 
@@ -115,10 +115,10 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         # The directory is somebody's own: nothing is put into it.
         with TemporaryDirectory(prefix="foldback-") as place:
-            workshop = Workshop(store, folder=Path(place))
-            app.state.context = FolderContext(store, TimelineViews(), workshop)
+            artifacts = Artifacts(store, folder=Path(place))
+            app.state.context = FolderContext(store, TimelineViews(), artifacts)
             yield
-            workshop.close()
+            artifacts.close()
 
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None, lifespan=lifespan)
 

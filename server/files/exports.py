@@ -11,7 +11,7 @@ from planner.errors import InputError
 from planner.motion.angle_steps import unpacked_bytes
 from planner.readers.limits import megabytes
 from server.errors import NotFound, TooLarge
-from server.files.workshop import Workshop
+from server.files.artifacts import Artifacts
 from server.store.folds import Store
 
 if TYPE_CHECKING:
@@ -27,12 +27,12 @@ class Exports:
 
     Args:
         store: Where the folds are.
-        workshop: Where they are made.
+        artifacts: Makes them.
     """
 
-    def __init__(self, store: Store, workshop: Workshop) -> None:
+    def __init__(self, store: Store, artifacts: Artifacts) -> None:
         self._store = store
-        self._workshop = workshop
+        self._artifacts = artifacts
 
     async def file(self, fold_id: str, export: Export, *, visitor: str | None = None) -> Path:
         """Where the export of a fold that is over is; made unless it is there.
@@ -46,7 +46,7 @@ class Exports:
         kept = directory / export.filename
         if await asyncio.to_thread(kept.is_file):
             return kept  # the fold's own stages have written it
-        return await self._workshop.file(
+        return await self._artifacts.file(
             fold_id,
             export.filename,
             lambda: _written(directory / PLAN, export),

@@ -37,14 +37,14 @@ from server.store.shown import Found
 from web.pictures.isometric import isometric_svg
 from web.pictures.isometric_modules import chain_svg
 from web.static_files import STATIC, scripts_of
-from web.viser.scene_bundle import scenery_of
+from web.viser.scene_bundle import bundle_of
 
 if TYPE_CHECKING:
     from server.store.gallery import Gallery
 
 router = APIRouter(include_in_schema=False)
 
-REEL: Final = STATIC.parent / "featured.reel"
+BATCH: Final = STATIC.parent / "featured.batch"
 FEATURED: Final = "wrench-160"
 LARGEST_DRAWING: Final = 4000
 SWAGGER: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
@@ -107,12 +107,12 @@ async def what_folds() -> Response:
     return page("what_folds.html", listed=True)
 
 
-@router.get("/featured/scenery")
-async def featured_scenery(request: Request) -> Response:
+@router.get("/featured/bundle")
+async def featured_bundle(request: Request) -> Response:
     """What is known of the chain on the first page."""
     gallery = context_of(request).gallery
     return kept_answer(
-        request, await asyncio.to_thread(lambda: scenery_of(_featured_chain(gallery)))
+        request, await asyncio.to_thread(lambda: bundle_of(_featured_chain(gallery)))
     )
 
 
@@ -125,7 +125,7 @@ async def featured_picture(request: Request) -> Response:
 
 def warm_up(gallery: Gallery) -> None:
     """Draws the shape of the first page, which loads what all pages need."""
-    scenery_of(_featured_chain(gallery))
+    bundle_of(_featured_chain(gallery))
     _still(gallery, FEATURED, 480)
     for name in ("landing.html", "fold.html", "gallery.html"):
         _templates().get_template(name)
@@ -146,15 +146,15 @@ def _featured_chain(gallery: Gallery) -> Chain:
     return _chain(read(shape.data, filename=shape.filename))
 
 
-@router.get("/featured/reel")
-async def featured_reel(request: Request) -> Response:
+@router.get("/featured/batch")
+async def featured_batch(request: Request) -> Response:
     """Its fold, recorded: ``examples/make_featured.py``."""
     return kept_answer(request, await asyncio.to_thread(_recorded))
 
 
 @cache
 def _recorded() -> bytes:
-    return REEL.read_bytes()
+    return BATCH.read_bytes()
 
 
 def kept_answer(

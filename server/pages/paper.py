@@ -14,7 +14,7 @@ from fastapi.responses import HTMLResponse, Response
 from planner.motion.timeline import chain_from_attributes
 from server.pages.landing import kept_answer, page
 from web.static_files import STATIC
-from web.viser.scene_bundle import scenery_of
+from web.viser.scene_bundle import bundle_of
 
 router = APIRouter(include_in_schema=False)
 
@@ -35,7 +35,7 @@ async def paper() -> Response:
 
 @router.get("/paper/{name}/{part}")
 async def part_of_experiment(request: Request, name: str, part: str) -> Response:
-    """A film, its scenery, or a still."""
+    """A film, its scene bundle, or a still."""
     found = (await asyncio.to_thread(_files)).get((name, part))
     if found is None:
         return Response("not found", status_code=404, media_type="text/plain")
@@ -53,11 +53,11 @@ def _files() -> dict[tuple[str, str], Path]:
     """What there is, by experiment and part: no path is made of what somebody asks for."""
     found = {(path.parent.name, path.name): path for path in sorted(KEPT.glob("*/*"))}
     return {
-        (name, "scenery" if part == CHAIN else part): path for (name, part), path in found.items()
+        (name, "bundle" if part == CHAIN else part): path for (name, part), path in found.items()
     }
 
 
 @cache
 def _data(path: Path) -> bytes:
     data = path.read_bytes()
-    return scenery_of(chain_from_attributes(json.loads(data))) if path.name == CHAIN else data
+    return bundle_of(chain_from_attributes(json.loads(data))) if path.name == CHAIN else data

@@ -17,7 +17,7 @@ from planner.motion.timeline import chain_from_attributes
 from planner.pipeline.attempt_folders import CHAIN, result
 from server.api.context import context_of
 from server.api.finding import find_fold
-from server.files.workshop import newer
+from server.files.artifacts import newer
 from server.http.client_address import address_of
 from server.http.security import LISTED
 from server.store.fold_files import EXPORTS_DIR
@@ -42,7 +42,7 @@ async def picture_of_fold(request: Request, fold_id: str) -> Response:
     if data is None:
         # A crowd that comes with a link waits for the first one's.
         context = context_of(request)
-        data = await context.workshop.made(
+        data = await context.artifacts.made(
             (path, over),
             lambda: _drawn(context.store, fold_id, path, keep=over),
             visitor=address_of(request),

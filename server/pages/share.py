@@ -86,7 +86,7 @@ async def standalone(request: Request, fold_id: str) -> Response:
     """The fold in one file that plays by itself; made once."""
     found = await _finished(request, fold_id)
     facts = await asyncio.to_thread(fold_facts, found, api=False)
-    path = await viewing_of(request).workshop.file(
+    path = await viewing_of(request).artifacts.file(
         fold_id,
         "standalone.html",
         _of_view(found, lambda timeline: _standalone(found.directory, timeline, facts)),
@@ -101,7 +101,7 @@ async def standalone(request: Request, fold_id: str) -> Response:
 async def recording(request: Request, fold_id: str) -> Response:
     """The fold as viser's own client plays it; made once."""
     found = await _finished(request, fold_id)
-    path = await viewing_of(request).workshop.file(
+    path = await viewing_of(request).artifacts.file(
         fold_id,
         "recording.viser",
         _of_view(found, recording_of),

@@ -205,7 +205,7 @@ def _movies(*, warm: bool) -> Task:
     del warm  # it draws, and computes nothing
     from planner.errors import TimelineError
     from web.movies.encoding import EncodingError
-    from web.movies.filming import film_movie
+    from web.movies.make_movie import make_movie
     from web.movies.movie import Movie
     from web.movies.renderer import NoGLError
 
@@ -220,7 +220,7 @@ def _movies(*, warm: bool) -> Task:
         request = json.loads((directory / "request.json").read_bytes())
         movie = Movie.of(request["movie"])
         try:
-            whole = film_movie(
+            whole = make_movie(
                 Path(request["timeline"]),
                 movie,
                 directory / request["part"],

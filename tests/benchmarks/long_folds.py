@@ -91,7 +91,7 @@ def _played(browser: Browser, address: str, size: tuple[int, int]) -> dict[str, 
     fetched: list[int] = []
 
     def count(response: Response) -> None:
-        if "/reel?" in response.url or response.url.endswith("/scenery"):
+        if "/batch?" in response.url or response.url.endswith("/bundle"):
             fetched.append(int(response.headers["content-length"]))
 
     page.on("response", count)

@@ -23,7 +23,7 @@ LAPTOP = {"width": 960, "height": 420, "color_scheme": "light"}
 PHONE = {"width": 390, "height": 844, "has_touch": True}
 ORANGE = """() => {
   const { player } = window.foldback;
-  const stuck = player.timeline.scenery.header.colours.stuck;
+  const stuck = player.timeline.bundle.header.colours.stuck;
   const colours = player.colours();
   const is = (i) => stuck.every((v, c) => colours[3 * i + c] === v);
   return Array.from({ length: colours.length / 3 }, (_, i) => i).filter(is);

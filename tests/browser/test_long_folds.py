@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.long]
 Visit = Callable[..., Page]
 CHAIN = peels.snake((20, 20, 25))
 OPENED = 2**20
-"""Bytes that a fold may take to open, of its scenery and frames."""
+"""Bytes that a fold may take to open, of its scene bundle and frames."""
 SHOWN = "() => window.foldback?.player.shown?.exact && window.foldback.timeline.complete"
 HERE = """() => {
   let found = 0;
@@ -54,7 +54,7 @@ def test_a_long_fold_opens_with_little_and_is_played(
     fetched: list[int] = []
 
     def count(response: Response) -> None:
-        if "/reel?" in response.url or response.url.endswith("/scenery"):
+        if "/batch?" in response.url or response.url.endswith("/bundle"):
             fetched.append(int(response.headers["content-length"]))
 
     page.on("response", count)

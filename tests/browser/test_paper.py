@@ -30,7 +30,7 @@ def test_a_film_plays_is_scrubbed_and_shows_where_it_tangles(visit: Visit) -> No
     page.locator(".overview a[href='#threshold']").click()
     expect(page.locator("#threshold-title")).to_be_in_viewport()
     # Nothing moves by itself for who wants it calm, and nothing is loaded.
-    assert not [name for name in films if name.endswith("/reel")]
+    assert not [name for name in films if name.endswith("/batch")]
 
     run.scroll_into_view_if_needed()
     run.locator(".run-start").click()
@@ -55,8 +55,8 @@ def test_a_film_plays_is_scrubbed_and_shows_where_it_tangles(visit: Visit) -> No
     other.locator(".run-view.moving").wait_for()
     expect(page.locator(".run canvas")).to_have_count(1)
     expect(run.locator(".run-start")).to_be_visible()
-    reels = [name for name in films if name.endswith("/reel")]
-    assert len(reels) == len(set(reels)) == 2
+    batches = [name for name in films if name.endswith("/batch")]
+    assert len(batches) == len(set(batches)) == 2
 
 
 def test_the_first_film_plays_by_itself_while_it_is_seen(visit: Visit) -> None:

@@ -85,7 +85,7 @@ def _tell(
             )
     times = found["times_s"]
     pages = percentile_ms(times.get("page", []) + times.get("API", []), 95)
-    scrubs = percentile_ms(times.get("scrub", []) + times.get("reel", []), 95)
+    scrubs = percentile_ms(times.get("scrub", []) + times.get("batch", []), 95)
     for name, measured, bar in (("page and API", pages, PAGE_MS), ("scrub", scrubs, SCRUB_MS)):
         met = measured < bar if judged else None
         section.add(f"{name} p95, {where}", f"{measured:.0f} ms", f"< {bar} ms", met)

@@ -88,9 +88,9 @@ async def _view(address: str, fold: str, number: int, errors: Counter[str]) -> N
         for path in (
             f"/folds/{fold}",
             "/view",
-            f"/folds/{fold}/scenery",
-            f"/folds/{fold}/reel?from=0&to=128",
-            f"/folds/{fold}/reel?stride={rng.randint(1, 9)}",
+            f"/folds/{fold}/bundle",
+            f"/folds/{fold}/batch?from=0&to=128",
+            f"/folds/{fold}/batch?stride={rng.randint(1, 9)}",
             f"/folds/{fold}/figures",
             f"/api/folds/{fold}",
         ):

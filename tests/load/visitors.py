@@ -26,7 +26,7 @@ from tests.load.loopback import checked
 SETTLE_S = 2.0
 """From the arrival of the last one until all have what they see first."""
 ROWS = 128
-"""Frames of one reel that a page asks for, at most."""
+"""Frames of one batch that a page asks for, at most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,8 +122,8 @@ class _Crowd:
                         break
                     await asyncio.sleep(rng.expovariate(1 / self._visits.pause_s))
                     first = rng.randrange(max(1, total)) // ROWS * ROWS
-                    reel = f"/folds/{fold}/reel?from={first}&stride=1&wait=0&to={first + ROWS}"
-                    await self._get(http, "scrub", reel)
+                    batch = f"/folds/{fold}/batch?from={first}&stride=1&wait=0&to={first + ROWS}"
+                    await self._get(http, "scrub", batch)
                     if rng.random() < 0.2:
                         await self._get(http, "API", f"/api/folds/{fold}")
             if follower is not None:
@@ -135,15 +135,15 @@ class _Crowd:
         """What a browser asks for when it opens a page; how many frames the fold has."""
         await self._get(http, "page", f"/folds/{fold}")
         await asyncio.gather(
-            self._get(http, "reel", f"/folds/{fold}/scenery"),
-            self._get(http, "reel", f"/folds/{fold}/reel?from=0&stride=1&wait=0&to=1"),
+            self._get(http, "batch", f"/folds/{fold}/bundle"),
+            self._get(http, "batch", f"/folds/{fold}/batch?from=0&stride=1&wait=0&to=1"),
         )
         state = await self._get(http, "API", f"/api/folds/{fold}")
         total = int(state.json()["progress"]["frames"]) if state is not None else 0
         stride = -(-total // 64)
         if stride > 1:
-            await self._get(http, "reel", f"/folds/{fold}/reel?from=0&stride={stride}&wait=0")
-        await self._get(http, "reel", f"/folds/{fold}/figures")
+            await self._get(http, "batch", f"/folds/{fold}/batch?from=0&stride={stride}&wait=0")
+        await self._get(http, "batch", f"/folds/{fold}/figures")
         return total
 
     async def _get(self, http: httpx.AsyncClient, kind: str, path: str) -> httpx.Response | None:

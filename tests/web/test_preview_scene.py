@@ -8,7 +8,7 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
-from tests.web.test_scenery import refused
+from tests.web.test_scene_bundle import refused
 from web.pictures.camera import framing
 from web.pictures.colours import ERROR, NEUTRAL
 from web.timeline.columns import decode

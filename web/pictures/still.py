@@ -14,10 +14,10 @@ from PIL import Image
 from planner.chain.module import Module
 from planner.chain.rotations import matrix_from_wxyz
 from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, View, framing
-from web.pictures.drawn import drawn_modules
 from web.pictures.lighting import THEMES, UP, Theme, fill_light, key_light, share_left, unit
 from web.pictures.module_faces import module_faces
 from web.pictures.rasteriser import draw_triangles
+from web.pictures.visible import visible_modules
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -150,7 +150,7 @@ def module_triangles(
     pieces = module_faces(module)
     # What is behind the camera, or nearly, has no place in the picture.
     ahead = (positions - view.position) @ unit(view.target - view.position) > 2.0 * module.radius
-    drawn = drawn_modules(positions, module, target=view.target)
+    drawn = visible_modules(positions, module, target=view.target)
     drawn = drawn[ahead[drawn]]
     turns, centres, paint = rotations[drawn], positions[drawn], colours[drawn].astype(np.float64)
     at = centres[:, None]

@@ -1,4 +1,4 @@
-"""Reel: a stretch of a timeline as one message, for a browser that computes the poses itself.
+"""Batch: a stretch of a timeline as one message, for a browser that computes the poses itself.
 
 A message (``web.timeline.columns``) tells in its header which timeline it is of (``id``), its
 ``status`` (``growing``, ``complete`` or ``failed``), how many frames there are in ``total``, the
@@ -25,41 +25,41 @@ from web.timeline.columns import encode
 from web.timeline.view import TimelineView
 from web.timeline.window_columns import ANGLE_STEP_RAD, PLANES, window_columns
 
-LARGEST_REEL: Final = 2**20
+LARGEST_BATCH: Final = 2**20
 WHOLE: Final = 2**40
 WINDOW_FRAME: Final = 80
 """Bytes of a windowed frame beside its angles."""
 AT_ONCE: Final = 512
 """Windows that are read at once: how wide they are is not known before."""
 SAMPLES: Final = 64
-_REELS: Final[Cache[bytes]] = Cache(64 * 2**20, len)
+_BATCHES: Final[Cache[bytes]] = Cache(64 * 2**20, len)
 
 
-def kept_reel(
+def kept_batch(
     timeline: TimelineView, start: int = 0, stop: int | None = None, stride: int = 1
 ) -> bytes:
-    """``reel_of`` with its usual size; of a timeline that is over, the latest are cached.
+    """``batch_of`` with its usual size; of a timeline that is over, the latest are cached.
 
     Raises:
         TimelineError: When the timeline is being replaced.
     """
     key = (timeline.edition, start, stop, stride)
-    if (data := _REELS.get(key)) is not None:
+    if (data := _BATCHES.get(key)) is not None:
         return data
-    data = reel_of(timeline, start, stop, stride)
+    data = batch_of(timeline, start, stop, stride)
     # What was replaced in the meantime may be partly one and partly the other.
     if not timeline.growing and timeline.edition == key[0]:
-        _REELS.keep(key, data)
+        _BATCHES.keep(key, data)
     return data
 
 
-def reel_of(
+def batch_of(
     timeline: TimelineView,
     start: int = 0,
     stop: int | None = None,
     stride: int = 1,
     *,
-    largest: int = LARGEST_REEL,
+    largest: int = LARGEST_BATCH,
 ) -> bytes:
     """Frames from ``start`` on, as many as fit into one message of about a mebibyte.
 
@@ -68,7 +68,7 @@ def reel_of(
         start: The first one; one past the end is answered with no frames.
         stop: Past the last one; the end when None.
         stride: Every so many-th.
-        largest: About as many bytes of angles and errors as a reel may have when unpacked.
+        largest: About as many bytes of angles and errors as a batch may have when unpacked.
 
     Raises:
         TimelineError: When the timeline is being replaced.
@@ -100,7 +100,7 @@ def reel_of(
 
 
 def unpacked_bytes(timeline: TimelineView) -> int:
-    """About as many bytes as a reel of the whole timeline has when unpacked."""
+    """About as many bytes as a batch of the whole timeline has when unpacked."""
     if not timeline.windowed:
         return len(timeline) * (8 * len(timeline.chain.joint_names) + 40)
     some = timeline.windows(0, len(timeline), max(1, len(timeline) // SAMPLES))
@@ -141,13 +141,13 @@ def _windows(
 
 
 def thinned(timeline: TimelineView, stride: int) -> bytes:
-    """A whole finished timeline in one reel: every ``stride``-th frame and the last, counted anew.
+    """A whole finished timeline in one batch: every ``stride``-th frame and the last, counted anew.
 
     Raises:
         TimelineError: When the timeline is being replaced.
     """
     if stride == 1:
-        return reel_of(timeline, largest=WHOLE)
+        return batch_of(timeline, largest=WHOLE)
     taken = timeline.windows if timeline.windowed else timeline.frames
     parts: list[Motion] = [taken(0, len(timeline), stride)]
     if (len(timeline) - 1) % stride:
@@ -156,7 +156,7 @@ def thinned(timeline: TimelineView, stride: int) -> bytes:
 
 
 def chosen(timeline: TimelineView, frames: NDArray[np.int64]) -> bytes:
-    """Some frames of a finished timeline without windows in one reel, counted anew.
+    """Some frames of a finished timeline without windows in one batch, counted anew.
 
     Raises:
         TimelineError: When the timeline is being replaced.
@@ -170,4 +170,4 @@ def _joined(timeline: TimelineView, parts: Sequence[Motion]) -> bytes:
         with TimelineWriter.create(path, timeline.chain, windowed=timeline.windowed) as writer:
             for part in parts:
                 writer.append(part)
-        return reel_of(TimelineView(path), largest=WHOLE)
+        return batch_of(TimelineView(path), largest=WHOLE)

@@ -1,6 +1,6 @@
 """Preview scene: a solid, the cells that stand for it, and the path through them.
 
-Like the scenery of a fold it is built by viser, taken down as messages, and handed to viser's
+Like the scene bundle of a fold it is built by viser, taken down as messages, and handed to viser's
 client by the page, which shows and hides its layers: ``/solid``, ``/cells`` and ``/path``.
 """
 

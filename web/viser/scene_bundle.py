@@ -1,4 +1,4 @@
-"""Scenery: all that a browser needs to know of a fold once, before its frames.
+"""Scene bundle: all that a browser needs to know of a fold once, before its frames.
 
 The 3D view is viser's own client. Its scene is built here by viser, taken down as the messages
 that a viser server would send, and handed to the client by the page itself: no server of its own
@@ -53,8 +53,8 @@ _POINTER: Final[dict[str, Any]] = {
 }
 
 
-def scenery_of(chain: Chain, stretch: int | None = None) -> bytes:
-    """The scenery of a fold of ``chain``, as one message of ``web.timeline.columns``.
+def bundle_of(chain: Chain, stretch: int | None = None) -> bytes:
+    """The scene bundle of a fold of ``chain``, as one message of ``web.timeline.columns``.
 
     The header holds the chain's geometry (``planner.chain.module`` tells the words), the scene's
     ``messages`` with ``{"column": name}`` in place of arrays, what a ``sketch`` draws, the

@@ -1,7 +1,7 @@
 """Standalone: a whole fold in one HTML file that plays without a server, from a disk too.
 
-The page is the embedded one: the same scripts, viser's client, the scenery and a single reel of all
-frames. Scripts are named by an import map of data addresses, so that they need no bundling.
+The page is the embedded one: the same scripts, viser's client, the scene bundle and a single
+batch of all frames. Scripts are named by an import map of data addresses: nothing bundles them.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from web.static_files import IMPORT, STATIC, imported, scripts_of, text_of
 from web.timeline.frame_batch import thinned, unpacked_bytes
 from web.timeline.view import TimelineView
 from web.viser.client import client
-from web.viser.scene_bundle import scenery_of
+from web.viser.scene_bundle import bundle_of
 
 ENTRY: Final = "js/pages/standalone.js"
 WORKER: Final = "js/viewer/sketch_worker.js"
 STYLES: Final = ("css/base.css", "css/fold.css")
 MOST_BYTES: Final = 48 * 2**20
-"""Of a reel, unpacked; a longer fold is thinned, and told without its curves."""
+"""Of a batch, unpacked; a longer fold is thinned, and told without its curves."""
 
 Render = Callable[..., str]
 
@@ -47,8 +47,8 @@ def standalone_html(
     parts = {
         "client": client().html.decode(),
         "worker": text_of(WORKER),
-        "scenery": _text(scenery_of(timeline.chain, timeline.stretch)),
-        "reel": _text(thinned(timeline, stride)),
+        "bundle": _text(bundle_of(timeline.chain, timeline.stretch)),
+        "batch": _text(thinned(timeline, stride)),
         "curves": None if curves is None or stride > 1 else _text(curves),
         "facts": dict(facts),
     }

@@ -1,6 +1,6 @@
 """Pictures: what is kept of a fold to look at, beside its figures.
 
-``reel`` is a film that pages play, ``chain.json`` its chain; ``still.webp`` shows it folded or
+``batch`` is a film that pages play, ``chain.json`` its chain; ``still.webp`` shows it folded or
 where it fails, of some ``straight.webp`` and ``strip.webp`` more.
 """
 
@@ -25,7 +25,7 @@ from web.timeline.view import Snapshot, TimelineView
 Ints = NDArray[np.int64]
 FRAMES: Final = 120
 """Of each phase, spread evenly over how far its hinges turn."""
-LARGEST_REEL: Final = 250_000
+LARGEST_BATCH: Final = 250_000
 """Bytes; longer chains have fewer frames."""
 FEWER: Final = 0.8
 AROUND: Final = 4.0
@@ -65,11 +65,11 @@ def keep_pictures(
     count = FRAMES
     while True:
         frames = _spread(film, count, at)
-        reel = chosen(film, frames)
-        if len(reel) <= LARGEST_REEL:
+        batch = chosen(film, frames)
+        if len(batch) <= LARGEST_BATCH:
             break
         count = round(FEWER * count)
-    (folder / "reel").write_bytes(reel)
+    (folder / "batch").write_bytes(batch)
     write_json(folder / "chain.json", chain_attributes(film.chain))
     shown = film.snapshot(len(film) - 1 if moment is None else moment.frame)
     _save(_still(film, shown, moment), folder / "still.webp")

@@ -62,7 +62,7 @@ def test_experiments_are_run_once_and_told(tmp_path: Path, tiny: tuple[Experimen
     assert 0 <= bad.stuck_frame < bad.frames
     assert min(good.wall_s, good.processor_s, good.reference_s, good.folder_mb) > 0.0
 
-    for name in ("reel", "chain.json", "still.webp", "straight.webp", "strip.webp"):
+    for name in ("batch", "chain.json", "still.webp", "straight.webp", "strip.webp"):
         assert (files / "tiny" / name).stat().st_size > 100
     marked = [orange(files / name / "still.webp") for name in ("tiny", "spiral")]
     assert marked[0] == 0 and marked[1] > 100
@@ -115,7 +115,7 @@ def test_page_and_document_say_what_the_rows_say() -> None:
     filmed = {card["id"] for s in page["sections"] for card in s["cards"] if card["film"]}
     assert {path.name for path in PAPER.iterdir() if path.is_dir()} == filmed
     for name in filmed:
-        assert (PAPER / name / "reel").stat().st_size <= 300_000
+        assert (PAPER / name / "batch").stat().st_size <= 300_000
 
 
 def test_every_statement_has_experiments_and_every_experiment_one() -> None:

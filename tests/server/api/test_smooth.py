@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 from planner.plan.plan import Plan
 from planner.verification.verify import verify
+from server.cli.admin_tasks import AdminTasks
 from server.cli.command_line import application
-from server.cli.upkeep import Upkeep
 from server.settings import Settings
 from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, Service, owner
@@ -131,11 +131,11 @@ def test_it_is_computed_again_from_what_it_was_made_of(
     fold_id = smoothed["accepted"]["id"]
     recorded = service.directory(fold_id) / "recorded.npz"
     before = service.state(fold_id), recorded.read_bytes()
-    upkeep = Upkeep(Settings(data_dir=service.data_dir))
+    admin_tasks = AdminTasks(Settings(data_dir=service.data_dir))
     try:
-        upkeep.requeue(fold_id, force=True)
+        admin_tasks.requeue(fold_id, force=True)
     finally:
-        upkeep.close()
+        admin_tasks.close()
     after = service.wait_over(fold_id), recorded.read_bytes()
     assert after[0]["status"] == before[0]["status"] == "verified"
     assert after[1] == before[1]

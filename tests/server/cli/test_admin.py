@@ -13,7 +13,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from server.cli.admin import admin
-from server.cli.upkeep import Upkeep, UpkeepError
+from server.cli.admin_tasks import AdminError, AdminTasks
 from server.files.cancelled import sweep_cancelled
 from server.jobs.queue import prepare
 from server.settings import Settings
@@ -154,22 +154,22 @@ def test_a_fold_whose_files_a_sweeper_removes_is_not_queued_again(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (place / "folds" / "old" / "request.json").write_text("{}")
-    store, upkeep = Store(Settings(data_dir=place)), Upkeep(Settings(data_dir=place))
+    store, admin_tasks = Store(Settings(data_dir=place)), AdminTasks(Settings(data_dir=place))
     cancelled = sa.update(FoldRow).values(status="cancelled", bytes=1)
     with store.changing() as session:
         session.execute(cancelled.where(FoldRow.id == "old"))
     remove = store.folders.remove
 
     def meanwhile(fold_id: str) -> None:
-        with pytest.raises(UpkeepError, match="no input any more"):
-            upkeep.requeue(fold_id)
+        with pytest.raises(AdminError, match="no input any more"):
+            admin_tasks.requeue(fold_id)
         remove(fold_id)
 
     monkeypatch.setattr(store.folders, "remove", meanwhile)
     sweep_cancelled(store, time.time())
     assert store.fold("old").status == "cancelled"
     assert not (place / "folds" / "old").exists()
-    upkeep.close()
+    admin_tasks.close()
     store.close()
 
 
@@ -202,18 +202,21 @@ def test_a_cancelled_fold_is_computed_after_all(service: Service) -> None:
     fold = service.fold(SNAKE, seed="4711")
     service.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
     cancelled = service.wait(fold["id"], over)
-    upkeep = Upkeep(Settings(data_dir=service.data_dir))
+    admin_tasks = AdminTasks(Settings(data_dir=service.data_dir))
     try:
         deadline = time.monotonic() + 60
-        while upkeep.job(fold["id"]) in ("PENDING", "ENQUEUED"):  # its last step is being noted
+        while admin_tasks.job(fold["id"]) in (
+            "PENDING",
+            "ENQUEUED",
+        ):  # its last step is being noted
             assert time.monotonic() < deadline
             time.sleep(0.05)
-        before = upkeep.fold(fold["id"]).epoch
-        upkeep.requeue(fold["id"], force=cancelled["status"] == "verified")
+        before = admin_tasks.fold(fold["id"]).epoch
+        admin_tasks.requeue(fold["id"], force=cancelled["status"] == "verified")
         assert service.wait(fold["id"], over)["status"] == "verified"
-        row: FoldRow = upkeep.fold(fold["id"])
+        row: FoldRow = admin_tasks.fold(fold["id"])
         assert row.epoch >= before + 2
         assert row.owner == hash_of(fold["owner_token"])
-        assert [worker.pid for worker in upkeep.workers()]
+        assert [worker.pid for worker in admin_tasks.workers()]
     finally:
-        upkeep.close()
+        admin_tasks.close()

@@ -18,7 +18,7 @@ from server.cli.command_line import COMMANDS, application
 from server.store.gallery import Gallery
 
 COMMANDS_DIR = Path(__file__).parents[3] / "server" / "cli"
-SHARED = {"__init__", "command_line", "inputs", "options", "upkeep"}
+SHARED = {"__init__", "command_line", "inputs", "options", "admin_tasks"}
 
 
 def foldback(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -170,7 +170,7 @@ SHOWING = {"PIL", "trimesh", "viser"}
                 *("mujoco", "scipy.interpolate", "scipy.sparse", "zarr", *WEB, *SHOWING),
             },
             "server.processes.retime_task": {"mujoco", "scipy.interpolate", "zarr", *WEB, *SHOWING},
-            "web.movies.filming": {"mujoco", "zarr", *WEB, *SHOWING},
+            "web.movies.make_movie": {"mujoco", "zarr", *WEB, *SHOWING},
         },
     ],
     ids=["serving", "computing"],

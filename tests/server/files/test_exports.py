@@ -24,8 +24,8 @@ from planner.exports import EXPORTS, Export, export_named
 from planner.plan.plan import Plan
 from server.errors import NoRoom, NotFound, TooLarge, Unavailable
 from server.files import exports as exports_module
+from server.files.artifacts import AT_ONCE, MOST_WAITING, Artifacts
 from server.files.exports import Exports
-from server.files.workshop import AT_ONCE, MOST_WAITING, Workshop
 from server.pages.facts import fold_facts
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError, Store, new_token
@@ -134,7 +134,7 @@ def fold(store: Store, service: Service, finished: dict[str, Any]) -> FoldRow:
 
 
 def exports_in(store: Store, free: int = 0) -> Exports:
-    return Exports(store, Workshop(store, min_free_disk_bytes=free))
+    return Exports(store, Artifacts(store, min_free_disk_bytes=free))
 
 
 def test_a_model_that_the_fold_wrote_itself_is_kept(store: Store, fold: FoldRow) -> None:

@@ -97,7 +97,7 @@ def test_what_is_deleted_is_told_at_once(desk: Desk) -> None:
 def test_a_deleted_fold_is_gone_from_its_page_too(service: Service) -> None:
     fold = service.fold(SNAKE, seed="77")
     assert service.wait_over(fold["id"])["status"] == "verified"
-    places = [f"/folds/{fold['id']}", f"/folds/{fold['id']}/reel?to=4", f"/api/folds/{fold['id']}"]
+    places = [f"/folds/{fold['id']}", f"/folds/{fold['id']}/batch?to=4", f"/api/folds/{fold['id']}"]
     before = [service.http.get(place) for place in places]
     again = [service.http.get(place) for place in places]
     for a, b in zip(before, again, strict=True):

@@ -36,7 +36,7 @@ def test_robots_whose_motions_are_not_worked_out_yet_hold_nobody_up(
             for k in range(12)
         ]
         stack.callback(retimer.send_signal, signal.SIGCONT)
-        for path in ("/health", f"/folds/{fold}", f"/folds/{fold}/scenery", f"/api/folds/{fold}"):
+        for path in ("/health", f"/folds/{fold}", f"/folds/{fold}/bundle", f"/api/folds/{fold}"):
             assert service.http.get(path, timeout=20.0).status_code == 200
         retimer.send_signal(signal.SIGCONT)
         for robot in robots:

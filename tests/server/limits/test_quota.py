@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from server.errors import ServiceError, TooMany, Unavailable
-from server.files.workshop import Workshop
+from server.files.artifacts import Artifacts
 from server.limits.quota import Place, Quota
 from server.settings import Settings
 from server.store.folds import Store
@@ -94,11 +94,11 @@ def test_nobody_waits_for_ever() -> None:
     assert len(quota) == 0
 
 
-def test_one_visitor_cannot_fill_the_workshop(tmp_path: Path) -> None:
+def test_one_visitor_cannot_take_all_making_of_artifacts(tmp_path: Path) -> None:
     store = Store(Settings(data_dir=tmp_path))
 
     async def ask() -> None:
-        shop = Workshop(store, total=3, per_visitor=2)
+        shop = Artifacts(store, total=3, per_visitor=2)
         go_on = threading.Event()
 
         def make() -> bool:

@@ -49,23 +49,23 @@ def test_every_statement_is_told_and_every_address_in_it_answers() -> None:
         answer = get(still)
         assert answer.headers["content-type"] == "image/webp" and len(answer.content) > 500
     for film in films:
-        scenery, _ = decode(get(f"{film}/scenery").content)
-        reel, columns = decode(get(f"{film}/reel").content)
-        assert reel["total"] == len(columns["time_s"]) > 10
-        assert columns["joint_angles_rad"].shape[1] == scenery["chain"]["hinges"] * (
-            scenery["chain"]["modules"] - 1 - scenery["chain"]["rigid_links"]
+        bundle, _ = decode(get(f"{film}/bundle").content)
+        batch, columns = decode(get(f"{film}/batch").content)
+        assert batch["total"] == len(columns["time_s"]) > 10
+        assert columns["joint_angles_rad"].shape[1] == bundle["chain"]["hinges"] * (
+            bundle["chain"]["modules"] - 1 - bundle["chain"]["rigid_links"]
         )
 
 
 def test_browsers_keep_films_until_they_change() -> None:
-    first = get("/paper/mallet-24/reel")
-    again = get("/paper/mallet-24/reel", **{"if-none-match": first.headers["etag"]})
+    first = get("/paper/mallet-24/batch")
+    again = get("/paper/mallet-24/batch", **{"if-none-match": first.headers["etag"]})
     assert (again.status_code, again.content) == (304, b"")
 
 
 @pytest.mark.parametrize(
     "path",
-    ["nosuch/reel", "mallet-24/nosuch", "mallet-24/chain.json", "..%2f..%2fserver/app.py"]
+    ["nosuch/batch", "mallet-24/nosuch", "mallet-24/chain.json", "..%2f..%2fserver/app.py"]
     + ["mallet-24/..%2f..%2fpage.json", "%2e%2e/page.json"],
 )
 def test_no_address_leads_to_another_file(path: str) -> None:

@@ -15,7 +15,7 @@ from fastapi import FastAPI
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import chain_attributes
-from server.files.workshop import Workshop
+from server.files.artifacts import Artifacts
 from server.pages import pictures
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store, new_token
@@ -55,7 +55,7 @@ def asked(store: Store, directory: Path, times: int = 1) -> list[httpx.Response]
 
     async def ask() -> list[httpx.Response]:
         app = FastAPI()
-        app.state.context = SimpleNamespace(store=store, workshop=Workshop(store))
+        app.state.context = SimpleNamespace(store=store, artifacts=Artifacts(store))
         app.include_router(pictures.router)
         transport = httpx.ASGITransport(app)
         async with httpx.AsyncClient(transport=transport, base_url="http://here") as http:

@@ -111,13 +111,13 @@ server.processes.read_task.check = server.processes.retime_task.retime = attack
 planner.pipeline.stages.run_stage = lambda task, place, **_: attack(place)
 """
 SPAWNED = """
-import web.movies.filming
+import web.movies.make_movie
 from web.movies.encoding import EncodingError
 
 def error(found):
     raise EncodingError(json.dumps(found))
 
-web.movies.filming.film_movie = lambda line, movie, out, **_: error(attack(out.parent))
+web.movies.make_movie.make_movie = lambda line, movie, out, **_: error(attack(out.parent))
 """
 """Where each kind begins to read what is not its own."""
 AWAITED: tuple[Kind, ...] = ("reader", "preparer", "retimer")

@@ -14,8 +14,8 @@ const figuresOf = (modules, joints) => ({
 });
 
 test("shares of a ramp are coloured as in Python", async () => {
-  const { scenery, shares, errors } = vectors.colours;
-  const { header, arrays } = await unpack(scenery);
+  const { bundle, shares, errors } = vectors.colours;
+  const { header, arrays } = await unpack(bundle);
   const found = ramped(Float64Array.from(shares, (v) => v ?? NaN), arrays.ramp_error, header.colours.unknown);
   assert.deepEqual([...found], errors);
 });
@@ -49,13 +49,13 @@ test("every colouring has a scale in numbers", async () => {
   const redness = (colours) => Array.from({ length: colours.length / 3 }, (_, i) => colours[3 * i] - Math.max(colours[3 * i + 1], colours[3 * i + 2]));
   assert.ok(Math.max(...redness(seen.error)) > 60);
   for (const key of ["error-even", "position", "torque", "speed", "chain"]) assert.ok(Math.max(...redness(seen[key])) < 60, key);
-  assert.deepEqual([...seen.clearance.subarray(9, 12)], timeline.scenery.header.colours.error);
+  assert.deepEqual([...seen.clearance.subarray(9, 12)], timeline.bundle.header.colours.error);
 });
 
 test("what is not measured yet is grey", async () => {
   const { timeline } = await recorded();
   const nothing = { row: () => null, largest: () => 0 };
-  const { unknown } = timeline.scenery.header.colours;
+  const { unknown } = timeline.bundle.header.colours;
   for (const key of ["position", "torque", "clearance"]) {
     const colours = colouring(key, timeline, nothing).of(timeline.snapshot(0));
     assert.deepEqual([...colours.subarray(0, 3)], unknown, key);

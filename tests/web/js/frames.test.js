@@ -5,12 +5,12 @@ import { Window } from "../../../web/static/js/player/frames.js";
 import { Kinematics } from "../../../web/static/js/lib/kinematics.js";
 import { close, closeTurns, unpack, vectors } from "./vectors.js";
 
-for (const { name, scenery, reel, frames } of vectors.windows) {
+for (const { name, bundle, batch, frames } of vectors.windows) {
   test(`poses of a window of ${name}`, async () => {
-    const { header, arrays } = await unpack(scenery);
+    const { header, arrays } = await unpack(bundle);
     const foldedRad = arrays.folded_rad;
     const kinematics = new Kinematics(header.chain, foldedRad);
-    const rows = new Window(await unpack(reel), { foldedRad, noErrors: null });
+    const rows = new Window(await unpack(batch), { foldedRad, noErrors: null });
     let [straight, folded] = [0, 0];
     for (const { frame, poses } of frames) {
       const low = Math.floor(frame);

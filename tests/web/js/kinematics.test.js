@@ -4,9 +4,9 @@ import { Kinematics, picked } from "../../../web/static/js/lib/kinematics.js";
 import { buriedBy, touching } from "../../../web/static/js/player/touching.js";
 import { close, closeTurns, unpack, vectors } from "./vectors.js";
 
-for (const { name, scenery, given } of vectors.kinematics) {
+for (const { name, bundle, given } of vectors.kinematics) {
   test(`poses of ${name}`, async () => {
-    const { header } = await unpack(scenery);
+    const { header } = await unpack(bundle);
     const { angles, position, wxyz, positions, wxyzs } = (await unpack(given)).arrays;
     const found = new Kinematics(header.chain).poses(angles, position, wxyz);
     close(found.positions, positions, { atol: 2e-6 });
@@ -14,17 +14,17 @@ for (const { name, scenery, given } of vectors.kinematics) {
   });
 }
 
-for (const { name, scenery, given, origin, ways, modules } of vectors.picking) {
+for (const { name, bundle, given, origin, ways, modules } of vectors.picking) {
   test(`which of the ${name} a ray meets first`, async () => {
-    const { header } = await unpack(scenery);
+    const { header } = await unpack(bundle);
     const { arrays } = await unpack(given);
     assert.deepEqual(ways.map((way) => picked(header.chain, arrays, origin, way)), modules);
   });
 }
 
 test("faces that touch", async () => {
-  const { scenery, beside, buried } = vectors.touching;
-  const { header, arrays } = await unpack(scenery);
+  const { bundle, beside, buried } = vectors.touching;
+  const { header, arrays } = await unpack(bundle);
   const found = touching(header, new Kinematics(header.chain, arrays.folded_rad).folded);
   const faces = found.length / beside.length;
   assert.deepEqual(beside.map((_, i) => [...found.subarray(i * faces, (i + 1) * faces)].sort((a, b) => a - b)), beside);

@@ -74,7 +74,7 @@ test("modules are as red as Python says, and blue when selected", async () => {
     player.send({ do: "seek", frame });
     close(player.colours(), colours, { atol: 2 }); // errors travel with a precision of 1 in 256
   }
-  const { selected: blue, stuck } = timeline.scenery.header.colours;
+  const { selected: blue, stuck } = timeline.bundle.header.colours;
   player.send({ do: "select", module: 5 });
   player.mark([2, 99]);
   const found = player.colours();

@@ -17,7 +17,7 @@ function listening() {
   const frame = new EventTarget();
   frame.addEventListener("keydown", ({ key, shiftKey }) => keys.push([key, shiftKey]));
   const scene = new Scene(frame, { touch: () => heard.push("touch") }, ["End"]);
-  scene.scenery = {};
+  scene.bundle = {};
   scene.pick = (...ray) => heard.push(ray);
   return { scene, heard, keys };
 }

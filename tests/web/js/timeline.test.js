@@ -11,8 +11,8 @@ function begunAnew(swaps, status) {
   const arrays = { folded_rad: new Float32Array(1), folded_positions: new Float32Array(6) };
   return {
     asked: 0,
-    scenery: async () => ({ header: { chain }, arrays }),
-    async reel({ from = 0, to = null, stride = 1 }) {
+    bundle: async () => ({ header: { chain }, arrays }),
+    async batch({ from = 0, to = null, stride = 1 }) {
       this.asked++;
       const id = `timeline ${swaps.filter((at) => this.asked > at).length}`;
       const stop = Math.min(TOTAL, to ?? TOTAL);

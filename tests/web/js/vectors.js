@@ -35,8 +35,8 @@ export const turnOfEvents = () => new Promise((done) => { setImmediate(done); })
 export async function recorded() {
   const source = {
     asked: 0,
-    scenery() { this.asked++; return unpack(vectors.timeline.scenery); },
-    reel() { this.asked++; return unpack(vectors.timeline.reel); },
+    bundle() { this.asked++; return unpack(vectors.timeline.bundle); },
+    batch() { this.asked++; return unpack(vectors.timeline.batch); },
   };
   const timeline = new Timeline(source);
   while (!timeline.complete) await turnOfEvents();

@@ -10,13 +10,13 @@ from planner.motion.timeline import Timeline, TimelineWriter
 from tests.planner import peels
 from tests.web import long_folds
 from web.timeline.columns import decode
-from web.timeline.frame_batch import chosen, kept_reel, reel_of, thinned
+from web.timeline.frame_batch import batch_of, chosen, kept_batch, thinned
 from web.timeline.view import TimelineView
 from web.timeline.window_columns import windows_of
 
 
-def test_a_reel_holds_what_was_recorded(timeline_path: Path) -> None:
-    header, found = decode(reel_of(TimelineView(timeline_path), 90, 130))
+def test_a_batch_holds_what_was_recorded(timeline_path: Path) -> None:
+    header, found = decode(batch_of(TimelineView(timeline_path), 90, 130))
     frames = Timeline.open(timeline_path).frames(90, 130)
     assert (header["start"], header["stop"], header["total"]) == (90, 130, 200)
     assert header["status"] == "complete"
@@ -32,22 +32,22 @@ def test_a_reel_holds_what_was_recorded(timeline_path: Path) -> None:
 
 
 def test_a_stride_spreads_frames_over_the_film(timeline_path: Path) -> None:
-    header, found = decode(reel_of(TimelineView(timeline_path), stride=50))
+    header, found = decode(batch_of(TimelineView(timeline_path), stride=50))
     assert header["stride"] == 50
     assert len(found["time_s"]) == 4
     assert np.array_equal(found["time_s"], Timeline.open(timeline_path).frames(stride=50).time_s)
 
 
-def test_a_reel_is_never_longer_than_asked_for(timeline_path: Path) -> None:
-    header, found = decode(reel_of(TimelineView(timeline_path), 10, largest=3000))
+def test_a_batch_is_never_longer_than_asked_for(timeline_path: Path) -> None:
+    header, found = decode(batch_of(TimelineView(timeline_path), 10, largest=3000))
     assert 1 <= len(found["time_s"]) < 20
     assert header["stop"] == 10 + len(found["time_s"])
-    _, one = decode(reel_of(TimelineView(timeline_path), 10, largest=1))
+    _, one = decode(batch_of(TimelineView(timeline_path), 10, largest=1))
     assert len(one["time_s"]) == 1
 
 
 def test_past_the_end_there_is_nothing(timeline_path: Path) -> None:
-    header, found = decode(reel_of(TimelineView(timeline_path), 999))
+    header, found = decode(batch_of(TimelineView(timeline_path), 999))
     assert header["start"] == header["stop"] == 200
     assert found["joint_angles_rad"].shape[0] == 0
 
@@ -57,10 +57,10 @@ def test_a_timeline_that_is_begun_anew_is_another_one(
 ) -> None:
     path, _, add = growing
     timeline = TimelineView(path)
-    first, _ = decode(reel_of(timeline))
+    first, _ = decode(batch_of(timeline))
     add(5)
     timeline.refresh(at_once=True)
-    more, _ = decode(reel_of(timeline, 10))
+    more, _ = decode(batch_of(timeline, 10))
     assert more["id"] == first["id"]
     assert (more["start"], more["stop"], more["status"]) == (10, 15, "growing")
     with TimelineWriter.create(path, timeline.chain) as writer:
@@ -69,36 +69,36 @@ def test_a_timeline_that_is_begun_anew_is_another_one(
     assert timeline.id != first["id"]
 
 
-def test_a_reel_of_a_finished_film_is_made_once(
+def test_a_batch_of_a_finished_film_is_made_once(
     timeline_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     timeline = TimelineView(timeline_path)
-    first = kept_reel(timeline, 3, 90, 7)
-    assert first == reel_of(timeline, 3, 90, 7)
+    first = kept_batch(timeline, 3, 90, 7)
+    assert first == batch_of(timeline, 3, 90, 7)
     # Not even another view of the same timeline reads its frames again.
     again = TimelineView(timeline_path)
     monkeypatch.delattr(TimelineView, "frames")
-    assert kept_reel(again, 3, 90, 7) == first
+    assert kept_batch(again, 3, 90, 7) == first
 
 
-def test_a_reel_is_made_anew_when_its_film_goes_on(
+def test_a_batch_is_made_anew_when_its_film_goes_on(
     growing: tuple[Path, TimelineWriter, Callable[[int], None]],
 ) -> None:
     path, writer, add = growing
     timeline = TimelineView(path)
-    assert decode(kept_reel(timeline))[0]["total"] == 10
+    assert decode(kept_batch(timeline))[0]["total"] == 10
     add(5)
     timeline.refresh(at_once=True)
-    assert decode(kept_reel(timeline))[0]["total"] == 15
+    assert decode(kept_batch(timeline))[0]["total"] == 15
     writer.close()
     timeline.refresh(at_once=True)
-    assert decode(kept_reel(timeline))[0]["status"] == "complete"
+    assert decode(kept_batch(timeline))[0]["status"] == "complete"
     some = Timeline.open(path).frames(0, 10)
     with TimelineWriter.reopen(path, frames=5) as writer:  # as many as before
         writer.append(some)
     timeline.refresh(at_once=True)
     assert np.array_equal(
-        decode(kept_reel(timeline))[1]["time_s"], Timeline.open(path).frames().time_s
+        decode(kept_batch(timeline))[1]["time_s"], Timeline.open(path).frames().time_s
     )
 
 
@@ -114,7 +114,7 @@ def long_film(tmp_path_factory: pytest.TempPathFactory) -> TimelineView:
 
 
 def test_a_long_fold_is_told_by_windows(long_film: TimelineView) -> None:
-    header, found = decode(reel_of(long_film, 30, 90, 4))
+    header, found = decode(batch_of(long_film, 30, 90, 4))
     assert (header["start"], header["stop"], header["total"]) == (30, 90, len(LONG))
     told = windows_of(found, CHAIN.folded_rad)
     expected = LONG[30:90:4]
@@ -126,17 +126,17 @@ def test_a_long_fold_is_told_by_windows(long_film: TimelineView) -> None:
 
 
 @pytest.mark.parametrize("stride", [1, 3])
-def test_a_long_reel_is_never_longer_than_asked_for(long_film: TimelineView, stride: int) -> None:
+def test_a_long_batch_is_never_longer_than_asked_for(long_film: TimelineView, stride: int) -> None:
     seen: list[float] = []
     start = 0
     while start < len(LONG):
-        header, found = decode(reel_of(long_film, start, stride=stride, largest=3000))
+        header, found = decode(batch_of(long_film, start, stride=stride, largest=3000))
         assert header["start"] == start < header["stop"]
         assert 80 * len(found["time_s"]) + 4 * len(found["steps"]) <= 3000
         seen += found["time_s"].tolist()
         start = header["stop"] + -header["stop"] % stride
     assert seen == LONG.time_s[::stride].tolist()
-    assert len(decode(reel_of(long_film, 10, largest=1))[1]["time_s"]) == 1
+    assert len(decode(batch_of(long_film, 10, largest=1))[1]["time_s"]) == 1
 
 
 def test_a_long_fold_is_thinned(long_film: TimelineView) -> None:

@@ -40,7 +40,7 @@ export class Kinematics {
   /** @type {Poses | undefined} */
   straightTable;
 
-  // `chain` as in the scenery's header; `foldedRad` for poses of windows.
+  // `chain` as in the scene bundle's header; `foldedRad` for poses of windows.
   /**
    * @param {Chain} chain
    * @param {Floats | null} foldedRad

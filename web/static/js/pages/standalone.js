@@ -10,8 +10,8 @@ import { get } from "../lib/text.js";
 /**
  * What the page holds: texts of messages, and pages and scripts of others.
  * @typedef {object} Parts
- * @property {string} scenery
- * @property {string} reel
+ * @property {string} bundle
+ * @property {string} batch
  * @property {string | null} curves
  * @property {string} worker
  * @property {string} client
@@ -31,11 +31,11 @@ function unpacked(text) {
   return /** @type {Promise<Told>} */ (/** @type {unknown} */ (decode(bytes.buffer)));
 }
 
-// A timeline of one reel.
+// A timeline of one batch.
 /** @type {FilmSource} */
 const source = {
-  scenery: () => unpacked(parts.scenery),
-  reel: () => unpacked(parts.reel),
+  bundle: () => unpacked(parts.bundle),
+  batch: () => unpacked(parts.batch),
 };
 
 // Curves only; what is told of single modules would make the file many times as long.

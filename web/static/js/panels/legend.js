@@ -51,7 +51,7 @@ export class Legend {
 export function showScale(chosen, timeline) {
   const { low, high, ramp, none } = chosen.legend();
   get("legend").hidden = false;
-  get("legend").style.setProperty("--unknown", `rgb(${timeline.scenery.header.colours.unknown.join(" ")})`);
+  get("legend").style.setProperty("--unknown", `rgb(${timeline.bundle.header.colours.unknown.join(" ")})`);
   get("legend-low").textContent = low;
   get("legend-high").textContent = high;
   get("legend-ramp").style.background = ramp;

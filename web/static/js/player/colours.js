@@ -87,7 +87,7 @@ export class Colouring {
 
   /** @param {Snapshot} shown */
   of(shown) {
-    const { header, arrays } = this.timeline.scenery;
+    const { header, arrays } = this.timeline.bundle;
     const values = this.values(shown);
     const high = typeof this.high === "function" ? this.high() : this.high;
     const colours = ramped(values.map((v) => (v - this.low) / (high - this.low)), arrays[this.ramp], header.colours.unknown);
@@ -97,7 +97,7 @@ export class Colouring {
   }
 
   legend() {
-    const ramp = this.timeline.scenery.arrays[this.ramp];
+    const ramp = this.timeline.bundle.arrays[this.ramp];
     const last = ramp.length / 3 - 1;
     const stops = Array.from({ length: 9 }, (_, k) => Array.from(ramp.subarray(3 * Math.round((k / 8) * last)).slice(0, 3)).join(" "));
     const high = typeof this.high === "function" ? this.high() : this.high;

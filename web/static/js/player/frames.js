@@ -1,4 +1,4 @@
-// Rows of reels: what is told of one frame. Ordinary folds tell all angles, long ones those of a
+// Rows of batches: what is told of one frame. Ordinary folds tell all angles, long ones those of a
 // window; web/timeline/frame_batch.py and web/timeline/window_columns.py tell the columns.
 
 /**
@@ -32,7 +32,7 @@ const part = (values, k, width) => values.subarray(k * width, (k + 1) * width);
 // All angles of each frame.
 export class Whole {
   /**
-   * @param {Message<ReelHeader, WholeArrays>} reel
+   * @param {Message<BatchHeader, WholeArrays>} batch
    * @param {{ joints: number }} timeline
    */
   constructor({ header, arrays }, { joints }) {
@@ -81,7 +81,7 @@ const STEP = 2 ** -20;
 // Angles from the hinge `first` to before `last`; what is before is folded, what is behind straight.
 export class Window {
   /**
-   * @param {Message<Pick<ReelHeader, "start" | "stop" | "stride">, WindowArrays>} reel
+   * @param {Message<Pick<BatchHeader, "start" | "stop" | "stride">, WindowArrays>} batch
    * @param {{ foldedRad: Floats, noErrors: Floats }} timeline
    */
   constructor({ header, arrays }, { foldedRad, noErrors }) {

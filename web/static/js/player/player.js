@@ -142,7 +142,7 @@ export class Player extends Emitter {
   // From where the modules to look at are seen best; once more when their frame is there.
   /** @param {Snapshot} shown */
   seek(shown) {
-    const { azimuth_rad: azimuth, elevation_rad: elevation } = this.timeline.scenery.header.camera;
+    const { azimuth_rad: azimuth, elevation_rad: elevation } = this.timeline.bundle.header.camera;
     this.direction = clearestSight(shown.positions, this.looked ?? [], [azimuth, elevation], outward);
     this.seeks = !shown.exact;
     this.goals.clear();
@@ -176,8 +176,8 @@ export class Player extends Emitter {
     this.follower = new Follower();
     this.goals.clear();
     this.selected = this.selected !== null && this.selected < timeline.chain.modules ? this.selected : null;
-    this.stage?.set(timeline.scenery);
-    this.sketch?.set(timeline.scenery);
+    this.stage?.set(timeline.bundle);
+    this.sketch?.set(timeline.bundle);
     if (timeline.growing) { this.is.live = true; playhead.frame = timeline.last; }
     playhead.frame = Math.min(playhead.frame, timeline.last);
     this.tell("begun");
@@ -217,7 +217,7 @@ export class Player extends Emitter {
     if (this.playhead.advance(passed, now)) this.show();
     const drawn = this.changed;
     this.changed = false;
-    let moved = this.stage?.scenery ? this.stage.moveGround(passed, this.shown) : false;
+    let moved = this.stage?.bundle ? this.stage.moveGround(passed, this.shown) : false;
     if (this.is.follow) moved = this.glide(passed) || moved;
     this.gliding = moved;
     if (drawn || moved) this.draw();
@@ -285,7 +285,7 @@ export class Player extends Emitter {
     if (!this.colouring || !this.shown) return new Uint8Array(0);
     const colours = this.colouring.of(this.shown);
     const { selected } = this;
-    const { selected: blue, stuck } = this.timeline.scenery.header.colours;
+    const { selected: blue, stuck } = this.timeline.bundle.header.colours;
     for (const module of this.marked) colours.set(stuck, 3 * module);
     if (selected === null) return colours;
     for (const beside of [selected - 1, selected + 1]) {
@@ -309,7 +309,7 @@ export class Player extends Emitter {
 
   get view() { return this.follower.view && { position: positionOf(this.follower.view), target: this.follower.view.target }; }
 
-  get pitch() { return this.timeline.scenery.header.pitch; }
+  get pitch() { return this.timeline.bundle.header.pitch; }
 
   // A place in pitches as the scene has it.
   /**
@@ -334,7 +334,7 @@ export class Player extends Emitter {
   }
 
   get seeing() {
-    const { camera, chain } = this.timeline.scenery.header;
+    const { camera, chain } = this.timeline.bundle.header;
     const radius = this.looked ? AROUND : chain.radius;
     return { radius: radius * this.pitch, aspect: this.aspect ?? USUAL_ASPECT, field: camera.field_of_view_rad, home: camera.azimuth_rad };
   }
@@ -344,7 +344,7 @@ export class Player extends Emitter {
    * @param {number | null} azimuth
    */
   frameIt(snapshot, azimuth = null) {
-    const [direction, elevation] = this.direction ?? [null, this.timeline.scenery.header.camera.elevation_rad];
+    const [direction, elevation] = this.direction ?? [null, this.timeline.bundle.header.camera.elevation_rad];
     return framing(this.points(snapshot), { ...this.seeing, azimuth: azimuth ?? direction, elevation });
   }
 
@@ -408,7 +408,7 @@ export class Player extends Emitter {
     const { is, shown, follower } = this;
     if (this.aspectNow() !== this.aspect) { follower.view = null; this.aim(); }
     if (is.turn && follower.view) {
-      follower.view = { ...follower.view, azimuth: follower.view.azimuth + this.timeline.scenery.header.camera.turn_rad_s * passed };
+      follower.view = { ...follower.view, azimuth: follower.view.azimuth + this.timeline.bundle.header.camera.turn_rad_s * passed };
       this.aim();
     }
     const moved = follower.move(passed) || is.turn;

@@ -8,8 +8,8 @@ import { touching } from "./touching.js";
 
 const AT_ONCE = 2; // requests
 const COARSE = 64; // frames that are fetched first, spread over the whole timeline
-const REEL_BYTES = 2 ** 20;
-const LONGEST_REEL = 128;
+const BATCH_BYTES = 2 ** 20;
+const LONGEST_BATCH = 128;
 const MOST_BYTES = 384 * 2 ** 20;
 const WINDOW_ROWS = 256;
 const MOST_WINDOW_BYTES = 64 * 2 ** 20;
@@ -20,22 +20,22 @@ const LOOK_MS = 1000;
 const MOST_LOOKS = 1800; // half an hour
 const WAIT_S = 1;
 
-// Scenery and reels under an address of this server.
+// Scene bundle and batches under an address of this server.
 export class Source {
   /** @param {string} under */
   constructor(under) { this.under = under; }
 
-  /** @returns {Promise<Scenery | null>} */
-  scenery() { return this.get("scenery"); }
+  /** @returns {Promise<Bundle | null>} */
+  bundle() { return this.get("bundle"); }
 
   /**
-   * @param {ReelAsked} asked
-   * @returns {Promise<Reel | null>}
+   * @param {BatchAsked} asked
+   * @returns {Promise<Batch | null>}
    */
-  reel({ from = 0, to = null, stride = 1, wait = 0 } = {}) {
+  batch({ from = 0, to = null, stride = 1, wait = 0 } = {}) {
     const asked = new URLSearchParams({ from: String(from), stride: String(stride), wait: String(wait) });
     if (to !== null) asked.set("to", String(to));
-    return this.get(`reel?${asked}`);
+    return this.get(`batch?${asked}`);
   }
 
   // What a browser can take apart, or null while there is nothing.
@@ -52,16 +52,16 @@ export class Source {
   }
 }
 
-// A whole timeline in one reel, which is fetched once.
+// A whole timeline in one batch, which is fetched once.
 export class Recording extends Source {
-  /** @type {Promise<Reel | null> | undefined} */
+  /** @type {Promise<Batch | null> | undefined} */
   once;
 
-  reel() { return this.once ??= this.get("reel"); }
+  batch() { return this.once ??= this.get("batch"); }
 }
 
 /** @typedef {Whole | Window} Rows */
-/** @typedef {{ count: number, reels: (Rows | null)[], at: Uint32Array }} Chunk where each frame of a stretch is */
+/** @typedef {{ count: number, batches: (Rows | null)[], at: Uint32Array }} Chunk where each frame of a stretch is */
 
 // Rows of either kind.
 /**
@@ -77,8 +77,8 @@ export class Timeline extends Emitter {
   chain;
   /** @type {FilmOutline} */
   outline;
-  /** @type {Scenery} */
-  scenery;
+  /** @type {Bundle} */
+  bundle;
   /** @type {Kinematics} */
   kinematics;
   /** @type {typeof Whole | typeof Window} */
@@ -99,7 +99,7 @@ export class Timeline extends Emitter {
   id;
   /** @type {number} */
   total;
-  /** @type {ReelHeader["status"]} */
+  /** @type {BatchHeader["status"]} */
   status;
   /** @type {Map<number, Chunk>} */
   chunks;
@@ -176,11 +176,11 @@ export class Timeline extends Emitter {
     if (!this.over) await pause(LOOK_MS);
     this.looks++;
     const { id, over } = this;
-    const reel = await this.source.reel({ from: this.total });
+    const batch = await this.source.batch({ from: this.total });
     if (id !== this.id) return;
-    if (!reel || reel.header.id !== id) { this.begunAnew(); return; }
+    if (!batch || batch.header.id !== id) { this.begunAnew(); return; }
     const before = [this.total, this.status];
-    this.take(reel);
+    this.take(batch);
     if (over) this.unsure = false;
     if (this.total !== before[0] || this.status !== before[1]) this.tell("grew");
     this.load();
@@ -193,8 +193,8 @@ export class Timeline extends Emitter {
   }
 
   async begin() {
-    const [scenery, first] = await Promise.all([this.source.scenery(), this.source.reel({ to: 1 })]);
-    if (!scenery || !first || !first.header.total) {
+    const [bundle, first] = await Promise.all([this.source.bundle(), this.source.batch({ to: 1 })]);
+    if (!bundle || !first || !first.header.total) {
       this.tell("waiting");
       await pause(RETRY_MS);
       return;
@@ -202,18 +202,18 @@ export class Timeline extends Emitter {
     // Frames spread over the whole timeline, so that it can be scrubbed everywhere at once.
     const stride = Math.ceil(first.header.total / COARSE);
     const windowed = "first" in first.arrays;
-    const spread = stride > 1 && (windowed || first.header.status !== "growing") ? await this.source.reel({ stride }) : null;
-    const { header, arrays } = scenery;
-    this.scenery = scenery;
+    const spread = stride > 1 && (windowed || first.header.status !== "growing") ? await this.source.batch({ stride }) : null;
+    const { header, arrays } = bundle;
+    this.bundle = bundle;
     this.chain = header.chain;
     this.joints = arrays.folded_rad.length;
     this.foldedRad = arrays.folded_rad;
     this.foldedPositions = arrays.folded_positions;
     this.kinematics = new Kinematics(header.chain, this.foldedRad);
     this.kind = windowed ? Window : Whole;
-    if (windowed) scenery.neighbours = touching(header, this.kinematics.folded);
+    if (windowed) bundle.neighbours = touching(header, this.kinematics.folded);
     this.noErrors = new Float32Array(windowed ? this.joints : 0).fill(NaN);
-    this.rows = windowed ? WINDOW_ROWS : Math.max(1, Math.min(LONGEST_REEL, Math.floor(REEL_BYTES / (8 * this.joints + 40))));
+    this.rows = windowed ? WINDOW_ROWS : Math.max(1, Math.min(LONGEST_BATCH, Math.floor(BATCH_BYTES / (8 * this.joints + 40))));
     this.id = first.header.id;
     this.take(first);
     if (spread?.header.id === this.id) this.take(spread);
@@ -222,10 +222,10 @@ export class Timeline extends Emitter {
   }
 
   async grow() {
-    const reel = await this.source.reel({ from: this.total, wait: WAIT_S });
-    if (!reel || reel.header.id !== this.id) { this.begunAnew(); return; }
+    const batch = await this.source.batch({ from: this.total, wait: WAIT_S });
+    if (!batch || batch.header.id !== this.id) { this.begunAnew(); return; }
     const before = [this.total, this.status];
-    this.take(reel);
+    this.take(batch);
     if (this.total !== before[0] || this.status !== before[1]) this.tell("grew");
     this.load();
   }
@@ -236,20 +236,20 @@ export class Timeline extends Emitter {
   // A long timeline, of which only what is around the playhead is fetched.
   get windowed() { return this.kind === Window; }
 
-  // Keeps what a reel brings.
-  /** @param {Reel} reel */
-  take(reel) {
-    const { header } = reel;
-    const found = this.windowed ? new Window(/** @type {Message<ReelHeader, WindowArrays>} */ (reel), this)
-      : new Whole(/** @type {Message<ReelHeader, WholeArrays>} */ (reel), this);
+  // Keeps what a batch brings.
+  /** @param {Batch} batch */
+  take(batch) {
+    const { header } = batch;
+    const found = this.windowed ? new Window(/** @type {Message<BatchHeader, WindowArrays>} */ (batch), this)
+      : new Whole(/** @type {Message<BatchHeader, WholeArrays>} */ (batch), this);
     for (let row = 0, frame = header.start; row < found.rows; row++, frame += header.stride) {
       const chunk = this.chunk(Math.floor(frame / this.rows));
       const k = frame % this.rows;
-      if (!chunk.reels[k]) chunk.count++;
-      chunk.reels[k] = found;
+      if (!chunk.batches[k]) chunk.count++;
+      chunk.batches[k] = found;
       chunk.at[k] = row;
     }
-    // A timeline that grows may have more than this reel; what is missing is asked for next.
+    // A timeline that grows may have more than this batch; what is missing is asked for next.
     this.total = this.growing && header.status === "growing" && !this.windowed ? Math.max(this.total, header.stop) : header.total;
     this.status = header.status;
     this.outline = header.outline;
@@ -257,12 +257,12 @@ export class Timeline extends Emitter {
     this.spare();
   }
 
-  // Where each frame of a stretch is kept: in a row of a reel.
+  // Where each frame of a stretch is kept: in a row of a batch.
   /** @param {number} index */
   chunk(index) {
     let chunk = this.chunks.get(index);
     if (!chunk) {
-      chunk = { count: 0, reels: Array.from({ length: this.rows }, () => null), at: new Uint32Array(this.rows) };
+      chunk = { count: 0, batches: Array.from({ length: this.rows }, () => null), at: new Uint32Array(this.rows) };
       this.chunks.set(index, chunk);
     }
     return chunk;
@@ -323,11 +323,11 @@ export class Timeline extends Emitter {
   async fetchChunk(index, id) {
     this.loading.add(index);
     try {
-      const missing = Math.max(0, this.chunks.get(index)?.reels.indexOf(null) ?? 0);
-      const reel = await this.source.reel({ from: index * this.rows + missing, to: Math.min(this.total, (index + 1) * this.rows) });
+      const missing = Math.max(0, this.chunks.get(index)?.batches.indexOf(null) ?? 0);
+      const batch = await this.source.batch({ from: index * this.rows + missing, to: Math.min(this.total, (index + 1) * this.rows) });
       if (id !== this.id) return;
-      if (!reel || reel.header.id !== id) { this.begunAnew(); return; }
-      this.take(reel);
+      if (!batch || batch.header.id !== id) { this.begunAnew(); return; }
+      this.take(batch);
       this.tell("loaded", index);
     } catch {
       await pause(4 * RETRY_MS);
@@ -349,9 +349,9 @@ export class Timeline extends Emitter {
   // Of the frames that are here.
   get bytes() {
     /** @type {Set<Rows>} */
-    const reels = new Set();
-    for (const chunk of this.chunks.values()) for (const reel of chunk.reels) if (reel) reels.add(reel);
-    return [...reels].reduce((sum, { bytes }) => sum + bytes, 0);
+    const batches = new Set();
+    for (const chunk of this.chunks.values()) for (const batch of chunk.batches) if (batch) batches.add(batch);
+    return [...batches].reduce((sum, { bytes }) => sum + bytes, 0);
   }
 
   // The nearest frame that is here.
@@ -359,7 +359,7 @@ export class Timeline extends Emitter {
   nearest(frame) {
     for (let away = 0; away <= this.last; away++) {
       for (const k of [frame - away, frame + away]) {
-        if (k >= 0 && k <= this.last && this.chunks.get(Math.floor(k / this.rows))?.reels[k % this.rows]) return k;
+        if (k >= 0 && k <= this.last && this.chunks.get(Math.floor(k / this.rows))?.batches[k % this.rows]) return k;
       }
     }
     return null;
@@ -372,7 +372,7 @@ export class Timeline extends Emitter {
   row(frame) {
     const chunk = this.chunks.get(Math.floor(frame / this.rows));
     const k = frame % this.rows;
-    return chunk ? chunk.reels[k]?.row(chunk.at[k]) ?? null : null;
+    return chunk ? chunk.batches[k]?.row(chunk.at[k]) ?? null : null;
   }
 
   // The moment at a frame, between two when it is not whole; the nearest one that is here until the
@@ -412,7 +412,7 @@ export class Timeline extends Emitter {
 
   // How many modules, from the first on, a camera should have in view; as web/pictures/camera.py tells.
   /** @param {WindowPoses} poses */
-  framed({ rod = Infinity }) { return Math.min(this.chain.modules, rod + 1 + (this.scenery.header.camera?.stretch ?? Infinity)); }
+  framed({ rod = Infinity }) { return Math.min(this.chain.modules, rod + 1 + (this.bundle.header.camera?.stretch ?? Infinity)); }
 
   // How fast each hinge turns around a frame, in rad/s; NaN where the frames beside it are not here.
   /** @param {number} frame */

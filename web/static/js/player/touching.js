@@ -5,9 +5,9 @@ const FAR = 2 ** 16;
 const WIDE = 2 ** 17;
 
 // For each module, face by face of `sketch`, the module that it touches there; `modules` where none.
-// `sketch` and `shown_size` as in the scenery's header, poses of the folded chain.
+// `sketch` and `shown_size` as in the scene bundle's header, poses of the folded chain.
 /**
- * @param {Pick<SceneryHeader, "sketch" | "shown_size">} header
+ * @param {Pick<BundleHeader, "sketch" | "shown_size">} header
  * @param {Poses} folded
  */
 export function touching({ sketch, shown_size: size }, { positions, wxyzs }) {

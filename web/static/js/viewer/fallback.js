@@ -43,7 +43,7 @@ export class StandIn {
   get slow() {
     const { times, stage } = this;
     const sum = times.reduce((a, b) => a + b, 0);
-    if (times.length < MEASURED) return stage.scenery !== null && stage.scenery.header.chain.modules >= MANY && isSoftware();
+    if (times.length < MEASURED) return stage.bundle !== null && stage.bundle.header.chain.modules >= MANY && isSoftware();
     return (sum - Math.max(...times)) / (MEASURED - 1) > SLOW_MS;
   }
 

@@ -17,7 +17,7 @@ const RETRY_S = 2;
  */
 /** @typedef {"solid" | "cells" | "path"} Layer */
 
-/** @extends {Scene<PreviewScenery>} */
+/** @extends {Scene<PreviewBundle>} */
 export class PreviewStage extends Scene {
   // Heard are: shown() when a scene can be seen, failed() when it cannot be had, settled() after
   // either, and pick(module, cell), null and null for a click beside.
@@ -45,22 +45,22 @@ export class PreviewStage extends Scene {
     if (address === this.address) { this.select(null); return; }
     this.address = address;
     this.waiting = true;
-    const scenery = await this.fetched(address);
+    const bundle = await this.fetched(address);
     if (address !== this.address) return;
     this.waiting = false;
-    if (scenery) this.set(scenery);
+    if (bundle) this.set(bundle);
     else { this.address = null; this.listener.failed(); }
     this.listener.settled();
   }
 
   /**
    * @param {string} address
-   * @returns {Promise<PreviewScenery | null>}
+   * @returns {Promise<PreviewBundle | null>}
    */
   async fetched(address) {
     for (let tries = 0; tries < MOST_TRIES && address === this.address; tries++) {
       const answer = await fetch(address).catch(() => null);
-      if (answer?.ok) return answer.arrayBuffer().then((bytes) => /** @type {Promise<PreviewScenery>} */ (decode(bytes))).catch(() => null);
+      if (answer?.ok) return answer.arrayBuffer().then((bytes) => /** @type {Promise<PreviewBundle>} */ (decode(bytes))).catch(() => null);
       if (answer && answer.status !== 503) return null;
       const wait = Number(answer?.headers.get("Retry-After")) || RETRY_S;
       await new Promise((done) => { setTimeout(done, 1000 * wait); });
@@ -68,10 +68,10 @@ export class PreviewStage extends Scene {
     return null;
   }
 
-  /** @param {PreviewScenery} scenery */
-  set(scenery) {
+  /** @param {PreviewBundle} bundle */
+  set(bundle) {
     this.selected = null;
-    super.set(scenery);
+    super.set(bundle);
   }
 
   build() {
@@ -108,16 +108,16 @@ export class PreviewStage extends Scene {
    * @param {Vector} direction
    */
   pick(origin, direction) {
-    const { scenery } = this;
-    if (!scenery) return;
-    const module = this.nodes.has("/cells") ? picked(scenery.header.hull, this.modules(), origin, direction) : null;
+    const { bundle } = this;
+    if (!bundle) return;
+    const module = this.nodes.has("/cells") ? picked(bundle.header.hull, this.modules(), origin, direction) : null;
     this.select(module);
-    this.listener.pick(module, module === null ? null : [...scenery.arrays.cells.subarray(3 * module, 3 * module + 3)]);
+    this.listener.pick(module, module === null ? null : [...bundle.arrays.cells.subarray(3 * module, 3 * module + 3)]);
   }
 
   // Where the modules are, as the scene has them.
   modules() {
-    const { header, arrays } = /** @type {PreviewScenery} */ (this.scenery);
+    const { header, arrays } = /** @type {PreviewBundle} */ (this.bundle);
     const cells = header.messages.find((message) => message.props && message.name === "/cells");
     const columns = /** @type {Record<string, { column: string }>} */ (cells?.props);
     return { positions: arrays[columns.batched_positions.column], wxyzs: arrays[columns.batched_wxyzs.column] };
@@ -125,12 +125,12 @@ export class PreviewStage extends Scene {
 
   // Around the path the modules are a ghost; the selected one is whole in any case.
   paint() {
-    const { scenery } = this;
-    if (!scenery || !this.open || !this.nodes.has("/cells")) return;
-    const { selected: blue, ghost, ghost_opacity: opacity } = scenery.header.colours;
+    const { bundle } = this;
+    if (!bundle || !this.open || !this.nodes.has("/cells")) return;
+    const { selected: blue, ghost, ghost_opacity: opacity } = bundle.header.colours;
     const { selected } = this;
     const through = this.nodes.has("/path") && this.layers.path;
-    const colours = scenery.arrays.colours.slice();
+    const colours = bundle.arrays.colours.slice();
     if (through) for (let i = 0; i < colours.length; i++) colours[i] = ghost[i % 3];
     if (selected !== null) colours.set(blue, 3 * selected);
     const messages = [
@@ -150,8 +150,8 @@ export class PreviewStage extends Scene {
   // Keeps the shape in view of a window that changes, until somebody turned it.
   look() {
     const { clientWidth: wide, clientHeight: high } = this.frame;
-    if (!this.open || !this.scenery || this.touched || !wide || !high) return;
-    const { corners, radius, camera } = this.scenery.header;
+    if (!this.open || !this.bundle || this.touched || !wide || !high) return;
+    const { corners, radius, camera } = this.bundle.header;
     const view = framing(corners.flat(), {
       radius, aspect: wide / high, field: camera.field_of_view_rad,
       azimuth: camera.azimuth_rad, elevation: camera.elevation_rad, margin: camera.margin,

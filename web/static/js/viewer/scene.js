@@ -58,7 +58,7 @@ function staged(messages, arrays) {
 const isVector = (value) => Array.isArray(value) && value.length === 3
   && value.every((v) => Number.isFinite(v) && Math.abs(v) < FARTHEST);
 
-/** @template {Staged} [Told=Scenery] */
+/** @template {Staged} [Told=Bundle] */
 export class Scene {
   // Heard are: open(), touch() when the camera was taken hold of. `keys` pressed in the frame count as
   // pressed in the page.
@@ -73,7 +73,7 @@ export class Scene {
     this.keys = keys;
     this.open = false;
     /** @type {Told | null} */
-    this.scenery = null;
+    this.bundle = null;
     /** @type {Set<string | undefined>} */
     this.nodes = new Set();
     /** @type {Eye | null} */
@@ -86,16 +86,16 @@ export class Scene {
     frame.addEventListener("load", () => this.connect());
   }
 
-  // Another scenery in place of the one before.
-  /** @param {Told} scenery */
-  set(scenery) {
-    this.scenery = scenery;
+  // Another scene bundle in place of the one before.
+  /** @param {Told} bundle */
+  set(bundle) {
+    this.bundle = bundle;
     if (this.open) this.build();
   }
 
   build() {
-    if (!this.scenery) return;
-    const messages = staged(this.scenery.header.messages, this.scenery.arrays);
+    if (!this.bundle) return;
+    const messages = staged(this.bundle.header.messages, this.bundle.arrays);
     const nodes = new Set(messages.filter(({ props }) => props).map(({ name }) => name));
     const gone = [...this.nodes].filter((name) => !nodes.has(name));
     this.nodes = nodes;
@@ -157,14 +157,14 @@ export class Scene {
       case "open":
         if (this.open) return;
         this.open = true;
-        if (this.scenery) this.build();
+        if (this.bundle) this.build();
         this.heard.open?.();
         return;
       case "camera":
         this.moved(told.position, told.target);
         return;
       case "pick":
-        if (this.scenery && isVector(told.origin) && isVector(told.direction)) this.pick(told.origin, told.direction);
+        if (this.bundle && isVector(told.origin) && isVector(told.direction)) this.pick(told.origin, told.direction);
         return;
       case "touch": this.heard.touch?.(); return;
       case "key":

@@ -52,7 +52,7 @@ export class Sketch {
     return found;
   }
 
-  /** @param {Scenery} scenery */
+  /** @param {Bundle} bundle */
   set({ header, neighbours }) {
     this.pitch = header.pitch;
     this.worker?.postMessage({ is: "outline", outline: { ...header.sketch, neighbours: neighbours ?? null, rods: header.chain.cells, full: 1 / header.shown_size } });

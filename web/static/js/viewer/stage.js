@@ -10,7 +10,7 @@ const NOWHERE = -1e6;
 const KEYS = ["ArrowLeft", "ArrowRight", "Home", "End", " ", "Escape"]; // those of bar.js and drawer.js
 const SEEN = ["/modules", "/ground"]; // what takes long to draw
 
-/** @extends {Scene<Scenery>} */
+/** @extends {Scene<Bundle>} */
 export class Stage extends Scene {
   // Heard is one more than by a scene: pick(origin, direction) in pitches.
   /**
@@ -33,14 +33,14 @@ export class Stage extends Scene {
   }
 
   // The scene of another chain.
-  /** @param {Scenery} scenery */
-  set(scenery) {
-    this.pitch = scenery.header.pitch;
+  /** @param {Bundle} bundle */
+  set(bundle) {
+    this.pitch = bundle.header.pitch;
     this.ground = null;
     this.latest = null;
     this.sent = null;
-    this.buried = scenery.neighbours ? buriedBy(scenery.neighbours, scenery.header.chain.modules) : null;
-    super.set(scenery);
+    this.buried = bundle.neighbours ? buriedBy(bundle.neighbours, bundle.header.chain.modules) : null;
+    super.set(bundle);
   }
 
   build() {
@@ -115,7 +115,7 @@ export class Stage extends Scene {
   /** @param {boolean} on */
   seeThrough(on) {
     this.through = on;
-    if (!this.open || !this.scenery) return;
+    if (!this.open || !this.bundle) return;
     this.apply([
       update("/modules", { opacity: on ? SEEN_THROUGH : null, cast_shadow: !on, receive_shadow: !on }),
       visibility("/path", on),
@@ -141,7 +141,7 @@ export class Stage extends Scene {
   // Studs on the free faces: behind the first module, before the last one.
   /** @param {Poses} poses */
   ends({ positions, wxyzs }) {
-    const { shown_size: size, reach } = /** @type {Scenery} */ (this.scenery).header;
+    const { shown_size: size, reach } = /** @type {Bundle} */ (this.bundle).header;
     const n = positions.length / 3;
     const at = new Float32Array(6);
     const turn = new Float32Array(8);

@@ -1,4 +1,4 @@
-"""Workshop: makes files of folds when they are first asked for, each once, a few at a time."""
+"""Artifacts: makes files of folds when they are first asked for, each once, a few at a time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Thing = TypeVar("Thing")
 
 
 class Folds(Protocol):
-    """What a workshop asks of a store."""
+    """What making files asks of a store."""
 
     def fold(self, fold_id: str, /) -> object:
         """The row of a fold."""
@@ -32,7 +32,7 @@ class Folds(Protocol):
         ...
 
 
-class Workshop:
+class Artifacts:
     """See the module's description. Belongs to one event loop.
 
     Args:

@@ -1,4 +1,4 @@
-"""Upkeep: what operators do to folds and see of them, apart from what visitors and workers do."""
+"""What operators do to folds and see of them, apart from what visitors and workers do."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ INPUTS: Final = ("input", "request.json", "cells.json", *BROUGHT)
 """Files of a fold that were there before anything was computed."""
 
 
-class UpkeepError(Exception):
+class AdminError(Exception):
     """Something that is not done, with the reason and what to do."""
 
 
-class Upkeep:
+class AdminTasks:
     """Rows, files and jobs of folds, by the hand of an operator.
 
     Args:
@@ -47,7 +47,7 @@ class Upkeep:
         self._settings = settings
         name = settings.root / "foldback.db"
         if settings.database_url is None and not name.exists():
-            raise UpkeepError(f"got no database at {name}; start the service once, or say where.")
+            raise AdminError(f"got no database at {name}; start the service once, or say where.")
         engine = engine_for(settings.store_url)
         try:
             with engine.connect() as connection:
@@ -55,7 +55,7 @@ class Upkeep:
         finally:
             engine.dispose()
         if schema.found != schema.head:
-            raise UpkeepError(
+            raise AdminError(
                 f"got tables of version {schema.found}, expected {schema.head}; start the service "
                 "of this version once, or use the version that runs."
             )
@@ -125,7 +125,7 @@ class Upkeep:
         row = self.fold(fold_id)
         if (row.pinned or row.public) and not force:
             what = "is pinned" if row.pinned else "belongs to the gallery"
-            raise UpkeepError(f"{fold_id} {what} and stays; --force forgets it all the same.")
+            raise AdminError(f"{fold_id} {what} and stays; --force forgets it all the same.")
         self._store.delete(fold_id)
         # A job that runs sees that its row is gone and comes to its own end.
         if row.status not in ENDED and self.job(fold_id) in ("ENQUEUED", "DELAYED"):
@@ -151,11 +151,11 @@ class Upkeep:
         """
         row = self.fold(fold_id)
         if row.status == "verified" and not force:
-            raise UpkeepError(f"{fold_id} is verified; --force computes it again all the same.")
+            raise AdminError(f"{fold_id} is verified; --force computes it again all the same.")
         job = self.job(fold_id)
         if job in MOVING:
             what = "waits in the queue" if row.status == "queued" else "is being computed"
-            raise UpkeepError(f"{fold_id} {what} (its job is {job}); leave it, or expire it.")
+            raise AdminError(f"{fold_id} {what} (its job is {job}); leave it, or expire it.")
         self._check_inputs(row)
         # Whoever may still hold it loses it first; after a crash it is one to be queued again.
         # It ends just now, so that nobody takes it for one whose files may go.
@@ -241,8 +241,8 @@ class Upkeep:
             client.destroy()
 
 
-def _no_input(fold_id: str) -> UpkeepError:
-    return UpkeepError(
+def _no_input(fold_id: str) -> AdminError:
+    return AdminError(
         f"{fold_id} has no input any more, as one that was cancelled a while ago; expire it, fold "
         "the file anew."
     )

@@ -13,11 +13,11 @@ from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
 from web.static_files import STATIC
 from web.timeline.columns import decode
-from web.viser.scene_bundle import scenery_of, viser_scene
+from web.viser.scene_bundle import bundle_of, viser_scene
 
 
 def test_the_scene_is_what_viser_would_send(chain: Chain) -> None:
-    header, arrays = decode(scenery_of(chain))
+    header, arrays = decode(bundle_of(chain))
     kinds = {m["type"] for m in header["messages"]}
     # What the page sends for each frame names these nodes and properties.
     assert {"BatchedMeshesMessage", "GridMessage", "LineSegmentsMessage"} <= kinds
@@ -56,11 +56,11 @@ def refused(header: dict[str, Any]) -> set[str]:
 
 
 def test_the_view_takes_the_messages_of_the_scene(chain: Chain) -> None:
-    assert refused(decode(scenery_of(chain))[0]) == set()
+    assert refused(decode(bundle_of(chain))[0]) == set()
 
 
 def test_the_chain_is_told_in_full(chain: Chain) -> None:
-    header, arrays = decode(scenery_of(chain))
+    header, arrays = decode(bundle_of(chain))
     told = header["chain"]
     assert told["modules"] == 16
     assert told["hinge_names"] == list(chain.module.hinge_names)
@@ -73,23 +73,23 @@ def test_chains_of_one_kind_and_length_share_a_scene_but_not_a_shape() -> None:
         Chain.from_angles(TETRAHEDRON, np.deg2rad(angles), name=name)
         for angles, name in (([90.0, 90.0], "a"), ([-90.0, 90.0], "b"))
     )
-    first, second = decode(scenery_of(one)), decode(scenery_of(two))
+    first, second = decode(bundle_of(one)), decode(bundle_of(two))
     assert first[0]["messages"] == second[0]["messages"]
     assert (first[0]["chain"]["name"], second[0]["chain"]["name"]) == ("a", "b")
     assert not np.allclose(first[1]["folded_rad"], second[1]["folded_rad"])
 
 
 def test_no_server_stays_behind(chain: Chain) -> None:
-    scenery_of(chain)
+    bundle_of(chain)
     before = threading.active_count()
-    decode(scenery_of(Chain.from_angles(TETRAHEDRON, np.deg2rad([0.0, 90.0, 0.0, 90.0]), name="c")))
+    decode(bundle_of(Chain.from_angles(TETRAHEDRON, np.deg2rad([0.0, 90.0, 0.0, 90.0]), name="c")))
     assert threading.active_count() <= before
 
 
 def test_one_scene_keeps_no_other_waiting(chain: Chain) -> None:
     with viser_scene(chain):
         other = Chain.from_angles(TETRAHEDRON, np.deg2rad([90.0] * 5), name="d")
-        made = threading.Thread(target=scenery_of, args=(other,), daemon=True)
+        made = threading.Thread(target=bundle_of, args=(other,), daemon=True)
         made.start()
         made.join(20.0)
         assert not made.is_alive()

@@ -1,4 +1,4 @@
-"""Filming: makes a movie of a timeline, picture by picture, without simulating anything."""
+"""Makes a movie of a timeline, picture by picture, without simulating anything."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from web.movies.renderer import Shot, Stage
 from web.pictures.camera import few_points
 from web.pictures.camera_path import CameraPath, camera_path
 from web.pictures.colours import error_colours
-from web.pictures.drawn import MOST_DRAWN, drawn_modules
+from web.pictures.visible import MOST_DRAWN, visible_modules
 from web.timeline.view import Snapshot, TimelineView
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ REST: Final = ((0.4, 0.05), (1.2, 0.15))
 """Still at the beginning and at the end: at most so many seconds, and such a share."""
 
 
-def film_movie(
+def make_movie(
     timeline: Path,
     movie: Movie,
     out: Path,
@@ -89,7 +89,7 @@ def frame_numbers(film: TimelineView, movie: Movie) -> Array:
 
 def _shot(film: TimelineView, snapshot: Snapshot, path: CameraPath, k: int) -> Shot:
     view = path.views[k]
-    drawn = drawn_modules(snapshot.positions, film.chain.module, target=view.target)
+    drawn = visible_modules(snapshot.positions, film.chain.module, target=view.target)
     poses = np.concatenate([snapshot.positions, snapshot.wxyzs], axis=1).astype(np.float64)
     return Shot(
         positions=poses[drawn, :3],

@@ -1,4 +1,4 @@
-"""Drawn: which modules of a long chain have to be drawn for a picture."""
+"""Visible modules: which of a long chain have to be drawn for a picture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TOUCHING: Final = 1.02
 """Centres of cubes that share a face are no farther apart, in pitches."""
 
 
-def drawn_modules(positions: Array, module: Module, *, target: Array) -> Ints:
+def visible_modules(positions: Array, module: Module, *, target: Array) -> Ints:
     """The modules to draw, in order: those that are not buried among others, and the nearest.
 
     Args:

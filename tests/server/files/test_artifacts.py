@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from server.files.workshop import AT_ONCE, MOST_WAITING, Workshop
+from server.files.artifacts import AT_ONCE, MOST_WAITING, Artifacts
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store, new_token
 from server.store.tables import FoldRow
@@ -31,7 +31,7 @@ def test_only_the_last_edition_of_a_file_is_kept(store: Store, fold: FoldRow) ->
             made.append(edition)
             return edition.encode()
 
-        shop = Workshop(store, kept=store.add_derived)
+        shop = Artifacts(store, kept=store.add_derived)
         return await shop.file(fold.id, "page.html", make, of="plan", edition=edition)
 
     before = store.fold(fold.id)
@@ -46,7 +46,7 @@ def test_only_the_last_edition_of_a_file_is_kept(store: Store, fold: FoldRow) ->
 def test_what_was_made_of_a_fold_that_is_computed_is_not_its_own(
     store: Store, fold: FoldRow
 ) -> None:
-    shop = Workshop(store, kept=store.add_derived)
+    shop = Artifacts(store, kept=store.add_derived)
     asyncio.run(shop.file(fold.id, "picture.png", lambda: b"a picture", of="plan"))
     store.folders.keep_movie(fold.id, "movie.gif", store.directory(fold.id) / "plan")
     assert store.folders.keep(fold.id, 1) == len("a plan")
@@ -57,7 +57,7 @@ def test_files_may_be_kept_elsewhere(store: Store, fold: FoldRow, tmp_path: Path
     elsewhere.mkdir()
 
     async def ask() -> Path:
-        shop = Workshop(store, folder=elsewhere)
+        shop = Artifacts(store, folder=elsewhere)
         return await shop.file(fold.id, "x", lambda: b"x", of="plan")
 
     assert asyncio.run(ask()).parent == elsewhere
@@ -66,7 +66,7 @@ def test_files_may_be_kept_elsewhere(store: Store, fold: FoldRow, tmp_path: Path
 
 def test_the_loop_s_own_threads_stay_free(store: Store) -> None:
     async def ask() -> None:
-        shop, may_end = Workshop(store), asyncio.Event()
+        shop, may_end = Artifacts(store), asyncio.Event()
         loop = asyncio.get_running_loop()
         loop.set_default_executor(ThreadPoolExecutor(1))
 
@@ -88,7 +88,7 @@ def test_the_loop_s_own_threads_stay_free(store: Store) -> None:
 
 def test_what_failed_is_tried_again(store: Store, fold: FoldRow) -> None:
     async def ask() -> None:
-        shop = Workshop(store)
+        shop = Artifacts(store)
         for _ in range(AT_ONCE + MOST_WAITING):
             with pytest.raises(ZeroDivisionError):
                 await shop.made("key", lambda: 1 // 0)
