@@ -376,7 +376,7 @@ interface Elements {
   undo: HTMLButtonElement;
   up: HTMLButtonElement;
   view: HTMLIFrameElement;
-  wishes: HTMLFormElement;
+  options: HTMLFormElement;
 }
 type ElementOf<Id extends string> = Id extends keyof Elements ? Elements[Id] : HTMLElement;
 

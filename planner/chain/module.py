@@ -13,6 +13,8 @@ from planner.errors import InputError
 from planner.kernels.module import Hull, Joint
 
 Array = NDArray[np.float64]
+LONG_CHAIN: Final = 600
+"""Modules from which on a chain is peeled, on a path made for it: docs/decisions/0013-peeling.md"""
 RELIEF_SAMPLES: Final = 64
 """Points along each side of a module by which the volume of its relief is told."""
 

@@ -14,6 +14,7 @@ from typing import Final, TypeVar
 import numpy as np
 
 from planner.chain.chain import Chain
+from planner.chain.module import LONG_CHAIN
 from planner.errors import InputError
 from planner.explosion.blocks import explode_blocks_first
 from planner.explosion.one_joint_at_a_time import unbend_one_by_one
@@ -36,8 +37,6 @@ from planner.simulation.parameters import (
 BASELINE: Final = "one-by-one"
 OFF_SQUARE: Final = 1e-4
 """Right angles up to which a cube counts as folded square."""
-SIMULTANEOUS_UP_TO: Final = 600
-"""Modules above which ``auto`` peels what can be peeled: docs/decisions/0013-peeling.md."""
 BLOCKS_FROM: Final = 160
 BLOCKS_AT_MOST: Final = 1500
 """Modules from which on blocks come apart first, and above which they don't do so in time."""
@@ -88,7 +87,7 @@ def _preferred(modules: int) -> tuple[str, ...]:
     """What suits a number of modules, the best first."""
     if modules > BLOCKS_AT_MOST:
         return ("peel", BASELINE)
-    if modules > SIMULTANEOUS_UP_TO:
+    if modules > LONG_CHAIN:
         return ("peel", "blocks", BASELINE)
     ways = ("simultaneous", "peel")
     return (*ways, "blocks") if modules >= BLOCKS_FROM else ways

@@ -11,6 +11,7 @@ from typing import Any, Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.module import LONG_CHAIN
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding import ENDS, METHODS, Cell
@@ -27,8 +28,6 @@ Ints = NDArray[np.int64]
 Ends: TypeAlias = Literal["any", "surface"]
 
 ASSEMBLY: Final = "assembly"
-ASSEMBLY_FROM: Final = 600
-"""Cells from which on paths that can be peeled are looked for first."""
 TRIES: Final = 4
 """Paths that are made for each one that is kept."""
 LARGEST_KNOT: Final = 10_000
@@ -105,7 +104,7 @@ def find_paths(
     if ends not in ENDS:
         raise InputError("unknown-ends", f"got the ends {ends!r}, expected any or surface.")
     index_of(shape.cells, start)
-    wishes = _Options(
+    options = _Options(
         ends=ends,
         start=start,
         seed=seed,
@@ -113,20 +112,20 @@ def find_paths(
         deadline=time.monotonic() + time_limit_s,
     )
     box, coarse = is_box(shape), aligned_blocks(shape.cells)
-    if method == ASSEMBLY or (method == "auto" and len(shape) >= ASSEMBLY_FROM):
-        found = list(_assembled(shape, wishes, coarse))
+    if method == ASSEMBLY or (method == "auto" and len(shape) >= LONG_CHAIN):
+        found = list(_assembled(shape, options, coarse))
         if found or method == ASSEMBLY:
             return _search(shape, found, candidates, ASSEMBLY, NO_ASSEMBLY, order=_by_peeling)
     if method == "snake" or (method == "auto" and box):
-        found = list(_snakes(shape, wishes)) if box else []
+        found = list(_snakes(shape, options)) if box else []
         if found or method == "snake":
             return _search(shape, found, candidates, "snake", _no_snake(box))
     if method == "blocks" or (method == "auto" and len(shape) % 8 == 0):
         connected = parts(shape.cells)[0] == 1
-        found = list(_blocks(shape, wishes, coarse)) if connected else []
+        found = list(_blocks(shape, options, coarse)) if connected else []
         if found or method == "blocks":
             return _search(shape, found, candidates, "blocks", _no_blocks(connected))
-    return _exact(shape, wishes, candidates)
+    return _exact(shape, options, candidates)
 
 
 def _search(
@@ -165,40 +164,40 @@ def _rank(cells: Ints) -> tuple[int, int, float, bytes]:
     return knotted, buried, spread(cells), cells.tobytes()
 
 
-def _fits(cells: Ints, wishes: _Options) -> bool:
-    if wishes.start is not None and tuple(cells[0].tolist()) != wishes.start:
+def _fits(cells: Ints, options: _Options) -> bool:
+    if options.start is not None and tuple(cells[0].tolist()) != options.start:
         return False
-    return wishes.ends == "any" or bool(surface(cells)[[0, -1]].all())
+    return options.ends == "any" or bool(surface(cells)[[0, -1]].all())
 
 
-def _assembled(shape: Shape, wishes: _Options, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:
+def _assembled(shape: Shape, options: _Options, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:
     """Paths in assembly order, from either end where it is told where they begin."""
     low = shape.cells.min(axis=0)
     made: Iterable[Ints] = ()
     if is_box(shape):
         x, y, z = (int(side) for side in shape.cells.max(axis=0) - low + 1)
         snake = layered_snake((x, y, z)) + low
-        if wishes.start is not None:
-            snake = _turned_to(snake, np.array(wishes.start), low, (x, y, z))
+        if options.start is not None:
+            snake = _turned_to(snake, np.array(options.start), low, (x, y, z))
         made = (snake,)
     elif coarse is not None:
-        rng = np.random.default_rng(wishes.seed)
+        rng = np.random.default_rng(options.seed)
         made = (cells + coarse[1] for cells in solid_paths(coarse[0], rng, 2))
     for cells in made:
         for path in (cells, np.ascontiguousarray(cells[::-1])):
-            if _fits(path, wishes):
+            if _fits(path, options):
                 yield path
                 break
 
 
-def _snakes(shape: Shape, wishes: _Options) -> Iterator[Ints]:
+def _snakes(shape: Shape, options: _Options) -> Iterator[Ints]:
     low = shape.cells.min(axis=0)
     x, y, z = (int(side) for side in shape.cells.max(axis=0) - low + 1)
     for a, b, c in permutations((0, 1, 2)):
         path = snake_path((x, y, z), axes=(a, b, c)) + low
-        if wishes.start is not None:
-            path = _turned_to(path, np.array(wishes.start), low, (x, y, z))
-        if _fits(path, wishes):
+        if options.start is not None:
+            path = _turned_to(path, np.array(options.start), low, (x, y, z))
+        if _fits(path, options):
             yield path
 
 
@@ -214,10 +213,10 @@ def _no_snake(box: bool) -> str:
     return "The cells do not fill a box; a snake needs one. Use blocks or exact."
 
 
-def _blocks(shape: Shape, wishes: _Options, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:
+def _blocks(shape: Shape, options: _Options, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:
     loose = None if coarse else frozenset((x, y, z) for x, y, z in shape.cells.tolist())
-    for attempt in range(wishes.tries):
-        rng = np.random.default_rng([wishes.seed, attempt])
+    for attempt in range(options.tries):
+        rng = np.random.default_rng([options.seed, attempt])
         if coarse is not None:
             cycle = block_cycle(coarse[0], rng) + coarse[1]
         else:
@@ -226,23 +225,23 @@ def _blocks(shape: Shape, wishes: _Options, coarse: tuple[Ints, Ints] | None) ->
             if attempt >= TRIES:
                 return
             continue
-        path = _opened(cycle, wishes)
+        path = _opened(cycle, options)
         if path is not None:
             yield path
 
 
-def _opened(cycle: Ints, wishes: _Options) -> Ints | None:
+def _opened(cycle: Ints, options: _Options) -> Ints | None:
     """A cycle cut open as wished, None when no cut is."""
-    if wishes.start is None:
+    if options.start is None:
         path = cut(cycle, int(np.argmin(cut_costs(cycle))))
-        return path if _fits(path, wishes) else None
-    at = int(np.flatnonzero((cycle == np.array(wishes.start)).all(axis=1))[0])
+        return path if _fits(path, options) else None
+    at = int(np.flatnonzero((cycle == np.array(options.start)).all(axis=1))[0])
     costs = spreads_of_cuts(cycle)
     ways = [
         (float(costs[at]), cut(cycle, at)),
         (float(costs[(at + 1) % len(cycle)]), cut(cycle, at + 1)[::-1]),
     ]
-    fitting = [way for way in ways if _fits(way[1], wishes)]
+    fitting = [way for way in ways if _fits(way[1], options)]
     return np.ascontiguousarray(min(fitting, key=lambda way: way[0])[1]) if fitting else None
 
 
@@ -255,18 +254,18 @@ def _no_blocks(connected: bool) -> str:
     )
 
 
-def _exact(shape: Shape, wishes: _Options, candidates: int) -> PathSearch:
+def _exact(shape: Shape, options: _Options, candidates: int) -> PathSearch:
     found: list[Ints] = []
-    outside = wishes.ends == "surface"
-    for attempt in range(wishes.tries):
-        left = wishes.deadline - time.monotonic()
+    outside = options.ends == "surface"
+    for attempt in range(options.tries):
+        left = options.deadline - time.monotonic()
         if attempt and left <= 0:
             break
         search = exact_path(
             shape,
             time_limit_s=max(left, 0.0),
-            seed=wishes.seed * 1000 + attempt,
-            start=wishes.start,
+            seed=options.seed * 1000 + attempt,
+            start=options.start,
             ends_on_surface=outside,
         )
         if search.cells is not None:
@@ -274,12 +273,12 @@ def _exact(shape: Shape, wishes: _Options, candidates: int) -> PathSearch:
             outside = True  # better where it can be had
         elif not found:
             return PathSearch(paths=(), method="exact", reason=search.reason)
-        elif wishes.ends == "surface":
+        elif options.ends == "surface":
             break
         else:
             outside = False
     made = _search(shape, found, candidates, "exact", "No path was found in the time given.")
-    wanted = min(candidates, wishes.tries)
+    wanted = min(candidates, options.tries)
     if made.paths and len(found) < wanted:
         note = f"The time was enough for {len(found)} of {wanted} candidates."
         return replace(made, notes=(*made.notes, note))

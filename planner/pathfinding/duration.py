@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
-
-PEELED_FROM: Final = 600
+from planner.chain.module import LONG_CHAIN
 
 
 def expected_seconds(modules: int, preset: str = "default") -> float:
@@ -14,6 +12,6 @@ def expected_seconds(modules: int, preset: str = "default") -> float:
     """
     if preset == "paper":
         return 12.0 + 0.36 * modules
-    if modules > PEELED_FROM:
+    if modules > LONG_CHAIN:
         return 2.0 + 0.012 * modules
     return 1.0 + 0.006 * modules + 1.4 * (modules / 160.0) ** 2.6

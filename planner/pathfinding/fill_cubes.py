@@ -8,9 +8,10 @@ from typing import Final
 import numpy as np
 
 from planner.chain.chain import Chain
+from planner.chain.module import LONG_CHAIN
 from planner.errors import InputError
 from planner.pathfinding.blocks import halved
-from planner.pathfinding.candidates import ASSEMBLY_FROM, PathSearch, find_paths
+from planner.pathfinding.candidates import PathSearch, find_paths
 from planner.pathfinding.feasibility import Feasibility, Repair, apply_repair, feasibility
 from planner.pathfinding.filled import Filled
 from planner.pathfinding.knots import knot_of
@@ -31,36 +32,36 @@ START_SHARE: Final = 0.7
 class Cubes:
     """See the module's description."""
 
-    def cells_for(self, wishes: PathOptions) -> int:
+    def cells_for(self, options: PathOptions) -> int:
         """How many cells a solid should be voxelised into."""
-        modules = DEFAULT_MODULES if wishes.modules is None else wishes.modules
-        return max(1, round(modules / BLOCK)) if _in_blocks(wishes) else modules
+        modules = DEFAULT_MODULES if options.modules is None else options.modules
+        return max(1, round(modules / BLOCK)) if _in_blocks(options) else modules
 
-    def modules_of(self, shape: Shape, wishes: PathOptions) -> int:
+    def modules_of(self, shape: Shape, options: PathOptions) -> int:
         """How many modules given cells become, as far as that is known before there is a path."""
-        return BLOCK * len(shape) if wishes.method == "blocks" else len(shape)
+        return BLOCK * len(shape) if options.method == "blocks" else len(shape)
 
     def fill(
-        self, shape: Shape, wishes: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
+        self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
     ) -> Filled:
         """Finds chains through cells; see ``planner.pathfinding.filling.Filling``."""
         notes: tuple[str, ...] = ()
         was_doubled = False
         given = len(shape)
-        method = wishes.method
-        if of_solid and _in_blocks(wishes):
+        method = options.method
+        if of_solid and _in_blocks(options):
             shape = doubled(shape)
-            method = method if len(shape) >= ASSEMBLY_FROM else "blocks"
+            method = method if len(shape) >= LONG_CHAIN else "blocks"
         elif method == "blocks" and halved(shape) is None:
             shape, was_doubled = doubled(shape), True
-        elif wishes.modules not in (None, given) and not wishes.repair and not of_solid:
+        elif options.modules not in (None, given) and not options.repair and not of_solid:
             notes = (f"Voxels are taken as they are: {given} modules.",)
         scale = round((len(shape) / given) ** (1 / 3))
         state = feasibility(shape)
         if was_doubled:
             notes = (DOUBLED if state.feasible is False else f"{DOUBLED}{FOR_A_PATH}",)
-        if state.feasible is False and wishes.repair and state.repairs:
-            repair = wished_repair(shape, state, wishes)
+        if state.feasible is False and options.repair and state.repairs:
+            repair = requested_repair(shape, state, options)
             if repair is not None:
                 shape = apply_repair(shape, repair)
                 notes = (*notes, f"Repaired: {repair.detail}")
@@ -70,7 +71,7 @@ class Cubes:
         search: PathSearch | None = None
         not_started = ""
         if state.feasible is not False:
-            search, not_started = _searched(shape, method, wishes, seed, time_limit_s)
+            search, not_started = _searched(shape, method, options, seed, time_limit_s)
             notes = (*notes, *search.notes, *((search.reason,) if search.reason else ()))
         paths = () if search is None else search.paths
         return Filled(
@@ -88,17 +89,17 @@ class Cubes:
             modules_per_cell=scale**3,
         )
 
-    def check(self, shape: Shape, wishes: PathOptions) -> None:
+    def check(self, shape: Shape, options: PathOptions) -> None:
         """Refuses given cells that have no path, for a reason that is quickly found."""
-        if wishes.method == "blocks":
+        if options.method == "blocks":
             if parts(shape.cells)[0] == 1:
                 return
             shape = doubled(shape) if halved(shape) is None else shape
         state = feasibility(shape)
         if state.feasible is not False:
             return
-        if wishes.repair and state.repairs:
-            if wished_repair(shape, state, wishes) is not None:
+        if options.repair and state.repairs:
+            if requested_repair(shape, state, options) is not None:
                 return
             raise InputError("no-path", only_doubling(shape, state.repairs[0]))
         why = " ".join(problem.detail for problem in state.problems)
@@ -116,34 +117,34 @@ class Cubes:
         )
 
 
-def _in_blocks(wishes: PathOptions) -> bool:
-    return wishes.method in ("auto", "blocks")
+def _in_blocks(options: PathOptions) -> bool:
+    return options.method in ("auto", "blocks")
 
 
 def _searched(
-    shape: Shape, method: str, wishes: PathOptions, seed: int, time_limit_s: float
+    shape: Shape, method: str, options: PathOptions, seed: int, time_limit_s: float
 ) -> tuple[PathSearch, str]:
     """Paths that begin where it is wished for; others, and why, where there are none."""
     begun = time.monotonic()
-    share = 1.0 if wishes.start is None else START_SHARE
+    share = 1.0 if options.start is None else START_SHARE
     search = find_paths(
         shape,
         method=method,
-        ends=wishes.ends,
-        start=wishes.start,
+        ends=options.ends,
+        start=options.start,
         seed=seed,
         time_limit_s=share * time_limit_s,
     )
-    if wishes.start is None or search.paths:
+    if options.start is None or search.paths:
         return search, ""
-    why = f"No path that begins in the cell {wishes.start} was found. {search.reason}".strip()
+    why = f"No path that begins in the cell {options.start} was found. {search.reason}".strip()
     left = time_limit_s - (time.monotonic() - begun)
     return find_paths(
-        shape, method=method, ends=wishes.ends, seed=seed, time_limit_s=max(0.5, left)
+        shape, method=method, ends=options.ends, seed=seed, time_limit_s=max(0.5, left)
     ), why
 
 
-def wished_repair(shape: Shape, state: Feasibility, wishes: PathOptions) -> Repair | None:
+def requested_repair(shape: Shape, state: Feasibility, options: PathOptions) -> Repair | None:
     """The smallest repair; one that makes eight modules of each cell only where so many are wanted.
 
     Returns:
@@ -151,7 +152,7 @@ def wished_repair(shape: Shape, state: Feasibility, wishes: PathOptions) -> Repa
     """
     repair = state.repairs[0]
     count = modules_after(shape, repair)
-    wanted = wishes.modules is not None and count <= DOUBLING_REACH * wishes.modules
+    wanted = options.modules is not None and count <= DOUBLING_REACH * options.modules
     return repair if wanted or not repair.doubled else None
 
 
@@ -177,4 +178,4 @@ def doubled(shape: Shape) -> Shape:
     return Shape.from_cells(cells, name=shape.name, pitch_m=0.5 * shape.pitch_m)
 
 
-__all__ = ["Cubes", "doubled", "modules_after", "only_doubling", "wished_repair"]
+__all__ = ["Cubes", "doubled", "modules_after", "only_doubling", "requested_repair"]

@@ -20,18 +20,18 @@ from planner.shapes.shape import Shape
 class Tetrahedra:
     """See the module's description. There is a trail through any cells that hang together."""
 
-    def cells_for(self, wishes: PathOptions) -> int:
+    def cells_for(self, options: PathOptions) -> int:
         """How many cells a solid should be voxelised into."""
-        modules = DEFAULT_MODULES if wishes.modules is None else wishes.modules
+        modules = DEFAULT_MODULES if options.modules is None else options.modules
         return max(1, round(modules / RING))
 
-    def modules_of(self, shape: Shape, wishes: PathOptions) -> int:
+    def modules_of(self, shape: Shape, options: PathOptions) -> int:
         """How many modules given cells become."""
-        del wishes
+        del options
         return RING * len(shape)
 
     def fill(
-        self, shape: Shape, wishes: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
+        self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
     ) -> Filled:
         """Finds chains through cells; see ``planner.pathfinding.filling.Filling``."""
         del time_limit_s
@@ -39,7 +39,7 @@ class Tetrahedra:
         if not of_solid:
             notes = (f"Each cell became a ring of {RING} tetrahedra.",)
         state = _feasibility(shape)
-        if state.repairs and wishes.repair:
+        if state.repairs and options.repair:
             notes = (*notes, f"Repaired: {state.repairs[0].detail}")
             shape = apply_repair(shape, state.repairs[0])
             state = _feasibility(shape)
@@ -49,12 +49,12 @@ class Tetrahedra:
         cells, line = shape.cells, np.zeros((0, 3))
         if state.feasible:
             try:
-                search = find_trails(shape, ends=wishes.ends, start=wishes.start, seed=seed)
+                search = find_trails(shape, ends=options.ends, start=options.start, seed=seed)
             except InputError as error:
                 if error.code != "no-start":
                     raise
                 not_started = error.detail
-                search = find_trails(shape, ends=wishes.ends, seed=seed)
+                search = find_trails(shape, ends=options.ends, seed=seed)
             notes = (*notes, *search.notes)
             chains = tuple(Chain.from_trail(trail) for trail in search.trails)
             nodes = search.trails[0].nodes
@@ -75,10 +75,10 @@ class Tetrahedra:
             modules_per_cell=RING,
         )
 
-    def check(self, shape: Shape, wishes: PathOptions) -> None:
+    def check(self, shape: Shape, options: PathOptions) -> None:
         """Refuses given cells that no trail goes through."""
         state = _feasibility(shape)
-        if not state.feasible and not wishes.repair:
+        if not state.feasible and not options.repair:
             why = " ".join(problem.detail for problem in state.problems)
             raise InputError(
                 "no-path",

@@ -15,22 +15,22 @@ from planner.shapes.shape import Shape
 class Filling(Protocol):
     """How cells become chains of modules of one kind."""
 
-    def cells_for(self, wishes: PathOptions) -> int:
+    def cells_for(self, options: PathOptions) -> int:
         """How many cells a solid should be voxelised into."""
         ...
 
-    def modules_of(self, shape: Shape, wishes: PathOptions) -> int:
+    def modules_of(self, shape: Shape, options: PathOptions) -> int:
         """How many modules given cells become, as far as that is known beforehand."""
         ...
 
     def fill(
-        self, shape: Shape, wishes: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
+        self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
     ) -> Filled:
         """Finds chains through cells.
 
         Args:
             shape: The cells.
-            wishes: How they are to become chains.
+            options: How they are to become chains.
             of_solid: Whether they come from a solid, and were asked for by ``cells_for``.
             seed: What randomness starts from.
             time_limit_s: How long may be searched.
@@ -40,7 +40,7 @@ class Filling(Protocol):
         """
         ...
 
-    def check(self, shape: Shape, wishes: PathOptions) -> None:
+    def check(self, shape: Shape, options: PathOptions) -> None:
         """Refuses given cells that can't be filled, for a reason that is quickly found."""
         ...
 

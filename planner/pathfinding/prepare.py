@@ -38,7 +38,7 @@ class Preparation:
     Attributes:
         kind: ``path``, ``chain``, ``voxels`` or ``mesh``: what the input was.
         name: What people call it.
-        wishes: What was asked for.
+        options: What was asked for.
         chains: Candidates, best first; empty when no path was found.
         solid, voxels: The mesh and how it was voxelised; None for other inputs.
         shape: The cells that are filled; None for a chain file.
@@ -54,7 +54,7 @@ class Preparation:
 
     kind: str
     name: str
-    wishes: PathOptions
+    options: PathOptions
     chains: tuple[Chain, ...]
     solid: Solid | None = None
     voxels: Voxels | None = None
@@ -94,7 +94,7 @@ class Preparation:
             "kind": self.kind,
             "name": self.name,
             "modules": len(cells),
-            "asked": self.wishes.modules,
+            "asked": self.options.modules,
             "below": None if voxels is None else self._scaled(voxels.below),
             "above": None if voxels is None else self._scaled(voxels.above),
             "iou": self.iou,
@@ -110,11 +110,11 @@ class Preparation:
             if self.knot is None
             else {"verdict": self.knot.verdict, "determinant": self.knot.determinant},
             "notes": list(self.notes),
-            "as_voxels": self.wishes.as_voxels,
-            "start": None if self.wishes.start is None else list(self.wishes.start),
+            "as_voxels": self.options.as_voxels,
+            "start": None if self.options.start is None else list(self.options.start),
             "not_started": self.not_started,
             "expected_s": expected_seconds(len(cells)),
-            "module": self.chains[0].module.name if self.chains else self.wishes.module,
+            "module": self.chains[0].module.name if self.chains else self.options.module,
             "mesh": self._mesh() if full else None,
             **(self._modules() if full else {}),
         }
@@ -169,7 +169,7 @@ class Preparation:
 def prepare(
     data: bytes,
     filename: str | None,
-    wishes: PathOptions | None = None,
+    options: PathOptions | None = None,
     *,
     seed: int = 0,
     time_limit_s: float = SEARCH_S,
@@ -179,7 +179,7 @@ def prepare(
     Args:
         data: The whole file.
         filename: What it was called.
-        wishes: How a shape is to become a path.
+        options: How a shape is to become a path.
         seed: What randomness starts from.
         time_limit_s: How long a path through exact cells may be searched for.
 
@@ -189,25 +189,25 @@ def prepare(
     Raises:
         InputError: When the file cannot be used, or a wish cannot be wished for.
     """
-    wishes = PathOptions() if wishes is None else wishes
-    wishes.check()
-    found = read(data, filename=filename, as_voxels=wishes.as_voxels)
+    options = PathOptions() if options is None else options
+    options.check()
+    found = read(data, filename=filename, as_voxels=options.as_voxels)
     if isinstance(found, Chain):
-        return _prepared_chain(found, wishes, "chain")
-    if isinstance(found, Path) and wishes.module == CUBE.name:
-        return _prepared_chain(Chain.from_path(found), wishes, "path")
+        return _prepared_chain(found, options, "chain")
+    if isinstance(found, Path) and options.module == CUBE.name:
+        return _prepared_chain(Chain.from_path(found), options, "path")
     if isinstance(found, Path):
         # The cells of a path are a shape to other modules.
         found = Shape.from_cells(found.cells, name=found.name, pitch_m=found.pitch_m)
     if isinstance(found, Shape):
-        return _from_shape("voxels", found, wishes, seed, time_limit_s)
-    return _from_solid(found, wishes, seed, time_limit_s)
+        return _from_shape("voxels", found, options, seed, time_limit_s)
+    return _from_solid(found, options, seed, time_limit_s)
 
 
 def prepare_in_any_order(
     data: bytes,
     filename: str | None,
-    wishes: PathOptions,
+    options: PathOptions,
     *,
     seed: int = 0,
     time_limit_s: float = SEARCH_S,
@@ -218,25 +218,25 @@ def prepare_in_any_order(
         InputError: As ``prepare`` does.
     """
     try:
-        return prepare(data, filename, wishes, seed=seed, time_limit_s=time_limit_s)
+        return prepare(data, filename, options, seed=seed, time_limit_s=time_limit_s)
     except InputError as error:
         if error.code != "not-adjacent":
             raise
         why = f"Read as voxels, since {error.where} are not neighbours."
-    wishes = replace(wishes, as_voxels=True)
-    made = prepare(data, filename, wishes, seed=seed, time_limit_s=time_limit_s)
+    options = replace(options, as_voxels=True)
+    made = prepare(data, filename, options, seed=seed, time_limit_s=time_limit_s)
     return replace(made, notes=(why, *made.notes))
 
 
-def _prepared_chain(chain: Chain, wishes: PathOptions, kind: str) -> Preparation:
+def _prepared_chain(chain: Chain, options: PathOptions, kind: str) -> Preparation:
     notes = ()
-    if wishes.modules is not None and wishes.modules != len(chain):
+    if options.modules is not None and options.modules != len(chain):
         notes = (f"A {kind} is folded as it is: it has {len(chain)} modules.",)
-    chain, not_started = started(chain, wishes.start)
+    chain, not_started = started(chain, options.start)
     return Preparation(
         kind=kind,
         name=chain.name,
-        wishes=wishes,
+        options=options,
         chains=(chain,),
         knot=knot_of(chain.folded_poses.positions),
         notes=notes,
@@ -245,36 +245,38 @@ def _prepared_chain(chain: Chain, wishes: PathOptions, kind: str) -> Preparation
 
 
 def _from_shape(
-    kind: str, shape: Shape, wishes: PathOptions, seed: int, time_limit_s: float
+    kind: str, shape: Shape, options: PathOptions, seed: int, time_limit_s: float
 ) -> Preparation:
     from planner.pathfinding.filling import FILLINGS
 
-    filled = FILLINGS[wishes.module].fill(
-        shape, wishes, of_solid=False, seed=seed, time_limit_s=time_limit_s
+    filled = FILLINGS[options.module].fill(
+        shape, options, of_solid=False, seed=seed, time_limit_s=time_limit_s
     )
-    return _made(kind, shape.name, wishes, filled, filled.notes)
+    return _made(kind, shape.name, options, filled, filled.notes)
 
 
-def _from_solid(solid: Solid, wishes: PathOptions, seed: int, time_limit_s: float) -> Preparation:
+def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: float) -> Preparation:
     from planner.pathfinding.filling import FILLINGS
     from planner.pathfinding.shape_kept import kept
     from planner.shapes.voxelise import voxelise
 
-    filling = FILLINGS[wishes.module]
-    voxels = voxelise(solid, cells=filling.cells_for(wishes), seed=seed)
-    filled = filling.fill(voxels.shape, wishes, of_solid=True, seed=seed, time_limit_s=time_limit_s)
+    filling = FILLINGS[options.module]
+    voxels = voxelise(solid, cells=filling.cells_for(options), seed=seed)
+    filled = filling.fill(
+        voxels.shape, options, of_solid=True, seed=seed, time_limit_s=time_limit_s
+    )
     notes = (*solid.notes, *voxels.notes, *filled.notes)
     iou = kept(solid, voxels, filled) if filled.chains else voxels.iou
-    return _made("mesh", solid.name, wishes, filled, notes, solid=solid, voxels=voxels, iou=iou)
+    return _made("mesh", solid.name, options, filled, notes, solid=solid, voxels=voxels, iou=iou)
 
 
 def _made(
-    kind: str, name: str, wishes: PathOptions, filled: Filled, notes: tuple[str, ...], **more: Any
+    kind: str, name: str, options: PathOptions, filled: Filled, notes: tuple[str, ...], **more: Any
 ) -> Preparation:
     return Preparation(
         kind=kind,
         name=name,
-        wishes=wishes,
+        options=options,
         chains=filled.chains,
         shape=filled.shape,
         method=filled.method,

@@ -24,7 +24,7 @@ from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.pipeline.attempt_folders import ATTEMPTS
-from planner.pipeline.portfolio import Attempt, Choice, Try
+from planner.pipeline.portfolio import Attempt, Portfolio, Try
 
 CANDIDATES: Final = "candidates.json"
 MOST_JUDGED: Final = 6
@@ -93,7 +93,7 @@ def made(todo: Try, chain: Chain, record: Record) -> Attempt:
     )
 
 
-def before_explosion(directory: FilePath, choice: Choice) -> list[Attempt]:
+def before_explosion(directory: FilePath, choice: Portfolio) -> list[Attempt]:
     """Attempts that another explosion follows; none when everything begins anew."""
     kept = load(directory)
     while kept and kept[-1].verdict is None:
@@ -102,7 +102,7 @@ def before_explosion(directory: FilePath, choice: Choice) -> list[Attempt]:
     return kept if goes_on else []
 
 
-def before_playback(directory: FilePath, choice: Choice) -> list[Attempt]:
+def before_playback(directory: FilePath, choice: Portfolio) -> list[Attempt]:
     """Attempts with the one that is to be played back last."""
     attempts = load(directory)
     if attempts and attempts[-1].verdict is not None:
@@ -140,7 +140,7 @@ def judged(
 
 
 def following(
-    attempts: Sequence[Attempt], choice: Choice
+    attempts: Sequence[Attempt], choice: Portfolio
 ) -> Literal["explode", "play_back"] | None:
     """The stage that goes on after the verdict on the last attempt; None when that is the end."""
     last = attempts[-1]

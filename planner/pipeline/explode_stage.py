@@ -14,7 +14,7 @@ from planner.pipeline import attempt_folders, attempts
 from planner.pipeline.attempts import Candidates
 from planner.pipeline.fold_directory import read_recorded, read_request, write_chain_folded
 from planner.pipeline.parallel import Tries, make_try
-from planner.pipeline.portfolio import MOST_SEEDS, Attempt, Choice, Try
+from planner.pipeline.portfolio import MOST_SEEDS, Attempt, Portfolio, Try
 from planner.pipeline.request import Request
 from planner.progress import Cancelled, Progress, Report
 from planner.robot import WAYS
@@ -68,13 +68,13 @@ def explode_stage(
     return {**record.summary(), "attempts": len(tried)}
 
 
-def choice_of(request: Request, candidates: Candidates) -> Choice:
+def choice_of(request: Request, candidates: Candidates) -> Portfolio:
     """What may be tried of a fold."""
     if request.smooth:
-        return Choice(strategies=(WAYS,), seed=request.seed, seeds=1)
+        return Portfolio(strategies=(WAYS,), seed=request.seed, seeds=1)
     parameters = request.parameters()
     ours = isinstance(parameters.explosion, ExplosionParameters)
-    return Choice(
+    return Portfolio(
         strategies=tuple(
             strategies_for(chain, parameters, refolds=request.refold) for chain in candidates.chains
         ),

@@ -1,6 +1,6 @@
 """Tries: explosions of a fold, the next ones made beside the one at hand.
 
-What is tried, and in which order, is as if there were one process: ``Choice.after`` decides it.
+What is tried, and in which order, is as if there were one process: ``Portfolio.after`` decides it.
 What may come next is begun early, each in a process of its own; what the order comes to is taken,
 and the rest is dropped. So a plan is the same whatever the number of workers.
 """
@@ -26,7 +26,7 @@ from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
 from planner.pipeline.attempt_folders import TIMELINE
 from planner.pipeline.attempts import made
-from planner.pipeline.portfolio import MOST, Attempt, Choice, Try
+from planner.pipeline.portfolio import MOST, Attempt, Portfolio, Try
 from planner.progress import Cancelled, Progress, Report
 from planner.simulation.parameters import Parameters
 
@@ -37,7 +37,7 @@ STALLING: Final = 2
 POLL_S: Final = 0.05
 GRACE_S: Final = 1.0
 """How long a process that is told to stop may take to write down what it has."""
-Made = tuple[Record, Attempt]
+Tried = tuple[Record, Attempt]
 
 
 def make_try(
@@ -47,7 +47,7 @@ def make_try(
     todo: Try,
     progress: Report,
     cancelled: Cancelled,
-) -> Made:
+) -> Tried:
     """One explosion on a timeline of its own: its record, and what is told of it."""
     writer = TimelineWriter.create(directory / TIMELINE, chain, windowed=windowed(todo.strategy))
     record = let_go(
@@ -101,7 +101,7 @@ class Tries:
         """Ends what runs; what is made already is kept."""
         self._keep([])
 
-    def come_to(self, choice: Choice, tried: Sequence[Attempt], here: Try) -> None:
+    def come_to(self, choice: Portfolio, tried: Sequence[Attempt], here: Try) -> None:
         """Says what is to be made now. After a failure the next ones are begun at once."""
         before = tuple(tried)
         self._here, self._eager = here, bool(tried)
@@ -120,7 +120,7 @@ class Tries:
 
         return told if self._workers > 1 else progress
 
-    def take(self, place: FilePath, progress: Report, cancelled: Cancelled) -> Made | None:
+    def take(self, place: FilePath, progress: Report, cancelled: Cancelled) -> Tried | None:
         """What is to be made now, if it was begun beside: waits for it.
 
         Its timeline moves to ``place``, the attempt's folder. None when it was not begun, or its
@@ -217,7 +217,7 @@ class _Beside:
         told = None if self.running else _read(self.place / "attempt.json")
         return None if told is None else Attempt.from_dict(told)
 
-    def made(self) -> Made | None:
+    def made(self) -> Tried | None:
         """What it came to; None when it failed."""
         attempt = self.attempt()
         return None if attempt is None else (Record.load(self.place / "record.npz"), attempt)
@@ -244,7 +244,7 @@ def _read(path: FilePath) -> dict[str, Any] | None:
     return json.loads(path.read_bytes()) if path.exists() else None
 
 
-def write_made(place: FilePath, made: Made) -> None:
+def write_made(place: FilePath, made: Tried) -> None:
     """Writes what a try came to; the attempt last, so that all is there when it is."""
     record, attempt = made
     record.save(place / "record.npz")

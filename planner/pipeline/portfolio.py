@@ -119,7 +119,7 @@ class Attempt:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
+class Portfolio:
     """What there is to choose from.
 
     Attributes:

@@ -94,7 +94,7 @@ class Request:
         """
         try:
             self.parameters()
-            self.wishes().check()
+            self.path_options().check()
             plain = Request()
             for name in ("preset", "strategy") if self.smooth else ():
                 if getattr(self, name) != getattr(plain, name):
@@ -116,7 +116,7 @@ class Request:
             return self
         return replace(self, settings=settings_text(self.settings, preset(self.preset)))
 
-    def wishes(self) -> PathOptions:
+    def path_options(self) -> PathOptions:
         """How a shape is to become a path."""
         return PathOptions(
             module=self.module,

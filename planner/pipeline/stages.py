@@ -139,7 +139,7 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
     prepared = prepare(
         (directory / "input").read_bytes(),
         request.filename,
-        request.wishes(),
+        request.path_options(),
         seed=request.seed % SHORT_SEED,
     )
     chain, chains = prepared.chain, prepared.chains

@@ -47,8 +47,8 @@ FRAME_RAD: Final = 0.02
 FRAME_DISTANCE: Final = 0.35
 """… or a module has moved this far from where it was among the others, in pitches."""
 FRAME_STEPS: Final = 50
-FOLDED_WITHIN: Final = 0.1
-"""RMS position error in pitches below which a chain counts as folded."""
+ARRIVED_WITHIN: Final = 0.1
+"""RMS position error in pitches up to which a playback has not missed its target."""
 LAW_SAMPLES_A_RAD: Final = 180
 REPORT_EVERY_S: Final = 0.1
 CHECK_EVERY: Final = 25
@@ -209,7 +209,7 @@ def play_back(
     run = _Run(chain, record, parameters, module_size, start_s, finer, unfolding)
     status, reason = run.simulate(sink, progress, cancelled)
     error = run.final_error()
-    if status == "folded" and error > FOLDED_WITHIN:
+    if status == "folded" and error > ARRIVED_WITHIN:
         status = "missed"
         reason = (
             f"the chain ended {error:.2g} pitches (RMS) from its target; "

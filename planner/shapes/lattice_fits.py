@@ -71,7 +71,7 @@ class LatticeFit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Made:
+class FittedCells:
     """Cells in one piece, as one fit has them with one offset and threshold.
 
     Attributes:
@@ -131,7 +131,7 @@ class Ladder:
         self.share = 1.0
         self._apart = False
         self._rungs: dict[tuple[int, float], LatticeFit | None] = {}
-        self._made: dict[tuple[int, float, Place], Made] = {}
+        self._made: dict[tuple[int, float, Place], FittedCells] = {}
         self._grids: dict[tuple[int, float, int], Grid] = {}
         self._stored = 0
         self._rough: dict[int, Solid] = {}
@@ -250,7 +250,7 @@ class Ladder:
             self._grids[key] = grid
         return grid
 
-    def made(self, fit: LatticeFit, place: Place) -> Made:
+    def made(self, fit: LatticeFit, place: Place) -> FittedCells:
         """The cells of a fit in one piece, and how much of the solid they truly keep."""
         key = (fit.turn, fit.pitch, place)
         if key not in self._made:
@@ -259,7 +259,7 @@ class Ladder:
             joined = bridged(sums >= fit.thresholds[place[3]], sums / float(grid.size**3))
             finer = self.finer(fit.turn, fit.pitch, FINER_SAMPLES)
             fine = self.grid(fit.turn, fit.pitch, finer)
-            self._made[key] = Made(
+            self._made[key] = FittedCells(
                 turn=fit.turn,
                 pitch=fit.pitch,
                 place=place,

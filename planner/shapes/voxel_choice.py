@@ -1,7 +1,7 @@
 """Choice: of the fits of a solid, the cells that come near a count and keep the most.
 
-``Choice.of`` depends on the solid and the count alone. So a count may be offered when asking for it
-was tried and gave it.
+``VoxelChoice.of`` depends on the solid and the count alone. So a count may be offered when asking
+for it was tried and gave it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.shapes.lattice_fits import Ladder, LatticeFit, Made, Place
+from planner.shapes.lattice_fits import FittedCells, Ladder, LatticeFit, Place
 from planner.shapes.layers import has_whole_layers
 from planner.shapes.sampling import too_fine
 
@@ -49,7 +49,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
+class VoxelChoice:
     """What is made when a count is asked for.
 
     Attributes:
@@ -58,7 +58,7 @@ class Choice:
         score: What they keep, with the bonus for the orientation of the file.
     """
 
-    made: Made
+    made: FittedCells
     visited: tuple[LatticeFit, ...]
     score: float
 
@@ -105,9 +105,9 @@ class Chooser:
 
     def __init__(self, ladder: Ladder) -> None:
         self._ladder = ladder
-        self._chosen: dict[int, Choice] = {}
+        self._chosen: dict[int, VoxelChoice] = {}
 
-    def choose(self, cells: int) -> Choice:
+    def choose(self, cells: int) -> VoxelChoice:
         """What is made when so many cells are asked for."""
         if cells not in self._chosen:
             self._chosen[cells] = self._search(cells)
@@ -117,7 +117,7 @@ class Chooser:
         """The counts next to the one that is made, no nearer to the asked one, that hold."""
         return self._offer(cells, above=False), self._offer(cells, above=True)
 
-    def _search(self, cells: int) -> Choice:
+    def _search(self, cells: int) -> VoxelChoice:
         ladder = self._ladder
         most = self._most(cells)
         visited: dict[tuple[int, float], LatticeFit] = {}
@@ -153,7 +153,7 @@ class Chooser:
                 self._visit_all(turn, pitches, visited, most)
             made = self._best(visited.values(), cells)
         assert made is not None
-        return Choice(made=made, visited=tuple(visited.values()), score=_score(made))
+        return VoxelChoice(made=made, visited=tuple(visited.values()), score=_score(made))
 
     def _most(self, cells: int) -> int:
         work = self._ladder.work(0, self._ladder.pitch_for(cells))
@@ -184,7 +184,7 @@ class Chooser:
         sides = [step + sign * n for n in range(STEPS_TO_SIDES + 1) for sign in (1, -1)]
         return self._ladder.dividing(turn, pitch) + [self._ladder.pitch_of(s) for s in sides]
 
-    def _best(self, fits: Iterable[LatticeFit], cells: int) -> Made | None:
+    def _best(self, fits: Iterable[LatticeFit], cells: int) -> FittedCells | None:
         """Of what is nearly as good as the best of a count, what comes nearest to the count."""
         many = self._most(cells) >= MUCH_TRIED
         entries = _entries(fits, self._ladder.volume)
@@ -223,11 +223,11 @@ class Chooser:
         ]
         return min(found, key=lambda made: self._rank(made, cells), default=None)
 
-    def _rank(self, made: Made, cells: int) -> tuple[int, float, float]:
+    def _rank(self, made: FittedCells, cells: int) -> tuple[int, float, float]:
         misfit = abs(made.count * made.pitch**3 / self._ladder.volume - 1.0)
         return abs(made.count - cells), -_score(made), misfit
 
-    def _made_of(self, entries: _Entries, wanted: Iterable[int], cells: int) -> list[Made]:
+    def _made_of(self, entries: _Entries, wanted: Iterable[int], cells: int) -> list[FittedCells]:
         all_made = (self._ladder.made(*entries.at(entry)) for entry in dict.fromkeys(wanted))
         return [made for made in all_made if _near(made.count, cells)]
 
@@ -259,7 +259,7 @@ class Chooser:
             count = made
         return None
 
-    def _likely(self, choice: Choice, limit: int, *, above: bool) -> Iterator[int]:
+    def _likely(self, choice: VoxelChoice, limit: int, *, above: bool) -> Iterator[int]:
         """Counts to one side that fits near the chosen one have, those that keep most first."""
         ladder = self._ladder
         fits = {(fit.turn, fit.pitch): fit for fit in choice.visited}
@@ -323,11 +323,11 @@ def _bonus(turn: int) -> float:
     return UPRIGHT_BONUS if turn == 0 else 0.0
 
 
-def _score(made: Made) -> float:
+def _score(made: FittedCells) -> float:
     return round(made.iou + _bonus(made.turn), 9)
 
 
-def _worth(made: Made, cells: int) -> float:
+def _worth(made: FittedCells, cells: int) -> float:
     """What is kept, less what the count is off."""
     return _score(made) - OFF_COUNT * abs(made.count - cells) / cells
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.shapes.lattice_fits import MANY_SAMPLES, Grid, Ladder, Made, overlap
+from planner.shapes.lattice_fits import MANY_SAMPLES, FittedCells, Grid, Ladder, overlap
 from planner.shapes.orientations import candidates
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
@@ -100,7 +100,7 @@ def voxelise(
     )
 
 
-def _notes(ladder: Ladder, fine: Grid, made: Made, iou: float, *, better: bool) -> list[str]:
+def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better: bool) -> list[str]:
     notes: list[str] = []
     if ladder.bodies > 1:
         notes.append(

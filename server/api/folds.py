@@ -43,7 +43,7 @@ Here = Annotated[Context, Depends(context_of)]
 Bearer = Annotated[HTTPAuthorizationCredentials | None, Depends(bearer)]
 
 
-def _wishes(
+def _options(
     module: Annotated[
         Literal["cube", "tetrahedron"],
         Form(description="What meshes, voxels and cells become; chains say so themselves."),
@@ -88,7 +88,7 @@ def _wishes(
     )
 
 
-PathOptions = Annotated[ShapeOptions, Depends(_wishes)]
+PathOptions = Annotated[ShapeOptions, Depends(_options)]
 Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]
 GalleryShape = Annotated[str | None, Form(description="Or the name of a gallery shape.")]
 
@@ -109,7 +109,7 @@ def post_fold(
     request: Request,
     context: Here,
     credentials: Bearer,
-    wishes: PathOptions,
+    options: PathOptions,
     file: Uploaded = None,
     shape: GalleryShape = None,
     preview: Annotated[
@@ -120,7 +120,7 @@ def post_fold(
         Form(
             max_length=64,
             pattern=ID,
-            description="Or the id of a fold: its input once more, and its wishes for the shape.",
+            description="Or the id of a fold: its input once more, and its options for the shape.",
         ),
     ] = None,
     refold: Annotated[
@@ -184,13 +184,13 @@ def post_fold(
             "smooth-or-refold", "got the form fields 'smooth' and 'refold', expected one."
         )
     with source:
-        cells = _previewed(context, preview, replace(wishes, seed=seed))
+        cells = _previewed(context, preview, replace(options, seed=seed))
         again = smooth if fold is None else fold
         row = None
         if again is not None:
             row = context.store.fold(again)
             shape = row.shape
-            wishes, cells = noted(context.store.directory(again))
+            options, cells = noted(context.store.directory(again))
             if smooth is not None and module_size is None:
                 module_size = row.module_size
         beginning = None
@@ -199,8 +199,8 @@ def post_fold(
         elif refold is not None:
             beginning = beginning_of(context, refold, "refold")
             if file is not None or preview is not None:  # others know what they are made of
-                modules = wishes.modules or beginning.modules
-                wishes = replace(wishes, module=beginning.module, modules=modules)
+                modules = options.modules or beginning.modules
+                options = replace(options, module=beginning.module, modules=modules)
         elif fold is not None and row is not None:
             beginning = beginning_noted(context.store.directory(fold), row)
         with context.uploads.kept(source, filename) as upload:
@@ -215,7 +215,7 @@ def post_fold(
                     module_size=module_size,
                     visitor=context.visitor(request),
                     token=token_of(credentials) or new_token(),
-                    wishes=wishes,
+                    options=options,
                     cells=cells,
                     beginning=beginning,
                     strategy=strategy,
@@ -372,10 +372,10 @@ def input_of(
 
 
 def _previewed(
-    context: Context, preview: str | None, wishes: ShapeOptions
+    context: Context, preview: str | None, options: ShapeOptions
 ) -> list[list[int]] | None:
     """The cells that a preview has found, so that the fold's page can draw them at once."""
-    return None if preview is None else context.previews.cells(preview, wishes)
+    return None if preview is None else context.previews.cells(preview, options)
 
 
 def clean_filename(name: str | None) -> str | None:

@@ -19,7 +19,7 @@ router = APIRouter(prefix="/api/folds/{fold_id}/movies", tags=["movies"])
 MEDIA_TYPES: Final = {"mp4": "video/mp4", "gif": "image/gif"}
 
 
-class MovieWishes(BaseModel):
+class MovieOptions(BaseModel):
     """What a movie is to be; what is not said is as plain for its format."""
 
     model_config = ConfigDict(extra="forbid")
@@ -102,14 +102,14 @@ def post_movie(
     fold_id: str,
     context: Here,
     credentials: Bearer,
-    wishes: MovieWishes,
+    options: MovieOptions,
 ) -> MovieBody:
-    """Puts it into the queue. The same wishes again give the same movie.
+    """Puts it into the queue. The same options again give the same movie.
 
     Movies that the fold's owner asks for, with his token, stay when others ask for theirs.
     """
     try:
-        movie = Movie.of(wishes.model_dump())
+        movie = Movie.of(options.model_dump())
     except InputError as error:
         raise Unusable.of(error) from None
     token = token_of(credentials)

@@ -270,14 +270,14 @@ class PreviewLinks(BaseModel):
     """Where to go from a preview."""
 
     page: str
-    folds: str = Field(description="POST the id here, as `preview`, with the same wishes.")
+    folds: str = Field(description="POST the id here, as `preview`, with the same options.")
 
 
 class Preview(BaseModel):
     """What would come of a shape."""
 
     id: str
-    key: str = Field(description="Stands for the wishes.")
+    key: str = Field(description="Stands for the options.")
     kind: Literal["path", "chain", "voxels", "mesh"]
     name: str
     module: Literal["cube", "tetrahedron"]

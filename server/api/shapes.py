@@ -36,7 +36,7 @@ def get_shapes(context: Here) -> Shapes:
 async def post_preview(
     request: Request,
     context: Here,
-    wishes: PathOptions,
+    options: PathOptions,
     file: Uploaded = None,
     shape: GalleryShape = None,
     preview: Annotated[
@@ -44,7 +44,7 @@ async def post_preview(
         Form(
             max_length=64,
             pattern=ID,
-            description="Or the id of an earlier preview, with other wishes.",
+            description="Or the id of an earlier preview, with other options.",
         ),
     ] = None,
     seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
@@ -54,12 +54,12 @@ async def post_preview(
 ) -> Preview:
     """Voxels, a path through them, and whether there is one. `POST /api/folds` takes its id."""
     settings = context.settings
-    if wishes.modules is not None and wishes.modules > settings.max_modules:
+    if options.modules is not None and options.modules > settings.max_modules:
         raise Unusable(
             "too-many-modules",
-            f"got {wishes.modules} modules, expected at most {settings.max_modules}.",
+            f"got {options.modules} modules, expected at most {settings.max_modules}.",
         )
-    wishes = replace(wishes, seed=seed)
+    options = replace(options, seed=seed)
 
     visitor = context.visitor(request)
 
@@ -70,12 +70,12 @@ async def post_preview(
             with source, context.uploads.kept(source, filename) as upload:
                 known = context.previews.add(upload, visitor)
         return known, context.previews.report(
-            known, wishes, context.preparer, visitor=visitor, gone=gone
+            known, options, context.preparer, visitor=visitor, gone=gone
         )
 
     async with leaving(request) as gone:
         preview_id, report = await run_in_threadpool(reported, gone)
-    return Preview.of(preview_id, wishes.key, report, full=full)
+    return Preview.of(preview_id, options.key, report, full=full)
 
 
 @asynccontextmanager

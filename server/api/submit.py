@@ -44,7 +44,7 @@ class Submission:
     visitor: str
     token: str
     """Of who asks: he owns what is made for him."""
-    wishes: ShapeOptions = field(default_factory=ShapeOptions)
+    options: ShapeOptions = field(default_factory=ShapeOptions)
     cells: list[list[int]] | None = None
     """For a drawing until there is a chain; those that a preview has found."""
     beginning: BaseFold | None = None
@@ -61,7 +61,7 @@ class Submission:
             and self.beginning is None
             and (self.preset, self.seed, self.module_size, self.strategy)
             == (plain.preset, plain.seed, plain.module_size, plain.strategy)
-            and not self.wishes.changed()
+            and not self.options.changed()
         )
 
     @property
@@ -91,7 +91,7 @@ class Submission:
             "seed": self.seed,
             "module_size": self.module_size,
             "content": self.upload.digest,
-            **self.wishes.changed(),
+            **self.options.changed(),
             **({} if self.beginning is None else {self.beginning.use: self.beginning.digest}),
             **({} if self.strategy == AUTO else {"strategy": self.strategy}),
             **({"settings": self.settings} if self.settings else {}),
@@ -208,14 +208,14 @@ def noted(directory: Path) -> tuple[ShapeOptions, list[list[int]] | None]:
     """
     request = _request(directory)
     names = {each.name for each in fields(ShapeOptions)} - {"seed"}
-    wishes = {name: value for name, value in request.items() if name in names}
-    if wishes.get("start") is not None:
-        wishes["start"] = tuple(wishes["start"])
+    options = {name: value for name, value in request.items() if name in names}
+    if options.get("start") is not None:
+        options["start"] = tuple(options["start"])
     try:
         cells = json.loads((directory / "cells.json").read_bytes())
     except (OSError, ValueError):
         cells = None
-    return ShapeOptions(**wishes), cells
+    return ShapeOptions(**options), cells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -273,7 +273,7 @@ def _write(directory: Path, submission: Submission) -> None:
         "settings": submission.settings,
         "seed": submission.seed,
         "module_size": submission.module_size,
-        **submission.wishes.changed(),
+        **submission.options.changed(),
         "strategy": submission.strategy,
         **({} if submission.beginning is None else {submission.beginning.use: True}),
     }

@@ -55,7 +55,7 @@ def movie(
             raise InputError(
                 "bad-movie", f"got the file {out.name!r}, expected one that ends in .mp4 or .gif."
             )
-        wishes = Movie.of(
+        movie = Movie.of(
             {
                 "format": kind,
                 "width": width,
@@ -79,7 +79,7 @@ def movie(
             )
         if not out.resolve().parent.is_dir():
             raise InputError("no-directory", "its folder does not exist.", where=str(out))
-        _make(wishes, timeline, out)
+        _make(movie, timeline, out)
     except InputError as error:
         refuse(error, as_json)
     except ChildError as error:
@@ -87,12 +87,12 @@ def movie(
         raise typer.Exit(1) from error
     megabytes = out.stat().st_size / 1e6
     if as_json:
-        print(json.dumps({"file": str(out), "pictures": wishes.count, **asdict(wishes)}))
+        print(json.dumps({"file": str(out), "pictures": movie.count, **asdict(movie)}))
     else:
-        Console().print(f"{out}: {wishes.count} pictures, {megabytes:.1f} MB", markup=False)
+        Console().print(f"{out}: {movie.count} pictures, {megabytes:.1f} MB", markup=False)
 
 
-def _make(wishes: Movie, timeline: Path, out: Path) -> None:
+def _make(movie: Movie, timeline: Path, out: Path) -> None:
     settings = settings_of()
     with (
         tempfile.TemporaryDirectory(prefix="foldback-movie-") as folder,
@@ -105,9 +105,9 @@ def _make(wishes: Movie, timeline: Path, out: Path) -> None:
         ) as bars,
     ):
         place = Path(folder)
-        request = {"movie": asdict(wishes), "timeline": str(timeline), "part": "movie"}
+        request = {"movie": asdict(movie), "timeline": str(timeline), "part": "movie"}
         (place / "request.json").write_text(json.dumps(request))
-        bar = bars.add_task("", total=wishes.count)
+        bar = bars.add_task("", total=movie.count)
 
         def report(event: dict[str, Any]) -> None:
             bars.update(bar, completed=event["steps"])

@@ -22,9 +22,9 @@ from planner.explosion.diagnosis import stuck_of
 from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.pipeline.attempt_folders import CERTIFICATE, TIMELINE, result
-from planner.pipeline.ended import where
 from planner.pipeline.request import Request
 from planner.pipeline.stages import work_out_figures
+from planner.pipeline.unfinished import stopped_where
 from server.api import frames as timelines
 from server.files.artifacts import Artifacts
 from server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
@@ -91,7 +91,7 @@ def row_of(directory: Path) -> ShownFold:
     if plan:
         summary["stuck"] = stuck_of(plan.get("explosion"), plan.get("attempts") or ())
     elif not certificate:
-        summary |= where(directory)
+        summary |= stopped_where(directory)
     if plan.get("start"):
         summary["refold"] = {"start": plan["start"]["name"]}
     return ShownFold(

@@ -50,7 +50,7 @@ def shape(
         request.check()
         data, filename = read_input(source)
         prepared = prepare_in_any_order(
-            data, filename, request.wishes(), seed=request.seed % SHORT_SEED
+            data, filename, request.path_options(), seed=request.seed % SHORT_SEED
         )
         if prepared.not_started:
             prepared.chain  # noqa: B018

@@ -33,7 +33,7 @@ class PreviewScenes:
         self._flight.close()
 
     async def scene(self, preview_id: str, key: str, *, visitor: str) -> bytes:
-        """What ``web.viser.preview_scene`` makes of an upload with the wishes of ``key``.
+        """What ``web.viser.preview_scene`` makes of an upload with the options of ``key``.
 
         Raises:
             NoSuchPreviewError: When there is no such upload or report.

@@ -1,6 +1,6 @@
 """Previews: shapes that somebody looks at before folding, kept for a day or while there is room.
 
-A directory holds one upload; under it lies a directory for each set of wishes, with what they were
+A directory holds one upload; under it lies a directory for each set of options, with what they were
 (``request.json``) and what came of them (``report.json``).
 """
 
@@ -46,7 +46,7 @@ from server.store.object_store import Storage
 
 KEY: Final = re.compile(r"[0-9a-f]{24}")
 MOST_WISHES: Final = 400
-"""Sets of wishes that are kept for one upload."""
+"""Sets of options that are kept for one upload."""
 SWEEP_EVERY_S: Final = 60.0
 
 
@@ -65,7 +65,7 @@ class ShapeOptions:
 
     @property
     def key(self) -> str:
-        """The same for the same wishes."""
+        """The same for the same options."""
         text = json.dumps(asdict(self), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:24]
 
@@ -138,7 +138,7 @@ class Previews:
         return directory
 
     def place(self, preview_id: str, key: str) -> Path:
-        """Where what came of an upload with the wishes of a key is, if anything did.
+        """Where what came of an upload with the options of a key is, if anything did.
 
         Raises:
             NoSuchPreviewError: When there is no such upload.
@@ -178,17 +178,17 @@ class Previews:
     def report(
         self,
         preview_id: str,
-        wishes: ShapeOptions,
+        options: ShapeOptions,
         reader: Reader,
         *,
         visitor: str,
         gone: Callable[[], bool] | None = None,
     ) -> dict[str, Any]:
-        """What comes of an upload with these wishes; computed once.
+        """What comes of an upload with these options; computed once.
 
         Args:
             preview_id: The upload's.
-            wishes: How it is to become a path.
+            options: How it is to become a path.
             reader: Who computes it.
             visitor: Who asks.
             gone: Asked often whether the one who asked has gone away.
@@ -197,7 +197,7 @@ class Previews:
             NoSuchPreviewError: When there is no such upload.
             ServiceError: When it cannot be used, took too long, or too many wait.
         """
-        place = self.place(preview_id, wishes.key)
+        place = self.place(preview_id, options.key)
         directory = place.parent
         os.utime(directory)
         self._elsewhere.touch(directory)
@@ -213,7 +213,7 @@ class Previews:
         if shutil.disk_usage(self._root).free < self._settings.min_free_disk_bytes:
             raise nearly_full()
         place.mkdir(exist_ok=True)
-        request = {"filename": self.filename(preview_id), **asdict(wishes)}
+        request = {"filename": self.filename(preview_id), **asdict(options)}
         request["time_limit_s"] = self._settings.preview_search_seconds
         (place / "request.json").write_text(json.dumps(request))
         try:
@@ -230,13 +230,13 @@ class Previews:
         self._elsewhere.keep_report(place)
         return found
 
-    def cells(self, preview_id: str, wishes: ShapeOptions) -> list[list[int]] | None:
-        """The cells of cubes that came of an upload with these wishes, if that has been computed.
+    def cells(self, preview_id: str, options: ShapeOptions) -> list[list[int]] | None:
+        """The cells of cubes that came of an upload with these options, if that has been computed.
 
         Raises:
             NoSuchPreviewError: When there is no such upload.
         """
-        report = read_report(self.place(preview_id, wishes.key))
+        report = read_report(self.place(preview_id, options.key))
         return report["cells"] if report is not None and report["module"] == CUBE.name else None
 
     def _sweep(self, coming: int = 0, visitor: str = "") -> None:
@@ -253,7 +253,7 @@ class Previews:
 
 
 def read_report(place: Path) -> dict[str, Any] | None:
-    """The report in a directory of wishes, if it is there."""
+    """The report in a directory of options, if it is there."""
     try:
         return json.loads((place / "report.json").read_bytes())
     except (OSError, ValueError):

@@ -135,7 +135,7 @@ class StoredPreviews:
                 raise
 
     def keep_report(self, place: Path) -> None:
-        """Keeps what came of an upload's wishes; others compute it anew if that fails."""
+        """Keeps what came of an upload's options; others compute it anew if that fails."""
         if self._storage is not None:
             try:
                 self._keep(f"{ROOT}/{place.parent.name}/{place.name}", place)
@@ -163,7 +163,7 @@ class StoredPreviews:
         return True
 
     def fetch_report(self, place: Path) -> None:
-        """Brings what came of an upload's wishes here, if that is known elsewhere.
+        """Brings what came of an upload's options here, if that is known elsewhere.
 
         Raises:
             StorageError: When the storage does not answer.

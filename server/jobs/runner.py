@@ -321,11 +321,11 @@ class Runner:
     def _looked_back(self, fold_id: str) -> dict[str, Any]:
         """What is known of a fold that did not come to its end: where it was, what was tried."""
         try:
-            from planner.pipeline.ended import (
-                look_back,  # the physics: only when a fold's end was missed
+            from planner.pipeline.unfinished import (
+                settle,  # the physics: only when a fold's end was missed
             )
 
-            return look_back(self._store.folders.place(fold_id))
+            return settle(self._store.folders.place(fold_id))
         except Exception:
             log.exception("fold %s cannot be looked at", fold_id, extra={"fold": fold_id})
             return {}

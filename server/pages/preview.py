@@ -51,7 +51,7 @@ async def preview_page(request: Request, preview_id: str) -> Response:
 
 @router.get("/previews/{preview_id}/drawing.svg")
 async def drawing_of_preview(request: Request, preview_id: str, key: str = "") -> Response:
-    """A drawing of what came of the wishes of that key, in nobody's words but ours."""
+    """A drawing of what came of the options of that key, in nobody's words but ours."""
     previews = context_of(request).previews
     svg = await asyncio.to_thread(_drawing, previews, preview_id, key)
     if svg is None:

@@ -32,16 +32,16 @@ def warm_up() -> None:
     _ = Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0)])).folded_poses
 
 
-def wishes_of(request: dict[str, Any]) -> PathOptions:
-    """The wishes in a request; those that are not there are as usual."""
+def options_of(request: dict[str, Any]) -> PathOptions:
+    """The options in a request; those that are not there are as usual."""
     from planner.pathfinding.options import PathOptions
 
     values = {name: request[name] for name in WISHES if name in request}
     if values.get("start") is not None:
         values["start"] = tuple(values["start"])
-    wishes = PathOptions(**values)
-    wishes.check()
-    return wishes
+    options = PathOptions(**values)
+    options.check()
+    return options
 
 
 def check(directory: Path) -> dict[str, Any]:
@@ -71,17 +71,17 @@ def check(directory: Path) -> dict[str, Any]:
     from planner.pathfinding.filling import FILLINGS
     from planner.pathfinding.options import DEFAULT_MODULES
 
-    wishes = wishes_of(request)
-    modules = wishes.modules or DEFAULT_MODULES
+    options = options_of(request)
+    modules = options.modules or DEFAULT_MODULES
     if isinstance(found, Shape | CellPath):
         shape = Shape.from_cells(found.cells, name=found.name, pitch_m=found.pitch_m)
-        filling = FILLINGS[wishes.module]
+        filling = FILLINGS[options.module]
         _note(directory, shape.cells)
-        filling.check(shape, wishes)
-        modules = filling.modules_of(shape, wishes)
-        if begins is not None and not wishes.repair and wishes.method != "blocks":
-            check_fits(begins, wishes.module, modules)
-    return {"name": found.name, "module": wishes.module, "modules": modules}
+        filling.check(shape, options)
+        modules = filling.modules_of(shape, options)
+        if begins is not None and not options.repair and options.method != "blocks":
+            check_fits(begins, options.module, modules)
+    return {"name": found.name, "module": options.module, "modules": modules}
 
 
 def _begins(directory: Path) -> Chain:
@@ -119,11 +119,11 @@ def preview(directory: Path) -> dict[str, Any]:
 
     request = json.loads((directory / "request.json").read_bytes())
     data = (directory.parent / "input").read_bytes()
-    wishes = wishes_of(request)
+    options = options_of(request)
     made = prepare_in_any_order(
         data,
         request["filename"],
-        wishes,
+        options,
         seed=request["seed"],
         time_limit_s=request["time_limit_s"],
     )

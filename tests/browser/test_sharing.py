@@ -192,7 +192,7 @@ def test_everything_on_offer_can_be_taken_away(offered: Page, service: Service) 
 
 def test_motors_are_judged_and_a_movie_is_made(offered: Page, tmp_path: Path) -> None:
     page = offered
-    robot = page.locator("form.wishes").nth(1)
+    robot = page.locator("form.options").nth(1)
     robot.locator("[name=motor_torque]").fill("0.001")
     robot.get_by_role("button").click()
     said = page.locator(".movie-state").nth(1)
@@ -200,7 +200,7 @@ def test_motors_are_judged_and_a_movie_is_made(offered: Page, tmp_path: Path) ->
     robot.locator("[name=motor_torque]").fill("100000")
     robot.get_by_role("button").click()
     expect(said).to_contain_text("would do")
-    movie = page.locator("form.wishes").nth(0)
+    movie = page.locator("form.options").nth(0)
     movie.locator("[name=format]").select_option("gif")
     movie.locator("[name=seconds]").select_option("6")
     expect(movie.locator("[name=size]")).to_have_value("640x360")

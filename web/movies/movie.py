@@ -61,13 +61,13 @@ class Movie:
     last_frame: int | None = None
 
     @classmethod
-    def of(cls, wishes: dict[str, Any]) -> Self:
+    def of(cls, options: dict[str, Any]) -> Self:
         """A movie with what was wished for, the rest as is plain for its format.
 
         Raises:
             InputError: When it is beyond the bounds.
         """
-        given = {name: value for name, value in wishes.items() if value is not None}
+        given = {name: value for name, value in options.items() if value is not None}
         plain = PLAIN.get(str(given.get("format", "mp4")), PLAIN["mp4"])
         movie = cls(**{**plain, **given})  # pyright: ignore[reportArgumentType]
         movie.check()
@@ -80,7 +80,7 @@ class Movie:
 
     @property
     def key(self) -> str:
-        """The same for the same wishes."""
+        """The same for the same options."""
         text = json.dumps(asdict(self), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:24]
 

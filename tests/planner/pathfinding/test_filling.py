@@ -16,8 +16,8 @@ U = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [2, 2, 0], [1, 2, 0], [0, 2, 0]
 VOXELS = b'{"format": "foldback-voxels/1", "cells": [[0,0,0],[1,0,0],[1,1,0],[5,5,5]]}'
 
 
-def prepared(data: bytes, **wishes: object) -> Preparation:
-    return prepare(data, "shape", PathOptions(module="tetrahedron", **wishes))  # pyright: ignore
+def prepared(data: bytes, **options: object) -> Preparation:
+    return prepare(data, "shape", PathOptions(module="tetrahedron", **options))  # pyright: ignore
 
 
 def test_the_cells_of_a_path_become_rings() -> None:

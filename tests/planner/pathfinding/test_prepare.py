@@ -111,9 +111,9 @@ def test_doubling_keeps_the_volume() -> None:
         (PathOptions(ends="loose"), "unknown-ends"),
     ],
 )
-def test_wishes_that_cannot_be_had_are_refused(wishes: PathOptions, code: str) -> None:
+def test_wishes_that_cannot_be_had_are_refused(options: PathOptions, code: str) -> None:
     with pytest.raises(InputError) as refused:
-        prepare(CUBE_OBJ, "cube.obj", wishes)
+        prepare(CUBE_OBJ, "cube.obj", options)
     assert refused.value.code == code
 
 

@@ -31,11 +31,11 @@ from planner.pipeline.attempt_folders import (
     publish,
     result,
 )
-from planner.pipeline.ended import look_back
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.portfolio import Attempt, Try
 from planner.pipeline.request import Request
 from planner.pipeline.stages import next_stage, run_stage, run_stages
+from planner.pipeline.unfinished import settle
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from planner.simulation.parameters import ExplosionParameters
@@ -171,7 +171,7 @@ def test_a_cancel_while_others_are_tried_leaves_the_refused_one(
     frames = len(Timeline.open(result(directory, "timeline.zarr")))
     run_stage("explode", directory, cancelled=lambda: True)
     assert len(Timeline.open(result(directory, "timeline.zarr"))) < frames
-    told = look_back(directory)
+    told = settle(directory)
     assert told["certificate"]["min_clearance"] == -0.001
     assert told["explosion"]["status"] == "straight"
     assert len(Timeline.open(directory / "timeline.zarr")) == frames

@@ -22,7 +22,7 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.parallel import ASIDE, STALLING, Tries, make_try
-from planner.pipeline.portfolio import MOST, Attempt, Choice, Try
+from planner.pipeline.portfolio import MOST, Attempt, Portfolio, Try
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage, run_stages
 from planner.plan.formats import write_chain, write_path
@@ -38,7 +38,7 @@ def stuck(todo: Try, kind: Kind) -> Attempt:
     return Attempt(todo=todo, status="stalled", diagnosis=Diagnosis(kind=kind, modules=()))
 
 
-CHOICE = Choice(strategies=(("simultaneous", "peel"),), seed=3)
+CHOICE = Portfolio(strategies=(("simultaneous", "peel"),), seed=3)
 FIRST = Try(0, 3, "simultaneous")
 STUCK = stuck(FIRST, "joints")
 PUSHED = Progress(stage="explode", fraction=0.5, pushes=STALLING)
@@ -82,7 +82,7 @@ def same_motion(one: Any, other: Any) -> None:
 
 
 def test_what_is_ahead_is_what_comes_when_the_likely_happens() -> None:
-    choice = Choice(strategies=(("simultaneous", "peel"),) * 2, seed=0)
+    choice = Portfolio(strategies=(("simultaneous", "peel"),) * 2, seed=0)
     here = Try(0, 0, "simultaneous")
     ahead = choice.ahead([], here)
     assert ahead[0] == Try(1, 0, "simultaneous")  # as after joints that are stuck
@@ -199,7 +199,7 @@ def test_no_more_are_begun_than_a_fold_may_have(
         return Running()
 
     monkeypatch.setattr("planner.pipeline.parallel._Beside", begin)
-    many = Choice(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
+    many = Portfolio(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
     with Tries(fold, 64) as tries:
         tries.come_to(many, [], Try(0, 3, "peel"))
         tries.watched(silent)(PUSHED)
@@ -285,10 +285,10 @@ SCRIPT = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background
 from pathlib import Path
-from planner.pipeline.portfolio import Attempt, Choice, Try
+from planner.pipeline.portfolio import Attempt, Portfolio, Try
 from planner.pipeline.parallel import Tries
 with Tries(Path(sys.argv[1]), 3) as tries:
-    choice = Choice(strategies=(("simultaneous", "peel"),), seed=3)
+    choice = Portfolio(strategies=(("simultaneous", "peel"),), seed=3)
     tries.come_to(choice, [Attempt(todo=Try(0, 3, "peel"), status="stalled")],
                   Try(0, 3, "simultaneous"))
     time.sleep(600.0)

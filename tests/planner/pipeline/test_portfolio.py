@@ -20,7 +20,7 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.pipeline import attempts
 from planner.pipeline.fold_directory import write_request
-from planner.pipeline.portfolio import MOST, Attempt, Choice, Reason, Try
+from planner.pipeline.portfolio import MOST, Attempt, Portfolio, Reason, Try
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.plan.formats import write_path
@@ -31,7 +31,7 @@ from tests.planner.peels import snake
 BOTH = ("simultaneous", "peel")
 
 
-def way(choice: Choice, kind: Reason) -> list[Try]:
+def way(choice: Portfolio, kind: Reason) -> list[Try]:
     """All that is tried when everything fails for one reason."""
     tried: list[Attempt] = []
     while (todo := choice.after(tried)) is not None:
@@ -64,7 +64,7 @@ def test_an_attempt_survives_json(attempt: Attempt) -> None:
 
 
 def test_why_it_failed_decides_what_is_next() -> None:
-    choice = Choice(strategies=(BOTH, BOTH), seed=5)
+    choice = Portfolio(strategies=(BOTH, BOTH), seed=5)
     assert way(choice, "joints") == [
         Try(0, 5, "simultaneous"),
         Try(1, 5, "simultaneous"),
@@ -80,14 +80,14 @@ def test_why_it_failed_decides_what_is_next() -> None:
     ]
     # Another seed does not open a knot.
     assert {found.seed for found in way(choice, "knot")} == {5}
-    assert way(Choice(strategies=(("simultaneous",),), seed=2**32 - 1), "refused") == [
+    assert way(Portfolio(strategies=(("simultaneous",),), seed=2**32 - 1), "refused") == [
         Try(0, seed, "simultaneous") for seed in (2**32 - 1, 0, 1)
     ]
 
 
 @pytest.mark.parametrize("kind", ["knot", "buried", "contacts", "joints", "limit", "refused"])
 def test_it_ends_and_tries_nothing_twice(kind: Reason) -> None:
-    choice = Choice(strategies=(BOTH, ("peel",), BOTH), seed=0)
+    choice = Portfolio(strategies=(BOTH, ("peel",), BOTH), seed=0)
     tried = way(choice, kind)
     assert 1 < len(tried) <= MOST
     assert len(set(tried)) == len(tried)
@@ -95,22 +95,22 @@ def test_it_ends_and_tries_nothing_twice(kind: Reason) -> None:
 
 
 def test_a_buried_unit_is_reached_from_the_other_end() -> None:
-    choice = Choice(strategies=(("peel", "blocks"),), seed=0, two_ended=True)
+    choice = Portfolio(strategies=(("peel", "blocks"),), seed=0, two_ended=True)
     assert way(choice, "buried")[:3] == [
         Try(0, 0, "peel"),
         Try(0, 0, "peel", other_end=True),
         Try(0, 0, "blocks", other_end=True),
     ]
     # Blocks and all at once begin at no end.
-    both = Choice(strategies=(("blocks", "simultaneous"),), seed=0, two_ended=True)
+    both = Portfolio(strategies=(("blocks", "simultaneous"),), seed=0, two_ended=True)
     assert not any(found.other_end for found in way(both, "buried"))
 
 
 def test_what_presses_too_hard_is_let_go_more_gently() -> None:
-    choice = Choice(strategies=(BOTH,), seed=0, forces=True)
+    choice = Portfolio(strategies=(BOTH,), seed=0, forces=True)
     assert way(choice, "contacts")[1] == Try(0, 0, "simultaneous", gentle=True)
     assert way(choice, "refused")[3] == Try(0, 2, "peel")
-    alone = Choice(strategies=(("simultaneous",),), seed=0, forces=True)
+    alone = Portfolio(strategies=(("simultaneous",),), seed=0, forces=True)
     assert way(alone, "refused")[3] == Try(0, 2, "simultaneous", gentle=True)
 
 
@@ -124,7 +124,7 @@ def test_a_chain_from_its_other_end_fills_the_same_cells() -> None:
 
 
 def test_what_no_seed_changes_is_not_repeated_with_others() -> None:
-    choice = Choice(strategies=(("peel", "one-by-one"),), seed=0, two_ended=True, forces=True)
+    choice = Portfolio(strategies=(("peel", "one-by-one"),), seed=0, two_ended=True, forces=True)
     laid = [found for found in way(choice, "buried") if found.strategy == "one-by-one"]
     assert {found.seed for found in laid} == {0}
     assert {found.other_end for found in laid} == {True, False}
@@ -132,7 +132,7 @@ def test_what_no_seed_changes_is_not_repeated_with_others() -> None:
 
 
 def test_another_strategy_is_tried_before_a_fold_is_given_up() -> None:
-    choice = Choice(strategies=(BOTH,), seed=0, forces=True)
+    choice = Portfolio(strategies=(BOTH,), seed=0, forces=True)
     tried: list[Attempt] = []
     while not tried or attempts.following(tried, choice) is not None:
         todo = choice.after(tried)
@@ -142,7 +142,7 @@ def test_another_strategy_is_tried_before_a_fold_is_given_up() -> None:
 
 
 def test_finer_frames_are_no_explosion() -> None:
-    choice = Choice(strategies=(BOTH,), seed=0)
+    choice = Portfolio(strategies=(BOTH,), seed=0)
     first = Attempt(todo=Try(0, 0, "simultaneous"), status="straight")
     again = replace(first, finer=4)
     assert choice.after([first]) == choice.after([first, again]) == Try(0, 1, "simultaneous")

@@ -86,8 +86,8 @@ def test_all_kinds_of_sources_are_taken(desk: Service, tmp_path: Path) -> None:
         assert client.fold(shape="box-4x4x4").state["shape"] == "box-4x4x4"
         preview = client.preview(solid, modules=24, method="exact", start=(0, 0, 0))
         assert len(preview["cells"]) == 24 and preview["start"] == [0, 0, 0]
-        wishes: Any = {"modules": 24, "method": "exact"}
-        assert client.fold(preview=preview["id"], **wishes).state["modules"] == 24
+        options: Any = {"modules": 24, "method": "exact"}
+        assert client.fold(preview=preview["id"], **options).state["modules"] == 24
         assert "wrench-160" in {shape["name"] for shape in client.shapes()}
         with pytest.raises(ValueError, match="1 dimensions"):
             client.fold(np.arange(3))

@@ -1,4 +1,4 @@
-"""Previews: what is answered, what is refused and kept, and that folds take the same wishes."""
+"""Previews: what is answered, what is refused and kept, and that folds take the same options."""
 
 from __future__ import annotations
 
@@ -362,7 +362,7 @@ def test_a_fold_takes_a_preview_and_its_wishes(desk: Service) -> None:
         {"modules": "64", "ends": "surface"},
         {"modules": "64", "repair": "true"},
     ]
-    ids = {desk.fold(token=token, preview=found["id"], **wishes)["id"] for wishes in others}
+    ids = {desk.fold(token=token, preview=found["id"], **options)["id"] for options in others}
     assert len(ids | {first["id"]}) == 1 + len(others)
 
 

@@ -59,7 +59,7 @@ def test_other_wishes_have_a_report_of_their_own() -> None:
         *(ShapeOptions(start=(0, 0, 0)), ShapeOptions(seed=1)),
     ]
     assert len(others) == len(fields(ShapeOptions))
-    assert len({wishes.key for wishes in (ShapeOptions(), *others)}) == len(others) + 1
+    assert len({options.key for options in (ShapeOptions(), *others)}) == len(others) + 1
 
 
 @pytest.mark.parametrize("about", [b"[]", b"7", b"\xff", b"[" * 100_000])

@@ -1,4 +1,4 @@
-// The preview page: wishes in the panel, their report in figures, and the scene that shows it.
+// The preview page: options in the panel, their report in figures, and the scene that shows it.
 import { UNREACHABLE, askForFold } from "../lib/fold_request.js";
 import { changed, follow, refused } from "../panels/paper_settings.js";
 import { PreviewStage } from "../viewer/preview_scene.js";
@@ -35,7 +35,7 @@ const [method, start] = [query.get("method") ?? "", query.get("start") ?? ""];
  */
 
 /** @type {Wishes} */
-const wishes = {
+const options = {
   module: query.get("module") === "tetrahedron" ? "tetrahedron" : "cube",
   modules: Number(query.get("modules")) || null,
   method: Object.hasOwn(HINTS, method) ? method : "auto",
@@ -60,13 +60,13 @@ const placeOf = (/** @type {number} */ modules) => Math.round((1000 * Math.log(m
 function form() {
   const fields = new FormData();
   fields.set("preview", facts.id);
-  for (const [key, value] of Object.entries(wishes)) if (value !== null) fields.set(key, String(value));
+  for (const [key, value] of Object.entries(options)) if (value !== null) fields.set(key, String(value));
   return fields;
 }
 
 function remember() {
   const kept = new URLSearchParams();
-  for (const [key, value] of Object.entries(wishes)) {
+  for (const [key, value] of Object.entries(options)) {
     if (value && !["auto", "any", "cube"].includes(String(value))) kept.set(key, String(value));
   }
   history.replaceState(null, "", `${location.pathname}${kept.size ? `?${kept}` : ""}`);
@@ -121,16 +121,16 @@ async function look() {
       picked = null;
       problem(sentence(told.not_started));
       // What is shown is another path, so that one is folded unless something else is wished for.
-      if (told.not_started) { wishes.start = null; remember(); }
+      if (told.not_started) { options.start = null; remember(); }
       report = told;
       show(told);
     } else {
       const said = refusal(told, answer.status);
-      wishes.start = null;
+      options.start = null;
       if (report) {
         report = { ...report, has_path: false };
         problem(said);
-        get("verdict").textContent = "No preview for these wishes";
+        get("verdict").textContent = "No preview for these options";
       } else cover("This shape cannot be shown", said);
     }
   } catch {
@@ -177,9 +177,9 @@ function show(told) {
   const fixed = kind === "path" || kind === "chain";
   get("what").hidden = kind === "chain";
   get("how").hidden = fixed;
-  get("method-part").hidden = get("method-hint").hidden = wishes.module !== "cube";
+  get("method-part").hidden = get("method-hint").hidden = options.module !== "cube";
   get("modules-part").hidden = !resizable;
-  if (resizable && !wishes.modules) set(modules, false);
+  if (resizable && !options.modules) set(modules, false);
   const asked = told.asked ?? modules;
   const nearest = asked === modules ? "" : `${whole(modules)} is nearest to ${whole(asked)}`;
   get("got").textContent = [bound, nearest].filter(Boolean).join("; ") || "Also possible";
@@ -208,11 +208,11 @@ function show(told) {
   const ways = path ? [] : repairs(feasibility);
   get("repairs").replaceChildren(...ways);
   const repaired = told.notes.find((note) => note.startsWith("Repaired"));
-  get("repaired").hidden = !(wishes.repair && repaired);
+  get("repaired").hidden = !(options.repair && repaired);
   get("repaired-text").textContent = repaired ?? "";
 
   begin();
-  const unordered = told.as_voxels && !wishes.as_voxels ? told.notes[0] : null;
+  const unordered = told.as_voxels && !options.as_voxels ? told.notes[0] : null;
   get("unordered").hidden = !unordered;
   get("unordered").textContent = unordered ?? "";
   const notes = told.notes.filter((note) => note !== repaired && note !== unordered);
@@ -273,34 +273,34 @@ function show3d(key) {
 function begin() {
   const here = report?.has_path ? picked : null;
   const first = here?.module === 0;
-  get("start").hidden = !here && !wishes.start;
-  get("start-button").hidden = Boolean(first && !wishes.start);
-  if (report && here && !(first && wishes.start)) {
+  get("start").hidden = !here && !options.start;
+  get("start-button").hidden = Boolean(first && !options.start);
+  if (report && here && !(first && options.start)) {
     get("start-text").textContent = `Module ${whole(here.module + 1)} of ${whole(report.modules)}${first ? ", the first" : ""}`;
     get("start-button").textContent = "Start here";
-  } else if (wishes.start) {
-    get("start-text").textContent = `Starts in (${wishes.start.replaceAll(",", ", ")})`;
+  } else if (options.start) {
+    get("start-text").textContent = `Starts in (${options.start.replaceAll(",", ", ")})`;
     get("start-button").textContent = "Undo";
   }
 }
 
-// Cells are others with other wishes, so that a cell to start in means nothing any more.
-function elsewhere() { wishes.start = null; }
+// Cells are others with other options, so that a cell to start in means nothing any more.
+function elsewhere() { options.start = null; }
 
 /** @param {Report["feasibility"]} feasibility */
 function repairs(feasibility) {
   const ways = (feasibility?.repairs ?? []).filter(({ add, drop }) => add.length || drop.length).slice(0, 1).map((repair) => {
     const button = element("button", { type: "button", class: "button primary" }, `Repair: ${repair.detail.charAt(0).toLowerCase()}${repair.detail.slice(1).replace(/\.$/, "")}`);
     button.onclick = () => {
-      wishes.repair = true;
-      if (repair.doubled) wishes.modules = repair.modules;
+      options.repair = true;
+      if (repair.doubled) options.modules = repair.modules;
       elsewhere();
       look();
     };
     return button;
   });
   const apart = feasibility?.problems.some(({ code }) => code === "disconnected"); // so are their blocks
-  if (wishes.method !== "blocks" && wishes.module === "cube" && !apart) {
+  if (options.method !== "blocks" && options.module === "cube" && !apart) {
     const button = element("button", { type: "button", class: "button" }, "Use blocks: 2×2×2 modules for each voxel");
     button.onclick = () => { choose("method", "blocks"); elsewhere(); look(); };
     ways.push(button);
@@ -323,7 +323,7 @@ function bounded(modules) {
  */
 function set(modules, wished = true) {
   const count = bounded(modules);
-  if (wished) { wishes.modules = count; elsewhere(); }
+  if (wished) { options.modules = count; elsewhere(); }
   get("modules").value = String(placeOf(count));
   get("modules").setAttribute("aria-valuetext", `${count} modules`);
   get("modules-number").value = String(count);
@@ -334,24 +334,24 @@ function set(modules, wished = true) {
  * @param {string} value
  */
 function choose(name, value) {
-  wishes[name] = value;
+  options[name] = value;
   const input = /** @type {HTMLInputElement | null} */ (document.querySelector(`[name="${name}"][value="${value}"]`));
   if (input) input.checked = true;
-  get("method-hint").textContent = HINTS[wishes.method];
+  get("method-hint").textContent = HINTS[options.method];
 }
 
-get("wishes").addEventListener("submit", (event) => { event.preventDefault(); look(); });
+get("options").addEventListener("submit", (event) => { event.preventDefault(); look(); });
 get("modules").addEventListener("input", () => { set(modulesAt(Number(get("modules").value))); soon(); });
 get("modules-number").addEventListener("change", () => { set(Number(get("modules-number").value)); look(); });
-get("seed").addEventListener("change", () => { wishes.seed = Math.max(0, Math.floor(Number(get("seed").value)) || 0); elsewhere(); look(); });
+get("seed").addEventListener("change", () => { options.seed = Math.max(0, Math.floor(Number(get("seed").value)) || 0); elsewhere(); look(); });
 follow(get("preset"));
 get("preset").addEventListener("change", () => { if (report) expected(report); });
 for (const input of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll(".choice input"))) {
   input.addEventListener("change", () => { choose(/** @type {"module" | "method" | "ends"} */ (input.name), input.value); if (input.name !== "ends") elsewhere(); look(); });
 }
-get("unrepair").onclick = () => { wishes.repair = false; elsewhere(); look(); };
+get("unrepair").onclick = () => { options.repair = false; elsewhere(); look(); };
 get("start-button").onclick = () => {
-  wishes.start = get("start-button").textContent === "Undo" ? null : picked?.cell?.join(",") ?? null;
+  options.start = get("start-button").textContent === "Undo" ? null : picked?.cell?.join(",") ?? null;
   look();
 };
 for (const button of layers) {
@@ -397,9 +397,9 @@ const stage = new PreviewStage(get("view"), {
 });
 
 addEventListener("pageshow", (event) => { if (event.persisted) busy(false); });
-choose("module", wishes.module);
-choose("method", wishes.method);
-choose("ends", wishes.ends);
-get("seed").value = String(wishes.seed);
-if (wishes.modules) { const { start: asked } = wishes; set(wishes.modules); wishes.start = asked; }
+choose("module", options.module);
+choose("method", options.method);
+choose("ends", options.ends);
+get("seed").value = String(options.seed);
+if (options.modules) { const { start: asked } = options; set(options.modules); options.start = asked; }
 look();

@@ -73,7 +73,7 @@ export class TakeAway {
   }
 
   movie() {
-    const form = element("form", { class: "wishes" },
+    const form = element("form", { class: "options" },
       choice("Format", "format", [["mp4", "MP4"], ["gif", "GIF"]]),
       choice("Size", "size", [["1280x720", "1280 × 720"], ["1920x1080", "1920 × 1080"], ["720x1280", "720 × 1280, upright"], ["640x360", "640 × 360"]]),
       choice("Length", "seconds", [["10", "10 s"], ["6", "6 s"], ["20", "20 s"]]),
@@ -145,7 +145,7 @@ export class TakeAway {
   }
 
   robot() {
-    const form = element("form", { class: "wishes" },
+    const form = element("form", { class: "options" },
       number("Joint speed, rad/s", "max_speed", "1"), number("Acceleration, rad/s²", "max_acceleration", "2"),
       number("Module mass, kg", "module_mass", "0.1"), number("Pitch, m", "pitch", "0.05"),
       number("Motor torque, N·m", "motor_torque", "3"),

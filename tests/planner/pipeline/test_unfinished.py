@@ -20,11 +20,11 @@ from planner.motion.timeline import (
 )
 from planner.pipeline import attempts
 from planner.pipeline.attempt_folders import begin
-from planner.pipeline.ended import look_back, where
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.portfolio import Attempt, Try
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage
+from planner.pipeline.unfinished import settle, stopped_where
 from planner.plan.formats import write_path
 from tests.planner.peels import snake
 
@@ -58,7 +58,7 @@ def attempted(directory: FilePath, chain: Chain, share: float) -> None:
 
 def test_it_tells_which_modules_are_still_bent(tmp_path: FilePath) -> None:
     recorded(tmp_path / "timeline.zarr", CHAIN, 0.8)
-    stuck = look_back(tmp_path)["stuck"]
+    stuck = settle(tmp_path)["stuck"]
     bends = np.abs(CHAIN.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
     assert stuck["modules"] == (np.flatnonzero(bends) + 1).tolist()
     assert stuck["kind"] == "stopped" and "on its way" in stuck["words"]
@@ -66,22 +66,22 @@ def test_it_tells_which_modules_are_still_bent(tmp_path: FilePath) -> None:
 
 def test_slight_bends_count_where_there_are_no_others(tmp_path: FilePath) -> None:
     recorded(tmp_path / "timeline.zarr", CHAIN, 0.3)
-    assert look_back(tmp_path)["stuck"]["modules"]
+    assert settle(tmp_path)["stuck"]["modules"]
     recorded(tmp_path / "timeline.zarr", CHAIN, 1e-3)
-    assert look_back(tmp_path)["stuck"]["modules"] == []
+    assert settle(tmp_path)["stuck"]["modules"] == []
 
 
 def test_of_a_playback_it_tells_what_is_not_folded_yet(tmp_path: FilePath) -> None:
     recorded(tmp_path / "timeline.zarr", CHAIN, 0.0, "playback")
     turns = np.flatnonzero(np.abs(CHAIN.folded_rad).reshape(-1, 2).max(axis=1) > 1.0) + 1
-    assert look_back(tmp_path)["stuck"]["modules"] == turns.tolist()
+    assert settle(tmp_path)["stuck"]["modules"] == turns.tolist()
 
 
 def test_of_an_unfolding_it_tells_what_is_not_straight_yet(tmp_path: FilePath) -> None:
     """What is bent as the other shape is has to become straight first, too."""
     recorded(tmp_path / "timeline.zarr", CHAIN, 1.0, "unfolding")
     turns = np.flatnonzero(np.abs(CHAIN.folded_rad).reshape(-1, 2).max(axis=1) > 1.0) + 1
-    assert look_back(tmp_path)["stuck"]["modules"] == turns.tolist()
+    assert settle(tmp_path)["stuck"]["modules"] == turns.tolist()
 
 
 def test_who_only_looks_changes_nothing(tmp_path: FilePath) -> None:
@@ -89,9 +89,9 @@ def test_who_only_looks_changes_nothing(tmp_path: FilePath) -> None:
     attempted(tmp_path, OTHER, 0.8)
     there = sorted(tmp_path.rglob("*"))
     bends = np.abs(OTHER.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
-    assert where(tmp_path)["stuck"]["modules"] == (np.flatnonzero(bends) + 1).tolist()
+    assert stopped_where(tmp_path)["stuck"]["modules"] == (np.flatnonzero(bends) + 1).tolist()
     assert sorted(tmp_path.rglob("*")) == there
-    assert where(tmp_path / "nothing") == {}
+    assert stopped_where(tmp_path / "nothing") == {}
 
 
 @pytest.mark.parametrize(("left", "kept"), [(0.3, OTHER), (0.9, CHAIN)])
@@ -100,7 +100,7 @@ def test_the_explosion_that_came_farthest_stays(
 ) -> None:
     attempted(tmp_path, OTHER, left)
     attempted(tmp_path, CHAIN, 0.6)
-    look_back(tmp_path)
+    settle(tmp_path)
     timeline = Timeline.open(tmp_path / "timeline.zarr")
     np.testing.assert_array_equal(timeline.chain.folded_rad, kept.folded_rad)
     told = chain_from_attributes(json.loads((tmp_path / "chain.json").read_text()))
@@ -111,9 +111,9 @@ def test_the_explosion_that_came_farthest_stays(
 
 
 def test_without_a_frame_there_is_nothing_to_tell(tmp_path: FilePath) -> None:
-    assert look_back(tmp_path) == {}
+    assert settle(tmp_path) == {}
     TimelineWriter.create(tmp_path / "timeline.zarr", CHAIN).close("failed")
-    assert look_back(tmp_path) == {}
+    assert settle(tmp_path) == {}
 
 
 def test_what_was_tried_is_known_while_the_next_is_under_way(tmp_path: FilePath) -> None:

@@ -1,4 +1,4 @@
-"""Ended: what is shown of a fold that somebody or some limit has ended before its own end."""
+"""Unfinished folds: what is shown of one that somebody or some limit has stopped."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from planner.pipeline.attempt_folders import (
 from planner.pipeline.fold_directory import read_record
 
 
-def look_back(directory: FilePath) -> dict[str, Any]:
+def settle(directory: FilePath) -> dict[str, Any]:
     """Of several attempts keeps the one that came farthest, and tells where it was.
 
     Args:
@@ -38,10 +38,10 @@ def look_back(directory: FilePath) -> dict[str, Any]:
             "explosion": record and record.summary(),
             "certificate": json.loads(certificate.read_bytes()),
         }
-    return where(directory)
+    return stopped_where(directory)
 
 
-def where(directory: FilePath) -> dict[str, Any]:
-    """Where a fold ends that came to no plan, as ``look_back`` tells it; touches nothing."""
+def stopped_where(directory: FilePath) -> dict[str, Any]:
+    """Where a fold ends that came to no plan, as ``settle`` tells it; touches nothing."""
     last = last_frame(result(directory, TIMELINE))
     return {} if last is None else {"stuck": stopped(*last).as_dict()}
