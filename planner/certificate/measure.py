@@ -7,7 +7,6 @@ motion.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
 from pathlib import Path as FilePath
 from typing import Final
 
@@ -23,7 +22,6 @@ from planner.certificate.metrics import (
     Floats,
     Integers,
     write,
-    write_curves,
 )
 from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques, motion_of
@@ -43,26 +41,6 @@ STILL: Final = 1e-9
 EXPLOSION: Final = PHASES.index("explosion")
 
 
-def figures_of(
-    timeline: str | FilePath, parameters: Parameters, *, certificate: Certificate | None = None
-) -> Figures:
-    """All figures of a timeline, in memory: for long folds see ``write_figures``.
-
-    Args:
-        timeline: Where the timeline is.
-        parameters: For the module size and the physical units.
-        certificate: What was verified of the fold: torques are then those of its fold time. Without
-            it, that of the frames themselves under the joint speed limit.
-
-    Raises:
-        TimelineError: When there is no timeline, or it is damaged.
-    """
-    parts = list(_parts(Timeline.open(timeline), parameters, certificate))
-    return Figures(
-        **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Figures)}
-    )
-
-
 def write_figures(
     timeline: str | FilePath,
     path: str | FilePath,
@@ -79,7 +57,9 @@ def write_figures(
     Args:
         timeline: Where the timeline is.
         path: Where the figures shall be; what is there is replaced.
-        parameters, certificate: As in ``figures_of``.
+        parameters: For the module size and the physical units.
+        certificate: What was verified of the fold: torques are then those of its fold time. Without
+            it, that of the frames themselves under the joint speed limit.
 
     Raises:
         TimelineError: When there is no timeline, or it is damaged.
@@ -87,7 +67,7 @@ def write_figures(
     read = Timeline.open(timeline)
     if read.windowed:
         # Of all modules in all frames there would be billions.
-        write_curves(_curves(read, parameters, certificate), str(path))
+        write([_curves(read, parameters, certificate)], len(read), str(path))
         return
     write(_parts(read, parameters, certificate), len(read), str(path))
 

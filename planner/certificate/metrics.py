@@ -6,7 +6,7 @@ On disk they are a zarr group beside the timeline, of which any range of frames 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
 from shutil import rmtree
@@ -48,12 +48,9 @@ class Curves:
     def __len__(self) -> int:
         return len(self.min_clearance)
 
-    def __getitem__(self, index: slice) -> Self:
-        return type(self)(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
-
     @classmethod
     def load(cls, path: str | FilePath, start: int = 0, stop: int | None = None) -> Self:
-        """Frames ``start`` to ``stop`` (all there are when None) of what ``save`` wrote.
+        """Frames ``start`` to ``stop`` (all there are when None) of what ``write`` wrote.
 
         Raises:
             TimelineError: When there are no figures, they are damaged, or the range is not in them.
@@ -100,23 +97,12 @@ class Figures(Curves):
     nearest: Integers
     torque_nm: Floats
 
-    def save(self, path: str | FilePath) -> None:
-        """Writes a zarr group that is either whole or not there; what was there is replaced."""
-        write(_chunks(self), len(self), str(path))
-
-
-def _chunks(figures: Figures) -> Iterator[Figures]:
-    for start in range(0, max(1, len(figures)), FRAMES_A_CHUNK):
-        yield figures[start : start + FRAMES_A_CHUNK]
-
-
-def write_curves(curves: Curves, path: str) -> None:
-    """Writes curves alone, as ``Figures.save`` does all figures."""
-    write((curves,), len(curves), path)
-
 
 def write(parts: Iterable[Curves], frames: int, path: str) -> None:
-    """Writes figures, or curves, in parts, ``frames`` frames in all, as ``Figures.save`` does."""
+    """Writes figures, or curves alone, in parts, ``frames`` frames in all.
+
+    What is there in the end is a whole zarr group, or what was there before.
+    """
     import zarr  # as above
 
     whole = FilePath(path)

@@ -54,7 +54,6 @@ class Module:
         angle_limit_rad: Each hinge moves within plus and minus this angle.
         stop_rad: Where the stops of a simulated explosion begin; they give a little, and what is
             recorded shall stay within the limit.
-        folded_angles_rad: Angles a hinge can have in a folded lattice configuration.
         volume: Of the full-size hull, in cubic pitches.
         inertia: (3,) principal moments of the full-size hull with mass 1, along the frame's axes.
         apart: Modules fewer links apart than this may lie in one another by the joint's nature.
@@ -74,7 +73,6 @@ class Module:
     rigid_links: int
     angle_limit_rad: float
     stop_rad: float
-    folded_angles_rad: Array
     volume: float
     inertia: Array
     apart: int
@@ -170,10 +168,6 @@ class Module:
             _largest_projection(farthest, up, limit), _largest_projection(nearest, up, limit)
         )
 
-    def hinge_count(self, modules: int) -> int:
-        """Number of hinge angles of a chain of ``modules`` modules."""
-        return self.hinges_per_joint * max(0, modules - 1 - self.rigid_links)
-
     def joint_names(self, modules: int) -> tuple[str, ...]:
         """Names of the hinge angles, module by module: ``joint_<module>[_<hinge>]``."""
         return tuple(
@@ -212,7 +206,6 @@ CUBE: Final = Module(
     rigid_links=1,
     angle_limit_rad=float(np.deg2rad(92.0)),
     stop_rad=float(np.deg2rad(92.0)),
-    folded_angles_rad=_frozen(np.deg2rad([-90.0, 0.0, 90.0])),
     volume=1.0,
     inertia=_frozen([1.0 / 6.0, 1.0 / 6.0, 1.0 / 6.0]),
     apart=2,
@@ -244,7 +237,6 @@ TETRAHEDRON: Final = Module(
     rigid_links=0,
     angle_limit_rad=float(np.deg2rad(90.85)),
     stop_rad=float(np.deg2rad(90.25)),
-    folded_angles_rad=_frozen(np.deg2rad([-90.0, 0.0, 90.0])),
     volume=2.0 / 3.0,
     inertia=_frozen([0.2, 0.15, 0.15]),
     apart=1,

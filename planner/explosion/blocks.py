@@ -46,8 +46,6 @@ def explode_blocks_first(
     chain: Chain,
     parameters: ExplosionParameters,
     *,
-    blocks: int = BLOCK_MODULES,
-    tether: int = TETHER_MODULES,
     seed: int = 0,
     sink: Callable[[Frames], None] | None = None,
     progress: Report = silent,
@@ -58,9 +56,6 @@ def explode_blocks_first(
     Args:
         chain: The chain, starting in its folded configuration.
         parameters: How it is let go.
-        blocks: Modules of a block, counted from module 0. Where the path fills compact blocks one
-            after the other, as many as those have.
-        tether: Modules at either end of a block that are not rigid.
         seed, sink, progress, cancelled: As in ``planner.explosion.simultaneous.explode``.
 
     Raises:
@@ -71,7 +66,8 @@ def explode_blocks_first(
         snapshot_rad=COARSER_TURN * parameters.snapshot_rad,
         snapshot_distance=COARSER_WAY * parameters.snapshot_distance,
     )
-    run = _BlocksFirst(chain, coarser, seed, sink, block_starts(len(chain), blocks, tether))
+    starts = block_starts(len(chain), BLOCK_MODULES, TETHER_MODULES)
+    run = _BlocksFirst(chain, coarser, seed, sink, starts)
     return run.run(progress, cancelled)
 
 

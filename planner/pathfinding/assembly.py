@@ -127,16 +127,13 @@ def layered_snake(sides: tuple[int, int, int]) -> Ints:
     return snake_path(sides, axes=(int(order[0]), int(order[1]), int(order[2])))
 
 
-def assembly_path(
-    coarse: Ints, rng: np.random.Generator, *, side: int = 2, visits: int = VISITS
-) -> Ints | None:
+def assembly_path(coarse: Ints, rng: np.random.Generator, *, side: int = 2) -> Ints | None:
     """A path in assembly order through blocks, or None when none was found.
 
     Args:
         coarse: (m, 3) the blocks; block b holds the cells side · b + {0 … side − 1}³.
         rng: Decides between equals, and what another attempt does otherwise.
         side: Cells along each edge of a block, even.
-        visits: Blocks looked at in one attempt, for each block that there is.
 
     Returns:
         (m · side³, 3) the cells in order.
@@ -144,27 +141,8 @@ def assembly_path(
     if side < 2 or side % 2:
         raise ValueError(f"got blocks of side {side}, expected an even number")
     blocks = np.unique(np.asarray(coarse, dtype=np.int64), axis=0)
-    order = coarse_path(blocks, rng, visits=visits)
+    order = coarse_path(blocks, rng)
     return None if order is None else filled_blocks(blocks[order], side)
-
-
-def solid_path(coarse: Ints, rng: np.random.Generator, *, side: int = 4) -> Ints | None:
-    """The path in assembly order that comes off best of those that are found, or None.
-
-    Args:
-        coarse: (m, 3) the blocks, as in ``assembly_path``.
-        rng: Decides between equals.
-        side: Cells along each edge of a block; a power of two.
-    """
-    best: Ints | None = None
-    score = 0.0
-    for found in solid_paths(np.asarray(coarse, dtype=np.int64), rng, side):
-        rated = peelable(found).score
-        if rated > score:
-            best, score = found, rated
-        if score == 1.0:
-            break
-    return best
 
 
 def solid_paths(coarse: Ints, rng: np.random.Generator, side: int) -> Iterator[Ints]:
@@ -190,7 +168,7 @@ def solid_paths(coarse: Ints, rng: np.random.Generator, side: int) -> Iterator[I
             yield from_better_end(found)
 
 
-def coarse_path(blocks: Ints, rng: np.random.Generator, *, visits: int = VISITS) -> Ints | None:
+def coarse_path(blocks: Ints, rng: np.random.Generator) -> Ints | None:
     """(m,) the blocks in assembly order, each touching the next, or None when none was found."""
     near = neighbours(blocks)
     black = int((blocks.sum(axis=1) & 1).sum())
@@ -199,7 +177,7 @@ def coarse_path(blocks: Ints, rng: np.random.Generator, *, visits: int = VISITS)
     for attempt in range(ATTEMPTS):
         axis = (2, 1, 0)[attempt % 3]
         found = _Search(blocks, near, axis, rng).run(
-            min(visits * len(blocks), MOST_VISITS + len(blocks))
+            min(VISITS * len(blocks), MOST_VISITS + len(blocks))
         )
         if found is not None:
             return np.array(found, dtype=np.int64)

@@ -18,6 +18,7 @@ from planner.pathfinding.trails import circuit, free_cuts, opened
 from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]
+CHOICE: Final = 4
 LARGEST_CHOICE: Final = 20_000
 """Tetrahedra up to which there is a choice; a larger shape gets one trail."""
 LARGEST_KNOT: Final = 10_000
@@ -42,7 +43,6 @@ def find_trails(
     ends: str = "any",
     start: Cell | None = None,
     seed: int = 0,
-    candidates: int = 4,
 ) -> TrailSearch:
     """Fills each cell with its ring of twelve tetrahedra and finds trails through all of them.
 
@@ -53,7 +53,6 @@ def find_trails(
         ends: ``surface`` when no other module may use the hinge edges at the ends.
         start: The cell in whose ring the chain begins, None for any.
         seed: The same seed gives the same trails.
-        candidates: How many trails at most.
 
     Raises:
         InputError: ``no-trail`` when the cells are in several parts, ``not-a-cell`` for a start
@@ -67,7 +66,7 @@ def find_trails(
             "to cell through their faces.",
         )
     pairs = ring_pairs(shape.cells)
-    made = candidates if len(pairs) <= LARGEST_CHOICE else 1
+    made = CHOICE if len(pairs) <= LARGEST_CHOICE else 1
     found: dict[bytes, tuple[tuple[int, int, int], Trail]] = {}
     for k in range(made):
         # Merging along a direction gives a tidy tree; at random, the chain takes twice the steps.

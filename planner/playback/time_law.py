@@ -13,6 +13,8 @@ from planner.chain.module import Module
 from planner.playback.reference import Reference
 
 Array = NDArray[np.float64]
+RAMP: Final = 0.08
+"""Part of the time that the smooth law takes to reach its speed, and to lose it again."""
 FASTEST: Final = 2.0
 """The bounded law nowhere runs faster than this times its mean."""
 SMOOTHING: Final = 8.0
@@ -144,18 +146,18 @@ def _law_from_profile(u: Array, z: Array, steps: int, step_s: float) -> TimeLaw:
     return TimeLaw(u=where, rate=rate, acceleration=acceleration, step_s=step_s)
 
 
-def smooth_law(*, steps: int, step_s: float, ramp: float = 0.08) -> TimeLaw:
-    """Even speed with quintic ramps over a fraction of the time at both ends."""
+def smooth_law(*, steps: int, step_s: float) -> TimeLaw:
+    """Even speed with quintic ramps over ``RAMP`` of the time at both ends."""
     x = np.linspace(0.0, 1.0, steps + 1)
-    top = 1.0 / (1.0 - ramp)
-    y = np.clip(np.minimum(x, 1.0 - x) / ramp, 0.0, 1.0)
+    top = 1.0 / (1.0 - RAMP)
+    y = np.clip(np.minimum(x, 1.0 - x) / RAMP, 0.0, 1.0)
     rate = top * y**3 * (10.0 - 15.0 * y + 6.0 * y**2)
-    slope = top / ramp * 30.0 * (y * (1.0 - y)) ** 2 * np.where(x < 0.5, 1.0, -1.0)
-    risen = top * ramp * y**4 * (2.5 - 3.0 * y + y**2)
+    slope = top / RAMP * 30.0 * (y * (1.0 - y)) ** 2 * np.where(x < 0.5, 1.0, -1.0)
+    risen = top * RAMP * y**4 * (2.5 - 3.0 * y + y**2)
     u = np.where(
-        x < ramp,
+        x < RAMP,
         risen,
-        np.where(x > 1.0 - ramp, 1.0 - risen, top * (x - 0.5 * ramp)),
+        np.where(x > 1.0 - RAMP, 1.0 - risen, top * (x - 0.5 * RAMP)),
     )
     total = steps * step_s
     return TimeLaw(u=u, rate=rate / total, acceleration=slope / total**2, step_s=step_s)

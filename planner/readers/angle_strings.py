@@ -12,8 +12,7 @@ from typing import Final
 import numpy as np
 
 from planner.chain.chain import Chain
-from planner.chain.module import TETRAHEDRON, Module
-from planner.chain.path import DEFAULT_PITCH_M
+from planner.chain.module import TETRAHEDRON
 from planner.errors import InputError
 from planner.readers.limits import MOST_CELLS, quote, too_many
 
@@ -38,8 +37,6 @@ def read_angle_string(
     text: str,
     *,
     name: str = "chain",
-    module: Module = TETRAHEDRON,
-    pitch_m: float = DEFAULT_PITCH_M,
     most_modules: int = MOST_CELLS,
 ) -> Chain:
     """A chain from its string of angles.
@@ -47,8 +44,6 @@ def read_angle_string(
     Args:
         text: A sign for each hinge.
         name: What people call the shape.
-        module: The kind of module.
-        pitch_m: Distance of neighbouring modules in metres.
         most_modules: Longer chains are refused.
 
     Raises:
@@ -67,16 +62,7 @@ def read_angle_string(
                 where=f"character {index + 1}",
             )
         angles.append(TURNS[character])
-    if len(angles) + 1 + module.rigid_links > most_modules:
-        raise too_many(len(angles) + 1 + module.rigid_links, most_modules, "modules")
-    return Chain.from_angles(module, np.deg2rad(angles), name=name, pitch_m=pitch_m)
-
-
-def angle_string(chain: Chain) -> str | None:
-    """The string of a chain whose hinges are all straight or at quarter turns; None for others."""
-    signs = {0: "0", 1: "+", -1: "-"}
-    turns = np.rad2deg(chain.folded_rad) / 90.0
-    whole = np.rint(turns).astype(int)
-    if np.abs(turns - whole).max(initial=0.0) > 1e-9 or np.abs(whole).max(initial=0) > 1:
-        return None
-    return " ".join(signs[int(turn)] for turn in whole)
+    modules = len(angles) + 1 + TETRAHEDRON.rigid_links
+    if modules > most_modules:
+        raise too_many(modules, most_modules, "modules")
+    return Chain.from_angles(TETRAHEDRON, np.deg2rad(angles), name=name)

@@ -40,10 +40,10 @@ def read_csv(text: str, source: Source) -> Path | Shape:
                 if columns is not None:
                     continue
                 columns = (0, 1, 2)
-                _check_width(fields, 3, line)
+                _check_width(fields, line)
             if columns == (0, 1, 2):
                 fields = _without_empty_tail(fields)
-                _check_width(fields, 3, line)
+                _check_width(fields, line)
             else:
                 _check_reach(fields, columns, line)
             rows.append(
@@ -88,8 +88,8 @@ def _without_empty_tail(fields: list[str]) -> list[str]:
     return fields[:-1] if len(fields) == 4 and not fields[-1].strip() else fields
 
 
-def _check_width(fields: list[str], expected: int, line: int) -> None:
-    if len(_without_empty_tail(fields)) != expected:
+def _check_width(fields: list[str], line: int) -> None:
+    if len(_without_empty_tail(fields)) != len(AXES):
         raise InputError(
             "wrong-count",
             f"got {len(fields)} field{'' if len(fields) == 1 else 's'} "

@@ -186,7 +186,6 @@ class Segments:
         self.spins = np.empty((n, 3))
         self._ahead = (np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3)))
         self._bias = np.zeros(self.model.nv)
-        self._contacts_geom = np.empty(0)
 
     def _set_options(self) -> None:
         option = self.model.opt

@@ -170,10 +170,6 @@ class Store:
         with self._sessions() as session:
             return session.scalars(sa.select(FoldRow).where(FoldRow.status.in_(WAITING))).all()
 
-    def queue_position(self, row: FoldRow) -> int:
-        """1 for the fold that is next, and so on; 0 when it is not queued."""
-        return self.ahead(row)[0] if row.status == "queued" else 0
-
     def ahead(self, row: FoldRow) -> tuple[int, float, float]:
         """What a queued fold waits for.
 

@@ -20,6 +20,8 @@ from planner.files import write_whole
 from server.settings import Settings
 
 MOST_WORKERS: Final = 256
+WHOLE_FILE: Final = struct.pack("hhqqi0q", F_WRLCK, os.SEEK_SET, 0, 0, 0)
+"""The kernel's ``struct flock`` for all of a file: type, whence, start, length, pid."""
 
 
 class WorkerIdentities:
@@ -79,7 +81,7 @@ class WorkerIdentity:
 def _lock(path: Path) -> IO[str] | None:
     file = open(path, "w")  # noqa: SIM115 (the lock is held for the life of the process)
     try:
-        fcntl(file, F_OFD_SETLK, _of_file(F_WRLCK))
+        fcntl(file, F_OFD_SETLK, WHOLE_FILE)
     except OSError as error:
         file.close()
         if error.errno in (errno.EAGAIN, errno.EACCES):
@@ -92,12 +94,7 @@ def _locked(path: Path) -> bool:
     """Whether a living process holds the lock of a file; it is not taken meanwhile."""
     try:
         with open(path) as file:
-            found = fcntl(file, F_OFD_GETLK, _of_file(F_WRLCK))
+            found = fcntl(file, F_OFD_GETLK, WHOLE_FILE)
     except FileNotFoundError:
         return False
     return struct.unpack_from("h", found)[0] != F_UNLCK
-
-
-def _of_file(kind: int) -> bytes:
-    """The kernel's ``struct flock`` for a whole file: type, whence, start, length, pid."""
-    return struct.pack("hhqqi0q", kind, os.SEEK_SET, 0, 0, 0)

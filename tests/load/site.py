@@ -76,8 +76,6 @@ class Site:
         }
         self.web = self._service("web", workers=setup.supervised)
         self._hosts: list[subprocess.Popen[bytes] | None] = [None] * setup.hosts
-        self.ailing = False
-        """Whether its storage is broken just now."""
 
     @property
     def data_dir(self) -> Path:

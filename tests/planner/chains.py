@@ -60,9 +60,9 @@ def random_state(chain: Chain, seed: int, most: float = 0.3) -> State:
     )
 
 
-def overlapping(modules: int = 5) -> Chain:
+def overlapping() -> Chain:
     """A chain whose last module is folded into its first ones: no reader would let it in."""
-    angles = np.zeros(2 * (modules - 2))
+    angles = np.zeros(6)
     angles[0::2] = np.pi / 2
     return Chain(
         name="overlapping",

@@ -24,8 +24,8 @@ def box(*sides: float) -> Mesh:
     return trimesh.creation.box(sides)
 
 
-def solid_of(mesh: Mesh, name: str = "solid") -> Solid:
-    return Solid.from_triangles(mesh.vertices, mesh.faces, name=name)
+def solid_of(mesh: Mesh) -> Solid:
+    return Solid.from_triangles(mesh.vertices, mesh.faces, name="solid")
 
 
 def exported(kind: str, mesh: Mesh) -> bytes:

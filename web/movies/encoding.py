@@ -34,7 +34,6 @@ class Encoder:
             movie: Size, pace and format.
             out: The file to write; a GIF needs room for another one beside it for a while.
         """
-        self._movie = movie
         self._out = out
         self._raw = out if movie.format == "mp4" else out.with_name(f"{out.name}.mkv")
         # ffmpeg's words go to a file: a pipe that nobody reads would stop it one day.

@@ -36,11 +36,6 @@ SMALLEST_SCALE_RAD: Final = 1e-3
 RAMP_STEPS: Final = 256
 
 
-def css(colour: Rgb) -> str:
-    """A colour as style sheets write it."""
-    return f"rgb({colour[0]} {colour[1]} {colour[2]})"
-
-
 def linear_from_srgb(srgb: Array) -> Array:
     """Converts sRGB values (…) in 0 to 1 to linear light in 0 to 1."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

@@ -42,9 +42,7 @@ class GroundShadow:
     shade: Array
 
 
-def ground_shadow(
-    positions: Array, *, ground: float, lean: Array, cells: int = CELLS
-) -> GroundShadow:
+def ground_shadow(positions: Array, *, ground: float, lean: Array) -> GroundShadow:
     """The shadow of modules on the ground.
 
     Each module is a square, blurred by a Gaussian as wide as its height asks for; light gets past
@@ -54,7 +52,6 @@ def ground_shadow(
         positions: (n, 3) centres of the modules in pitches.
         ground: Height of the ground.
         lean: (2,) how far a shadow moves aside with each pitch of height.
-        cells: Cells along each side.
     """
     height = np.maximum(positions[:, 2] - ground, 0.0)
     blur = SHARPEST + WIDENING * height
@@ -62,7 +59,7 @@ def ground_shadow(
     free = EDGE * float(blur.max()) + WIDTH
     low, high = at.min(axis=0) - free, at.max(axis=0) + free
     middle, side = (low + high) / 2, float((high - low).max())
-    lines = (np.arange(cells) + 0.5) / cells * side - side / 2
+    lines = (np.arange(CELLS) + 0.5) / CELLS * side - side / 2
     along_x, along_y = (
         _covered(lines[None, :] + middle[k] - at[:, k, None], blur) for k in range(2)
     )

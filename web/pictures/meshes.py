@@ -13,6 +13,9 @@ from planner.chain.module import Module
 Array = NDArray[np.float64]
 SHOWN_SIZE: Final = 0.93
 BEVEL: Final = 0.075
+STUD_RADIUS: Final = 0.21
+STUD_HEIGHT: Final = 0.09
+STUD_SIDES: Final = 20
 FLAT_TOLERANCE: Final = 1e-6
 
 
@@ -24,29 +27,23 @@ class Mesh:
     faces: NDArray[np.int64]
 
 
-def module_mesh(module: Module, *, size: float = SHOWN_SIZE, bevel: float = BEVEL) -> Mesh:
-    """A module's hull, shrunk to leave a gap, its edges and corners cut by a small bevel.
-
-    Args:
-        module: The kind of module.
-        size: Share of the full size that is drawn.
-        bevel: How far, in pitches, each face is drawn in from its edges.
-    """
+def module_mesh(module: Module) -> Mesh:
+    """A module's hull, shrunk to leave a gap, its edges and corners cut by a small bevel."""
     from scipy.spatial import ConvexHull  # late: a service starts before anybody looks
 
-    corners = module.vertices * size
+    corners = module.vertices * SHOWN_SIZE
     hull = ConvexHull(corners)
     planes = np.unique(np.round(hull.equations, 9), axis=0)
-    points = [_inset(corners[_on(corners, plane)], bevel) for plane in planes]
+    points = [_inset(corners[_on(corners, plane)]) for plane in planes]
     return _outward(np.concatenate(points))
 
 
-def stud_mesh(*, radius: float = 0.21, height: float = 0.09, sides: int = 20) -> Mesh:
+def stud_mesh() -> Mesh:
     """A low disc along x, for marking the free end of a chain; its base is at the origin."""
-    turn = np.linspace(0.0, 2 * np.pi, sides, endpoint=False)
-    ring = np.column_stack([np.zeros(sides), np.cos(turn), np.sin(turn)])
-    low = ring * radius
-    high = ring * radius * 0.86 + np.array([height, 0.0, 0.0])
+    turn = np.linspace(0.0, 2 * np.pi, STUD_SIDES, endpoint=False)
+    ring = np.column_stack([np.zeros(STUD_SIDES), np.cos(turn), np.sin(turn)])
+    low = ring * STUD_RADIUS
+    high = ring * STUD_RADIUS * 0.86 + np.array([STUD_HEIGHT, 0.0, 0.0])
     return _outward(np.concatenate([low, high]))
 
 
@@ -54,7 +51,7 @@ def _on(points: Array, plane: Array) -> NDArray[np.bool_]:
     return np.abs(points @ plane[:3] + plane[3]) < FLAT_TOLERANCE
 
 
-def _inset(corners: Array, bevel: float) -> Array:
+def _inset(corners: Array) -> Array:
     """The corners of one flat face, each moved along its two edges' inner bisector."""
     centre = corners.mean(axis=0)
     spread = corners - centre
@@ -67,7 +64,7 @@ def _inset(corners: Array, bevel: float) -> Array:
     before /= np.linalg.norm(before, axis=1, keepdims=True)
     after /= np.linalg.norm(after, axis=1, keepdims=True)
     sine = np.linalg.norm(np.cross(before, after), axis=1, keepdims=True)
-    return ring + (before + after) * bevel / sine
+    return ring + (before + after) * BEVEL / sine
 
 
 def _outward(points: Array) -> Mesh:

@@ -39,13 +39,8 @@ class Piece:
     normal: Array
 
 
-def module_faces(module: Module, *, bevel: float = BEVEL) -> tuple[Piece, ...]:
-    """The pieces of a module.
-
-    Args:
-        module: Its kind; three faces meet in each of its corners.
-        bevel: How far, in pitches, each face is drawn in from its edges.
-    """
+def module_faces(module: Module) -> tuple[Piece, ...]:
+    """The pieces of a module; three faces meet in each of its corners."""
     outline = sketch_outline(module, 1)
     corners: Array = np.array(outline["corners"])
     faces: list[list[int]] = outline["faces"]
@@ -54,7 +49,7 @@ def module_faces(module: Module, *, bevel: float = BEVEL) -> tuple[Piece, ...]:
     beside: dict[tuple[int, int], int] = {}
     meeting: dict[int, list[int]] = defaultdict(list)
     for face, ring in enumerate(faces):
-        for corner, point in zip(ring, _inset(corners[ring], bevel), strict=True):
+        for corner, point in zip(ring, _inset(corners[ring]), strict=True):
             inset[face, corner] = point
             meeting[corner].append(face)
         for corner, following in zip(ring, [*ring[1:], ring[0]], strict=True):
@@ -97,10 +92,10 @@ def module_faces(module: Module, *, bevel: float = BEVEL) -> tuple[Piece, ...]:
     return tuple(pieces)
 
 
-def _inset(ring: Array, bevel: float) -> Array:
+def _inset(ring: Array) -> Array:
     """The corners of a flat face, each moved along its two edges' inner bisector."""
     before, after = np.roll(ring, 1, axis=0) - ring, np.roll(ring, -1, axis=0) - ring
     before /= np.linalg.norm(before, axis=1, keepdims=True)
     after /= np.linalg.norm(after, axis=1, keepdims=True)
     sine = np.linalg.norm(np.cross(before, after), axis=1, keepdims=True)
-    return ring + (before + after) * bevel / sine
+    return ring + (before + after) * BEVEL / sine

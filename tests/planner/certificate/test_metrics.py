@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from planner.certificate.certificate import Certificate, torque_unit_nm
-from planner.certificate.measure import clearances_of, figures_of, write_figures
+from planner.certificate.measure import clearances_of, write_figures
 from planner.certificate.metrics import REACH, Curves, Figures
 from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques, motion_of
@@ -46,6 +46,14 @@ def timeline_of(path: FilePath, chain: Chain, *parts: tuple[Phase, Array], error
                 )
             )
             start += count - 1
+
+
+def figures_of(
+    timeline: FilePath, parameters: Parameters, certificate: Certificate | None = None
+) -> Figures:
+    path = timeline.with_name("figures")
+    write_figures(timeline, path, parameters, certificate=certificate)
+    return Figures.load(path)
 
 
 def closing(chain: Chain, frames: int) -> Array:
@@ -176,10 +184,11 @@ def test_torques_are_those_of_the_certificates_fold_time(
     tmp_path: FilePath, folded: Callable[..., Any]
 ) -> None:
     fold = folded("wrench-24")
-    path = fold.directory / "timeline.zarr"
+    path = tmp_path / "timeline.zarr"
+    path.symlink_to(fold.directory / "timeline.zarr")
     slow = replace(fold.plan.certificate, fold_time_s=2.0 * fold.plan.certificate.fold_time_s)
-    fast = figures_of(path, fold.parameters, certificate=fold.plan.certificate)
-    once = figures_of(path, fold.parameters, certificate=slow)
+    fast = figures_of(path, fold.parameters, fold.plan.certificate)
+    once = figures_of(path, fold.parameters, slow)
     np.testing.assert_allclose(once.torque_nm, 0.25 * fast.torque_nm, rtol=1e-5)
 
 
@@ -188,22 +197,20 @@ def test_what_is_saved_is_read_in_any_range(tmp_path: FilePath) -> None:
     chain = coil(10)
     timeline_of(tmp_path / "t", chain, ("playback", closing(chain, 300)), error=0.0)
     figures = figures_of(tmp_path / "t", PARAMETERS)
-    figures.save(tmp_path / "saved")
-    write_figures(tmp_path / "t", tmp_path / "written", PARAMETERS)
-    write_figures(tmp_path / "t", tmp_path / "written", PARAMETERS)  # replaces what was there
-    for path in (tmp_path / "saved", tmp_path / "written"):
-        for start, stop in ((0, 300), (100, 140), (299, 300), (7, 7)):
-            part = Figures.load(path, start, stop)
-            assert len(part) == stop - start
-            for field in fields(Figures):
-                values = getattr(figures, field.name)
-                np.testing.assert_array_equal(getattr(part, field.name), values[start:stop])
-                assert getattr(part, field.name).dtype == values.dtype
-        np.testing.assert_array_equal(Curves.load(path).min_clearance, figures.min_clearance)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["saved", "t", "written"]
+    path = tmp_path / "figures"
+    write_figures(tmp_path / "t", path, PARAMETERS)  # replaces what was there
+    for start, stop in ((0, 300), (100, 140), (299, 300), (7, 7)):
+        part = Figures.load(path, start, stop)
+        assert len(part) == stop - start
+        for field in fields(Figures):
+            values = getattr(figures, field.name)
+            np.testing.assert_array_equal(getattr(part, field.name), values[start:stop])
+            assert getattr(part, field.name).dtype == values.dtype
+    np.testing.assert_array_equal(Curves.load(path).min_clearance, figures.min_clearance)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["figures", "t"]
     for start, stop in ((-1, 3), (5, 4), (0, 301)):
         with pytest.raises(TimelineError, match="300 frames"):
-            Figures.load(tmp_path / "saved", start, stop)
+            Figures.load(path, start, stop)
 
 
 def test_no_figures_are_no_figures(tmp_path: FilePath) -> None:

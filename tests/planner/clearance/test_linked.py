@@ -152,7 +152,7 @@ def test_all_tetrahedra_are_checked_against_each_other() -> None:
 
 @pytest.mark.parametrize(("module", "count"), [(CUBE, 9), (CUBE, 900), (TETRAHEDRON, 12)])
 def test_an_exported_model_excludes_exactly_the_exempt_pairs(module: Module, count: int) -> None:
-    row = Chain.from_angles(module, np.zeros(module.hinge_count(count)))
+    row = Chain.from_angles(module, np.zeros(len(module.joint_names(count))))
     model = mujoco.MjModel.from_xml_string(mjcf(row, module_size=0.95))
     excluded = {
         tuple(sorted(int(model.body(b).name.split("_")[1]) for b in (key >> 16, key & 0xFFFF)))

@@ -20,7 +20,7 @@ from planner.explosion.peeling_window import Bend, Peelable
 from planner.motion.motion import motion_arrays
 from planner.motion.record import Record
 from planner.motion.windows import Windows
-from planner.pathfinding.assembly import assembly_path, solid_path
+from planner.pathfinding.assembly import assembly_path, peelable, solid_paths
 from planner.pathfinding.snake import snake_path
 from planner.playback.kinematic import windowed_frames
 from planner.progress import Progress
@@ -53,8 +53,8 @@ def blocks() -> tuple[Chain, Record]:
 
 def solid(voxels: np.ndarray, seed: int) -> tuple[Chain, Windows]:
     """A solid whose path goes layer by layer, off its core."""
-    cells = solid_path(voxels, np.random.default_rng(0), side=2)
-    assert cells is not None
+    paths = solid_paths(voxels, np.random.default_rng(0), 2)
+    cells = max(paths, key=lambda path: peelable(path).score)
     chain = chain_of(cells)
     record = peel(chain, DEFAULT, seed=seed)
     assert record.status == "straight", record.reason

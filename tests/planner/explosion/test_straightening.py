@@ -11,9 +11,9 @@ from planner.simulation.segments import State
 from tests.planner.chains import coil, line, random_state
 
 
-def straightened(chain: Chain, state: State, *, rad: float = 0.02) -> Frames | None:
+def straightened(chain: Chain, state: State) -> Frames | None:
     return straightening(
-        chain, state, start_s=5.0, snapshot_rad=rad, snapshot_distance=0.5, size=0.95
+        chain, state, start_s=5.0, snapshot_rad=0.02, snapshot_distance=0.5, size=0.95
     )
 
 

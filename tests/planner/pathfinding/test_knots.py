@@ -41,15 +41,15 @@ def on_lattice(curve: NDArray[np.float64], scale: float) -> Cells:
     return cells
 
 
-def torus_winding(p: int, q: int, points: int = 4000) -> NDArray[np.float64]:
+def torus_winding(p: int, q: int) -> NDArray[np.float64]:
     """p times around the axis, q times around the ring."""
-    u = np.linspace(0, 2 * np.pi, points, endpoint=False)
+    u = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
     rho = 3 + np.cos(q * u)
     return np.stack([rho * np.cos(p * u), rho * np.sin(p * u), np.sin(q * u)], axis=1)
 
 
-def figure_eight(points: int = 4000) -> NDArray[np.float64]:
-    u = np.linspace(0, 2 * np.pi, points, endpoint=False)
+def figure_eight() -> NDArray[np.float64]:
+    u = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
     rho = 2 + np.cos(2 * u)
     return np.stack([rho * np.cos(3 * u), rho * np.sin(3 * u), np.sin(4 * u)], axis=1)
 

@@ -25,11 +25,11 @@ Array = NDArray[np.float64]
 STEP_S = 0.02
 
 
-def obeyed(setpoints: Setpoints, start: Array, most: int = 20_000) -> list[Target]:
+def obeyed(setpoints: Setpoints, start: Array) -> list[Target]:
     """All targets for a chain that is always where it should be, and then at rest."""
     found: list[Target] = []
     angles, rates = start, np.zeros_like(start)
-    while len(found) < most:
+    while len(found) < 20_000:
         target = setpoints.target(angles, rates)
         if target is None:
             return found

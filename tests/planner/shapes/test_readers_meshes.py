@@ -26,8 +26,8 @@ def solid_in(data: bytes, filename: str | None = None) -> Solid:
     return found
 
 
-def volume_in(data: bytes, filename: str | None = None) -> float:
-    solid = solid_in(data, filename)
+def volume_in(data: bytes) -> float:
+    solid = solid_in(data)
     assert solid.oriented, solid.notes
     return signed_volume(solid.vertices, solid.faces)
 

@@ -182,16 +182,16 @@ def test_a_secret_is_made_once(store: Store) -> None:
 def order(store: Store, folds: list[FoldRow]) -> list[str]:
     """Their names, as they come to their turn."""
     queued = [store.fold(f.id) for f in folds]
-    return [f.name for f in sorted(queued, key=store.queue_position)]
+    return [f.name for f in sorted(queued, key=store.ahead)]
 
 
 def test_places_in_the_queue(store: Store) -> None:
     folds = [row(created_at=float(i)) for i in range(3)]
     for fold in folds:
         store.add(fold, new_token())
-    assert [store.queue_position(f) for f in folds] == [1, 2, 3]
+    assert [store.ahead(f)[0] for f in folds] == [1, 2, 3]
     store.begin(folds[0].id, "read", "one")
-    assert [store.queue_position(store.fold(f.id)) for f in folds] == [0, 1, 2]
+    assert [store.ahead(f)[0] for f in folds[1:]] == [1, 2]
     assert store.waiting() == 3
     assert store.waiting(visitor="nobody") == 0
 
@@ -224,7 +224,7 @@ def test_a_long_fold_is_not_overtaken_for_ever(store: Store) -> None:
     while True:
         short = row(visitor=f"visitor {served}", modules=160)
         store.add(short, new_token())
-        if store.queue_position(store.fold(long.id)) == 1:
+        if store.ahead(store.fold(long.id))[0] == 1:
             break
         store.begin(short.id, "read", "one")
         store.finish(short.id, "verified", summary={})

@@ -151,7 +151,7 @@ def test_the_first_schema_comes_up_with_all_its_rows(
         assert [row.shape for row in store.list_public()] == ["mallet-64"]
         assert len(store.list_owned(TOKEN)) == len(STATUSES)
         assert {row.status for row in store.unfinished()} == {"queued", "running"}
-        assert store.queue_position(store.fold(folds[0]["id"])) == 1
+        assert store.ahead(store.fold(folds[0]["id"]))[0] == 1
         new = a_fold("new", created_at=1.8e9, content_key=hashlib.sha256(b"new").hexdigest())
         assert store.add(new, TOKEN)
         assert not store.add(a_fold("twin", content_key=new.content_key), TOKEN)
