@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Grid = NDArray[np.int32]
 Ints = NDArray[np.int64]
+Covered = NDArray[np.bool_]
 FIXED = 2
 """Modules at the start of a window that belong to the core."""
 
@@ -40,6 +41,18 @@ def rod_span(end: Array, along: Array, rod: int, low: Array, high: Array) -> tup
 
 
 @njit(cache=True)
+def _uncovered(
+    grid: Grid, done: Covered, last: int, x: int, y: int, y_end: int, z: int, z_end: int
+) -> bool:
+    """Whether all cells of a rectangle in one layer hold numbers 0 to ``last`` and no box yet."""
+    for j in range(y, y_end):
+        for k in range(z, z_end):
+            if done[x, j, k] or grid[x, j, k] < 0 or grid[x, j, k] > last:
+                return False
+    return True
+
+
+@njit(cache=True)
 def box_cover(grid: Grid, last: int, out: Ints) -> int:
     """Covers the cells with numbers 0 to ``last`` with boxes, greedily; how many there are.
 
@@ -54,33 +67,16 @@ def box_cover(grid: Grid, last: int, out: Ints) -> int:
     for x in range(sx):
         for y in range(sy):
             for z in range(sz):
-                if done[x, y, z] or grid[x, y, z] < 0 or grid[x, y, z] > last:
+                if not _uncovered(grid, done, last, x, y, y + 1, z, z + 1):
                     continue
                 c = z + 1
-                while c < sz and not done[x, y, c] and 0 <= grid[x, y, c] <= last:
+                while c < sz and _uncovered(grid, done, last, x, y, y + 1, c, c + 1):
                     c += 1
                 b = y + 1
-                while b < sy:
-                    good = True
-                    for k in range(z, c):
-                        if done[x, b, k] or grid[x, b, k] < 0 or grid[x, b, k] > last:
-                            good = False
-                            break
-                    if not good:
-                        break
+                while b < sy and _uncovered(grid, done, last, x, b, b + 1, z, c):
                     b += 1
                 a = x + 1
-                while a < sx:
-                    good = True
-                    for j in range(y, b):
-                        for k in range(z, c):
-                            if done[a, j, k] or grid[a, j, k] < 0 or grid[a, j, k] > last:
-                                good = False
-                                break
-                        if not good:
-                            break
-                    if not good:
-                        break
+                while a < sx and _uncovered(grid, done, last, a, y, b, z, c):
                     a += 1
                 done[x:a, y:b, z:c] = True
                 out[count, 0] = x

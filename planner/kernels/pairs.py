@@ -21,6 +21,18 @@ def _hash(x: int, y: int, z: int, mask: int) -> int:
     return (x * 73856093 ^ y * 19349663 ^ z * 83492791) & mask
 
 
+@njit(cache=True, inline="always")  # called, it doubles the time of near_pairs
+def append_pair(pairs: Pairs, count: int, i: int, j: int) -> Pairs:
+    """Writes one pair behind ``count`` others, in a larger array when it is full."""
+    if count == pairs.shape[0]:
+        larger = np.empty((2 * count, 2), dtype=np.int64)
+        larger[:count] = pairs
+        pairs = larger
+    pairs[count, 0] = i
+    pairs[count, 1] = j
+    return pairs
+
+
 @njit(cache=True)
 def near_pairs(points: Array, cutoff: float, apart: int) -> Pairs:
     """Pairs (i, j), i < j, closer than ``cutoff`` and at least ``apart`` apart along the chain.
@@ -49,12 +61,7 @@ def near_pairs(points: Array, cutoff: float, apart: int) -> Pairs:
                 dz = points[i, 2] - points[j, 2]
                 square = dx * dx + dy * dy + dz * dz
                 if square < limit:
-                    if count == found.shape[0]:
-                        larger = np.empty((2 * count, 2), dtype=np.int64)
-                        larger[:count] = found
-                        found = larger
-                    found[count, 0] = i
-                    found[count, 1] = j
+                    found = append_pair(found, count, i, j)
                     count += 1
                     j += 1
                 else:
@@ -98,12 +105,7 @@ def near_pairs(points: Array, cutoff: float, apart: int) -> Pairs:
                             dy = points[i, 1] - points[j, 1]
                             dz = points[i, 2] - points[j, 2]
                             if dx * dx + dy * dy + dz * dz < limit:
-                                if count == found.shape[0]:
-                                    larger = np.empty((2 * count, 2), dtype=np.int64)
-                                    larger[:count] = found
-                                    found = larger
-                                found[count, 0] = i
-                                found[count, 1] = j
+                                found = append_pair(found, count, i, int(j))
                                 count += 1
                         j = following[j]
     return found[:count].copy()

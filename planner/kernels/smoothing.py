@@ -56,12 +56,7 @@ def blamed_hinges(
         for p in range(pairs.shape[0]):
             i, j = pairs[p, 0], pairs[p, 1]
             separation = pair_separation(
-                positions[j] - positions[i],
-                rotations[i],
-                rotations[j],
-                hull,
-                size,
-                margin,
+                positions[j] - positions[i], rotations[i], rotations[j], hull, size, margin
             )
             if separation < margin:
                 close = True

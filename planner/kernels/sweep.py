@@ -27,7 +27,7 @@ from planner.kernels.bodies import (
 )
 from planner.kernels.clearance import pair_separation, separation_along
 from planner.kernels.module import Hull, Joint
-from planner.kernels.pairs import near_pairs
+from planner.kernels.pairs import append_pair, near_pairs
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -133,18 +133,6 @@ def _fill(shape: Shape, angles: Angles, frame: int, start: int, out: Array) -> N
 
 
 @njit(cache=True)
-def _append(pairs: Ints, count: int, i: int, j: int) -> Ints:
-    """Writes one pair behind ``count`` others, in a larger array when it is full."""
-    if count == pairs.shape[0]:
-        larger = np.empty((2 * count, 2), dtype=np.int64)
-        larger[:count] = pairs
-        pairs = larger
-    pairs[count, 0] = i
-    pairs[count, 1] = j
-    return pairs
-
-
-@njit(cache=True)
 def _near_core(
     shape: Shape, body: Array, module: int, low: int, most: float, pairs: Ints, count: int
 ) -> tuple[Ints, int]:
@@ -175,7 +163,7 @@ def _near_core(
                 other = shape.core[i]
                 dx, dy, dz = body[0] - other[0], body[1] - other[1], body[2] - other[2]
                 if dx * dx + dy * dy + dz * dz < most * most:
-                    pairs = _append(pairs, count, i, module)
+                    pairs = append_pair(pairs, count, i, module)
                     count += 1
     return pairs, count
 
@@ -213,7 +201,7 @@ def _near(
         dz = points[j, 2] - points[i, 2]
         most = reach + bodies[i, DRIFT] + bodies[j, DRIFT]
         if dx * dx + dy * dy + dz * dz < most * most:
-            pairs = _append(pairs, count, low + i, low + j)
+            pairs = append_pair(pairs, count, low + i, low + j)
             count += 1
     if shape.root >= 0:
         return pairs, count, False
@@ -260,7 +248,7 @@ def _near(
                 continue
             dx, dy, dz = rod[0] - points[k, 0], rod[1] - points[k, 1], rod[2] - points[k, 2]
             if dx * dx + dy * dy + dz * dz < (most + bodies[k, DRIFT]) ** 2:
-                pairs = _append(pairs, count, low + k, high + t)
+                pairs = append_pair(pairs, count, low + k, high + t)
                 count += 1
         pairs, count = _near_core(shape, rod, high + t, low, most, pairs, count)
         if count > had and rod[DRIFT] > WILD:
@@ -335,7 +323,7 @@ def _look(
         if half > 0.0 and separation < bound + lose:
             keeps = separation - loss_along(work[0], axis, half, radius)
             if keeps <= worth:
-                left = _append(left, count, i, j)
+                left = append_pair(left, count, i, j)
                 count += 1
             else:
                 bound = min(bound, keeps)
@@ -362,12 +350,7 @@ def rigid_clearances(
     for p in range(pairs.shape[0]):
         i, j = pairs[p, 0], pairs[p, 1]
         separation = pair_separation(
-            positions[j] - positions[i],
-            rotations[i],
-            rotations[j],
-            hull,
-            size,
-            float(least[j]),
+            positions[j] - positions[i], rotations[i], rotations[j], hull, size, float(least[j])
         )
         if separation < least[j]:
             least[j] = separation

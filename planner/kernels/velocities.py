@@ -83,7 +83,11 @@ def chain_velocities(
     pivot = np.empty(3)
     velocities[root] = root_velocity
     spins[root] = root_spin
-    for i in range(root, n - 1):
+    for step in range(n - 1):
+        # From the root to the end, then from the root back; i is the module that holds the joint.
+        ahead = step < n - 1 - root
+        i = root + step if ahead else n - 2 - step
+        known, new, sign = (i, i + 1, 1.0) if ahead else (i + 1, i, -1.0)
         j = (i - rigid_links) * hinges
         if j >= 0:
             relative_spin(rotations[i], axes, angles[j : j + hinges], rates[j : j + hinges], spin)
@@ -94,32 +98,12 @@ def chain_velocities(
             for c in range(3):
                 pivot[r] += rotations[i, r, c] * anchor[c]
         for r in range(3):
-            spins[i + 1, r] = spins[i, r] + spin[r]
-            arm[r] = pivot[r] - positions[i, r]
-        cross(spins[i], arm, turn)
+            spins[new, r] = spins[known, r] + sign * spin[r]
+            arm[r] = pivot[r] - positions[known, r]
+        cross(spins[known], arm, turn)
         for r in range(3):
-            velocities[i + 1, r] = velocities[i, r] + turn[r]
-            arm[r] = positions[i + 1, r] - pivot[r]
-        cross(spins[i + 1], arm, turn)
+            velocities[new, r] = velocities[known, r] + turn[r]
+            arm[r] = positions[new, r] - pivot[r]
+        cross(spins[new], arm, turn)
         for r in range(3):
-            velocities[i + 1, r] += turn[r]
-    for i in range(root - 1, -1, -1):
-        j = (i - rigid_links) * hinges
-        if j >= 0:
-            relative_spin(rotations[i], axes, angles[j : j + hinges], rates[j : j + hinges], spin)
-        else:
-            spin[:] = 0.0
-        for r in range(3):
-            pivot[r] = positions[i, r]
-            for c in range(3):
-                pivot[r] += rotations[i, r, c] * anchor[c]
-        for r in range(3):
-            spins[i, r] = spins[i + 1, r] - spin[r]
-            arm[r] = pivot[r] - positions[i + 1, r]
-        cross(spins[i + 1], arm, turn)
-        for r in range(3):
-            velocities[i, r] = velocities[i + 1, r] + turn[r]
-            arm[r] = positions[i, r] - pivot[r]
-        cross(spins[i], arm, turn)
-        for r in range(3):
-            velocities[i, r] += turn[r]
+            velocities[new, r] += turn[r]

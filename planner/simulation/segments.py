@@ -351,13 +351,7 @@ class Segments:
     ) -> None:
         module, root = self.chain.module, self.root
         chain_poses(
-            state.angles,
-            module.joint,
-            root,
-            state.position,
-            state.rotation,
-            positions,
-            rotations,
+            state.angles, module.joint, root, state.position, state.rotation, positions, rotations
         )
         self._move(state, positions, rotations, velocities, spins)
 
