@@ -13,9 +13,8 @@ from planner.chain.overlap import first_close_pair
 from planner.chain.path import (
     DEFAULT_PITCH_M,
     FEWEST_CELLS,
-    LARGEST_PITCH_M,
-    SMALLEST_PITCH_M,
     Path,
+    check_pitch,
 )
 from planner.chain.rotations import wxyz_from_matrix
 from planner.chain.trail import Trail, hinge_axes
@@ -173,11 +172,7 @@ class Chain:
                 f"{np.rad2deg(module.angle_limit_rad):g}° either way.",
                 where=f"joint {index // module.hinges_per_joint}",
             )
-        if not SMALLEST_PITCH_M <= pitch_m <= LARGEST_PITCH_M:
-            raise InputError(
-                "bad-pitch",
-                f"got a pitch of {pitch_m} m, expected {SMALLEST_PITCH_M} to {LARGEST_PITCH_M:g}.",
-            )
+        check_pitch(pitch_m)
         for array in (folded, position, wxyz):
             array.setflags(write=False)
         return cls(

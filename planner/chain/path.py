@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -45,20 +46,8 @@ class Path:
         Raises:
             InputError: Naming the cells that break the rule.
         """
-        raw = np.asarray(cells)
-        if raw.ndim != 2 or raw.shape[1] != 3 or raw.dtype.kind not in "iuf":
-            raise InputError(
-                "not-cells",
-                f"got an array of shape {raw.shape} and type {raw.dtype}, expected (n, 3) whole "
-                "numbers: one cell a row.",
-            )
-        if not SMALLEST_PITCH_M <= pitch_m <= LARGEST_PITCH_M:
-            raise InputError(
-                "bad-pitch",
-                f"got a pitch of {pitch_m} m, expected {SMALLEST_PITCH_M} to {LARGEST_PITCH_M:g}.",
-            )
-        _check_numbers(raw)
-        whole = raw.astype(np.int64)
+        whole = checked_cells(cells)
+        check_pitch(pitch_m)
         _check_order(whole)
         whole.setflags(write=False)
         return cls(name=name, cells=whole, pitch_m=float(pitch_m))
@@ -67,24 +56,70 @@ class Path:
         return len(self.cells)
 
 
-def _check_numbers(raw: NDArray[np.generic]) -> None:
+def checked_cells(cells: ArrayLike) -> NDArray[np.int64]:
+    """(n, 3) whole numbers.
+
+    Raises:
+        InputError: ``not-cells`` for anything else, or naming the cell that is none.
+    """
+    raw = np.asarray(cells)
+    if raw.ndim != 2 or raw.shape[1] != 3 or raw.dtype.kind not in "iuf":
+        raise InputError(
+            "not-cells",
+            f"got an array of shape {raw.shape} and type {raw.dtype}, expected (n, 3) whole "
+            "numbers: one cell a row.",
+        )
     values = raw.astype(np.float64)
-    for bad, code, what in (
-        (~np.isfinite(values), "not-finite", "a finite whole number"),
-        (values != np.round(values), "not-whole", "a whole number"),
+    check_coordinates(
+        values,
         (
-            np.abs(values) > LARGEST_COORDINATE,
-            "too-far",
-            f"at most {LARGEST_COORDINATE} in size; move the shape to the origin",
+            (~np.isfinite(values), "not-finite", "a finite whole number"),
+            (values != np.round(values), "not-whole", "a whole number"),
+            (
+                np.abs(values) > LARGEST_COORDINATE,
+                "too-far",
+                f"at most {LARGEST_COORDINATE} in size; move the shape to the origin",
+            ),
         ),
-    ):
+        row="cell",
+    )
+    return raw.astype(np.int64)
+
+
+def check_coordinates(
+    values: NDArray[np.float64], rules: Iterable[tuple[NDArray[np.bool_], str, str]], *, row: str
+) -> None:
+    """Refuses the first coordinate that breaks a rule.
+
+    Args:
+        values: (n, 3).
+        rules: Of each rule (n, 3) where it is broken, the code of the error, and what is expected.
+        row: What a row is called.
+
+    Raises:
+        InputError: Naming the row.
+    """
+    for bad, code, expected in rules:
         if bad.any():
-            row, column = (int(i) for i in np.argwhere(bad)[0])
+            index, column = (int(i) for i in np.argwhere(bad)[0])
             raise InputError(
                 code,
-                f"got {values[row, column]:g} for {'xyz'[column]}, expected {what}.",
-                where=f"cell {row}",
+                f"got {values[index, column]:g} for {'xyz'[column]}, expected {expected}.",
+                where=f"{row} {index}",
             )
+
+
+def check_pitch(pitch_m: float) -> None:
+    """Refuses a pitch out of range.
+
+    Raises:
+        InputError: ``bad-pitch``.
+    """
+    if not SMALLEST_PITCH_M <= pitch_m <= LARGEST_PITCH_M:
+        raise InputError(
+            "bad-pitch",
+            f"got a pitch of {pitch_m} m, expected {SMALLEST_PITCH_M} to {LARGEST_PITCH_M:g}.",
+        )
 
 
 def _check_order(cells: NDArray[np.int64]) -> None:

@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from planner.chain.path import (
     DEFAULT_PITCH_M,
     LARGEST_COORDINATE,
-    LARGEST_PITCH_M,
-    SMALLEST_PITCH_M,
+    check_pitch,
 )
 from planner.errors import InputError
 
@@ -64,11 +63,7 @@ class Trail:
                 "too-few-nodes",
                 f"got {len(raw)} nodes, expected at least {FEWEST_NODES}: two modules and a hinge.",
             )
-        if not SMALLEST_PITCH_M <= pitch_m <= LARGEST_PITCH_M:
-            raise InputError(
-                "bad-pitch",
-                f"got a pitch of {pitch_m} m, expected {SMALLEST_PITCH_M} to {LARGEST_PITCH_M:g}.",
-            )
+        check_pitch(pitch_m)
         whole = raw.astype(np.int64)
         if np.abs(whole).max() > LARGEST_COORDINATE:
             raise InputError(

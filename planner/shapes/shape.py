@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from planner.chain.path import DEFAULT_PITCH_M, LARGEST_COORDINATE
+from planner.chain.path import DEFAULT_PITCH_M, check_pitch, checked_cells
 from planner.errors import InputError
 
 
@@ -42,40 +42,10 @@ class Shape:
         raw = np.asarray(cells)
         if raw.size == 0:
             raise InputError("empty", "got no cells, expected at least one.")
-        if raw.ndim != 2 or raw.shape[1] != 3 or raw.dtype.kind not in "iuf":
-            raise InputError(
-                "not-cells",
-                f"got an array of shape {raw.shape} and type {raw.dtype}, expected (n, 3) whole "
-                "numbers: one cell a row.",
-            )
-        if not 0.0 < pitch_m <= 1000.0:
-            raise InputError(
-                "bad-pitch", f"got a pitch of {pitch_m} m, expected more than 0 and at most 1000."
-            )
-        _check_numbers(raw)
-        whole = np.unique(raw.astype(np.int64), axis=0)
+        whole = np.unique(checked_cells(raw), axis=0)
+        check_pitch(pitch_m)
         whole.setflags(write=False)
         return cls(name=name, cells=whole, pitch_m=float(pitch_m))
 
     def __len__(self) -> int:
         return len(self.cells)
-
-
-def _check_numbers(raw: NDArray[np.generic]) -> None:
-    values = raw.astype(np.float64)
-    for bad, code, expected in (
-        (~np.isfinite(values), "not-finite", "a finite whole number"),
-        (
-            np.abs(values) > LARGEST_COORDINATE,
-            "too-far",
-            f"at most {LARGEST_COORDINATE} in size; move the shape to the origin",
-        ),
-        (values != np.round(values), "not-whole", "a whole number"),
-    ):
-        if bad.any():
-            row, column = (int(i) for i in np.argwhere(bad)[0])
-            raise InputError(
-                code,
-                f"got {values[row, column]:g} for {'xyz'[column]}, expected {expected}.",
-                where=f"cell {row}",
-            )

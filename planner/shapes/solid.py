@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from planner.chain.path import check_coordinates
 from planner.errors import InputError
 from planner.shapes.seams import closed_holes, edges_of, is_surface, welded
 
@@ -126,21 +127,18 @@ def _check_corners(corners: Ints, points: int) -> None:
 
 
 def _check_lengths(points: Floats) -> None:
-    for bad, code, expected in (
-        (~np.isfinite(points), "not-finite", "a finite length"),
+    check_coordinates(
+        points,
         (
-            np.abs(points) > LARGEST_LENGTH,
-            "too-far",
-            f"at most {LARGEST_LENGTH:g} in size; scale the mesh and move it to the origin",
+            (~np.isfinite(points), "not-finite", "a finite length"),
+            (
+                np.abs(points) > LARGEST_LENGTH,
+                "too-far",
+                f"at most {LARGEST_LENGTH:g} in size; scale the mesh and move it to the origin",
+            ),
         ),
-    ):
-        if bad.any():
-            row, column = (int(i) for i in np.argwhere(bad)[0])
-            raise InputError(
-                code,
-                f"got {points[row, column]:g} for {'xyz'[column]}, expected {expected}.",
-                where=f"vertex {row}",
-            )
+        row="vertex",
+    )
 
 
 def _used(points: Floats, corners: Ints) -> tuple[Floats, Ints]:

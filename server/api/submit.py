@@ -23,7 +23,7 @@ from server.files.previews import ShapeOptions
 from server.files.uploads import Upload
 from server.processes.children import ChildError
 from server.processes.read_task import LARGEST_DRAWING
-from server.store.fold_files import size_of
+from server.store.fold_files import size_of, sync
 from server.store.folds import hash_of, new_id
 from server.store.tables import FoldRow
 
@@ -280,26 +280,18 @@ def _write(directory: Path, submission: Submission) -> None:
     if submission.beginning is not None:
         submission.beginning.copy(directory)
         for name in submission.beginning.files:
-            _sync(directory / name)
+            sync(directory / name)
     with open(directory / "request.json", "w") as file:
         json.dump(request, file)
         file.flush()
         os.fsync(file.fileno())
-    _sync(directory)
+    sync(directory)
 
 
 def _note(directory: Path, submission: Submission) -> None:
     """Keeps the cells that a preview has found for the page's first drawing of the fold."""
     if submission.cells and len(submission.cells) <= LARGEST_DRAWING:
         (directory / "cells.json").write_text(json.dumps(submission.cells))
-
-
-def _sync(directory: Path) -> None:
-    handle = os.open(directory, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def _read(context: Context, directory: Path, beginning: BaseFold | None, visitor: str) -> _Found:

@@ -34,7 +34,7 @@ def module_mesh(module: Module) -> Mesh:
     corners = module.vertices * SHOWN_SIZE
     hull = ConvexHull(corners)
     planes = np.unique(np.round(hull.equations, 9), axis=0)
-    points = [_inset(corners[_on(corners, plane)]) for plane in planes]
+    points = [inset(_ring(corners[_on(corners, plane)])) for plane in planes]
     return _outward(np.concatenate(points))
 
 
@@ -51,16 +51,19 @@ def _on(points: Array, plane: Array) -> NDArray[np.bool_]:
     return np.abs(points @ plane[:3] + plane[3]) < FLAT_TOLERANCE
 
 
-def _inset(corners: Array) -> Array:
-    """The corners of one flat face, each moved along its two edges' inner bisector."""
+def _ring(corners: Array) -> Array:
+    """The corners of one flat face in their order around it."""
     centre = corners.mean(axis=0)
     spread = corners - centre
     _, _, axes = np.linalg.svd(spread)
     flat = spread @ axes[:2].T
     order = np.argsort(np.arctan2(flat[:, 1], flat[:, 0]))
-    ring = corners[order]
-    before = np.roll(ring, 1, axis=0) - ring
-    after = np.roll(ring, -1, axis=0) - ring
+    return corners[order]
+
+
+def inset(ring: Array) -> Array:
+    """The corners of one flat face, in order, each moved along its two edges' inner bisector."""
+    before, after = np.roll(ring, 1, axis=0) - ring, np.roll(ring, -1, axis=0) - ring
     before /= np.linalg.norm(before, axis=1, keepdims=True)
     after /= np.linalg.norm(after, axis=1, keepdims=True)
     sine = np.linalg.norm(np.cross(before, after), axis=1, keepdims=True)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.module import Module
-from web.pictures.meshes import BEVEL
+from web.pictures.meshes import inset
 from web.pictures.sketch import sketch_outline
 
 Array = NDArray[np.float64]
@@ -45,19 +45,19 @@ def module_faces(module: Module) -> tuple[Piece, ...]:
     corners: Array = np.array(outline["corners"])
     faces: list[list[int]] = outline["faces"]
     normals: Array = np.array(outline["normals"])
-    inset: dict[tuple[int, int], Array] = {}
+    drawn: dict[tuple[int, int], Array] = {}
     beside: dict[tuple[int, int], int] = {}
     meeting: dict[int, list[int]] = defaultdict(list)
     for face, ring in enumerate(faces):
-        for corner, point in zip(ring, _inset(corners[ring]), strict=True):
-            inset[face, corner] = point
+        for corner, point in zip(ring, inset(corners[ring]), strict=True):
+            drawn[face, corner] = point
             meeting[corner].append(face)
         for corner, following in zip(ring, [*ring[1:], ring[0]], strict=True):
             beside[corner, following] = face
 
     def shared(corner: int, *owners: int) -> tuple[Array, Array]:
         """The point between faces at a corner, and its normal."""
-        point = np.mean([inset[face, corner] for face in owners], axis=0)
+        point = np.mean([drawn[face, corner] for face in owners], axis=0)
         normal = normals[list(owners)].sum(axis=0)
         return point, normal / np.linalg.norm(normal)
 
@@ -90,12 +90,3 @@ def module_faces(module: Module) -> tuple[Piece, ...]:
             )
         )
     return tuple(pieces)
-
-
-def _inset(ring: Array) -> Array:
-    """The corners of a flat face, each moved along its two edges' inner bisector."""
-    before, after = np.roll(ring, 1, axis=0) - ring, np.roll(ring, -1, axis=0) - ring
-    before /= np.linalg.norm(before, axis=1, keepdims=True)
-    after /= np.linalg.norm(after, axis=1, keepdims=True)
-    sine = np.linalg.norm(np.cross(before, after), axis=1, keepdims=True)
-    return ring + (before + after) * BEVEL / sine
