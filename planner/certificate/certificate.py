@@ -31,12 +31,13 @@ from planner.simulation.parameters import Parameters
 
 Array = NDArray[np.float64]
 GRAVITY_M_S2: Final = 9.81
+"""Standard gravity, rounded."""
 FOLDED_WITHIN: Final = 0.01
-"""RMS position error in pitches that a verified playback may end with."""
+"""RMS position error in pitches that a simulated playback may end with and be verified."""
 CELLS_WITHIN: Final = 1e-6
-"""Distance in pitches from its cells at which a refold may begin."""
+"""Pitches that a refold may begin away from its cells: rounding of positions, no more."""
 MOVING_FRACTION: Final = 0.1
-"""A hinge counts as moving when it is at least this fast, as a fraction of the fastest one."""
+"""Share of the fastest hinge's speed from which on a hinge counts as moving."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -35,9 +35,10 @@ from planner.simulation.parameters import Parameters
 
 Array = NDArray[np.float64]
 MARGIN: Final = 32
-"""Frames on either side of a chunk that its spline goes through too: each one away counts a quarter
-of the one before it, so that no seam is left."""
+"""Frames beyond each end of a chunk that its spline is fitted to as well. A frame's influence falls
+to a quarter from one to the next, so 32 leave nothing of where chunks meet."""
 STILL: Final = 1e-9
+"""Speed of the fastest hinge up to which none counts as moving."""
 EXPLOSION: Final = PHASES.index("explosion")
 
 

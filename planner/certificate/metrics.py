@@ -24,9 +24,11 @@ Floats = NDArray[np.float32]
 Integers = NDArray[np.int32]
 FORMAT: Final = "foldback-figures/1"
 REACH: Final = 1.0
-"""Clearances of this many pitches and more are not told apart."""
+"""Pitches; clearances from here on are told as this."""
 FRAMES_A_CHUNK: Final = 128
+"""Frames in a chunk of the figures of modules and hinges."""
 FRAMES_A_CURVE: Final = 8192
+"""Frames in a chunk of the curves, which have one number a frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -10,7 +10,7 @@ from typing import Any, Final
 SIMULATED: Final = "verified (simulated)"
 KINEMATICS_ONLY: Final = "verified (kinematics only)"
 NOT_TOLD: Final = "verified (whether it was simulated is not known)"
-"""Verdict of a certificate of an earlier version that doesn't tell."""
+"""Verdict of a certificate of an earlier version that does not say whether it was simulated."""
 
 
 def told_honestly(values: dict[str, Any], playback: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -57,7 +57,7 @@ def summary_told_honestly(summary: dict[str, Any]) -> dict[str, Any]:
 
 
 _OF_DYNAMIC_PLAYBACK: Final = ("rms_position_error", "max_angle_error_rad")
-"""What only a simulated playback is off by."""
+"""Figures of a playback's summary that a kinematic one does not have."""
 _OF_SIMULATION: Final = (
     "min_clearance_playback",
     "min_clearance_playback_at",
@@ -65,7 +65,7 @@ _OF_SIMULATION: Final = (
     "max_position_error",
     "max_angle_error_rad",
 )
-"""What only a simulated playback has."""
+"""Figures of a certificate that a plan without a simulated playback does not have."""
 _LATER: Final = (
     "exempt_pairs",
     "min_clearance_record_at",
@@ -76,4 +76,4 @@ _LATER: Final = (
     "torque_source",
     "torque_frames",
 )
-"""What earlier versions did not tell."""
+"""Figures that certificates of earlier versions lack; they are told as None."""

@@ -22,6 +22,7 @@ from planner.errors import InputError
 
 Array = NDArray[np.float64]
 OVERLAP_TOLERANCE = 0.98
+"""Module size at which a folded chain must not overlap, of a pitch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

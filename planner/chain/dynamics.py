@@ -14,9 +14,9 @@ from planner.kernels.dynamics import many_floating_torques
 
 Array = NDArray[np.float64]
 LEAST_FOR_A_THREAD: Final = 20_000
-"""Hinges times frames; their torques are found apart from each other."""
+"""Hinges times frames from which on another thread is worth its start."""
 FEWEST: Final = 4
-"""Times that a cubic curve goes through."""
+"""Times that a cubic spline needs."""
 
 
 def floating_torques(

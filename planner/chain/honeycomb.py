@@ -25,7 +25,7 @@ _RING_PAIRS: Final = (
     *("123-223", "213-223", "312-322", "122-132", "212-312", "221-231"),
     *("321-322", "221-321", "212-213", "122-123", "231-232", "132-232"),
 )
-"""Nodes of the ring in the cube from (1, 1, 1) to (3, 3, 3)."""
+"""Pairs of nodes of the ring in the cube from (1, 1, 1) to (3, 3, 3)."""
 
 
 def ring_pairs(cells: Nodes) -> Nodes:

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 LONG_CHAIN: Final = 600
 """Modules from which on a chain is peeled, on a path made for it: docs/decisions/0013-peeling.md"""
 RELIEF_SAMPLES: Final = 64
-"""Points along each side of a module by which the volume of its relief is told."""
+"""Points along each side of a module at which its relief's volume is sampled."""
 
 
 def _frozen(values: object) -> Array:

@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from planner.errors import InputError
 
 LARGEST_COORDINATE: Final = 1_000_000
+"""Coordinates of cells, at most."""
 FEWEST_CELLS: Final = 3
 DEFAULT_PITCH_M: Final = 0.01
+"""Metres between neighbouring modules where a file does not say: one centimetre, as published."""
 SMALLEST_PITCH_M: Final = 1e-6
 LARGEST_PITCH_M: Final = 1000.0
 

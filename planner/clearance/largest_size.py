@@ -14,7 +14,9 @@ from planner.motion.windows import Windows
 
 Array = NDArray[np.float64]
 FULL: Final = 1.0
+"""Module size at which neighbours touch, of a pitch."""
 STEP: Final = 0.002
+"""Difference of two module sizes that are tried, in pitches."""
 MOST_STEPS: Final = 12
 
 

@@ -45,12 +45,14 @@ from planner.progress import Cancelled, never
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 CHUNK: Final = 64
+"""Frames that one task of a thread sweeps."""
 MOST_THREADS: Final = 4
 ENOUGH: Final = 0.2
-"""Clearances of this and more are not told apart, unless there is nothing less."""
+"""Pitches up to which the least clearance is looked for."""
 FAR: Final = 3.0
+"""Pitches up to which it is looked for where no pair is nearer than ``ENOUGH``."""
 SHARE: Final = 0.9
-"""Which part of the least clearance seen is proved, where some halvings more can do that."""
+"""Share of the least clearance seen that is to be proved, where a few halvings more can do so."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,20 +26,27 @@ from planner.simulation.segments import Segments
 
 Ints = NDArray[np.int64]
 BLOCK_MODULES: Final = 64
+"""Modules of a rigid block, about."""
 TETHER_MODULES: Final = 4
-"""At either end of a block. With none, or one, packed blocks hinge into each other and jam."""
+"""Modules at either end of a block whose joints stay free. With none, or one, packed blocks hinge
+into each other and jam: docs/decisions/0015-blocks-first.md."""
 TENSION: Final = 4.0
-"""How many times stronger rigid blocks are pulled: they weigh more."""
+"""Factor of the tension on rigid blocks, which are heavier than single modules."""
 STEP_IN_CONTACT: Final = 0.1
+"""Largest time step in contact, in s: blocks are heavier and slower than modules."""
 COARSER_TURN: Final = 3.0
+"""Factor of the turn between two snapshots."""
 COARSER_WAY: Final = 8.0
-"""How many times farther apart snapshots are; what is between is bounded by the certificate."""
+"""Factor of the way between two snapshots; the certificate bounds what lies between."""
 FEWEST_STEPS: Final = 200
+"""Steps before the blocks may be let go."""
 LOOSE_RAD: Final = 0.35
-"""Tethers whose hinges are bent less than this on average have let the blocks go."""
+"""Mean bend of the tethers' hinges below which the blocks have come apart."""
 WINDOW: Final = 100
+"""Steps between two looks at the tethers."""
 LEAST_EASED: Final = 0.03
-"""Blocks are apart as far as they get when the tethers' bends fall by less than this part."""
+"""Share by which the tethers' bends must fall from look to look; with less, blocks are as far
+apart as they get."""
 
 
 def explode_blocks_first(

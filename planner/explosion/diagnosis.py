@@ -22,17 +22,19 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped"]
 BENT_RAD: Final = 1.0
+"""Bend from which on a joint is told as stuck: most of a right angle."""
 MOST_BENT: Final = 0.5
-"""Part of the largest bend from which on a joint counts, where none is bent so far."""
+"""Share of the largest bend from which on a joint is told, where none is bent by ``BENT_RAD``."""
 TOUCHING: Final = 1.1
-"""Centres of cubes that touch with their faces are one pitch apart."""
+"""Pitches between centres up to which cubes count as touching; face to face it is 1."""
 SLIGHT_RAD: Final = 0.1
-"""Bends that are told of at all."""
+"""Bends below this are not told at all."""
 CLUSTER: Final = 0.25
-"""Part of the modules that touch each other, directly or not, from which on it is a cluster."""
+"""Share of the chain's modules that touch in one cluster, from which on contacts are the reason."""
 MOST_MODULES: Final = 200
+"""Modules that a diagnosis names, at most."""
 LARGEST_KNOT: Final = 4096
-"""Modules up to which a knot is looked for."""
+"""Modules up to which a knot is looked for: it takes time by their square."""
 WORDS: Final[dict[str, str]] = {
     "knot": "its path is knotted, which pulling at its ends draws tight",
     "buried": "what comes next lies under modules that come later",

@@ -24,25 +24,31 @@ from planner.simulation.parameters import ExplosionParameters, PeelingParameters
 from planner.simulation.segments import Acceleration, State
 
 COMMIT_EVERY: Final = 25
+"""Steps between two states that a run may go back to."""
 JAM_PULSE: Final = (120, 300)
-"""Steps of weak tension and strong repulsion, and of the whole pulse."""
+"""Steps of a pulse with weak tension and strong repulsion, and of the whole pulse."""
 WEAK_TENSION: Final = 0.05
+"""Factor of the tension in the weak part of a pulse."""
 STRONG_REPULSION: Final = 4.0
-"""Share of the tension, and times the repulsion, in the weak part of a pulse."""
+"""Factor of the repulsion in the weak part of a pulse."""
 MOST_PUSHES: Final = 8
-"""Pulses in a row that may bring no progress."""
+"""Pulses in a row without progress after which a run has stalled."""
 MOST_RETRIES: Final = 6
-"""Times that a run goes back to the same state."""
+"""Times that a run goes back to one state; then deep contacts are let be, and an error ends it."""
 LEAST_TENSION: Final = 0.05
+"""Factor that deep contacts reduce the tension to, at most."""
 SLOWER: Final = 0.3
-"""What velocities are multiplied by when a run goes back."""
+"""Factor of all velocities when a run goes back to an earlier state."""
 LEAST_TIME_CONSTANT_S: Final = 0.03
-"""Of contacts; they are never pushed apart faster than in two steps."""
+"""Time constant of contacts, at least; else it is two steps, MuJoCo's limit of stability."""
 REPORT_EVERY_S: Final = 0.1
+"""Seconds of wall time between two reports of progress."""
 UNEVENNESS: Final = 0.02
-"""Relative spread of the radial gain over the modules: what the seed decides."""
+"""Share by which a module's radial gain is off the mean, at most: all that a seed decides."""
 LEAST_DEPTH: Final = 0.002
+"""Pitches that contacts may be deep even where the size to verify leaves less."""
 BACK_OFF: Final = 0.7
+"""Share of the allowed depth from which on the tension falls."""
 
 Snapshot = TypeVar("Snapshot")
 Parameters = TypeVar("Parameters", ExplosionParameters, PeelingParameters)

@@ -20,7 +20,9 @@ from planner.motion.record import Record
 from planner.motion.windows import Windows
 
 STEP_RAD: Final = 0.4
+"""Turn of the joint between two frames, at most."""
 RATE_RAD_S: Final = 0.25
+"""Speed of the one joint that turns."""
 
 
 def unbend_one_by_one(chain: Chain, *, sink: Callable[[Motion], None] | None = None) -> Record:

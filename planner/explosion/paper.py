@@ -29,22 +29,26 @@ from planner.simulation.segments import Segments, State
 
 Array = NDArray[np.float64]
 LINKED: Final = 1
-"""Modules this many links apart are linked, and don't repel."""
+"""Links apart up to which two modules do not repel each other."""
 STRAIGHT_RAD: Final = 0.05
+"""Every hinge is below this when the chain counts as straight."""
 STRAIGHT_SPAN: Final = 0.99
+"""Share of the chain's length that its ends are apart when it counts as straight."""
 CHECK_EVERY: Final = 25
+"""Steps between two looks whether it is straight."""
 COMMIT_EVERY: Final = 10
 STILL_STEPS: Final = 5000
+"""Steps between two looks whether it has come to rest."""
 STILL_RATE: Final = 1e-7
-"""In rad/s: a chain that is this slow does not get straight within the steps there are."""
+"""Hinge speed in rad/s below which a chain does not get straight within the steps it has."""
 MOST_ANGLES: Final = 20_000_000
-"""Of all snapshots together: 160 MB. The 160 wrench has three million."""
+"""Numbers in all snapshots together, 160 MB; the wrench of 160 cubes has three million."""
 KEPT_RAD: Final = 0.03
-"""A snapshot is kept as a frame when a hinge has turned this much since the last one."""
+"""Turn of a hinge since the last frame, from which on a snapshot is kept as one."""
 KEPT_DISTANCE: Final = 1.0
-"""… or a module has moved this far, in pitches."""
+"""Way of a module since the last frame in pitches, from which on a snapshot is kept as one."""
 VERIFIED_SIZE: Final = 0.95
-"""Module size at which frames in between are looked at, see ``planner.explosion.recorder``."""
+"""Module size at which frames in between are checked, see ``planner.explosion.recorder``."""
 
 
 def explode_as_published(

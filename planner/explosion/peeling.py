@@ -44,25 +44,37 @@ from planner.simulation.segments import Acceleration, Segments, State
 
 Array = NDArray[np.float64]
 RELEASE_EVERY: Final = 5
+"""Steps between two looks whether the next unit may be let go."""
 RETIRE_EVERY: Final = 20
+"""Steps between two looks whether outer joints may become part of the rod."""
 STIFFEN_EVERY: Final = 5
+"""Steps between two updates of the springs' stiffness."""
 FEWEST_RETIRED: Final = 6
+"""Joints that become part of the rod together, at least."""
 FEWEST_LEFT: Final = 6
-"""Fewer modules than this are let go together with the unit before."""
+"""Modules of a last unit; fewer are let go together with the unit before."""
 FINISH_EVERY: Final = 25
+"""Steps between two tries to straighten the last window by kinematics."""
 PROGRESS_EVERY: Final = 50
+"""Steps between two looks whether anything moves on."""
 LEAST_PROGRESS_RAD: Final = 0.5
+"""Sum of bends that must go from look to look."""
 DEEP: Final = 0.016
-"""Contacts are never deeper; less where the module size to verify leaves less."""
+"""Depth of contacts in pitches, at most; less where the module size to verify leaves less."""
 ROOM_USED: Final = 0.9
+"""Share of the room between the simulated hull and the size to verify that contacts may use."""
 STOP_GIVES_RAD: Final = 0.01
-"""A joint's simulated stop begins so far before its range ends: it gives a little."""
+"""Angle by which a simulated stop lies inside a joint's range: stops are springs, and give."""
 ALIGNED: Final = 0.5
+"""Cosine between the rod and where it is to point, above which a unit may be let go."""
 TURNED: Final = 0.9
+"""Cosine between two directions of the rod, above which they count as the same."""
 LEAST_CLEARANCE: Final = 0.002
+"""Clearance in pitches that snapshots keep at the size to verify."""
 ROUNDING: Final = 1e-9
-"""Of a snapshot, of the way to it, and of what is made by kinematics."""
+"""Clearance in pitches that rounding may take from a snapshot, or from the way to one."""
 FRAME_S: Final = 0.1
+"""Simulated seconds between two snapshots that kinematics makes."""
 
 
 def peel(

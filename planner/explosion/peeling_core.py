@@ -16,10 +16,13 @@ from planner.kernels.core import box_cover
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 PAD: Final = 6
+"""Cells around the core in which distances to it are known."""
 DIRECTIONS: Final = 400
+"""Directions, evenly over the sphere, in which a rod is tried."""
 RAY_STEP: Final = 0.5
+"""Cells from one place of a ray to the next that is looked at."""
 WANTED: Final = 2.0
-"""A ray is free when it is this far from the core's cells, as soon as it can be."""
+"""Cells that a ray keeps from the core once it is far enough out to; nearer it keeps less."""
 
 
 class Core:

@@ -17,9 +17,9 @@ from planner.motion.windows import Windows
 
 Array = NDArray[np.float64]
 CLOSE: Final = 0.02
-"""Clearances above this are not told apart."""
+"""Clearance in pitches; larger ones are told as this."""
 FARTHEST_TURN: Final = float(np.cos(0.1))
-"""Cosine of how far the rod turns between two snapshots."""
+"""Cosine of the largest turn of the rod between two snapshots, 0.1 rad."""
 
 
 class WindowRecorder(Recorder[Bend]):
@@ -31,8 +31,8 @@ class WindowRecorder(Recorder[Bend]):
     Args:
         peelable: The chain.
         proof: Sweeps it.
-        snapshot_rad: No hinge turns more from a snapshot to the next.
-        snapshot_distance: No module of both windows moves farther, in pitches.
+        snapshot_rad: Turn of a hinge from one snapshot to the next, at most.
+        snapshot_distance: Way in pitches of a module that is in both windows, at most.
         sink: Gets the windows.
     """
 

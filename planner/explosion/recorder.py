@@ -19,9 +19,9 @@ from planner.simulation.segments import State
 
 Array = NDArray[np.float64]
 CLOSE: Final = 0.06
-"""Clearances above this are not told apart."""
+"""Clearance in pitches from which on a place between two snapshots is clear enough."""
 WORSE: Final = 0.002
-"""A place between that is this much closer than both snapshots asks for another in between."""
+"""Pitches by which a place between is nearer than both snapshots, if one is recorded there."""
 
 S = TypeVar("S")
 
@@ -128,8 +128,8 @@ class FrameRecorder(Recorder[Step]):
 
     Args:
         chain: The chain.
-        snapshot_rad: No hinge turns more from a snapshot to the next.
-        snapshot_distance: No module moves farther, in pitches.
+        snapshot_rad: Turn of a hinge from one snapshot to the next, at most.
+        snapshot_distance: Way of a module in pitches from one snapshot to the next, at most.
         size: Module size at which the way between them is looked at.
         sink: Gets the frames.
     """

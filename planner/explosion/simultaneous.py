@@ -40,13 +40,17 @@ from planner.simulation.segments import Acceleration, Segments, State
 Array = NDArray[np.float64]
 Engine = Segments | Blocks
 LINKED: Final = 1
-"""Modules this many links apart are linked, and don't repel."""
+"""Links apart up to which two modules do not repel each other."""
 FINISH_EVERY: Final = 50
+"""Steps between two tries to straighten what is left by kinematics."""
 JAM_WINDOW: Final = 400
+"""Steps between two looks whether the chain is jammed."""
 STUCK_RAD: Final = 1.0
+"""Bend above which a hinge that has not moved counts as stuck."""
 LEAST_PROGRESS: Final = 0.005
+"""How much ``unfolded``, from 0 to 1, must grow from look to look."""
 DEEP: Final = 0.02
-"""Contacts are never deeper; less where the module size to verify leaves less."""
+"""Depth of contacts in pitches, at most; less where the module size to verify leaves less."""
 
 
 def explode(

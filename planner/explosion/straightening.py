@@ -17,10 +17,12 @@ from planner.simulation.segments import State
 
 Array = NDArray[np.float64]
 LEAST_CLEARANCE: Final = 0.02
-"""At least as clear, or half as clear as the straight chain is: some modules are close in that."""
+"""Clearance in pitches to keep on the way, or half of the straight chain's where that is less."""
 FRAME_S: Final = 0.1
+"""Simulated seconds between two frames."""
 CHUNK: Final = 128
 LOOK_EVERY: Final = 4
+"""Frames between two that are checked first, before the whole way is proved."""
 
 
 def straightening(

@@ -36,12 +36,14 @@ from planner.simulation.parameters import (
 
 BASELINE: Final = "one-by-one"
 OFF_SQUARE: Final = 1e-4
-"""Right angles up to which a cube counts as folded square."""
+"""Share of a right angle by which a cube's folded hinge may differ from a multiple of one."""
 BLOCKS_FROM: Final = 160
+"""Modules from which on blocks come apart first: docs/decisions/0015-blocks-first.md."""
 BLOCKS_AT_MOST: Final = 1500
-"""Modules from which on blocks come apart first, and above which they don't do so in time."""
+"""Modules above which blocks do not come apart in time."""
 
 GENTLE: Final = 0.5
+"""Factor of the forces of a gentle explosion."""
 _Forces = TypeVar("_Forces", ExplosionParameters, PeelingParameters)
 
 

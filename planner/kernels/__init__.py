@@ -12,4 +12,4 @@ from typing import Final, cast
 import numpy as np
 
 ZERO: Final = cast(int, np.int64(0))
-"""0 as any other number, for kernels that are called by kernels."""
+"""A 0 of the type that kernels hand to each other, so that no second version is compiled."""

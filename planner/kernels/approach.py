@@ -29,8 +29,8 @@ from planner.kernels.bodies import (
 Array = NDArray[np.float64]
 SLIDE, PULL, ROLL, REST = 0, 3, 6, 9
 WIDTH = 10
-"""Columns of an approach: velocity, acceleration and spin of j as seen from i; and how far any
-point of j may get besides what velocity, acceleration and spin do alone."""
+"""Columns of an approach: velocity, acceleration and spin of j as seen from i (9), then a bound on
+how far any point of j gets besides these."""
 
 
 @njit(cache=True)

@@ -19,7 +19,7 @@ from planner.kernels.pairs import near_pairs
 Array = NDArray[np.float64]
 Pairs = NDArray[np.int64]
 ROUNDING = 1e-9
-"""What bounds are widened by, so that rounding does not skip the pair that is closest."""
+"""Pitches that bounds are widened by, so that rounding skips no pair that may be the closest."""
 
 
 @njit(cache=True)

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 CHUNK = 24
-"""So many edges along the polygon share a bounding box."""
+"""Edges along the polygon in one bounding box."""
 ROUNDING = 1e-13
 """Volumes below this many cubes of the extent may be of either sign."""
 

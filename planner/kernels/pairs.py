@@ -11,9 +11,9 @@ Array = NDArray[np.float64]
 Pairs = NDArray[np.int64]
 
 SKIP_BELOW = 1000
-"""Under this many points walking along the chain is faster than a grid."""
+"""Points below which walking along the chain is faster than a grid."""
 FARTHEST_SQUARE = 1e18
-"""Squared distances above this are not trusted to be numbers."""
+"""Squared distance in pitches² above which positions count as diverged."""
 
 
 @njit(cache=True)

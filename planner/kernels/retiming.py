@@ -18,7 +18,7 @@ Indices = NDArray[np.int64]
 MOST_CUTS = 100
 ROUNDING = 1e-12
 STEEP = 1e-7
-"""A row whose b is smaller than this part of its a bounds x alone; as a line it is too steep."""
+"""A row with |b| below this share of |a| bounds x alone; its line is too steep to intersect."""
 
 
 @njit(cache=True)

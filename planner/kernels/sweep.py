@@ -32,14 +32,15 @@ from planner.kernels.pairs import append_pair, near_pairs
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 MOST_HALVINGS = 16
+"""Times that an interval is halved to prove a pair clear."""
 WILD = 1.0
-"""When something goes farther than this, the while is halved before pairs are bounded."""
+"""Way of a module in pitches above which an interval is halved before pairs are bounded."""
 MOST_TAMINGS = 12
-"""So often for that."""
+"""Times that an interval is halved for that: docs/decisions/0012-sweep-bound.md."""
 ROUNDING = 1e-9
-"""A pair passes when it keeps more than this."""
+"""Clearance in pitches that a bound must prove for a pair to pass."""
 TIGHT_HALVINGS = 8
-"""… and, up to so many halvings, more than a share of the least clearance seen."""
+"""Halvings up to which a bound must prove a share of the least clearance seen."""
 
 
 class Shape(NamedTuple):

@@ -23,11 +23,11 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Planes = NDArray[np.uint8]
 STEP_RAD: Final = np.pi / 2 * 2.0**-23
-"""1.9e-7 rad; single precision still tells two neighbours apart."""
+"""A step, 1.9e-7 rad; single precision still tells two neighbours apart."""
 DIFFERENCES: Final = 3
-"""How often frames are differenced: a smooth motion has small third differences."""
+"""Order of the differences of frames that are stored; third ones of a smooth motion are small."""
 MOST_STEPS: Final = 2**25
-"""Four right angles. Third differences of angles below that fit into 32 bits."""
+"""Steps of an angle, at most: four right angles, whose third differences fit into 32 bits."""
 MOST_PLAIN: Final = 2**18
 """Angles up to which a file holds plain numbers: five megabytes of JSON."""
 PLANES: Final = "angle_planes"

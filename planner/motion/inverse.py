@@ -18,9 +18,9 @@ from planner.motion.motion import Motion
 
 Array = NDArray[np.float64]
 MOST_MODULES: Final = 2_000_000
-"""Frames times modules that are looked at."""
+"""Frames times modules whose torques are worked out; of more, frames are left out evenly."""
 MOST_ANGLES: Final = 2**18
-"""Angles side by side, three frames for each that is looked at."""
+"""Angles in memory at once, three frames for each that is looked at."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -33,12 +33,15 @@ FORMAT: Final = "foldback-timeline/1"
 WINDOWS_FORMAT: Final = "foldback-timeline/2"
 Status = Literal["growing", "complete", "failed"]
 FRAMES_A_CHUNK: Final = 128
+"""Frames in a chunk of every array."""
 WINDOWS_A_CHUNK: Final = 4096
 ANGLES_A_CHUNK: Final = 2**16
 FLUSH_EVERY_S: Final = 0.15
+"""Seconds between two flushes, at least."""
 FLUSH_SHARE: Final = 0.1
-"""Of a writer's time, what flushes may take: what they cost does not depend on what they write."""
+"""Share of a writer's time for flushes; one costs about the same however much it writes."""
 FLUSH_EVERY_S_AT_MOST: Final = 1.0
+"""Seconds between two flushes, at most."""
 
 
 def _frame_columns(joints: int) -> dict[str, tuple[tuple[int, ...], str, int]]:

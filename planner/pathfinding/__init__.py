@@ -11,6 +11,6 @@ from typing import Final, TypeAlias
 Cell: TypeAlias = tuple[int, int, int]
 
 METHODS: Final = ("auto", "blocks", "exact", "snake")
-"""What may be wished for."""
+"""Ways to find a path that may be asked for."""
 ENDS: Final = ("any", "surface")
 """Where a path may end: anywhere, or in cells with a free face."""

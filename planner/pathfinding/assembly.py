@@ -25,17 +25,21 @@ from planner.shapes.layers import layered_path
 Ints = NDArray[np.int64]
 
 UNIT: Final = 32
+"""Modules of a unit, as ``PeelingParameters.unit``."""
 ATTEMPTS: Final = 6
+"""Paths that are built before the search gives up."""
 DRAWS: Final = 3
+"""Random paths for each length of block."""
 VISITS: Final = 10
-"""Blocks looked at in one attempt, for each block that there is."""
+"""Blocks visited in one attempt, at most, for each block that there is."""
 MOST_VISITS: Final = 6000
-"""Blocks looked at in one attempt beyond once each: who looks longer finds no more."""
+"""Blocks visited in one attempt beyond once each, at most; longer attempts found no more."""
 LAYER_WEIGHT: Final = 3.0
+"""Weight of a block's height against a random number from 0 to 1: lower layers come first."""
 WAYS: Final = tuple(way for way in product((-1, 0, 1), repeat=3) if any(way))
 AXES: Final = tuple(k for k, way in enumerate(WAYS) if sum(map(abs, way)) == 1)
 ENOUGH_WAYS: Final = 3
-"""A unit with fewer ways out sits in a pit as deep as it is; those were the ones that stuck."""
+"""Ways out of the core that a unit needs; those with fewer sit in a pit, and stuck."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -29,16 +29,16 @@ Ends: TypeAlias = Literal["any", "surface"]
 
 ASSEMBLY: Final = "assembly"
 TRIES: Final = 4
-"""Paths that are made for each one that is kept."""
+"""Paths found for each one that is kept."""
 LARGEST_KNOT: Final = 10_000
-"""Cells up to which a candidate's knot is looked at; block paths and snakes have none."""
+"""Cells up to which a candidate is tested for a knot; block paths and snakes have none."""
 NO_ASSEMBLY: Final = (
     "No path whose cells come off one after the other was found: the cells are no box and no "
     "2×2×2 blocks, or their layers fall into parts, or such a path has other ends. Use blocks or "
     "exact."
 )
 LARGEST_CHOICE: Final = 20_000
-"""Cells up to which there is a choice; a larger shape gets one path."""
+"""Cells up to which several candidates are made; a larger shape gets one path."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -21,14 +21,15 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 TURNS: Final = 40_000_000
-"""Cells that may be turned round in one attempt, about: a quarter of a second."""
+"""Cells that one attempt may reverse, about: a quarter of a second."""
 MOVES_A_CELL: Final = 20
-"""An attempt makes at least so many moves for each cell."""
+"""Moves of an attempt for each cell, at least."""
 EASING_MOVES: Final = 200_000
+"""Moves that bring touching cells closer to each other along a found path."""
 EASED: Final = 600
-"""Cells up to which paths are eased; each move looks at all of them."""
+"""Cells up to which a found path is eased; every move looks at all of them."""
 ATTEMPTS: Final = 6
-"""Fast attempts before the solver is asked, and after each time it was."""
+"""Fast attempts before the solver is asked, and after each time that it was."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -29,13 +29,14 @@ TIME_LIMIT_S: Final = 2.0
 LARGEST_SEARCH: Final = 2_000
 """Cells up to which a path is looked for to answer the question."""
 MOST_CHANGES: Final = 12
+"""Cells that a repair adds or drops, at most."""
 MOST_CHANGED: Final = 0.1
-"""Cells that a repair adds or drops at most, or this part of them when that is more; what falls
-apart is not counted."""
+"""Share of the cells that a repair adds or drops, at most, where that is more; pieces that are
+not connected do not count."""
 MOST_LOOKED_AT: Final = 60
-"""Cells that are weighed for each change."""
+"""Cells that are compared for each change."""
 CHECK_S: Final = 0.5
-"""Seconds for the search that shows a repair to work."""
+"""Seconds for the search that shows that a repair works."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,13 +20,13 @@ from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
 from planner.shapes.shape import Shape
 
 BLOCK: Final = 8
-"""Cells of a doubled voxel."""
+"""Cells that a voxel becomes when it is doubled, 2×2×2."""
 DOUBLING_REACH: Final = 1.25
-"""Times the modules asked for that a repair by doubling may come to."""
+"""Factor of the modules asked for up to which doubling is offered as a repair."""
 DOUBLED: Final = "Each voxel became 2×2×2 modules."
 FOR_A_PATH: Final = " So there is a path in any case."
 START_SHARE: Final = 0.7
-"""Part of the time for paths that begin where it is wished for."""
+"""Share of the time for paths that begin in the cell asked for."""
 
 
 class Cubes:

@@ -24,24 +24,28 @@ Array = NDArray[np.float64]
 Verdict = Literal["unknot", "knotted", "undecided"]
 
 JITTER: Final = 0.01
-"""Moves points out of each other's planes. Strands are half a pitch apart at least."""
+"""Pitches by which points move at random, out of each other's planes; strands are 0.5 apart."""
 FAR: Final = 4.0
-"""How far outside the ends meet, in sizes of the chain."""
+"""Factor of the chain's size: how far outside its ends are joined."""
 STRAND_ROOM: Final = 0.75
-"""A ray this far from all other points is out in the open."""
+"""Pitches between a ray and all other points when it leads out freely."""
 TOUCHING: Final = 1.05
-"""Ends closer than this are neighbours."""
+"""Pitches between the ends up to which they are joined directly."""
 FEWEST_STICKS: Final = 6
-"""A polygon with fewer edges has no knot."""
+"""Edges of the shortest polygon that can be knotted."""
 FEWEST_CROSSINGS: Final = 3
+"""Crossings of the simplest knot, the trefoil."""
 ROUNDS: Final = 40
+"""Times that a polygon is tightened while its verdict is ``undecided``."""
 PROJECTIONS: Final = 24
+"""Random directions of sight, of which the one with the fewest crossings is taken."""
 LARGEST_DIAGRAM: Final = 1200
-"""Diagrams with more crossings are left undecided: elimination is cubic."""
+"""Crossings above which the verdict is ``undecided``: elimination takes time by their cube."""
 LARGEST_EXACT: Final = 300
-"""Diagrams with more crossings are judged by two primes; the determinant then stays untold."""
+"""Crossings above which two primes decide, and the determinant is not told."""
 ELSEWHERE: Final = 2
-"""Where the polynomial is taken besides −1: the torus knot of 3 and 5 is trivial there alone."""
+"""The Alexander polynomial is evaluated here too, not at −1 alone, where that of the torus knot of
+3 and 5 is trivial."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

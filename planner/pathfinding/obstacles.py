@@ -16,7 +16,7 @@ from planner.pathfinding.lattice import colours, neighbours, parts
 Ints = NDArray[np.int64]
 
 MOST_SHOWN: Final = 200
-"""Cells that a problem names at most."""
+"""Cells that a problem names, at most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

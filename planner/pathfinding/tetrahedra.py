@@ -19,8 +19,9 @@ from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]
 CHOICE: Final = 4
+"""Trails that are made for a shape."""
 LARGEST_CHOICE: Final = 20_000
-"""Tetrahedra up to which there is a choice; a larger shape gets one trail."""
+"""Tetrahedra up to which several trails are made; a larger shape gets one."""
 LARGEST_KNOT: Final = 10_000
 
 

@@ -28,10 +28,11 @@ from planner.pipeline.portfolio import Attempt, Portfolio, Try
 
 CANDIDATES: Final = "candidates.json"
 MOST_JUDGED: Final = 6
-"""Playbacks of a fold that are judged."""
+"""Playbacks of one fold that get a certificate, at most."""
 MOST_REFUSED: Final = 4
-"""Explosions of a fold that may be refused."""
+"""Explosions of one fold whose plans may be refused."""
 FINER: Final = 4
+"""Factor of the frames of a playback that is repeated with more of them."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,12 +31,13 @@ from planner.progress import Cancelled, Progress, Report
 from planner.simulation.parameters import Parameters
 
 ASIDE: Final = ".foldback-tries"
-"""Folder in a fold's directory, with one for each try that is made beside."""
+"""Folder in a fold's directory, with a folder for each try of another process."""
 STALLING: Final = 2
-"""Pushes in a row that moved nothing on, from which on the next tries are begun."""
+"""Pulses in a row without progress, from which on the next tries are begun."""
 POLL_S: Final = 0.05
+"""Seconds between two looks at the other processes."""
 GRACE_S: Final = 1.0
-"""How long a process that is told to stop may take to write down what it has."""
+"""Seconds that a process has to write down what it came to when it is told to stop."""
 Tried = tuple[Record, Attempt]
 
 

@@ -14,8 +14,9 @@ from planner.explosion.diagnosis import Diagnosis, Kind
 from planner.motion.record import RecordStatus
 
 MOST: Final = 6
-"""Explosions of one fold."""
+"""Explosions of one fold, at most."""
 MOST_SEEDS: Final = 3
+"""Seeds that one fold tries."""
 LARGEST_SEED: Final = 2**32 - 1
 Reason = Kind | Literal["refused"]
 Change = Literal["path", "strategy", "end", "forces", "seed"]
@@ -29,14 +30,14 @@ CHANGES: Final[dict[Reason, tuple[Change, ...]]] = {
     "refused": ("path", "seed", "strategy", "forces"),
     "stopped": ("strategy", "path"),
 }
-"""What is changed first, for each reason: the end it begins at, forces, strategy, path or seed."""
+"""What is changed for each reason, in this order: end of the path, forces, strategy, path, seed."""
 LIKELY: Final[dict[str, Reason]] = {"peel": "buried"}
-"""Why a strategy sticks, mostly; the others do so in joints."""
+"""The usual reason why a strategy sticks; of those not named it is ``joints``."""
 
 ONE_ENDED: Final = ("peel", "one-by-one")
-"""Strategies that begin at one end of the chain."""
+"""Strategies that begin at one end of the chain, and so may begin at the other."""
 SET: Final = ("one-by-one",)
-"""Strategies that neither forces nor seeds change anything of."""
+"""Strategies on whose result forces and seeds have no influence."""
 
 
 @dataclass(frozen=True, slots=True)

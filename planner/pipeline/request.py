@@ -25,7 +25,7 @@ from planner.simulation.parameters import (
 MODULE_SIZES: Final = (0.1, 1.0)
 LARGEST_SEED: Final = 2**32 - 1
 SMOOTH_SPACING_RAD: Final = 0.06
-"""Of the curve through a smoothed motion, the spacing of its control points."""
+"""Spacing of the control points of the curve through a smoothed motion."""
 SET_PRESETS: Final = ("paper", "direct")
 SHORT_SEED: Final = 2**31
 """Path searches take seeds below this."""

@@ -21,6 +21,7 @@ from planner.simulation.parameters import PlaybackParameters
 Array = NDArray[np.float64]
 CHUNK: Final = 256
 LAW_STEPS: Final = 4096
+"""Samples of the smooth time law along a record."""
 
 
 def kinematic_frames(

@@ -42,16 +42,20 @@ from planner.simulation.tree import RateMotors, Servos, Tree
 Array = NDArray[np.float64]
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
 FEWEST_STEPS: Final = 400
+"""Steps of a playback, at least."""
 FRAME_RAD: Final = 0.02
-"""A frame is kept when a hinge has turned, or its target has, this much since the last one."""
+"""Turn of a hinge, or of its target, since the last frame, from which on a frame is recorded."""
 FRAME_DISTANCE: Final = 0.35
-"""… or a module has moved this far from where it was among the others, in pitches."""
+"""Way of a module among the others since then, in pitches, from which on one is recorded, too."""
 FRAME_STEPS: Final = 50
+"""Steps between two frames, at most."""
 ARRIVED_WITHIN: Final = 0.1
 """RMS position error in pitches up to which a playback has not missed its target."""
 LAW_SAMPLES_A_RAD: Final = 180
+"""Samples of the time law for each radian of the reference's length."""
 REPORT_EVERY_S: Final = 0.1
 CHECK_EVERY: Final = 25
+"""Steps between two looks whether somebody wants it to stop."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -16,9 +16,11 @@ Array = NDArray[np.float64]
 DEGREE: Final = 3
 CHUNK: Final = 64
 MOST_HALVINGS: Final = 2
+"""Spacings of control points that are tried, each half of the one before."""
 ROOM: Final = 0.01
+"""Clearance in pitches to keep, or a quarter of the gap between two cells where that is less."""
 SAMPLE_RAD: Final = 0.02
-"""Distance of the places at which a reference is looked at for overlaps."""
+"""Length of the reference between two places that are checked for overlaps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

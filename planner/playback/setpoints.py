@@ -15,10 +15,13 @@ from planner.playback.time_law import TimeLaw, smooth_law
 Array = NDArray[np.float64]
 CHUNK: Final = 256
 SETTLE_STEPS: Final = 60
+"""Steps that the last target is held for at the end."""
 AT_REST_RATE: Final = 1e-4
+"""Hinge speed in rad/s below which the chain is at rest."""
 STILL_STEPS: Final = 500
+"""Steps at rest after which the playback ends."""
 STUCK_STEPS: Final = 3000
-"""A chain that has not come near to a snapshot after so many steps more than it gets does not."""
+"""Steps beyond its own that a snapshot stays the target before the playback counts as stuck."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

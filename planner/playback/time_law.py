@@ -14,11 +14,11 @@ from planner.playback.reference import Reference
 
 Array = NDArray[np.float64]
 RAMP: Final = 0.08
-"""Part of the time that the smooth law takes to reach its speed, and to lose it again."""
+"""Share of the time in which the smooth law gets up to speed, and down again."""
 FASTEST: Final = 2.0
-"""The bounded law nowhere runs faster than this times its mean."""
+"""Factor of its mean speed that the bounded law may run at."""
 SMOOTHING: Final = 8.0
-"""Width of the smoothing of the bounded law, in samples."""
+"""Width in samples of the filter that smooths the bounded law."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

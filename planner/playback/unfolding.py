@@ -13,9 +13,11 @@ from planner.errors import InputError
 
 Array = NDArray[np.float64]
 ENDS_WITHIN_RAD: Final = 1e-6
+"""Angle that a plan's last frame may differ by from the chain's folded angles."""
 START_CHAIN: Final = "start.json"
+"""In a refold's directory: the chain as it is folded at the beginning."""
 START_PLAN: Final = "start.npz"
-"""In a refold's directory: the chain as it is folded at the beginning, and the plan for that."""
+"""In a refold's directory: the plan that folds that chain."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

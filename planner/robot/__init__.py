@@ -11,7 +11,7 @@ RECORDED_PLAN: Final = "recorded.npz"
 """In a smoothed fold's directory: the plan that is smoothed."""
 SMOOTHED, SOFTENED, RECORDED = "smoothed", "softened", "recorded"
 WAYS: Final = (SMOOTHED, SOFTENED, RECORDED)
-"""What is tried, each when the certificate refuses what came of the one before: shortcuts and
-means, a few of them, none at all."""
+"""Ways to smooth, each tried when the certificate refuses the one before: shortcuts and means,
+fewer of them, and new times alone."""
 MOST_ANGLES: Final = 2**23
 """Frames times hinges of a plan that may be smoothed."""

@@ -17,9 +17,9 @@ from planner.simulation.tree import Tree
 Array = NDArray[np.float64]
 STANDARD_GRAVITY_M_S2: Final = 9.81
 MOST_STRETCHES: Final = 4
-"""Stretches of the motion looked at from one frame to the next."""
+"""Stretches between two frames at which torques are worked out."""
 LARGEST_WORK: Final = 1_000_000
-"""Stretches times modules; a long plan is looked at in fewer places."""
+"""Stretches times modules; of a longer plan fewer stretches are worked out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

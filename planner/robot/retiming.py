@@ -23,9 +23,9 @@ from planner.robot.trajectory import CutPath, Trajectory
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 STILL_RAD: Final = 1e-6
-"""Frames between which no hinge turns more than this count as one."""
+"""Turn of the fastest hinge up to which two frames count as one."""
 BOUNDS: Final = (1e-6, 1e6)
-"""What speeds and accelerations may be, in rad/s and rad/s²."""
+"""Range of limits that may be asked for, in rad/s and rad/s²."""
 
 
 def retime(plan: Plan, max_speed_rad_s: float, max_acceleration_rad_s2: float) -> Trajectory:

@@ -38,36 +38,36 @@ Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
 LOOKS: Final = 20_000
-"""Configurations that are looked at."""
+"""Configurations whose clearance one smoothing may check."""
 TORQUE_WEIGHTS: Final = ((0.6, 0.15), (1.0, 0.6))
-"""Up to which share of the looks torque weighs how much, in units of the length's weight. Little at
-first: what is tangled is not to be had shorter without a detour through more torque."""
+"""(share of the looks, weight of torque in units of the length's weight): up to that share it
+weighs so much. Little at first, as what is tangled gets shorter by way of more torque."""
 TIGHT: Final = 0.98
-"""Module size at which modules must not come closer than before."""
+"""Module size, of a pitch, at which modules must not come nearer than in the record."""
 FRAMES: Final = 150
+"""Frames of a motion that is smoothed, about."""
 SPACING_RAD: Final = (0.015, 0.06)
-"""Length between two frames, in which a pitch of displacement is ``DISTANCE_WEIGHT``: such that
-there are ``FRAMES`` at first, but within these."""
+"""Smallest and largest length between two frames, in rad."""
 SLACK: Final = 0.001
-"""Frames and places halfway are this much clearer than asked for, in pitches."""
+"""Clearance in pitches that frames, and places halfway between, have beyond what is asked for."""
 PIECES: Final = (1, 3, 6, 12, 24, 48)
-"""Parts of a motion that are simplified at a time."""
+"""Parts of a motion that are simplified in turn."""
 FEWEST_FRAMES: Final = 4
 GENTLE_ROUNDS: Final = 1
 STERN_ROUNDS: Final = 6
 MOST_ROUNDS: Final = 14
 LEAST_SHARE: Final = 0.02
 WORTHWHILE: Final = 0.005
-"""A pass that gains less than this part is the last but one."""
+"""Share of the effort that a pass must gain; after one that gains less there is one more."""
 MOST_REPAIRS: Final = 6
 ROUNDING: Final = 1e-9
 LEAST_BOUND: Final = 1e-9
 LEAST_EFFORT: Final = 1e-9
 LEAST_SPAN_RAD: Final = 1e-6
 DISTANCE_WEIGHT: Final = 0.03
-"""Radians that a displacement of one pitch counts as, as in a playback's reference."""
+"""Radians that a displacement of one pitch counts as: ``PlaybackParameters.distance_weight``."""
 RUN: Final = 6
-"""Steps that are swept at once."""
+"""Steps that one sweep checks."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

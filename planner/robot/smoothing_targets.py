@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 RAMP: Final = 3
-"""Frames that a third of the way takes from what was to what is to be."""
+"""Frames; a change fades in over about four times as many."""
 TRACES: Final = 1e-9
 
 

@@ -17,12 +17,12 @@ REST: Final = "rest.npz"
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 CELLS: Final = 2
-"""Cells of the grid on either side of a frame, and on the straight line between two; with more of
-them a motion gets faster by a fraction of a per cent."""
+"""Cells of the grid on either side of a frame and on a straight line; more of them made motions
+faster by less than a per cent."""
 FEWEST_CELLS: Final = 200
-"""About as many cells has a path of few frames."""
+"""Cells of the grid of a path with few frames, about."""
 TINY: Final = 1e-6
-"""Straight pieces that are no longer than this part of their step are left out."""
+"""Share of a step; shorter straight pieces are left out."""
 AT_ONCE: Final = 256
 """Corners whose cuts are compared at once: all of a long chain's would take a gibibyte."""
 

@@ -22,11 +22,11 @@ from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
 SEGMENT_MODULES: Final = 8
-"""Modules of a segment: 5 to 12 cost about the same, 32 ten times as much."""
+"""Modules of a segment: with 5 to 12 steps cost about the same, with 32 ten times as much."""
 
 
 STIFF: Final = ([0.02, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0])
-"""MuJoCo's ``solref`` and ``solimp`` of constraints that give hardly at all."""
+"""MuJoCo's ``solref`` and ``solimp`` of stops and welds that are to give hardly at all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,25 +21,27 @@ class ExplosionParameters:
 
     Attributes:
         repulsion_gain: γ of eq. 3.
-        repulsion_cutoff: Modules farther apart don't repel.
+        repulsion_cutoff: Distance above which modules do not repel each other.
         spring: Hinge spring towards straight.
         armature: Rotor inertia of a hinge.
         tension: λ of eq. 1 is set so that the largest force that adds up along the chain is this
             many times the spring.
-        geom_size: Size of the collision hull.
+        geom_size: Size of the collision hull; less than 1, so that neighbours in the folded shape
+            do not touch.
         step_s, step_in_contact_s: Smallest and largest time step; largest one in contact.
-        drag: Smallest and largest uniform drag α.
-        joint_cap_rad: No hinge turns more in one step.
-        pair_cap, pair_cap_loose: No two near modules move more against each other in one step,
+        drag: Smallest and largest uniform drag α, per s.
+        joint_cap_rad: Turn of a hinge in one step, at most.
+        pair_cap, pair_cap_loose: Way of two near modules against each other in one step, at most,
             until the chain is loose and after. It decides how deep contacts go.
-        body_cap: No module moves more in one step.
-        loose_rad: A chain is loose when every hinge is below this.
-        snapshot_rad, snapshot_distance: A snapshot is kept when a hinge has turned or a module has
-            moved this much.
-        finish_rad: Below this the chain may be straightened kinematically, if that is clear.
+        body_cap: Way of a module in one step, at most.
+        loose_rad: Bend of every hinge below which the chain is loose.
+        snapshot_rad, snapshot_distance: Turn of a hinge, and way of a module, since the last
+            snapshot, from which on the next is kept.
+        finish_rad: Bend of every hinge below which the chain is straightened by kinematics, if that
+            is clear.
         verify_size: Module size at which that and the snapshots are checked; contacts are no deeper
             than it allows.
-        max_steps: Give up after so many steps.
+        max_steps: Steps after which the explosion gives up.
     """
 
     repulsion_gain: float = 1.0
@@ -115,38 +117,38 @@ class PeelingParameters:
     Attributes:
         unit: Modules that are let go at once.
         repulsion_gain: γ of eq. 3.
-        repulsion_cutoff: Modules and cells farther apart don't repel.
+        repulsion_cutoff: Distance above which modules and cells do not repel each other.
         spring: Hinge spring towards straight, near the core.
-        stiffening: Far from the core it is this many times as stiff.
+        stiffening: Factor of the spring far from the core.
         armature: Rotor inertia of a hinge.
-        tension: The largest force that adds up along the window, in springs.
-        pull: Force on the window's last module, in springs.
-        alignment: Torque that turns the rod where it shall point, in springs.
-        turn_rad: How far that direction turns in a step.
+        tension: Largest force that adds up along the window, as a multiple of the spring.
+        pull: Force on the window's last module, as a multiple of the spring.
+        alignment: Torque that turns the rod to where it is to point, as a multiple of the spring.
+        turn_rad: Turn in one step of the direction in which the rod is to point.
         geom_size: Size of the collision hull.
         step_s, step_in_contact_s: Smallest and largest time step; largest one in contact.
-        drag: Smallest and largest uniform drag α.
-        joint_cap_rad: No hinge turns more in one step.
-        pair_cap, pair_cap_loose: No two near modules come nearer by more in one step, until the
+        drag: Smallest and largest uniform drag α, per s.
+        joint_cap_rad: Turn of a hinge in one step, at most.
+        pair_cap, pair_cap_loose: Approach of two near modules in one step, at most, until the
             window is loose and after.
-        slide_cap: Nor do they slide along each other by more.
-        body_cap: No module of the window moves more in one step.
-        loose_rad: A window is loose when every hinge is below this.
-        release_rad: The next unit is let go when all hinges of the last one are below this.
-        skipped: But for so many joints next to the core.
-        rod_modules: The rod has the inertia of so many modules at most.
-        release_contacts: And there are no more contacts than this.
-        window: And there are fewer modules in the window.
-        most_modules: There are never more.
-        retire_rad: Outer hinges below this become part of the rod.
-        retire_step_rad: And are straightened by so much from a snapshot to the next.
-        retire_height: When they are so far from the core.
-        snapshot_rad, snapshot_distance: A snapshot is kept when a hinge has turned or a module of
-            the window has moved this much.
-        finish_rad: Below this the last window may be straightened kinematically.
-        verify_size: Module size at which that, retirements and snapshots are checked.
-        patience: Steps without progress after which something is tried.
-        max_steps_per_module: Give up after so many steps for each module, and some more.
+        slide_cap: Way of two near modules along each other in one step, at most.
+        body_cap: Way of a module of the window in one step, at most.
+        loose_rad: Bend of every hinge below which the window is loose.
+        release_rad: Bend of the last unit's hinges below which the next unit may be let go.
+        skipped: Joints next to the core that ``release_rad`` does not apply to.
+        release_contacts: Contacts in the window up to which the next unit may be let go.
+        window: Modules in the window below which the next unit may be let go.
+        most_modules: Modules in the window, at most.
+        rod_modules: Modules whose inertia the rod has, at most.
+        retire_rad: Bend below which outer hinges may become part of the rod.
+        retire_step_rad: Turn by which they are straightened from one snapshot to the next.
+        retire_height: Distance from the core beyond which they may do so.
+        snapshot_rad, snapshot_distance: Turn of a hinge, and way of a module of the window, since
+            the last snapshot, from which on the next is kept.
+        finish_rad: Bend below which the last window is straightened by kinematics, if clear.
+        verify_size: Module size at which that, joints of the rod and snapshots are checked.
+        patience: Steps without progress after which a pulse of repulsion begins.
+        max_steps_per_module: Steps for each module after which the peeling gives up.
     """
 
     unit: int = 32

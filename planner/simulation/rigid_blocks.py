@@ -25,6 +25,7 @@ from planner.simulation.segments import Acceleration, State
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 WILD: Final = 1e10
+"""Acceleration above which a simulation counts as diverged."""
 
 
 class Blocks:

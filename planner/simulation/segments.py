@@ -39,10 +39,11 @@ from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
 BIAS_STEP_S: Final = 1e-4
+"""Time step of the finite difference that gives the accelerations of contacts at rest rates."""
 FREE_ABOVE: Final = 1e-6
-"""Distance in pitches from which on modules don't touch."""
+"""Distance in pitches from which on two hulls are not in contact."""
 WELD_STIFFENING: Final = 1e-4
-"""Scale of the bodies' inverse weights in MuJoCo's regularisation of weld rows."""
+"""Factor of the bodies' inverse weights in MuJoCo's regularisation of weld rows."""
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

@@ -15,6 +15,7 @@ from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
 ROOT_DOFS: Final = 6
+"""Degrees of freedom of the free root."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,8 +25,9 @@ from planner.playback.playback import Playback
 PLACE_WITHIN: Final = 1e-7
 """Clearance in pitches by which a place may differ from the closest one and still be it."""
 BOUND_RTOL: Final = 1e-3
+"""Share by which a told clearance bound may exceed the one found anew."""
 IN_BETWEENS_RTOL: Final = 1e-2
-"""Where a tie is broken otherwise, some intervals are halved once more or less."""
+"""Share by which numbers of intervals may differ: where ties break otherwise, some are halved."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
 SMALL_ANSWER: Final = 100_000
-"""Numbers in an answer that is made at once, without waiting for one's turn."""
+"""Numbers in an answer up to which it is made at once, without a place in a queue."""
 MEDIA_TYPES: Final = {
     "plan.json": "application/json",
     "plan.npz": "application/octet-stream",

@@ -20,9 +20,9 @@ FILES: Final[dict[str, dict[str, str]]] = {
     "refold": {START_CHAIN: "chain.json", START_PLAN: "plan.npz"},
     "smooth": {RECORDED_PLAN: "plan.npz", START_CHAIN: "chain.json"},
 }
-"""What is copied for each use: what it is called there, and in the finished fold."""
+"""Files copied for each use: their names here, and in the finished fold."""
 BROUGHT: Final = tuple(name for files in FILES.values() for name in files)
-"""All that may be there of a fold before it begins, beside its input."""
+"""Files that a fold may have before it begins, beside its input."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -57,25 +57,25 @@ if TYPE_CHECKING:
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
 schemas = APIRouter(prefix="/api", tags=["robots"])
 LARGEST_ANSWER: Final = 5_000_000
-"""Numbers in a trajectory."""
+"""Numbers in a trajectory, at most."""
 LONGEST_ANSWER_S: Final = 300.0
-"""How long it may take to send one."""
+"""Seconds in which a robot must have taken a trajectory."""
 MOST_MODULES: Final = 1000
-"""Of a chain whose torques are computed here."""
+"""Modules of a chain up to which its torques are computed here."""
 MEDIA_TYPES: Final = {"csv": "text/csv; charset=utf-8", "json": "application/json"}
 REFUSED, TRY_LATER, DONE = 1008, 1013, 1000
 MOST_MESSAGES_A_SECOND: Final = 400
 BYTES_A_JOINT: Final = 32
 GONE_S: Final = 60.0
-"""A robot that says nothing for so long, or takes nothing, is gone."""
+"""Seconds without a message from a robot, or in which it takes none, after which it is gone."""
 ALIVE_S: Final = 1.0
-"""How often a silent robot is told its target again."""
+"""Seconds after which a silent robot is sent its target again."""
 LEAVE_S: Final = 5.0
-"""How long a robot may take to hang up after the end."""
+"""Seconds that a robot may take to hang up after the end."""
 AHEAD_S: Final = 0.25
-"""How far targets run ahead of the reports on them."""
+"""Seconds by which targets may be ahead of the reports on them."""
 REMEMBERED: Final = 64
-"""Targets that a report may speak of; more than are ever ahead."""
+"""Targets that a report may refer to; there are never more of them ahead."""
 
 Speed = Annotated[float, Query(ge=1e-3, le=1e3, description="Largest speed of a joint, in rad/s.")]
 Acceleration = Annotated[

@@ -11,7 +11,7 @@ from typing import Final, Literal
 
 Reason = Literal["start", "pause", "silence", "behind", "error"]
 LONGEST_STEP_S: Final = 0.1
-"""After a delay the clock goes on from where it was, instead of jumping."""
+"""Seconds that the clock advances at once, at most: after a delay it goes on where it was."""
 
 
 class RobotClock:

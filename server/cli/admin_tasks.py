@@ -23,7 +23,7 @@ from server.store.tables import ENDED, FoldRow, MovieRow, WorkerRow, engine_for
 
 DAY_S: Final = 86400.0
 MOVING: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
-"""States of a job that somebody will go on with."""
+"""States of a job that a worker has, or will have."""
 INPUTS: Final = ("input", "request.json", "cells.json", *BROUGHT)
 """Files of a fold that were there before anything was computed."""
 

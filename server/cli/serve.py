@@ -16,7 +16,7 @@ from server.ops.starting import settings_of, starting, warn_of_unknown_names
 from server.processes.limits import keep_secrets
 
 LARGEST_HEAD_BYTES: Final = 32 * 1024
-"""Of a request's first line and headers."""
+"""Bytes of a request's first line and headers, at most."""
 log = logging.getLogger("foldback.serve")
 
 if TYPE_CHECKING:

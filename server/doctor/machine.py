@@ -28,7 +28,7 @@ OLDEST: Final = (3, 11)
 WEB_BYTES: Final = 384 * 2**20
 """Memory of the web process."""
 AWAITED_BYTES: Final = 272 * 2**20
-"""Of each of its computing processes, at rest; docs/operations.md tells how much it may get."""
+"""Memory of each of its computing processes at rest; for limits see docs/operations.md."""
 BESIDES_FILES: Final = 256
 SPOKEN_S: Final = 5.0
 

@@ -16,7 +16,7 @@ from server.store.folds import NoSuchFoldError
 
 AT_ONCE: Final = 2
 MOST_WAITING: Final = 8
-"""Things that are being made or wait for it; more are refused."""
+"""Files that are being made or wait for it, at most; more are refused."""
 Thing = TypeVar("Thing")
 
 
@@ -40,7 +40,7 @@ class Artifacts:
         min_free_disk_bytes: What must be left of the disk.
         kept: Told how many bytes a file adds to those made of its fold.
         total: How many things may be made or wait for it.
-        per_visitor: Of them, of one visitor.
+        per_visitor: How many of these one visitor may have.
         folder: Where files are kept; in a folder beside those of their fold when None.
     """
 

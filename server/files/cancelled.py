@@ -17,9 +17,9 @@ from server.store.object_store import StorageError
 from server.store.tables import FoldRow, MovieRow
 
 KEPT_S: Final = 3600.0
-"""From the end of a cancelled fold until its files go."""
+"""Seconds from the end of a cancelled fold until its files are removed."""
 KEPT_BYTES: Final = 16 * 2**20
-"""What the files of one visitor's cancelled folds may take meanwhile, besides the last one's."""
+"""Bytes of one visitor's cancelled folds that are kept meanwhile, besides the last one's."""
 log = logging.getLogger("foldback.janitor")
 
 

@@ -18,7 +18,7 @@ from server.store.folds import Store, seen_of
 from server.store.tables import ENDED, MAKING, FoldRow, MovieRow, movie_file
 
 FRESH_S: Final = 600.0
-"""What was made since stays for who has asked for it."""
+"""Seconds for which a file that was made stays for who has asked for it."""
 log = logging.getLogger("foldback.janitor")
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from planner.exports import Export
 
 LARGEST_PLAN: Final = 64 * 2**20
-"""Unpacked bytes of a plan whose frames are written here; a format may need ten times as many."""
+"""Unpacked bytes of a plan that is exported here; a format may need ten times as much memory."""
 PLAN: Final = "plan.npz"
 
 

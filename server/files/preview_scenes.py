@@ -15,7 +15,7 @@ AT_ONCE: Final = 2
 MOST_WAITING: Final = 8
 MOST_OF_VISITOR: Final = 3
 MOST_BYTES: Final = 32 * 2**20
-"""Of scenes that are kept for those who come next."""
+"""Bytes of scenes in the cache."""
 
 
 class PreviewScenes:

@@ -26,7 +26,7 @@ ROOT: Final = "previews"
 UPLOAD: Final = "upload.json"
 SWEEP_EVERY_S: Final = 600.0
 TOUCHES: Final = 8
-"""How often, while it is kept, it is noted there that somebody looks at a preview."""
+"""Times, while a preview is stored, that a look at it is noted there."""
 log = logging.getLogger("foldback.web")
 
 

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from planner.robot.trajectory import Trajectory
 
 KEPT_BYTES: Final = 128 * 2**20
-"""Of trajectories that nobody may be using."""
+"""Bytes of trajectories in the cache that nobody may be using."""
 USED_BYTES: Final = 2**30
-"""Of all trajectories: those of robots that are being driven count too."""
+"""Bytes of all trajectories, with those of robots that are being driven."""
 STREAMS, STREAMS_OF_ADDRESS = 8, 2
 """Trajectories that are being sent, which may take those who take them a while; in all and to one
 address."""
@@ -126,7 +126,7 @@ class Trajectories:
         motions: Where they write.
         scratch: Where what they have written is kept, out of their reach.
         total: How many trajectories and tables may be made or wait for it.
-        per_visitor: Of them, of one visitor.
+        per_visitor: How many of these one visitor may have.
         kept_bytes: Of trajectories that are kept for those who come next.
         used_bytes: Of those and of all that are in use.
     """

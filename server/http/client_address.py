@@ -8,7 +8,7 @@ from typing import Final
 from starlette.requests import HTTPConnection
 
 NETWORK_BITS: Final = 64
-"""What one visitor has of the addresses of version 6."""
+"""Leading bits of an IPv6 address that are one visitor's network."""
 
 
 def address_of(connection: HTTPConnection) -> str:

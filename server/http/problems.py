@@ -53,7 +53,7 @@ HEADERS: Final[Mapping[int, Mapping[str, str]]] = {
     401: {"WWW-Authenticate": "Bearer"},
     426: {"Upgrade": "websocket"},
 }
-"""What HTTP wants to be said with a status."""
+"""Headers that HTTP asks for with a status."""
 CODES: Final = {404: "not-found", 408: "too-slow", 413: "too-large"}
 
 

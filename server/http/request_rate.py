@@ -14,7 +14,7 @@ from server.http.problems import response_of
 from server.limits.token_buckets import TokenBuckets
 
 EXEMPT: Final = "/health"
-"""What watches a service asks it, though it be from the address of a visitor."""
+"""Address that monitoring asks; its rate has no bound."""
 
 
 class RequestRate:

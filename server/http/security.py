@@ -41,15 +41,15 @@ HEADERS: Final = {
     "X-Robots-Tag": "noindex",
 }
 LISTED: Final = {"X-Robots-Tag": "all"}
-"""Of answers that search engines may show instead: what is in the gallery, and no secret."""
+"""Headers of answers that search engines may show: what is in the gallery, and no secret."""
 UNPRINTED: Final = re.compile(r"[\x00-\x1f\x7f]")
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
 FORM_OVERHEAD_BYTES: Final = 64 * 1024
 SMALL_BODY_BYTES: Final = 64 * 1024
-"""Of what is no form with a file, for that is held in memory."""
+"""Bytes of a body other than a form with a file, at most: it is held in memory."""
 LISTENED_BYTES: Final = 64 * 2**20
-"""Of a refused upload, which are counted and forgotten."""
+"""Bytes of a refused upload that are still read, and thrown away."""
 LISTENED_S: Final = 10.0
 
 

@@ -28,10 +28,10 @@ from server.store.tables import ENDED, FoldRow
 
 DAY_S: Final = 86400.0
 FRESH_S: Final = 3600.0
-"""Whatever room there is, what somebody has looked at since stays."""
+"""Seconds since somebody looked at it for which a fold stays, however little room there is."""
 ORPHANS_EVERY_S: Final = 3600.0
 ORPHAN_AGE_S: Final = 3600.0
-"""An upload that is being accepted has files before it has a row."""
+"""Seconds that files may be without a row: an upload has files first."""
 log = logging.getLogger("foldback.janitor")
 
 

@@ -34,7 +34,7 @@ AT_A_TIME: Final = 500
 # A job ends so when not even its end could be noted, or when it took its worker along every time.
 FAILED: Final = ("ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED")
 PREPARING: Final = 0x666F6C64
-"""PostgreSQL's number for the lock under which tables are made."""
+"""Key of PostgreSQL's advisory lock under which tables are made."""
 
 
 def prepare(settings: Settings) -> None:

@@ -15,7 +15,7 @@ from server.store.tables import passes
 
 TRY_AGAIN_S: Final = 0.5
 PASSING: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.ESTALE})
-"""Faults of a disk that somebody may mend."""
+"""Errors of a disk that may pass: no room, no handles, an input or output error."""
 Answer = TypeVar("Answer")
 log = logging.getLogger("foldback.worker")
 

@@ -30,7 +30,7 @@ from server.store.object_store import StorageError
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 KEEP_EVERY_S: Final = 0.7
-"""How often what grows is kept elsewhere."""
+"""Seconds between two copies of a growing timeline to the object store."""
 log = logging.getLogger("foldback.worker")
 
 

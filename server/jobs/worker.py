@@ -42,10 +42,10 @@ LOOK_EVERY_S: Final = 2.0
 BEATS_A_LEASE: Final = 5
 LOOKS_A_LEASE: Final = 8
 STRAY_S: Final = 5.0
-"""How long a job of ours that nothing here works on may be about to begin."""
+"""Seconds after which a job of this worker that nothing works on is begun anew."""
 SWEEP_EVERY_S: Final = 60.0
 NO_JOB_S: Final = 30.0
-"""How long a fold may have no job, since it is just being accepted."""
+"""Seconds that a fold may be without a job: it has its row first."""
 log = logging.getLogger("foldback.worker")
 
 

@@ -14,10 +14,10 @@ from planner.pathfinding.duration import expected_seconds
 
 TICKS_A_SECOND: Final = 10
 LATEST: Final = 2**31 - 2
-"""What the job system takes as a priority; at full load it is reached after years."""
+"""Largest priority that the job system takes; at full load it is reached after years."""
 SLOWEST: Final = 3600.0
 CHANGED: Final = 4.0
-"""The most steps of a published explosion over those that it usually takes."""
+"""Factor of the usual steps of a published explosion, with changed settings."""
 
 
 def expected_s(modules: int, preset: str, settings: str = "") -> float:

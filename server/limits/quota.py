@@ -47,7 +47,7 @@ class Quota:
     Args:
         what: What the places are for, in the plural.
         total: Places, those that wait included; no bound when None.
-        per_visitor: Of them, of one visitor. Whoever is no visitor has no such bound.
+        per_visitor: How many of these one visitor may have; operators have no such bound.
         at_once: How many of them go on at once, while the others wait; all when None.
         at_once_per_visitor: Of those that go on, of one visitor; all when None.
         patience_s: How long one may wait in ``turn``.

@@ -25,7 +25,7 @@ class SingleFlight:
         what: What is made, in the plural.
         at_once: How many things are made at once.
         total: How many may be made or wait for it.
-        per_visitor: Of them, of one visitor.
+        per_visitor: How many of these one visitor may have.
     """
 
     def __init__(self, what: str, *, at_once: int, total: int, per_visitor: int) -> None:

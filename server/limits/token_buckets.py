@@ -9,7 +9,7 @@ from typing import Final
 from cachetools import LRUCache
 
 MOST_VISITORS: Final = 50_000
-"""Whose buckets are remembered; one that is forgotten begins full."""
+"""Visitors whose buckets are remembered; one that is forgotten begins with a full one."""
 
 
 class TokenBuckets:

@@ -21,7 +21,7 @@ from server.settings import Settings
 CHATTERS: Final = ("alembic", "dbos", "httpx", "opentelemetry", "websockets")
 ABOUT: Final = ("fold", "movie", "worker", "request")
 ACCESS: Final = ("method", "route", "path", "status", "duration_ms")
-"""Fields of the lines of ``foldback.access``; their text says the same."""
+"""Fields of the lines of ``foldback.access``, which their text holds, too."""
 _about: ContextVar[Mapping[str, str]] = ContextVar("about", default=MappingProxyType({}))
 
 

@@ -27,10 +27,10 @@ EXPECTED: Final = {
     "greater_than": "more than {gt}",
     "less_than_equal": "at most {le}",
 }
-"""What is expected where pydantic finds a fault of a kind."""
+"""Words for what is expected, by pydantic's kind of error."""
 REMEDY: Final = "Set it so, or unset it; docs/operations.md lists all settings."
 LONGEST: Final = 60
-"""Letters of a value that are repeated."""
+"""Characters of a value that an error repeats."""
 
 
 def settings_of(**given: Any) -> Settings:

@@ -48,7 +48,7 @@ BATCH: Final = STATIC.parent / "featured.batch"
 FEATURED: Final = "wrench-160"
 LARGEST_DRAWING: Final = 4000
 SWAGGER: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
-"""Of the package that brings them; nothing is fetched from elsewhere."""
+"""Files of the package ``fastapi_offline``, served from here."""
 POLICY: Final = "; ".join(
     (
         "default-src 'none'",
@@ -74,7 +74,7 @@ def entry(page_name: str) -> Markup:
 
 
 KNOWN: Final[dict[str, Any]] = {"paper_settings": ROWS, "setting_sources": SOURCES, "entry": entry}
-"""What every template may use."""
+"""Values that every template gets."""
 HEADINGS: Final = {
     404: "There is nothing here",
     429: "This is a little too much at once",

@@ -32,7 +32,7 @@ from web.viser.standalone import standalone_html, standalone_scripts
 router = APIRouter(include_in_schema=False)
 FOLD_ID: Final = r"^[A-Za-z0-9_-]{1,64}$"
 OF: Final = f"{TIMELINE}/zarr.json"
-"""Written last, whatever changes in the timeline."""
+"""File that is written last whenever a timeline changes."""
 
 
 @router.get("/embed/view")

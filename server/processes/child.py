@@ -30,13 +30,13 @@ from server.processes.landlock import Allowed, no_new_rights
 from server.processes.limits import memory_words
 
 PATIENT: Final = ("stages", "movies", "retimer")
-"""Kinds of children that nobody waits for at every moment: pages go first."""
+"""Kinds of children with a lower priority, as no page waits for them."""
 FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 FAILED: Final = (errno.EROFS, errno.EIO)
 COMPUTING: Final = ("mujoco", "scipy.interpolate", "scipy.ndimage", "scipy.sparse.csgraph")
 """Libraries that the planner loads when it first computes with them."""
 MESHES: Final = "trimesh"
-"""And the one with the first mesh that it reads, of whatever format."""
+"""Library that is loaded with the first mesh that a child reads."""
 Task = Callable[[str, Path, Callable[[Progress], None], Callable[[], bool]], dict[str, Any]]
 
 

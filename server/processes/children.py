@@ -34,13 +34,13 @@ POLL_S: Final = 0.05
 CANCEL_GRACE_S: Final = 0.7
 START_CPU_S: Final = 240.0
 START_S: Final = 3600.0
-"""A child that may start gets what is left of the processor: on a busy machine its time counts."""
+"""Seconds that a start may take: at a low priority on a busy machine it takes long."""
 ENDING_S: Final = 1.0
-"""How long one may take to end that has closed its output."""
+"""Seconds that a child may take to end once it has closed its output."""
 CALLS_A_CHILD: Final = 200
 LARGEST_EVENT_BYTES: Final = 2**20
 MOST_EVENTS: Final = 32
-"""Events that are read ahead; a child that sends more has to wait."""
+"""Events of a child that are read ahead; it waits when there are more."""
 EVENTS: Final = {
     "ready": set[str](),
     "progress": {"stage", "fraction", "steps", "steps_per_second", "simulated_s", "message"},
@@ -48,7 +48,7 @@ EVENTS: Final = {
     "bad-input": {"code", "detail", "where"},
     "problem": {"code", "detail"},
 }
-"""What a child tells, and the values that come with it."""
+"""Names of a child's events, with the values that each has."""
 
 
 class ChildError(Exception):

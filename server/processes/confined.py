@@ -25,12 +25,12 @@ SYSTEM: Final = (
     *("/proc/self", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/filesystems"),
     *("/proc/sys/vm/overcommit_memory", "/sys/devices/system"),
 )
-"""What programs and libraries of the machine need to read."""
+"""Paths that programs and libraries of the machine read."""
 DRAWING: Final = (
     *("/etc/glvnd", "/etc/egl", "/etc/drirc", "/etc/vulkan", "/etc/OpenCL", "/etc/nvidia"),
     *("/proc/driver/nvidia", "/proc/modules", "/proc/devices", "/sys"),
 )
-"""What OpenGL needs to read besides."""
+"""Paths that OpenGL reads as well."""
 OF_PYTHON: Final = ("bin", "lib", "lib64", "lib32", "share", "pyvenv.cfg")
 DEVICES: Final = ("/dev/dri", "/dev/kfd", "/dev/dxg")
 PLACES: Final = (

@@ -25,15 +25,15 @@ MAKE_CHAR, MAKE_SOCK, MAKE_FIFO, MAKE_BLOCK, MAKE_SYM = 1 << 6, 1 << 9, 1 << 10,
 TRUNCATE, IOCTL_DEV = 1 << 14, 1 << 15
 READ: Final = EXECUTE | READ_FILE | READ_DIR
 MISLEADING: Final = MAKE_CHAR | MAKE_SOCK | MAKE_FIFO | MAKE_BLOCK | MAKE_SYM
-"""To make what leads whoever opens it elsewhere, or has him wait. Granted nowhere."""
+"""Rights to make devices, sockets, pipes and links, which mislead who opens them; never granted."""
 OF_FILES: Final = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE | IOCTL_DEV
 """Rights that a rule on a file may have; the others are of directories."""
 ALL_FILE_RIGHTS: Final = {1: (1 << 13) - 1, 2: (1 << 14) - 1, 3: (1 << 15) - 1, 5: (1 << 16) - 1}
 """Rights on files that the kernel knows, from which version of its interface on."""
 TCP: Final = 0b11
-"""To bind and to connect, from version 4 on."""
+"""Rights to bind and to connect, from version 4 on."""
 SCOPES: Final = 0b11
-"""No abstract sockets of others and no signals to others, from version 6 on."""
+"""Bits that keep a process from abstract sockets and signals of others, from version 6 on."""
 OLDEST: Final = 2
 """The first version in which files may be renamed from one directory into another."""
 

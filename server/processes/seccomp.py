@@ -77,11 +77,11 @@ REFUSED: Final[dict[str, tuple[int, int | None]]] = {
 }
 """Calls that are refused: their numbers on each architecture; None where it has no such call."""
 PRLIMIT: Final = (302, 261)
-"""A process may have less, and ask what it may have; those of others are not its own."""
+"""Call numbers of prlimit: a process may lower and ask its own limits, not those of others."""
 SOCKETPAIR: Final = (53, 199)
-"""Event loops wake themselves by a pair of streams; other pairs could send to somebody else."""
+"""Call numbers of socketpair: event loops use a pair of streams; other kinds are refused."""
 X32: Final = 0x40000000
-"""Numbers from here on are the same calls once more, on x86_64."""
+"""First number of the x32 calls, which repeat those of x86_64."""
 
 LOAD, AND, EQUAL, AT_LEAST, RETURN = 0x20, 0x54, 0x15, 0x35, 0x06
 NUMBER_AT, MARK_AT, FIRST_ARGUMENT_AT, SECOND_ARGUMENT_AT = 0, 4, 16, 24

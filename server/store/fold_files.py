@@ -27,12 +27,12 @@ from server.store.object_store import INDEX, Storage, open_storage
 from server.store.tables import FoldRow
 
 LOOK_EVERY_S: Final = 0.4
-"""How old a copy of what still grows may be."""
+"""Seconds that a copy of what still grows may be old."""
 TIDY_EVERY_S: Final = 60.0
 IN_USE_S: Final = 600.0
 EPOCH: Final = ".epoch"
 GOING: Final = ".going-"
-"""Begins the names of copies that are being dropped."""
+"""Prefix of copies that are being removed."""
 MOVIES: Final = "movies"
 EXPORTS_DIR: Final = "exports"
 """Folder for what is made of a fold's files when somebody asks, beside them."""

@@ -35,11 +35,11 @@ __all__ = ["FoldRow", "NoSuchFoldError", "Store", "hash_of", "new_id", "new_toke
 
 WAITING = ("queued", "running")
 LOOKED_EVERY_S: Final = 3600.0
-"""How exactly it is known when somebody last looked at a fold."""
+"""Seconds to which the time of the last look at a fold is exact."""
 TURN: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
 DROPPED_S: Final = 3600.0
 PACE_OF: Final = 40
-"""Folds that say how much longer folds take here than where they were measured."""
+"""Latest folds from which it is estimated how fast this machine is."""
 
 
 def new_id() -> str:

@@ -18,7 +18,7 @@ MOST_NEAREST: Final = 4
 MOST_FITTING: Final = 6
 ALIKE: Final = 0.5
 UNTAGGED: Final = ("paper",)
-"""What the first shapes are: those of the paper."""
+"""Tags of shapes that have none of their own: those of the paper."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -27,7 +27,7 @@ from planner.files import write_whole
 from server.settings import Settings
 
 HEAD: Final = "timeline.zarr/zarr.json"
-"""Says how much of a timeline there is: kept after all else, shown after all else."""
+"""File that tells a timeline's length: stored last, fetched last."""
 PRIVATE: Final = frozenset({"exports"})
 """Directories that each machine makes for itself."""
 INDEX: Final = ".fetched.json"

@@ -17,10 +17,10 @@ from server.store.tables import ENDED, STATUSES, FoldRow, MovieRow, engine_for
 
 KEPT_S: Final = 2.0
 SUM_KEPT_S: Final = 60.0
-"""Of the one figure for which all rows have to be read."""
+"""Seconds that the one figure is cached for which all rows have to be read."""
 LATELY_S: Final = 3600.0
 LONGEST_S: Final = 86400.0
-"""From asking for a fold to its end, for finding those that ended lately by an index."""
+"""Seconds from asking for a fold to its end, at most: bounds the search for those that ended."""
 MOST_ENDED: Final = 500
 
 

@@ -141,7 +141,7 @@ class MovieRow(Base):
 
 
 MAKING = ("queued", "running")
-"""What a movie is until it is ready or has failed."""
+"""Statuses of movies that are not over."""
 
 
 def movie_file(job: str) -> str:
@@ -168,7 +168,7 @@ class SecretRow(Base):
 
 
 MIGRATING = 0x666F6C65
-"""PostgreSQL's number for the lock under which the tables are made."""
+"""Key of PostgreSQL's advisory lock under which tables are migrated."""
 
 
 def engine_for(url: str) -> sa.Engine:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from web.movies.movie import Movie
 
 QUALITY: Final = 19
-"""Constant rate factor of x264: nothing of the coding can be seen."""
+"""Constant rate factor of x264, at which no coding can be seen."""
 PRESET: Final = "veryfast"
-"""Twice as quick as the next, and no larger with pictures as plain as these."""
+"""Preset of x264: twice as quick as the next, files no larger with pictures as plain as these."""
 
 
 class EncodingError(Exception):

@@ -21,7 +21,7 @@ from web.timeline.view import Snapshot, TimelineView
 Array = NDArray[np.float64]
 
 REST: Final = ((0.4, 0.05), (1.2, 0.15))
-"""Still at the beginning and at the end: at most so many seconds, and such a share."""
+"""(seconds, share of the movie) that it stands still at the beginning, and at the end, at most."""
 
 
 def make_movie(

@@ -18,7 +18,7 @@ PLAIN: Final[dict[str, dict[str, float]]] = {
     "mp4": {"width": 1280, "height": 720, "fps": 30, "seconds": 10.0},
     "gif": {"width": 640, "height": 360, "fps": 15, "seconds": 6.0},
 }
-"""What is made when nothing else is said."""
+"""Width, height and frames per second of each format, if nothing else is asked for."""
 SMALLEST: Final = 64
 LARGEST: Final[dict[str, tuple[int, int]]] = {"mp4": (1920, 1080), "gif": (960, 720)}
 """Longer and shorter side: a movie may stand upright as well."""

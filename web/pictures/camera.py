@@ -19,7 +19,7 @@ TURN_RAD_S: Final = np.deg2rad(5.0)
 MOST_POINTS: Final = 600
 WIDE: Final = 1.6
 LEAST_STRETCH: Final = 40
-"""Straight modules of a long fold that a camera keeps in view at least; the rest leave it."""
+"""Straight modules of a long fold that stay in view, at least."""
 
 
 _WAYS: Final = np.array(

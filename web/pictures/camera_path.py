@@ -19,17 +19,17 @@ from web.pictures.camera import View, distance_needed, framing
 Array = NDArray[np.float64]
 
 SMOOTH_S: Final = 0.5
-"""Standard deviation, in seconds of the movie, of how a camera is smoothed."""
+"""Standard deviation, in seconds of the movie, of the filter that smooths a camera's way."""
 TURNING_S: Final = 1.2
-"""The same for the direction that it looks from."""
+"""Standard deviation of the filter that smooths its direction."""
 LONGEST_SHARE: Final = 0.05
-"""Of a short movie, that a standard deviation is at most: it shall still get near in time."""
+"""Share of the movie that a standard deviation may be, so that short ones still zoom in."""
 REACH: Final = 3.0
-"""Standard deviations that are looked ahead and back."""
+"""Standard deviations at which the filters are cut off."""
 MARGIN: Final = (0.88, 0.82)
 """Shares of the width and the height of a picture that are filled."""
 ROOM: Final = 1.12
-"""How much farther than needed it stays at least."""
+"""Factor of the distance at which all would just fit in."""
 GROUND_GAP: Final = 0.35
 
 

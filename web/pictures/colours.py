@@ -15,14 +15,14 @@ Array = NDArray[np.float64]
 Rgb = tuple[int, int, int]
 
 NEUTRAL: Final[Rgb] = (206, 208, 212)
-"""A module whose joint error is zero."""
+"""Colour of a module without joint error."""
 UNKNOWN: Final[Rgb] = (168, 172, 179)
-"""A module for which no error was recorded."""
+"""Colour of a module for which no error was recorded."""
 ERROR: Final[Rgb] = (208, 10, 18)
-"""A module whose joint error reaches the end of the scale."""
+"""Colour of a module whose joint error is at the end of the scale."""
 SELECTED: Final[Rgb] = (10, 84, 240)
 STUCK: Final[Rgb] = (255, 140, 0)
-"""A module where a fold that failed sticks."""
+"""Colour of modules where a failed fold sticks."""
 FIRST: Final[Rgb] = (255, 255, 255)
 LAST: Final[Rgb] = (38, 42, 50)
 

@@ -19,12 +19,12 @@ Floats = NDArray[np.float32]
 CELLS: Final = 512
 """Cells of the picture of a shadow along each side."""
 SHARPEST: Final = 0.3
-"""Blur of the shadow of a module on the ground, as a standard deviation in pitches."""
+"""Standard deviation in pitches of the blur of a shadow of what touches the ground."""
 WIDENING: Final = 0.07
-"""How much wider it gets with each pitch of height: the size of the light."""
+"""Growth of that blur with each pitch of height, by the size of the light."""
 WIDTH: Final = 0.93
 EDGE: Final = 3.0
-"""Standard deviations of the widest blur that are kept free around the shadow."""
+"""Standard deviations of the widest blur that are left free around a shadow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

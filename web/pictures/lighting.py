@@ -18,17 +18,17 @@ Array = NDArray[np.float64]
 
 UP: Final = np.array([0.0, 0.0, 1.0])
 KEY: Final = (-0.5, 0.6, 1.0)
-"""Where the light comes from that throws shadows: right, towards the camera, up."""
+"""Direction to the light that throws shadows: right, towards the camera, up."""
 FILL: Final = (0.9, 0.6, 0.1)
-"""Where a faint light comes from that throws none."""
+"""Direction to a faint light without shadows."""
 WARMTH: Final = np.array([1.0, 0.985, 0.955])
 """Colour of the key light."""
 SHADED: Final = 0.35
-"""How much of its colour a face loses when the key light is kept from it."""
+"""Share of its colour that a face loses in the key light's shadow."""
 LEAN: Final = 0.25
-"""How far shadows on the ground lean away from the key light: less than they would."""
+"""Shift of a shadow on the ground for each pitch of height; the light's angle gives more."""
 BALL: Final = 1.12
-"""Radius of the ball that a module counts as, by that of the ball that fits into it."""
+"""Radius of the ball that stands for a module, as a multiple of its inscribed ball's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,9 +16,9 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 FAR: Final = 5.0
-"""Modules farther away than this, in pitches, keep no light away."""
+"""Distance in pitches beyond which modules take no light away."""
 PENUMBRA: Final = 0.35
-"""How much wider the edge of a shadow gets with each pitch on the way from what throws it."""
+"""Growth of a shadow's soft edge with each pitch of distance from what throws it."""
 
 
 def face_light(

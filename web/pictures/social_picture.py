@@ -24,7 +24,7 @@ from web.pictures.still import Camera, module_triangles
 Array = NDArray[np.float64]
 
 SIZE: Final = (1200, 630)
-"""What Open Graph and its kin ask for."""
+"""Width and height in pixels, as Open Graph recommends."""
 TIMES: Final = 2
 MARGIN: Final = (0.82, 0.8)
 

@@ -29,9 +29,9 @@ MARGIN: Final = (0.88, 0.86)
 TURNS_RAD: Final = tuple(float(turn) for turn in np.deg2rad(np.arange(0, 360, 30)))
 ELEVATIONS_RAD: Final = (ELEVATION_RAD, float(np.deg2rad(55.0)))
 OPEN_ENOUGH: Final = 0.6
-"""Of the widest view, what the usual one has to have."""
+"""Share of the most open view's visible area that the usual view must have to be taken."""
 EXPOSURE: Final = 1.1
-"""Brings the tones to those of movies, where faces shine a little."""
+"""Factor that brings tones to those of movies, where faces shine a little."""
 
 
 def still(

@@ -14,9 +14,9 @@ Array = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]
 
 MOST_DRAWN: Final = 4000
-"""Modules; of a shorter chain all are drawn."""
+"""Modules up to which all of a chain are drawn."""
 TOUCHING: Final = 1.02
-"""Centres of cubes that share a face are no farther apart, in pitches."""
+"""Pitches between centres up to which cubes share a face."""
 
 
 def visible_modules(positions: Array, module: Module, *, target: Array) -> Ints:

@@ -30,7 +30,7 @@ WHOLE: Final = 2**40
 WINDOW_FRAME: Final = 80
 """Bytes of a windowed frame beside its angles."""
 AT_ONCE: Final = 512
-"""Windows that are read at once: how wide they are is not known before."""
+"""Windows that are read at once; their widths are not known before."""
 SAMPLES: Final = 64
 _BATCHES: Final[Cache[bytes]] = Cache(64 * 2**20, len)
 

@@ -41,8 +41,8 @@ WINDOWS_A_CHUNK: Final = 512
 CHUNK_BYTES: Final = 48 * 2**20
 REFRESH_EVERY_S: Final = 0.1
 OUTLINE_COLUMNS: Final = 320
-FILM_BYTES: Final = 2**18
-"""Of the chain and the timeline's own parts, about."""
+VIEW_BYTES: Final = 2**18
+"""Bytes of a chain and of a timeline's own arrays, about."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -146,7 +146,7 @@ class TimelineView:
     def nbytes(self) -> int:
         """Bytes that it holds, about."""
         summary = self._phase.nbytes + self._time_s.nbytes + self._max_error.nbytes
-        return FILM_BYTES + summary + self._bytes
+        return VIEW_BYTES + summary + self._bytes
 
     @property
     def chain(self) -> Chain:

@@ -13,7 +13,7 @@ from web.timeline.view import TimelineView
 
 MOST_KEPT: Final = 512
 MOST_BYTES: Final = 192 * 2**20
-"""Of views kept open though nobody may be looking: opening one reads its whole summary."""
+"""Bytes of views in the cache; to open one its whole summary is read."""
 
 
 class TimelineViews:

@@ -22,7 +22,7 @@ ANGLE_STEP_RAD: Final = 2.0**-20
 PLANES: Final = frozenset(
     {"time_s", "phase", "first", "counts", "steps", "base_position", "base_wxyz"}
 )
-"""All of them are packed: a base that rests and a time that runs evenly are next to nothing."""
+"""Columns that are packed as planes of bytes: what rests or runs evenly takes next to nothing."""
 
 
 def window_columns(windows: Windows, folded_rad: NDArray[np.floating[Any]]) -> dict[str, Any]:

@@ -24,7 +24,7 @@ WIDEST: Final = 14.0
 """Length of the straight chain, or of what is in view of it, in the scene's units: viser's shadows
 reach 20 from the camera."""
 BESIDE: Final = 3
-"""A stretch and what is folded or bent beside it, about, in stretches; as in the camera's file."""
+"""Factor of the straight stretch in view that the scene is long, with what is folded beside it."""
 LARGEST_PITCH: Final = 0.25
 GROUND_GAP: Final = 0.35
 PATH_THICKNESS: Final = 0.18

@@ -24,7 +24,7 @@ ENTRY: Final = "js/pages/standalone.js"
 WORKER: Final = "js/viewer/sketch_worker.js"
 STYLES: Final = ("css/base.css", "css/fold.css")
 MOST_BYTES: Final = 48 * 2**20
-"""Of a batch, unpacked; a longer fold is thinned, and told without its curves."""
+"""Unpacked bytes of a batch; of a longer fold frames are left out, and the curves."""
 
 Render = Callable[..., str]
 
