@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import json
-import time
 from pathlib import Path
-
-from rich.console import Console
 
 from tests.benchmarks.baselines import direct, paper
 from tests.benchmarks.folds import folds
@@ -25,6 +21,7 @@ from tests.benchmarks.scaling import scaling
 from tests.benchmarks.smoothing import smoothing
 from tests.benchmarks.success_map.seeds import seeds
 from tests.benchmarks.sweeps import sweeps
+from tests.benchmarks.tables import write_sections
 from tests.benchmarks.tetrahedra import tetrahedra
 
 SECTIONS = {
@@ -54,16 +51,9 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", choices=list(SECTIONS), default=list(SECTIONS))
     parser.add_argument("--out", type=Path, default=Path("out/bench.json"))
     arguments = parser.parse_args()
-    console = Console(width=max(160, Console().width))
     about = machine()
-    console.print(about)
-    found = {"machine": about, "date": time.strftime("%Y-%m-%d"), "sections": []}
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    for name in arguments.only:
-        section = SECTIONS[name](about["reference_seconds"])
-        section.show(console)
-        found["sections"].append(section.as_dict())
-        arguments.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    sections = (SECTIONS[name](about["reference_seconds"]) for name in arguments.only)
+    write_sections(sections, about, arguments.out)
 
 
 if __name__ == "__main__":

@@ -5,12 +5,12 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from playwright.sync_api import Browser, Response, sync_playwright
+from playwright.sync_api import Browser, sync_playwright
 
 from tests.benchmarks.command import playing
 from tests.benchmarks.page import PLAY
 from tests.benchmarks.tables import Section
-from tests.browser.conftest import FLAGS
+from tests.browser.conftest import FLAGS, bytes_fetched
 from tests.planner import peels
 from tests.tools import CHROMIUM
 from tests.web.long_folds import fold, write
@@ -88,13 +88,7 @@ def _played(browser: Browser, address: str, size: tuple[int, int]) -> dict[str, 
         viewport={"width": size[0], "height": size[1]}, reduced_motion="reduce"
     )
     page = context.new_page()
-    fetched: list[int] = []
-
-    def count(response: Response) -> None:
-        if "/batch?" in response.url or response.url.endswith("/bundle"):
-            fetched.append(int(response.headers["content-length"]))
-
-    page.on("response", count)
+    fetched = bytes_fetched(page)
     page.goto(address)
     page.wait_for_function(REACHED, timeout=90_000)
     opened = sum(fetched) / 1e3

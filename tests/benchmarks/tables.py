@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import time
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -73,3 +77,20 @@ class Section:
 
 def _text(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def write_sections(
+    sections: Iterable[Section], machine: dict[str, Any], out: Path
+) -> list[Section]:
+    """Prints each section as soon as it is there, and writes all there are so far as JSON."""
+    console = Console(width=max(160, Console().width))
+    console.print(machine)
+    found: list[Section] = []
+    out.parent.mkdir(parents=True, exist_ok=True)
+    for section in sections:
+        section.show(console)
+        found.append(section)
+        told = [each.as_dict() for each in found]
+        about = {"machine": machine, "date": time.strftime("%Y-%m-%d"), "sections": told}
+        out.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    return found

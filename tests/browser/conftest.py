@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+from playwright.sync_api import (
+    Browser,
+    BrowserContext,
+    Page,
+    Response,
+    expect,
+    sync_playwright,
+)
 
 from tests.server.service import Service, bearer
 from tests.tools import CHROMIUM
@@ -185,3 +192,15 @@ def shot(page: Page) -> np.ndarray:
     """The same at once, whatever moves."""
     png = page.locator("main.stage").screenshot(mask=[page.locator("#legend")], mask_color="#000")
     return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(float)
+
+
+def bytes_fetched(page: Page) -> list[int]:
+    """Sizes of the reels and sceneries that a page fetches; grows as it does."""
+    fetched: list[int] = []
+
+    def count(response: Response) -> None:
+        if "/batch?" in response.url or response.url.endswith("/bundle"):
+            fetched.append(int(response.headers["content-length"]))
+
+    page.on("response", count)
+    return fetched

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, Response, expect
+from playwright.sync_api import Page, expect
 
 from planner.chain.kinematics import forward_kinematics
 from planner.motion.windows import Windows
 from tests.benchmarks.command import playing
-from tests.browser.conftest import keep
+from tests.browser.conftest import bytes_fetched, keep
 from tests.planner import peels
 from tests.web import long_folds
 
@@ -51,13 +51,7 @@ def test_a_long_fold_opens_with_little_and_is_played(
     visit: Visit, address: str, windows: Windows
 ) -> None:
     page = visit("/")
-    fetched: list[int] = []
-
-    def count(response: Response) -> None:
-        if "/batch?" in response.url or response.url.endswith("/bundle"):
-            fetched.append(int(response.headers["content-length"]))
-
-    page.on("response", count)
+    fetched = bytes_fetched(page)
     page.goto(address)
     page.wait_for_function(SHOWN)
     assert 0 < sum(fetched) < OPENED

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
-from rich.console import Console
-
 from tests.benchmarks.machine import machine
-from tests.benchmarks.tables import Section
+from tests.benchmarks.tables import Section, write_sections
 from tests.load.disks import inside
 from tests.load.faults import FAULTS, SEED, faults, signals
 from tests.load.mutated import mutated_uploads
@@ -64,23 +60,14 @@ def main() -> int:
         if code is not None:
             return code
     signals()
-    console = Console(width=max(160, Console().width))
-    about = machine()
-    console.print(about)
-    found = {"machine": about, "date": time.strftime("%Y-%m-%d"), "sections": []}
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    met = True
-    for name in arguments.only:
-        if name in FAULTY:
-            faulty = FAULTY[name]
-            section = faulty(arguments.short, arguments.rounds, arguments.seed, arguments.faults)
-        else:
-            section = SECTIONS[name](arguments.short)
-        section.show(console)
-        met &= all(figure.met is not False for figure in section.figures)
-        found["sections"].append(section.as_dict())
-        arguments.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    return 0 if met else 1
+    sections = (
+        FAULTY[name](arguments.short, arguments.rounds, arguments.seed, arguments.faults)
+        if name in FAULTY
+        else SECTIONS[name](arguments.short)
+        for name in arguments.only
+    )
+    found = write_sections(sections, machine(), arguments.out)
+    return int(any(figure.met is False for section in found for figure in section.figures))
 
 
 if __name__ == "__main__":

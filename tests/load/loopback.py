@@ -1,10 +1,16 @@
-"""Loopback: load goes to this machine alone."""
+"""Loopback: load goes to this machine alone, to services that are there for nothing else."""
 
 from __future__ import annotations
 
 import ipaddress
 import socket
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from urllib.parse import urlsplit
+
+from tests.server.service import Service
 
 
 class NotHereError(ValueError):
@@ -27,3 +33,15 @@ def checked(address: str) -> str:
             f"got {address!r}, expected a service on 127.0.0.1; load is never sent elsewhere."
         )
     return address
+
+
+@contextmanager
+def serving(**settings: object) -> Iterator[Service]:
+    """A service with these settings, whose data is gone afterwards."""
+    with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
+        service = Service(Path(folder) / "data", prewarm=True, **settings).start()
+        try:
+            checked(str(service.http.base_url))
+            yield service
+        finally:
+            service.stop()

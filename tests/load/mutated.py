@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import random
-import tempfile
 import time
 from collections import Counter
 from contextlib import suppress
@@ -16,7 +15,7 @@ import httpx
 import psutil
 
 from tests.benchmarks.tables import Section
-from tests.load.loopback import checked
+from tests.load.loopback import serving
 from tests.load.mutations import Upload, made, valid
 from tests.server.service import Service
 
@@ -37,28 +36,19 @@ def mutated_uploads(short: bool = False, *, first: int = 0) -> Section:
     count = 150 if short else 10_000
     answers: Counter[str] = Counter()
     wrong: list[str] = []
-    with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
-        service = Service(
-            Path(folder) / "data",
-            workers=0,
-            prewarm=True,
-            largest_queue=10**6,
-            largest_queue_of_visitor=10**6,
-            previews_bytes=64 * 2**20,
-        ).start()
-        try:
-            sender = _Sender(checked(str(service.http.base_url)), answers, wrong)
-            warm = count // 3 if short else 1000
-            begun = time.monotonic()
-            asyncio.run(sender.send(range(first, first + warm)))
-            before = _resident_mb(service)
-            asyncio.run(sender.send(range(first + warm, first + count)))
-            took_s = time.monotonic() - begun
-            after = _resident_mb(service)
-            alive = service.http.get("/health").status_code == 200
-            log = service.log.read_text()
-        finally:
-            service.stop()
+    with serving(
+        workers=0, largest_queue=10**6, largest_queue_of_visitor=10**6, previews_bytes=64 * 2**20
+    ) as service:
+        sender = _Sender(str(service.http.base_url), answers, wrong)
+        warm = count // 3 if short else 1000
+        begun = time.monotonic()
+        asyncio.run(sender.send(range(first, first + warm)))
+        before = _resident_mb(service)
+        asyncio.run(sender.send(range(first + warm, first + count)))
+        took_s = time.monotonic() - begun
+        after = _resident_mb(service)
+        alive = service.http.get("/health").status_code == 200
+        log = service.log.read_text()
     for name, mb in before.items():
         section.rows.append({"process": name, "before, MB": mb, "after, MB": after.get(name, 0.0)})
     section.add(

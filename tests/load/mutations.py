@@ -161,7 +161,7 @@ def _polluted(data: bytes, rng: random.Random) -> bytes:
 
 
 def _spiced(data: bytes, rng: random.Random) -> bytes:
-    return mutated(data, rng)
+    return mutated(data, rng, SPICE)
 
 
 Change = Callable[[bytes, random.Random], bytes]

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import tempfile
 import threading
 import time
-from pathlib import Path
 from typing import Any
 
 import psutil
 
 from tests.benchmarks.tables import Section
+from tests.load.loopback import serving
 from tests.load.visitors import Visits, percentile_ms
 from tests.server.service import SNAKE, Service
 
@@ -24,46 +23,38 @@ def scrubbing(short: bool = False) -> Section:
     """Figures of pages, API and scrubs; in short, with fewer visitors for a few seconds."""
     section = Section(name="scrubbing")
     together, apart, seconds = (15, 3, 2.0) if short else (100, 20, 45.0)
-    with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
-        service = Service(
-            Path(folder) / "data",
-            workers=1 if short else 2,
-            niceness=19,
-            prewarm=True,
-            largest_queue_of_visitor=apart + 5,
-        ).start()
-        try:
-            main = service.fold(shape="wrench-24" if short else SHAPE)["id"]
-            count = 2 if short else apart
-            others = [service.fold(SNAKE, seed=str(k))["id"] for k in range(count)]
-            for fold in (main, *others):
-                assert service.wait_over(fold)["status"] == "verified"
-            for name, computing in (("nothing", 0), ("two folds", 2)):
-                if short and not computing:
-                    continue
-                stopping = threading.Event()
-                threads = [
-                    threading.Thread(target=_compute, args=(service, k, stopping))
-                    for k in range(computing)
-                ]
-                for thread in threads:
-                    thread.start()
-                web = _cpu_s(service)
-                visits = Visits(
-                    address=str(service.http.base_url),
-                    folds=[main] * together + [others[k % count] for k in range(apart)],
-                    seconds=seconds,
-                    streams=together,
-                )
-                found = visits.run()
-                web = _cpu_s(service) - web
-                stopping.set()
-                for thread in threads:
-                    thread.join()
-                what = f"{together} + {apart} visitors, {name} computed"
-                _tell(section, what, found, web, judged=not short)
-        finally:
-            service.stop()
+    with serving(
+        workers=1 if short else 2, niceness=19, largest_queue_of_visitor=apart + 5
+    ) as service:
+        main = service.fold(shape="wrench-24" if short else SHAPE)["id"]
+        count = 2 if short else apart
+        others = [service.fold(SNAKE, seed=str(k))["id"] for k in range(count)]
+        for fold in (main, *others):
+            assert service.wait_over(fold)["status"] == "verified"
+        for name, computing in (("nothing", 0), ("two folds", 2)):
+            if short and not computing:
+                continue
+            stopping = threading.Event()
+            threads = [
+                threading.Thread(target=_compute, args=(service, k, stopping))
+                for k in range(computing)
+            ]
+            for thread in threads:
+                thread.start()
+            web = _cpu_s(service)
+            visits = Visits(
+                address=str(service.http.base_url),
+                folds=[main] * together + [others[k % count] for k in range(apart)],
+                seconds=seconds,
+                streams=together,
+            )
+            found = visits.run()
+            web = _cpu_s(service) - web
+            stopping.set()
+            for thread in threads:
+                thread.join()
+            what = f"{together} + {apart} visitors, {name} computed"
+            _tell(section, what, found, web, judged=not short)
     return section
 
 

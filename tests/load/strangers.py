@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import tempfile
 import threading
 import time
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from typing import Final
 
 import httpx
@@ -17,7 +15,7 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
 from tests.benchmarks.tables import Section
-from tests.load.loopback import checked
+from tests.load.loopback import serving
 from tests.load.visitors import percentile_ms
 from tests.planner.peels import snake
 from tests.server.service import SNAKE, Service
@@ -35,33 +33,28 @@ def strangers(short: bool = False) -> Section:
     """How long others wait meanwhile, and how large the web process gets."""
     section = Section(name="strangers")
     side, seconds = (5, 3.0) if short else (10, 20.0)
-    with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
-        service = Service(Path(folder) / "data", largest_queue_of_visitor=32, prewarm=True).start()
-        try:
-            checked(str(service.http.base_url))
-            cells = np.rint(snake((side, side, side)).folded_poses.positions).astype(int)
-            box = service.fold(cells.tolist())["id"]
-            small = [service.fold(SNAKE, seed=str(k))["id"] for k in range(4)]
-            for fold in (box, *small):
-                assert service.wait_over(fold)["status"] == "verified"
-            witness = _Witness(service, small[0])
-            what = f"{ADDRESSES} addresses with {SOCKETS} robots each on {side**3} modules"
-            with witness.looking(section, "nobody else", judged=False):
-                time.sleep(seconds / 4)
-            with witness.looking(section, what, judged=not short):
-                led = _drive(service, box, seconds)
-            section.add("robots that were led, in turns", f"{led} of {ADDRESSES * SOCKETS}")
-            padding = ",".join(["0.12345678"] * (2**10 if short else PLAN_MB * 10**6 // 11))
-            for fold in small:
-                path = service.directory(fold) / "plan.json"
-                whole = path.read_text()
-                path.write_text(f'{whole[:-1]},"padding":[{padding}]}}')
-            what = f"four first views of folds with a plan.json of {PLAN_MB} MB"
-            with witness.looking(section, what, judged=not short):
-                _view(service, small)
-                time.sleep(seconds / 4)
-        finally:
-            service.stop()
+    with serving(largest_queue_of_visitor=32) as service:
+        cells = np.rint(snake((side, side, side)).folded_poses.positions).astype(int)
+        box = service.fold(cells.tolist())["id"]
+        small = [service.fold(SNAKE, seed=str(k))["id"] for k in range(4)]
+        for fold in (box, *small):
+            assert service.wait_over(fold)["status"] == "verified"
+        witness = _Witness(service, small[0])
+        what = f"{ADDRESSES} addresses with {SOCKETS} robots each on {side**3} modules"
+        with witness.looking(section, "nobody else", judged=False):
+            time.sleep(seconds / 4)
+        with witness.looking(section, what, judged=not short):
+            led = _drive(service, box, seconds)
+        section.add("robots that were led, in turns", f"{led} of {ADDRESSES * SOCKETS}")
+        padding = ",".join(["0.12345678"] * (2**10 if short else PLAN_MB * 10**6 // 11))
+        for fold in small:
+            path = service.directory(fold) / "plan.json"
+            whole = path.read_text()
+            path.write_text(f'{whole[:-1]},"padding":[{padding}]}}')
+        what = f"four first views of folds with a plan.json of {PLAN_MB} MB"
+        with witness.looking(section, what, judged=not short):
+            _view(service, small)
+            time.sleep(seconds / 4)
     return section
 
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import json
-import tempfile
 import time
 from collections import Counter
-from pathlib import Path
 from typing import Any
 
 import httpx
 
 from tests.benchmarks.tables import Section
-from tests.load.loopback import checked
+from tests.load.loopback import serving
 from tests.server.service import SNAKE, Service
 
 LONGEST_S = 1800.0
@@ -23,27 +21,17 @@ def uploads(short: bool = False) -> Section:
     """Answers to uploads, and what became of them."""
     section = Section(name="uploads")
     count, seconds, queue = (6, 1.0, 2) if short else (200, 60.0, 64)
-    with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
-        service = Service(
-            Path(folder) / "data",
-            workers=1,
-            largest_queue=queue,
-            largest_queue_of_visitor=4,
-            prewarm=True,
-        ).start()
-        try:
-            service.wait_workers(1)
-            address = checked(str(service.http.base_url))
-            begun = time.monotonic()
-            answers = asyncio.run(_send(address, count, seconds))
-            sent_s = time.monotonic() - begun
-            accepted = [body["id"] for status, body, _, _ in answers if status == 202]
-            ends: Counter[str] = Counter()
-            for fold in accepted:
-                ends[_end(service, fold)["status"]] += 1
-            over_s = time.monotonic() - begun
-        finally:
-            service.stop()
+    with serving(workers=1, largest_queue=queue, largest_queue_of_visitor=4) as service:
+        service.wait_workers(1)
+        address = str(service.http.base_url)
+        begun = time.monotonic()
+        answers = asyncio.run(_send(address, count, seconds))
+        sent_s = time.monotonic() - begun
+        accepted = [body["id"] for status, body, _, _ in answers if status == 202]
+        ends: Counter[str] = Counter()
+        for fold in accepted:
+            ends[_end(service, fold)["status"]] += 1
+        over_s = time.monotonic() - begun
     statuses = Counter(status for status, *_ in answers)
     others = {status for status in statuses if status not in (202, 429)}
     silent = sum(status == 429 and not later for status, _, later, _ in answers)

@@ -5,11 +5,9 @@ from __future__ import annotations
 import asyncio
 import gc
 import random
-import tempfile
 import time
 from collections import Counter
 from contextlib import suppress
-from pathlib import Path
 
 import httpx
 import psutil
@@ -17,7 +15,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
 from tests.benchmarks.tables import Section
-from tests.load.loopback import checked
+from tests.load.loopback import serving
 from tests.server.service import SNAKE, Service
 
 MOST_MB = 50
@@ -30,27 +28,23 @@ def viewers(short: bool = False) -> Section:
     """The memory of the web process before and after."""
     section = Section(name="viewers")
     count, warm = (40, 10) if short else (1000, 20)
-    with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
-        service = Service(Path(folder) / "data", max_robots_of_visitor=32, prewarm=True).start()
-        try:
-            address = checked(str(service.http.base_url))
-            folds = [service.fold(SNAKE, seed=str(k))["id"] for k in range(2 if short else 5)]
-            if not short:
-                folds.append(service.fold(shape="wrench-160")["id"])
-            for fold in folds:
-                assert service.wait_over(fold)["status"] == "verified"
-            errors: Counter[str] = Counter()
-            asyncio.run(_come(address, folds, warm, errors))
-            before = _resident_mb(service)
-            begun = time.monotonic()
-            asyncio.run(_come(address, folds, count, errors))
-            took_s = time.monotonic() - begun
-            peak = _resident_mb(service)
-            time.sleep(0.5 if short else 5)
-            after = _resident_mb(service)
-            left = service.http.get("/metrics").text
-        finally:
-            service.stop()
+    with serving(max_robots_of_visitor=32) as service:
+        address = str(service.http.base_url)
+        folds = [service.fold(SNAKE, seed=str(k))["id"] for k in range(2 if short else 5)]
+        if not short:
+            folds.append(service.fold(shape="wrench-160")["id"])
+        for fold in folds:
+            assert service.wait_over(fold)["status"] == "verified"
+        errors: Counter[str] = Counter()
+        asyncio.run(_come(address, folds, warm, errors))
+        before = _resident_mb(service)
+        begun = time.monotonic()
+        asyncio.run(_come(address, folds, count, errors))
+        took_s = time.monotonic() - begun
+        peak = _resident_mb(service)
+        time.sleep(0.5 if short else 5)
+        after = _resident_mb(service)
+        left = service.http.get("/metrics").text
     section.rows.append(
         {"viewers": count, "before, MB": before, "at the end, MB": peak, "then, MB": after}
     )

@@ -141,8 +141,7 @@ class Witness:
         """Takes what a visitor would of a fold that is over."""
         assert seen.end is not None
         page = http.get(f"/folds/{seen.id}")
-        if page.status_code >= 500 and self.condition:
-            self._failed(seen, page)
+        if self._excused(seen, page):
             return
         if page.status_code != 200:
             self._tell(seen, f"its page is answered with {page.status_code}")
@@ -153,8 +152,7 @@ class Witness:
         files: dict[str, bytes] = {}
         for name in FILES:
             answer = http.get(f"/api/folds/{seen.id}/{name}")
-            if answer.status_code >= 500 and self.condition:
-                self._failed(seen, answer)
+            if self._excused(seen, answer):
                 return
             if answer.status_code != 200:
                 self._tell(seen, f"is verified, and {name} is answered with {answer.text[:200]}")
@@ -165,8 +163,7 @@ class Witness:
         frames = http.get(f"/api/folds/{seen.id}/frames")
         batch = http.get(f"/folds/{seen.id}/batch")
         for answer in (frames, batch):
-            if answer.status_code >= 500 and self.condition:
-                self._failed(seen, answer)
+            if self._excused(seen, answer):
                 return
         try:
             if problem := _disagreement(files, frames, batch):
@@ -174,6 +171,13 @@ class Witness:
         except (ValueError, KeyError, IndexError, OSError, EOFError) as error:
             self._tell(seen, f"is verified, and a part of it can't be read: {error!r}")
         seen.digest = digest.hexdigest()
+
+    def _excused(self, seen: Seen, answer: httpx.Response) -> bool:
+        """Whether an error is no wonder as things are; it is counted."""
+        if answer.status_code < 500 or not self.condition:
+            return False
+        self._failed(seen, answer)
+        return True
 
     def _failed(self, seen: Seen, answer: httpx.Response) -> None:
         self.errors[f"{answer.status_code} {self.condition}".strip()] += 1

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 import time
-from pathlib import Path
 
 import psutil
 
 from tests.benchmarks.tables import Section
+from tests.load.loopback import serving
 from tests.server.service import SNAKE, Service
 
 TIMES = 1.8
@@ -44,26 +43,20 @@ def workers(short: bool = False) -> Section:
 
 def _folds(number: int, count: int, short: bool) -> tuple[float, float]:
     """Wall and processor seconds from the first fold's upload to the last one's end."""
-    with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
-        service = Service(
-            Path(folder) / "data", workers=number, largest_queue_of_visitor=count, prewarm=True
-        ).start()
-        try:
-            service.wait_workers(number)
-            for k in range(number):  # everybody's first child is ready
-                service.fold(SNAKE, seed=str(10_000 + k))
-            _wait(service)
-            begun, cpu_s = time.monotonic(), _busy_s()
-            for k in range(count):
-                form = {"seed": str(k + 1)}
-                if short:
-                    service.fold(SNAKE, **form)
-                else:
-                    service.fold(shape="wrench-160", **form)
-            _wait(service)
-            return time.monotonic() - begun, _busy_s() - cpu_s
-        finally:
-            service.stop()
+    with serving(workers=number, largest_queue_of_visitor=count) as service:
+        service.wait_workers(number)
+        for k in range(number):  # everybody's first child is ready
+            service.fold(SNAKE, seed=str(10_000 + k))
+        _wait(service)
+        begun, cpu_s = time.monotonic(), _busy_s()
+        for k in range(count):
+            form = {"seed": str(k + 1)}
+            if short:
+                service.fold(SNAKE, **form)
+            else:
+                service.fold(shape="wrench-160", **form)
+        _wait(service)
+        return time.monotonic() - begun, _busy_s() - cpu_s
 
 
 def _wait(service: Service) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.path import Path
+from planner.motion.frames import Frames, Phase
 from planner.simulation.segments import State, turned
 
 Array = NDArray[np.float64]
@@ -94,3 +95,18 @@ def knotted(tail: int = 6) -> Chain:
         while (cells[-1] != corner).any():
             cells.append(cells[-1] + step)
     return Chain.from_path(Path.from_cells(np.array(cells), name="knot"))
+
+
+def in_place(
+    phase: Phase, angles: Array, *, time_s: Array | None = None, error_rad: Array | None = None
+) -> Frames:
+    """Frames of a chain whose module 0 stays upright at the origin, a second apart if not told."""
+    count = len(angles)
+    return Frames.of_phase(
+        phase,
+        time_s=np.arange(count, dtype=np.float64) if time_s is None else time_s,
+        joint_angles_rad=angles,
+        root_position=np.zeros((count, 3)),
+        root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+        joint_error_rad=error_rad,
+    )

@@ -17,11 +17,10 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.motion.frames import Frames
 from planner.motion.record import Record
 from planner.playback.playback import Playback
 from planner.simulation.parameters import Parameters, preset
-from tests.planner.chains import coil, line
+from tests.planner.chains import coil, in_place, line
 from tests.planner.conftest import REAL
 
 Array = NDArray[np.float64]
@@ -31,18 +30,10 @@ PARAMETERS = Parameters()
 def playback_of(plan: Array, *, frames: Array | None = None, **changes: Any) -> Playback:
     """A playback that did what the plan says, or says that it did."""
     done = plan if frames is None else frames
-    count = len(done)
     values: dict[str, Any] = {
         "status": "folded",
         "reason": "",
-        "frames": Frames.of_phase(
-            "playback",
-            time_s=np.arange(count, dtype=np.float64),
-            joint_angles_rad=done,
-            root_position=np.zeros((count, 3)),
-            root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
-            joint_error_rad=np.zeros_like(done),
-        ),
+        "frames": in_place("playback", done, error_rad=np.zeros_like(done)),
         "reference_rad": plan,
         "steps": 100,
         "seconds": 1.0,
@@ -55,19 +46,8 @@ def playback_of(plan: Array, *, frames: Array | None = None, **changes: Any) -> 
 
 
 def record_of(frames: Array) -> Record:
-    count = len(frames)
     return Record(
-        status="straight",
-        reason="",
-        frames=Frames.of_phase(
-            "explosion",
-            time_s=np.arange(count, dtype=np.float64),
-            joint_angles_rad=frames,
-            root_position=np.zeros((count, 3)),
-            root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
-        ),
-        steps=10,
-        seconds=1.0,
+        status="straight", reason="", frames=in_place("explosion", frames), steps=10, seconds=1.0
     )
 
 

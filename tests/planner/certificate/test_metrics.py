@@ -19,11 +19,11 @@ from planner.chain.module import TETRAHEDRON
 from planner.clearance.sweep import sweep
 from planner.errors import TimelineError
 from planner.kernels.clearance import pair_separation
-from planner.motion.frames import Frames, Phase
+from planner.motion.frames import Phase
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline.stages import work_out_figures
 from planner.simulation.parameters import Parameters
-from tests.planner.chains import coil, random_angles
+from tests.planner.chains import coil, in_place, random_angles
 
 Array = NDArray[np.float64]
 PARAMETERS = Parameters()
@@ -35,16 +35,9 @@ def timeline_of(path: FilePath, chain: Chain, *parts: tuple[Phase, Array], error
     with TimelineWriter.create(path, chain) as writer:
         for phase, angles in parts:
             count = len(angles)
-            writer.append(
-                Frames.of_phase(
-                    phase,
-                    time_s=np.arange(start, start + count, dtype=np.float64),
-                    joint_angles_rad=angles,
-                    root_position=np.zeros((count, 3)),
-                    root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
-                    joint_error_rad=np.full_like(angles, error),
-                )
-            )
+            time_s = np.arange(start, start + count, dtype=np.float64)
+            error_rad = np.full_like(angles, error)
+            writer.append(in_place(phase, angles, time_s=time_s, error_rad=error_rad))
             start += count - 1
 
 

@@ -41,7 +41,7 @@ from planner.shapes.shape import Shape
 from planner.simulation.parameters import Parameters, preset
 from planner.verification.replay import replay
 from planner.verification.verify import verify
-from tests.planner.chains import line
+from tests.planner.chains import in_place, line
 from tests.planner.peels import peel, snake
 
 BOX = (4, 4, 6)
@@ -251,12 +251,12 @@ def test_curves_are_those_of_all_figures(made: FilePath, plan: Plan) -> None:
     assert plan.certificate.min_clearance is not None
     least = float(curves.min_clearance.min())
     assert plan.certificate.min_clearance - 1e-6 <= least < 0.06
-    played = curves[len(record.frames) :]
-    assert np.isnan(curves.peak_torque_nm[: len(record.frames)]).all()
+    begun = len(record.frames)
+    assert np.isnan(curves.peak_torque_nm[:begun]).all()
     assert plan.certificate.peak_torque_nm == pytest.approx(
-        float(played.peak_torque_nm.max()), rel=1e-4
+        float(curves.peak_torque_nm[begun:].max()), rel=1e-4
     )
-    assert played.hinges_moving[1:].mean() == pytest.approx(
+    assert curves.hinges_moving[begun + 1 :].mean() == pytest.approx(
         plan.certificate.hinges_moving_mean, rel=0.02
     )
 
@@ -268,13 +268,7 @@ def test_torques_are_those_of_the_motion(plan: Plan) -> None:
     angles = np.zeros((len(time_s), len(chain.folded_rad)))
     angles[:, 60], rates, bent = np.sin(time_s), np.zeros_like(angles), np.zeros_like(angles)
     rates[:, 60], bent[:, 60] = np.cos(time_s), -np.sin(time_s)
-    frames = Frames.of_phase(
-        "playback",
-        time_s=time_s,
-        joint_angles_rad=angles,
-        root_position=np.zeros((len(time_s), 3)),
-        root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (len(time_s), 1)),
-    )
+    frames = in_place("playback", angles, time_s=time_s)
     found = inverse_dynamics(chain, frames)
     expected = np.abs(floating_torques(chain.module, angles, rates, bent)).max(axis=1)
     assert found.frames.tolist() == list(range(1, 800))

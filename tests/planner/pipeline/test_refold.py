@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from planner.certificate.certificate import Certificate, certify
-from planner.certificate.measure import figures_of
+from planner.certificate.measure import write_figures
 from planner.certificate.metrics import Figures
 from planner.chain.chain import Chain
 from planner.errors import InputError
@@ -156,15 +156,17 @@ def test_errors_torque_and_time_are_of_both_halves(plan: Plan, wrench: Folded) -
     assert (both.fold_time_s or 0.0) > 1.5 * (alone.fold_time_s or np.inf) * 0.9
 
 
-def test_figures_of_torques_are_of_both_halves_too(plan: Plan, made: FilePath) -> None:
+def test_figures_of_torques_are_of_both_halves_too(
+    plan: Plan, made: FilePath, tmp_path: FilePath
+) -> None:
     figures = Figures.load(made / "figures.zarr")
     peaks = figures.peak_torque_nm
     assert np.isfinite(peaks).all()
     # The certificate saw every step, the figures see frames: close, not the same.
     assert peaks.max() == pytest.approx(plan.certificate.peak_torque_nm, rel=0.35)
     # Without the certificate the same comes of the frames' own speed.
-    alone = figures_of(made / "timeline.zarr", Parameters()).peak_torque_nm
-    np.testing.assert_allclose(alone, peaks, rtol=0.05)
+    write_figures(made / "timeline.zarr", tmp_path / "alone", Parameters())
+    np.testing.assert_allclose(Figures.load(tmp_path / "alone").peak_torque_nm, peaks, rtol=0.05)
 
 
 def test_a_table_tells_both_phases(plan: Plan) -> None:

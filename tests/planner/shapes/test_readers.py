@@ -20,6 +20,7 @@ from planner.plan.formats import write_chain, write_path
 from planner.readers import read
 from planner.readers.limits import LONGEST_NAME
 from tests.planner.lattice import walks
+from tests.planner.shapes.test_readers_fuzz import mutated
 
 Cells = NDArray[np.int64]
 CELLS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1]]
@@ -325,25 +326,6 @@ SPICE = (
 )
 
 
-def mutated(data: bytes, rng: random.Random) -> bytes:
-    """A copy with a few bytes changed, cut, doubled or put in."""
-    changed = bytearray(data)
-    for _ in range(rng.randint(1, 4)):
-        at = rng.randrange(len(changed) + 1)
-        match rng.randrange(5):
-            case 0:
-                del changed[at:]
-            case 1:
-                del changed[at : at + rng.randint(1, 8)]
-            case 2:
-                changed[at:at] = rng.choice(SPICE)
-            case 3:
-                changed[at:at] = changed[at : at + rng.randint(1, 30)]
-            case _:
-                changed[at : at + 1] = bytes([rng.randrange(256)])
-    return bytes(changed)
-
-
 @pytest.mark.parametrize("writer", (*PATH_WRITERS, as_chain))
 def test_thousands_of_mutated_files_are_read_or_refused(writer: Writer) -> None:
     rng = random.Random(writer.__name__)
@@ -351,7 +333,7 @@ def test_thousands_of_mutated_files_are_read_or_refused(writer: Writer) -> None:
     original = writer(cells)
     outcomes = {"read": 0, "refused": 0}
     for _ in range(2000):
-        data = mutated(original, rng)
+        data = mutated(original, rng, SPICE)
         try:
             shape = read(data)
         except InputError as refusal:

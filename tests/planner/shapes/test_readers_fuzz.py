@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import random
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ SPICE = (
 )
 
 
-def mutated(data: bytes, rng: random.Random) -> bytes:
+def mutated(data: bytes, rng: random.Random, spice: Sequence[bytes]) -> bytes:
     """A copy with a few bytes changed, cut, doubled, put in or written over."""
     changed = bytearray(data)
     for _ in range(rng.randint(1, 4)):
@@ -45,12 +45,12 @@ def mutated(data: bytes, rng: random.Random) -> bytes:
             case 1:
                 del changed[at : at + rng.randint(1, 8)]
             case 2:
-                changed[at:at] = rng.choice(SPICE)
+                changed[at:at] = rng.choice(spice)
             case 3:
                 changed[at:at] = changed[at : at + rng.randint(1, 60)]
             case 4:
-                spice = rng.choice(SPICE)
-                changed[at : at + len(spice)] = spice
+                written = rng.choice(spice)
+                changed[at : at + len(written)] = written
             case _:
                 changed[at : at + 1] = bytes([rng.randrange(256)])
     return bytes(changed)
@@ -62,7 +62,7 @@ def test_thousands_of_mutated_files_are_read_or_refused(kind: str) -> None:
     rng = random.Random(kind)
     outcomes: dict[str, int] = {}
     for _ in range(1500):
-        data = mutated(FILES[kind], rng)
+        data = mutated(FILES[kind], rng, SPICE)
         try:
             found = read(data, filename=f"a.{kind.partition('_')[0]}")
         except InputError as refusal:
@@ -86,7 +86,7 @@ def test_what_is_read_of_mutated_meshes_is_voxelised_or_refused(kind: str) -> No
     made = 0
     while made < 8:
         try:
-            found = read(mutated(FILES[kind], rng))
+            found = read(mutated(FILES[kind], rng, SPICE))
             if not isinstance(found, Solid):
                 continue
             made += 1
