@@ -52,9 +52,7 @@ class Voxels:
     notes: tuple[str, ...] = ()
 
 
-def voxelise(
-    solid: Solid, *, cells: int, seed: int = 0, upright: bool = False, most_cells: int = MOST_CELLS
-) -> Voxels:
+def voxelise(solid: Solid, *, cells: int, seed: int = 0, upright: bool = False) -> Voxels:
     """Makes about ``cells`` solid cells of a solid.
 
     What comes within a tenth of the count and keeps the most of the shape is taken; where nothing
@@ -65,14 +63,13 @@ def voxelise(
         cells: How many are asked for.
         seed: Of the orientations that are tried besides the plain ones.
         upright: Keep the solid's orientation.
-        most_cells: More are refused.
 
     Raises:
         InputError: For counts out of range, and for solids without an inside.
     """
-    if not 1 <= cells <= most_cells:
+    if not 1 <= cells <= MOST_CELLS:
         raise InputError(
-            "wrong-count", f"got {cells} cells asked for, expected 1 to {most_cells} of them."
+            "wrong-count", f"got {cells} cells asked for, expected 1 to {MOST_CELLS} of them."
         )
     turns = candidates(solid, np.random.default_rng(seed))[: 1 if upright else None]
     ladder = Ladder(solid, turns)

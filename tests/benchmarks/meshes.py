@@ -41,11 +41,11 @@ def revolved(profile: Sequence[tuple[float, float]]) -> Mesh:
     return trimesh.creation.revolve(np.array(profile, dtype=float), sections=64)
 
 
-def extruded(radii: NDArray[np.float64], height: float) -> Mesh:
-    """A prism over a polygon around the origin, given by its radii."""
+def extruded(radii: NDArray[np.float64]) -> Mesh:
+    """A prism, 4 high, over a polygon around the origin, given by its radii."""
     turns = np.linspace(0, 2 * np.pi, len(radii), endpoint=False)
     rim = np.column_stack([radii * np.cos(turns), radii * np.sin(turns), np.zeros(len(radii))])
-    up = [0.0, 0.0, height]
+    up = [0.0, 0.0, 4.0]
     points = np.vstack([rim, rim + up, [[0, 0, 0], up]])
     n = len(radii)
     here, ahead = np.arange(n), (np.arange(n) + 1) % n
@@ -79,12 +79,12 @@ def blob(subdivisions: int = 4) -> Mesh:
 
 def gear() -> Mesh:
     teeth = np.tile(np.repeat([10.0, 8.0], 8), 12)
-    return extruded(teeth, 4.0)
+    return extruded(teeth)
 
 
 def star() -> Mesh:
     ways = np.linspace(0, 10, 200, endpoint=False) % 2
-    return extruded(4.0 + 5.0 * np.abs(ways - 1.0), 4.0)
+    return extruded(4.0 + 5.0 * np.abs(ways - 1.0))
 
 
 def pawn() -> Mesh:

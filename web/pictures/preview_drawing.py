@@ -17,16 +17,17 @@ LARGEST_DRAWING: Final = 20_000
 """Modules; so many cubes are drawn in a fifth of a second."""
 LARGEST_OTHER_DRAWING: Final = 4_000
 """Modules that are no cubes: all their outer faces are drawn."""
+SIZE: Final = 480
+"""Width and height in CSS pixels; a drawing scales."""
 QUARTER_TURN: Final[NDArray[np.int64]] = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
 """Drawings are seen from where x and y are positive, the 3D view from where only x is."""
 
 
-def preview_svg(report: Mapping[str, Any], *, size: int = 480) -> str | None:
+def preview_svg(report: Mapping[str, Any]) -> str | None:
     """Draws the modules of a preview's report, or its cells where there is no chain.
 
     Args:
         report: As ``planner.pathfinding.prepare.Preparation.report`` gives it.
-        size: Width and height in CSS pixels; the drawing scales.
 
     Returns:
         None when there is nothing to draw, or too much.
@@ -38,8 +39,8 @@ def preview_svg(report: Mapping[str, Any], *, size: int = 480) -> str | None:
             return None
         turned = QUARTER_TURN.astype(np.float64)
         rotations = turned @ matrix_from_wxyz(np.asarray(report["wxyzs"], dtype=np.float64))
-        return modules_svg(module, positions @ turned.T, rotations, size=size)
+        return modules_svg(module, positions @ turned.T, rotations, size=SIZE)
     cells = np.asarray(report["cells"], dtype=np.int64).reshape(-1, 3)
     if not 0 < len(cells) <= LARGEST_DRAWING:
         return None
-    return isometric_svg(cells @ QUARTER_TURN.T, size=size)
+    return isometric_svg(cells @ QUARTER_TURN.T, size=SIZE)
