@@ -103,7 +103,7 @@ def test_doubling_keeps_the_volume() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wishes", "code"),
+    ("options", "code"),
     [
         (PathOptions(modules=3), "bad-modules"),
         (PathOptions(modules=10**9), "bad-modules"),
@@ -111,7 +111,7 @@ def test_doubling_keeps_the_volume() -> None:
         (PathOptions(ends="loose"), "unknown-ends"),
     ],
 )
-def test_wishes_that_cannot_be_had_are_refused(options: PathOptions, code: str) -> None:
+def test_options_that_cannot_be_had_are_refused(options: PathOptions, code: str) -> None:
     with pytest.raises(InputError) as refused:
         prepare(CUBE_OBJ, "cube.obj", options)
     assert refused.value.code == code
