@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict, dataclass
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.certificate.figures import CertificateFigures, PlaybackFigures
 from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED, told_honestly
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
@@ -123,13 +124,13 @@ class Certificate:
         """Whether the plan may be trusted."""
         return self.verdict.startswith("verified")
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> CertificateFigures:
         """Plain JSON values."""
-        return asdict(self)
+        return cast(CertificateFigures, asdict(self))
 
     @classmethod
     def from_dict(
-        cls, values: dict[str, Any], playback: dict[str, Any] | None = None
+        cls, values: CertificateFigures, playback: PlaybackFigures | None = None
     ) -> Certificate:
         """The inverse of ``as_dict``; of what earlier versions wrote, only what it bears out.
 

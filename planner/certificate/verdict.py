@@ -5,7 +5,9 @@ Nothing of a simulation is imported here, for pages that only tell of a certific
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final, cast
+
+from planner.certificate.figures import CertificateFigures, FoldSummary, PlaybackFigures
 
 SIMULATED: Final = "verified (simulated)"
 KINEMATICS_ONLY: Final = "verified (kinematics only)"
@@ -13,7 +15,9 @@ NOT_TOLD: Final = "verified (whether it was simulated is not known)"
 """Verdict of a certificate of an earlier version that does not say whether it was simulated."""
 
 
-def told_honestly(values: dict[str, Any], playback: dict[str, Any] | None = None) -> dict[str, Any]:
+def told_honestly(
+    values: CertificateFigures, playback: PlaybackFigures | None = None
+) -> CertificateFigures:
     """A certificate's plain values, those of an earlier version without what was never simulated.
 
     Earlier versions said ``verified`` of all plans, and of a kinematic playback that it was without
@@ -42,18 +46,19 @@ def told_honestly(values: dict[str, Any], playback: dict[str, Any] | None = None
     unproved = dict.fromkeys(_OF_SIMULATION if simulated is False else ("clearance_bound",))
     if simulated is None:
         unproved |= dict.fromkeys(_OF_SIMULATION)
-    return {**values, **unknown, **unproved, "verdict": verdict, "simulated": simulated}
+    told = {**values, **unknown, **unproved, "verdict": verdict, "simulated": simulated}
+    return cast(CertificateFigures, told)
 
 
-def summary_told_honestly(summary: dict[str, Any]) -> dict[str, Any]:
+def summary_told_honestly(summary: FoldSummary) -> FoldSummary:
     """A plan's summary with its certificate and its playback told honestly."""
-    playback: dict[str, Any] | None = summary.get("playback")
+    told, playback = summary.copy(), summary.get("playback")
     if playback is not None and playback.get("kind") == "kinematic":
-        playback = {**playback, **dict.fromkeys(_OF_DYNAMIC_PLAYBACK)}
-    told = {"playback": playback, "certificate": summary.get("certificate")}
-    if told["certificate"]:
-        told["certificate"] = told_honestly(told["certificate"], playback)
-    return {**summary, **{name: told[name] for name in told if name in summary}}
+        nothing = dict.fromkeys(_OF_DYNAMIC_PLAYBACK)
+        told["playback"] = playback = cast(PlaybackFigures, {**playback, **nothing})
+    if certificate := summary.get("certificate"):
+        told["certificate"] = told_honestly(certificate, playback)
+    return told
 
 
 _OF_DYNAMIC_PLAYBACK: Final = ("rms_position_error", "max_angle_error_rad")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from pydantic import BaseModel, Field
 
+from planner.certificate.figures import FoldSummary
 from planner.certificate.verdict import summary_told_honestly
 from planner.exports import Export
 from planner.pathfinding.duration import expected_seconds
@@ -187,7 +188,7 @@ class Fold(BaseModel):
             module_size=row.module_size,
             strategy=row.strategy,
             progress=Progress.model_validate(progress_of(row, store, leases)),
-            summary=summary_told_honestly(row.summary or {}),
+            summary={**summary_told_honestly(cast(FoldSummary, row.summary or {}))},
             error=Fault.model_validate(row.error) if row.error else None,
             links=Links.of(row.id),
         )

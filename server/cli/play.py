@@ -9,13 +9,14 @@ from collections.abc import AsyncGenerator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, cast
 
 import typer
 import uvicorn
 from fastapi import FastAPI
 from fastapi.responses import RedirectResponse
 
+from planner.certificate.figures import CertificateFigures, FoldSummary
 from planner.certificate.verdict import told_honestly
 from planner.errors import InputError, TimelineError
 from planner.explosion.diagnosis import stuck_of
@@ -77,23 +78,26 @@ def row_of(directory: Path) -> ShownFold:
     request = json_of(directory / "request.json")
     plan = json_of(directory / "plan.json")
     certificate = told_honestly(
-        plan.get("certificate") or json_of(result(directory, CERTIFICATE)), plan.get("playback")
+        cast(
+            CertificateFigures, plan.get("certificate") or json_of(result(directory, CERTIFICATE))
+        ),
+        plan.get("playback"),
     )
     verified = str(certificate.get("verdict")).startswith("verified")
     status = "verified" if verified else "failed"
     reason = str(certificate.get("verdict") or "it came to no plan")
-    summary: dict[str, Any] = {
+    told: dict[str, Any] = {
         "status": status,
         "reason": None if verified else reason.removeprefix("failed: "),
         "certificate": certificate,
         **{k: plan[k] for k in ("explosion", "playback", "seed", "smoothing") if k in plan},
     }
     if plan:
-        summary["stuck"] = stuck_of(plan.get("explosion"), plan.get("attempts") or ())
+        told["stuck"] = stuck_of(plan.get("explosion"), plan.get("attempts") or ())
     elif not certificate:
-        summary |= stopped_where(directory)
+        told |= stopped_where(directory)
     if plan.get("start"):
-        summary["refold"] = {"start": plan["start"]["name"]}
+        told["refold"] = {"start": plan["start"]["name"]}
     return ShownFold(
         id=ONLY,
         name=chain.name,
@@ -103,7 +107,7 @@ def row_of(directory: Path) -> ShownFold:
         preset=str(request.get("preset") or plan.get("preset") or ""),
         settings=_settings(request.get("preset"), request.get("settings")),
         seed=int(request.get("seed", plan.get("seed")) or 0),
-        summary=summary,
+        summary=cast(FoldSummary, told),
     )
 
 

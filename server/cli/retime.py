@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from planner.certificate.figures import CertificateFigures
 from planner.clearance.sweep import Sweep
 from planner.errors import InputError
 from planner.exports.trajectory import export
@@ -150,8 +151,11 @@ def _show(
     facts.add_row("Duration", f"{trajectory.duration_s:.3g} s")
     facts.add_row("Cuts corners by", f"{trajectory.deviation_rad:.2g} rad at most")
     if clear is not None:
-        told = {"clearance_bound": clear.bound, "min_clearance": clear.clearance}
-        facts.add_row("Along it", certificate_words.clearance(told))
+        along: CertificateFigures = {
+            "clearance_bound": clear.bound,
+            "min_clearance": clear.clearance,
+        }
+        facts.add_row("Along it", certificate_words.clearance(along))
     if motors is not None:
         facts.add_row("Motors", motors.verdict)
     facts.add_row("Written to", str(out))

@@ -55,7 +55,7 @@ def compare(summary: dict[str, Any]) -> None:
     for heading in ("Before", "After", "Ratio"):
         table.add_column(heading, justify="right")
     for told in rows_of(smoothing):
-        table.add_row(told.label, told.before, told.after, told.ratio)
+        table.add_row(told["label"], told["before"], told["after"], told["ratio"])
     Console().print()
     Console().print(table)
     Console().print(note_of(smoothing))

@@ -6,8 +6,9 @@ What is proved is rounded to the side that claims less.
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Final
 
+from planner.certificate.figures import CertificateFigures
 from server.pages.quantities import quantity
 
 DIGITS: Final = 2
@@ -17,17 +18,15 @@ BASELINE: Final = "one joint at a time (a baseline)"
 LEAST_SHOWN: Final = 1e-9
 """Overlaps of less, in pitches, are the rounding of a touch."""
 
-Values = dict[str, Any]
 
-
-def headline(certificate: Values) -> str:
+def headline(certificate: CertificateFigures) -> str:
     """The verdict; of what is verified, also what clearance is proved, beside what was seen."""
     verdict = str(certificate.get("verdict") or "")
     told = clearance(certificate)
     return f"{verdict}: {told}" if told and verdict.startswith("verified") else verdict
 
 
-def clearance(certificate: Values) -> str | None:
+def clearance(certificate: CertificateFigures) -> str | None:
     """What is proved of the clearance, and the least that was seen; None where nothing is known."""
     bound, seen = certificate.get("clearance_bound"), _seen(certificate)
     if bound is None or seen is None:
@@ -35,7 +34,7 @@ def clearance(certificate: Values) -> str | None:
     return f"clearance at least {_down(bound)} of a pitch, least seen {_down(seen)}"
 
 
-def rows(certificate: Values) -> list[tuple[str, str | None]]:
+def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
     """What a certificate says of the motion, as labels and values."""
     return [
         ("Module size", quantity(certificate.get("module_size"), "pitch")),
@@ -53,7 +52,7 @@ def rows(certificate: Values) -> list[tuple[str, str | None]]:
     ]
 
 
-def torque(certificate: Values) -> tuple[str, str | None]:
+def torque(certificate: CertificateFigures) -> tuple[str, str | None]:
     """The largest torque: a peak only where every step of a simulation was looked at."""
     value = quantity(certificate.get("peak_torque_nm"), "N·m", DIGITS)
     source = str(certificate.get("torque_source") or "")
@@ -64,7 +63,7 @@ def torque(certificate: Values) -> tuple[str, str | None]:
     return "Largest torque seen", f"{value}, {where}"
 
 
-def linked(certificate: Values) -> str | None:
+def linked(certificate: CertificateFigures) -> str | None:
     """Which modules are not checked against each other, and what a real one lacks for it."""
     exempt = certificate.get("exempt_pairs")
     if exempt is None:
@@ -82,7 +81,7 @@ def linked(certificate: Values) -> str | None:
     )
 
 
-def record(certificate: Values, *, limit_rad: float | None = None) -> str | None:
+def record(certificate: CertificateFigures, *, limit_rad: float | None = None) -> str | None:
     """What is wrong with the recording that the plan was made of; None where nothing is."""
     told: list[str] = []
     least = certificate.get("min_clearance_record")
@@ -104,13 +103,13 @@ def record(certificate: Values, *, limit_rad: float | None = None) -> str | None
     return f"The recording itself {' and '.join(told)}{plan}."
 
 
-def baseline(strategy: Any) -> str | None:
+def baseline(strategy: object) -> str | None:
     """What is said of a plan that ended as the baseline; None of others."""
     return BASELINE if strategy == "one-by-one" else None
 
 
 def _of_simulation(
-    certificate: Values, key: str, digits: int = 3, unit: str = "pitch"
+    certificate: CertificateFigures, key: str, digits: int = 3, unit: str = "pitch"
 ) -> str | None:
     """A figure of the simulated playback, or that there was none."""
     simulated = certificate.get("simulated")
@@ -122,7 +121,7 @@ def _of_simulation(
     return quantity(value, unit, digits)
 
 
-def _seen(certificate: Values) -> float | None:
+def _seen(certificate: CertificateFigures) -> float | None:
     known = [certificate.get(name) for name in ("min_clearance", "min_clearance_playback")]
     return min((float(value) for value in known if value is not None), default=None)
 

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Final, NotRequired, TypedDict, cast
 from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
+from planner.certificate.figures import (
+    CertificateFigures,
+    ExplosionFigures,
+    Fault,
+    FoldSummary,
+    PlaybackFigures,
+)
 from planner.certificate.verdict import summary_told_honestly, told_honestly
 from planner.chain.module import CUBE, MODULES
 from planner.errors import TimelineError
@@ -25,11 +31,11 @@ from planner.robot import MOST_ANGLES
 from planner.simulation.parameters import AUTO
 from server.api.schemas import export_href
 from server.pages import certificate_words
-from server.pages.failures import attempts, exploding, failure
-from server.pages.quantities import DIGITS, PRESETS, STRATEGIES, length_m, quantity, sentence
+from server.pages.failures import AttemptWords, Failure, attempts, exploding, failure
+from server.pages.quantities import PRESETS, STRATEGIES, length_m, quantity, sentence
 from server.pages.quantities import parameters as parameters_in_words
 from server.pages.setting_words import changed, in_a_line
-from server.pages.smoothing_words import note_of, rows_of
+from server.pages.smoothing_words import Row, note_of, rows_of
 from server.store.fold_files import frames_promised
 from server.store.shown import RUNNING, Found, ShownFold, has_motion
 
@@ -46,7 +52,94 @@ FILES: Final = (
 )
 
 
-def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[str, Any]:
+Form = dict[str, str | int | float]
+"""Fields of a form that asks for a fold."""
+
+
+class Verdict(TypedDict):
+    """What came of a fold, and how that is coloured."""
+
+    tone: str
+    text: str
+
+
+class Problem(TypedDict):
+    """Why there is no plan, or none that is verified."""
+
+    heading: str
+    text: str
+
+
+class Suggestion(TypedDict):
+    """Another fold to ask for, or to look at: words for a button, and its form or id."""
+
+    text: str
+    hint: NotRequired[str]
+    form: NotRequired[Form]
+    id: NotRequired[str]
+    settable: NotRequired[str]
+
+
+class Smoothing(TypedDict):
+    """What smoothing has changed, and where both plans play beside each other."""
+
+    rows: list[Row]
+    note: str
+    compare: str | None
+
+
+class Property(TypedDict):
+    """One value in words."""
+
+    label: str
+    value: str
+
+
+class Properties(TypedDict):
+    """A group of them."""
+
+    heading: str
+    rows: list[Property]
+
+
+class Download(TypedDict):
+    """A file to take away."""
+
+    label: str
+    hint: str
+    href: str
+
+
+class FoldFacts(TypedDict):
+    """All that a fold's page shows besides the timeline; ``Facts`` in ``web/types.d.ts``."""
+
+    id: str
+    name: str
+    status: str
+    running: bool
+    preset: str
+    verdict: Verdict
+    cover: str
+    problem: Problem | None
+    failure: Failure | None
+    attempts: list[AttemptWords]
+    again: Suggestion | None
+    frames: int
+    refoldable: bool
+    refold: Form
+    smoothable: bool
+    smoothing: Smoothing | None
+    compare: list[Suggestion]
+    embed: str | None
+    movies: bool
+    robot: bool
+    files: list[Download]
+    properties: list[Properties]
+    downloads: list[Download]
+    downloads_hint: str
+
+
+def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> FoldFacts:
     """Everything that the page shows besides the timeline, as JSON.
 
     Args:
@@ -55,15 +148,16 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> dict[s
         embed: Whether other sites may show folds in a frame.
     """
     row, directory = found.row, found.directory
-    summary: dict[str, Any] = summary_told_honestly(row.summary or {})
+    summary = summary_told_honestly(row.summary)
     certificate = summary.get("certificate") or told_honestly(
-        json_of(result(directory, CERTIFICATE)), summary.get("playback")
+        cast(CertificateFigures, json_of(result(directory, CERTIFICATE))),
+        summary.get("playback"),
     )
     running = row.status in RUNNING
     done = row.status in ("verified", "failed")
     problem = _problem(row, summary)
     there = api and done and (directory / "plan.npz").is_file()
-    downloads = [
+    downloads: list[Download] = [
         {"label": export.label, "hint": export.hint, "href": export_href(row.id, export)}
         for export in (exports_of(moving=has_motion(summary)) if there else ())
     ]
@@ -119,9 +213,7 @@ def _title(row: ShownFold) -> str:
     return f"{shown_name(start)} → {name}" if start else name
 
 
-def _verdict(
-    row: ShownFold, summary: dict[str, Any], certificate: dict[str, Any]
-) -> dict[str, str]:
+def _verdict(row: ShownFold, summary: FoldSummary, certificate: CertificateFigures) -> Verdict:
     modules = f"{row.modules} modules" if row.modules else None
     if row.status == "verified":
         strategy = (summary.get("explosion") or {}).get("strategy")
@@ -138,8 +230,8 @@ def _verdict(
     return {"tone": "busy", "text": " · ".join(p for p in (word, modules) if p)}
 
 
-def _problem(row: ShownFold, summary: dict[str, Any]) -> dict[str, str] | None:
-    error = row.error or {}
+def _problem(row: ShownFold, summary: FoldSummary) -> Problem | None:
+    error = row.error or Fault()
     if row.status == "failed":
         text = str(error.get("detail") or summary.get("reason") or "No reason was recorded.")
         where = error.get("where")
@@ -154,14 +246,14 @@ def _problem(row: ShownFold, summary: dict[str, Any]) -> dict[str, str] | None:
     return None
 
 
-def _published(row: ShownFold) -> dict[str, str]:
+def _published(row: ShownFold) -> Form:
     """The fields of a form that ask for a fold's preset with its settings."""
     return {"preset": row.preset, **({"settings": row.settings} if row.settings else {})}
 
 
-def _again(row: ShownFold) -> dict[str, Any] | None:
+def _again(row: ShownFold) -> Suggestion | None:
     """What may be tried where there is no plan: words for a button, and the form to send."""
-    form: dict[str, Any] = {"fold": row.id, **_published(row), "seed": row.seed}
+    form: Form = {"fold": row.id, **_published(row), "seed": row.seed}
     if row.module_size is not None:
         form["module_size"] = row.module_size
     if row.strategy != AUTO:
@@ -182,37 +274,41 @@ def _again(row: ShownFold) -> dict[str, Any] | None:
     return {"text": "Try another seed", "form": {**form, "seed": seed}}
 
 
-def _compare(found: Found) -> list[dict[str, Any]]:
+def _compare(found: Found) -> list[Suggestion]:
     """What a fold may be set beside: words for a button, and the form to send for the other.
 
     ``settable`` tells that settings of the published method may be sent with it, or must.
     """
     row = found.row
-    form: dict[str, Any] = {"fold": row.id, "seed": row.seed}
+    form: Form = {"fold": row.id, "seed": row.seed}
     if row.module_size is not None:
         form["module_size"] = row.module_size
     seed = (row.seed + 1) % (LARGEST_SEED + 1)
     other = {**form, **_published(row), "seed": seed}
-    another = {"text": "Another seed", "hint": f"Seed {seed}", "form": other}
+    another: Suggestion = {"text": "Another seed", "hint": f"Seed {seed}", "form": other}
     if row.smooths:
-        recorded = {"text": "As recorded", "hint": "What was smoothed", "id": found.recorded}
-        return [recorded, another] if found.recorded else [another]
+        if not found.recorded:
+            return [another]
+        return [{"text": "As recorded", "hint": "What was smoothed", "id": found.recorded}, another]
     ways = (
         ("default", "Reverse explosion", "Our preset"),
         ("direct", "Direct servoing", "Straight to the shape, without a record"),
     )
-    others = [
+    others: list[Suggestion] = [
         {"text": text, "hint": hint, "form": {**form, "preset": preset}}
         for preset, text, hint in ways
         if (preset, "") != (row.preset, row.settings)
     ]
-    published = {"form": {**form, "preset": "paper"}, "settable": "may"}
+    takes = _about(expected_seconds(row.modules, "paper"))
+    published: Suggestion = {
+        "text": "As published",
+        "hint": f"Takes {takes}",
+        "form": {**form, "preset": "paper"},
+        "settable": "may",
+    }
     if (row.preset, row.settings) == ("paper", ""):
-        published |= {"text": "As published, changed", "hint": "With settings of your own"}
+        published["text"], published["hint"] = "As published, changed", "With settings of your own"
         published["settable"] = "must"
-    else:
-        takes = _about(expected_seconds(row.modules, "paper"))
-        published |= {"text": "As published", "hint": f"Takes {takes}"}
     return [*others, published, another]
 
 
@@ -224,7 +320,7 @@ def _about(seconds: float) -> str:
     return "about a minute" if seconds >= 45 else "less than a minute"
 
 
-def _smoothable(row: ShownFold, summary: dict[str, Any]) -> bool:
+def _smoothable(row: ShownFold, summary: FoldSummary) -> bool:
     """Whether smoothing is worth asking for: not twice, and not of what is too long for it."""
     if row.status != "verified" or summary.get("refold") or summary.get("smoothing"):
         return False
@@ -232,19 +328,19 @@ def _smoothable(row: ShownFold, summary: dict[str, Any]) -> bool:
     return frames * int(summary.get("hinges") or 0) <= MOST_ANGLES
 
 
-def _smoothing(found: Found | None, summary: dict[str, Any]) -> dict[str, Any] | None:
+def _smoothing(found: Found | None, summary: FoldSummary) -> Smoothing | None:
     """What smoothing has changed, in words; None of a recorded plan. No links without a fold."""
     if not (smoothing := summary.get("smoothing")):
         return None
     of = found and found.recorded
     return {
-        "rows": [asdict(told) for told in rows_of(smoothing)],
+        "rows": rows_of(smoothing),
         "note": note_of(smoothing),
         "compare": f"/compare?a={of}&b={found.row.id}" if found and of else None,
     }
 
 
-def _not_simulated(playback: dict[str, Any]) -> str | None:
+def _not_simulated(playback: PlaybackFigures) -> str | None:
     return certificate_words.NOT_SIMULATED if playback.get("kind") == "kinematic" else None
 
 
@@ -262,15 +358,15 @@ def _joints(row: ShownFold) -> int | None:
 
 
 def _properties(
-    row: ShownFold, summary: dict[str, Any], certificate: dict[str, Any], directory: Path
-) -> list[dict[str, Any]]:
+    row: ShownFold, summary: FoldSummary, certificate: CertificateFigures, directory: Path
+) -> list[Properties]:
     """Groups of labels and values, each group with a heading."""
-    explosion = summary.get("explosion") or {}
-    playback = summary.get("playback") or {}
+    explosion = summary.get("explosion") or ExplosionFigures()
+    playback = summary.get("playback") or PlaybackFigures()
     chain = json_of(result(directory, CHAIN))
     plan = _settings_of(directory / "plan.npz") if row.status in ("verified", "failed") else {}
     made = "Smoothing" if summary.get("smoothing") else "Explosion"
-    groups: list[tuple[str, list[tuple[str, Any]]]] = [
+    groups: list[tuple[str, list[tuple[str, object]]]] = [
         (
             "Fold",
             [
@@ -299,28 +395,28 @@ def _properties(
                 ("Strategy", STRATEGIES.get(str(explosion.get("strategy")))),
                 (f"{made} steps", explosion.get("steps") or None),
                 (f"{made} frames", explosion.get("frames")),
-                (f"{made}, wall time", _quantity(explosion, "seconds", "s", 2)),
+                (f"{made}, wall time", quantity(explosion.get("seconds"), "s", 2)),
                 ("Playback steps", playback.get("steps") or _not_simulated(playback)),
-                ("Playback, wall time", _quantity(playback, "seconds", "s", 2)),
-                ("Certificate, wall time", _quantity(certificate, "seconds", "s", 2)),
+                ("Playback, wall time", quantity(playback.get("seconds"), "s", 2)),
+                ("Certificate, wall time", quantity(certificate.get("seconds"), "s", 2)),
                 ("Simulated time", quantity(_simulated_s(directory), "s")),
             ],
         ),
     ]
-    parameters = plan.get("parameters") or {}
+    parameters = plan.get("parameters", {})
     for name, values in parameters.items():
         if isinstance(values, dict):
-            known = parameters_in_words(cast("dict[str, Any]", values))
+            known = parameters_in_words(cast("dict[str, object]", values))
             groups.append((f"{name.capitalize()} parameters", [*known]))
-    versions: dict[str, Any] = plan.get("versions") or {}
+    versions = plan.get("versions", {})
     groups.append(("Versions", [(VERSIONS.get(k, k), str(v)) for k, v in versions.items()]))
     shown = [(heading, _shown(rows)) for heading, rows in groups]
     return [{"heading": heading, "rows": rows} for heading, rows in shown if rows]
 
 
-def _shown(rows: list[tuple[str, Any]]) -> list[dict[str, str]]:
+def _shown(rows: list[tuple[str, object]]) -> list[Property]:
     """Rows that have a value, in words."""
-    found: list[dict[str, str]] = []
+    found: list[Property] = []
     for label, value in rows:
         if value is None or value == "":
             continue
@@ -328,12 +424,7 @@ def _shown(rows: list[tuple[str, Any]]) -> list[dict[str, str]]:
     return found
 
 
-def _quantity(values: dict[str, Any], key: str, unit: str, digits: int = DIGITS) -> str | None:
-    value = values.get(key)
-    return quantity(value, unit, digits) if isinstance(value, int | float) else None
-
-
-def _told(reason: str, summary: dict[str, Any]) -> str:
+def _told(reason: str, summary: FoldSummary) -> str:
     """A reason in the page's words: frames are counted from 1, along the whole timeline."""
     explosion = exploding(summary)
 
@@ -347,7 +438,7 @@ def _told(reason: str, summary: dict[str, Any]) -> str:
     )
 
 
-def _settings_of(path: Path) -> dict[str, Any]:
+def _settings_of(path: Path) -> dict[str, dict[str, object]]:
     """Parameters and versions of a plan, without its frames: those may be a hundred megabytes."""
     try:
         return _settings_at(path, path.stat().st_mtime_ns)
@@ -356,7 +447,7 @@ def _settings_of(path: Path) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=512)
-def _settings_at(path: Path, changed_ns: int) -> dict[str, Any]:
+def _settings_at(path: Path, changed_ns: int) -> dict[str, dict[str, object]]:
     del changed_ns
     try:
         with ZipFile(path) as file:
@@ -366,7 +457,7 @@ def _settings_at(path: Path, changed_ns: int) -> dict[str, Any]:
             plan = json.loads(str(arrays["plan"]))
     except (OSError, ValueError, KeyError, BadZipFile):
         return {}
-    return {key: plan.get(key) for key in ("parameters", "versions")}
+    return {key: plan.get(key) or {} for key in ("parameters", "versions")}
 
 
 def _simulated_s(directory: Path) -> float | None:

@@ -5,8 +5,15 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Final, TypedDict, cast
 
+from planner.certificate.figures import (
+    AttemptFigures,
+    CertificateFigures,
+    ExplosionFigures,
+    Fault,
+    FoldSummary,
+)
 from server.pages.quantities import STRATEGIES, quantity, sentence
 from server.store.shown import ShownFold
 
@@ -41,13 +48,34 @@ ENDS: Final = {
 }
 
 
-def failure(row: ShownFold, summary: dict[str, Any]) -> dict[str, Any] | None:
-    """Where a fold sticks that is over and not verified; None of others.
+class Failure(TypedDict):
+    """Where a fold sticks: words, its modules, and a frame; None is the last one."""
 
-    Returns:
-        ``heading`` and ``text`` in words, the ``modules`` and the ``frame`` where it is; a frame of
-        None is the last one.
-    """
+    heading: str
+    text: str
+    modules: list[int]
+    frame: float | None
+
+
+class AttemptWords(TypedDict):
+    """One attempt in words, and how its end is coloured."""
+
+    strategy: str
+    how: str
+    end: str
+    tone: str
+
+
+class _Overlap(TypedDict):
+    """How deep modules overlap, which and when."""
+
+    modules: list[int] | None
+    frame: float
+    words: str
+
+
+def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
+    """Where a fold sticks that is over and not verified; None of others."""
     if row.status not in ("failed", "cancelled"):
         return None
     frame: float | None = None
@@ -67,19 +95,18 @@ def failure(row: ShownFold, summary: dict[str, Any]) -> dict[str, Any] | None:
     return {"heading": HEADINGS[kind], "text": f"{text}.", "modules": modules, "frame": frame}
 
 
-def exploding(summary: dict[str, Any]) -> int | None:
+def exploding(summary: FoldSummary) -> int | None:
     """Frames of the explosion, before those of the plan on a fold's timeline; None if unknown."""
     # A refold's timeline is that of its plan alone, and so is a smoothed plan's.
     if summary.get("refold") or summary.get("smoothing"):
         return 0
-    frames = (summary.get("explosion") or {}).get("frames")
-    return frames if isinstance(frames, int) else None
+    return (summary.get("explosion") or ExplosionFigures()).get("frames")
 
 
 def _stopped(row: ShownFold, words: str) -> str:
     """What ended a fold from outside, and where it was then."""
     parts = ["it was cancelled"] if row.status == "cancelled" else []
-    if detail := (row.error or {}).get("detail"):
+    if detail := (row.error or Fault()).get("detail"):
         parts = [_plain(str(detail))]
     if row.stage is None or row.stage in MOVING:
         parts.append(words)
@@ -91,16 +118,18 @@ def _plain(detail: str) -> str:
     return re.sub(r"the stage '(\w+)'", lambda found: STAGES.get(found[1], found[0]), detail)
 
 
-def _overlap(summary: dict[str, Any]) -> dict[str, Any] | None:
+def _overlap(summary: FoldSummary) -> _Overlap | None:
     """Of a plan that was refused for it: how deep modules overlap, which and when."""
-    certificate = cast("dict[str, Any]", summary.get("certificate") or {})
-    for name in ("min_clearance", "min_clearance_playback"):
-        clearance, place = certificate.get(name), certificate.get(f"{name}_at")
+    certificate = summary.get("certificate") or CertificateFigures()
+    for clearance, place in (
+        (certificate.get("min_clearance"), certificate.get("min_clearance_at")),
+        (certificate.get("min_clearance_playback"), certificate.get("min_clearance_playback_at")),
+    ):
         if clearance is None or clearance >= 0.0 or not place:
             continue
         modules = place["modules"]
         which = "modules" if not modules else f"modules {modules[0]} and {modules[1]}"
-        size = f"{certificate['module_size']:g}"
+        size = quantity(certificate.get("module_size"))
         return {
             "modules": modules,
             "frame": place["frame"],
@@ -110,16 +139,16 @@ def _overlap(summary: dict[str, Any]) -> dict[str, Any] | None:
     return None
 
 
-def attempts(directory: Path) -> list[dict[str, str]]:
+def attempts(directory: Path) -> list[AttemptWords]:
     """What was tried of a fold, in its order: how the chain was let go, and how it ended."""
     try:
         found = json.loads((directory / "attempts.json").read_bytes())
     except (OSError, ValueError):
         return []
-    return [_attempt(cast("dict[str, Any]", attempt)) for attempt in found]
+    return [_attempt(attempt) for attempt in cast("list[AttemptFigures]", found)]
 
 
-def _attempt(attempt: dict[str, Any]) -> dict[str, str]:
+def _attempt(attempt: AttemptFigures) -> AttemptWords:
     path = f"path {attempt['candidate'] + 1}"
     if attempt.get("other_end"):
         path += " from its other end"

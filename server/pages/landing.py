@@ -9,7 +9,7 @@ import mimetypes
 from functools import cache, lru_cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from fastapi import APIRouter, Request
@@ -18,7 +18,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from markupsafe import Markup
 
 from planner.chain.chain import Chain
-from planner.errors import PlannerError
+from planner.chain.path import Path as CellPath
+from planner.errors import InputError, PlannerError
 from planner.motion.timeline import chain_from_attributes
 from planner.pipeline.attempt_folders import CHAIN, result
 from planner.readers import read
@@ -28,7 +29,7 @@ from server.http.problems import Problem
 from server.http.response_cache import mark
 from server.http.security import LISTED
 from server.pages.cards import cards, selected
-from server.pages.facts import fold_facts
+from server.pages.facts import FoldFacts, fold_facts
 from server.pages.pictures import picture_answer
 from server.pages.quantities import sentence
 from server.pages.setting_words import ROWS, SOURCES
@@ -40,7 +41,7 @@ from web.static_files import STATIC, scripts_of
 from web.viser.scene_bundle import bundle_of
 
 if TYPE_CHECKING:
-    from server.store.gallery import Gallery
+    from server.store.gallery import Gallery, GalleryShape
 
 router = APIRouter(include_in_schema=False)
 
@@ -73,7 +74,11 @@ def entry(page_name: str) -> Markup:
     return Markup("").join((*preloads, script))
 
 
-KNOWN: Final[dict[str, Any]] = {"paper_settings": ROWS, "setting_sources": SOURCES, "entry": entry}
+KNOWN: Final[dict[str, object]] = {
+    "paper_settings": ROWS,
+    "setting_sources": SOURCES,
+    "entry": entry,
+}
 """Values that every template gets."""
 HEADINGS: Final = {
     404: "There is nothing here",
@@ -143,7 +148,7 @@ def _social(gallery: Gallery) -> bytes:
 def _featured_chain(gallery: Gallery) -> Chain:
     shape = gallery.shape(FEATURED)
     assert shape is not None, f"{FEATURED} is in the gallery"
-    return _chain(read(shape.data, filename=shape.filename))
+    return _chain(shape)
 
 
 @router.get("/featured/batch")
@@ -255,7 +260,7 @@ def problem_page(problem: Problem) -> Response:
 
 
 def page(
-    template: str, status_code: int = 200, /, *, listed: bool = False, **values: Any
+    template: str, status_code: int = 200, /, *, listed: bool = False, **values: object
 ) -> Response:
     """A page made of a template, under the policy of all pages.
 
@@ -272,7 +277,7 @@ def page(
     return HTMLResponse(html, status_code=status_code, headers=headers)
 
 
-def rendered(template: str, /, **values: Any) -> str:
+def rendered(template: str, /, **values: object) -> str:
     """A template filled in."""
     return _templates().get_template(template, globals=KNOWN).render(**values)
 
@@ -313,7 +318,7 @@ def _drawn(gallery: Gallery, name: str, size: int) -> str | None:
     if shape is None:
         return None
     try:
-        return chain_svg(_chain(read(shape.data, filename=shape.filename)), size=size)
+        return chain_svg(_chain(shape), size=size)
     except PlannerError:
         return None
 
@@ -348,8 +353,16 @@ def _drawing_of(path: Path, is_chain: bool) -> str:
     return isometric_svg(cells) if 0 < len(cells) <= LARGEST_DRAWING else ""
 
 
-def _chain(read_in: Any) -> Chain:
-    return read_in if isinstance(read_in, Chain) else Chain.from_path(read_in)
+def _chain(shape: GalleryShape) -> Chain:
+    match read(shape.data, filename=shape.filename):
+        case Chain() as chain:
+            return chain
+        case CellPath() as path:
+            return Chain.from_path(path)
+        case other:
+            got = type(other).__name__.lower()
+            detail = f"{shape.name} is a {got}; gallery shapes are paths or chains."
+            raise InputError("not-a-path", detail)
 
 
 def _origin(request: Request) -> str:
@@ -357,14 +370,14 @@ def _origin(request: Request) -> str:
     return str(request.base_url).rstrip("/")
 
 
-def _facts(request: Request, found: Found) -> dict[str, Any]:
+def _facts(request: Request, found: Found) -> FoldFacts:
     viewing = viewing_of(request)
     settings = viewing.settings
     embed = settings is not None and bool(settings.embed_origins)
     return fold_facts(found, api=viewing.jobs is not None, embed=embed)
 
 
-def script_json(value: Any) -> str:
+def script_json(value: object) -> str:
     """JSON that may stand inside a script element."""
     text = json.dumps(value, ensure_ascii=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

@@ -6,7 +6,7 @@ import asyncio
 import json
 from functools import cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, TypedDict
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
@@ -22,6 +22,26 @@ KEPT: Final = STATIC.parent / "paper"
 CHAIN: Final = "chain.json"
 BINARY: Final = "application/octet-stream"
 PICTURE: Final = "image/webp"
+
+
+class Card(TypedDict):
+    """One experiment; its template reads more."""
+
+    id: str
+    film: bool
+    tone: str
+
+
+class Section(TypedDict):
+    """Experiments to one statement of the paper."""
+
+    cards: list[Card]
+
+
+class PaperPage(TypedDict):
+    """What ``make reproduction`` tells; its template reads more."""
+
+    sections: list[Section]
 
 
 @router.get("/paper", response_class=HTMLResponse)
@@ -44,7 +64,7 @@ async def part_of_experiment(request: Request, name: str, part: str) -> Response
 
 
 @cache
-def _told() -> dict[str, Any]:
+def _told() -> PaperPage:
     return json.loads((KEPT / "page.json").read_bytes())
 
 

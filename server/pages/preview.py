@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
@@ -41,7 +41,7 @@ async def preview_page(request: Request, preview_id: str) -> Response:
             "Previews are kept for a while only. Send the file again to get a new one.",
         )
     name = shown_name((filename or "shape").rpartition(".")[0] or filename or "shape")
-    facts: dict[str, Any] = {
+    facts: dict[str, object] = {
         "id": preview_id,
         "name": name,
         "most_modules": context.settings.max_modules,

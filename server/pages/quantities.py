@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final, cast
 
 DIGITS: Final = 3
 WHOLE_BELOW: Final = 1e6
@@ -105,14 +105,14 @@ def number(value: float, digits: int = DIGITS) -> str:
     return f"{mantissa}×10{str(int(power)).translate(SUPERSCRIPTS)}"
 
 
-def quantity(value: Any, unit: str = "", digits: int = DIGITS) -> str | None:
+def quantity(value: object, unit: str = "", digits: int = DIGITS) -> str | None:
     """A number, a range of two, or a word, with its unit; None for what is not there."""
     if value is None or value == "":
         return None
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, list | tuple):
-        parts: list[Any] = list(value)  # pyright: ignore[reportUnknownArgumentType]
+        parts = list(cast("list[object] | tuple[object, ...]", value))
         shown = [number(p, digits) if isinstance(p, int | float) else str(p) for p in parts]
         text = (" to " if len(shown) == 2 else ", ").join(shown)
     elif isinstance(value, int | float):
@@ -122,21 +122,21 @@ def quantity(value: Any, unit: str = "", digits: int = DIGITS) -> str | None:
     return f"{text} {unit}".rstrip()
 
 
-def length_m(value: Any) -> str | None:
+def length_m(value: object) -> str | None:
     """A length in metres, told in millimetres when it is short."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return quantity(value * 1000, "mm") if abs(value) < 1 else quantity(value, "m")
 
 
-def parameters(values: Mapping[str, Any]) -> list[tuple[str, str | None]]:
+def parameters(values: Mapping[str, object]) -> list[tuple[str, str | None]]:
     """Parameters as labels and values, in their order."""
     return [_parameter(name, value) for name, value in values.items()]
 
 
-def _parameter(name: str, value: Any) -> tuple[str, str | None]:
+def _parameter(name: str, value: object) -> tuple[str, str | None]:
     if name == "controller":
-        value = CONTROLLERS.get(value, value)
+        value = CONTROLLERS.get(str(value), value)
     words = PARAMETERS.get(name) or _words(name)
     return words.label, quantity(value, words.unit)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, HTMLResponse, Response
@@ -19,7 +19,7 @@ from planner.pipeline.attempt_folders import TIMELINE, result
 from server.api.finding import find_fold, viewing_of
 from server.errors import Conflict
 from server.http.client_address import address_of
-from server.pages.facts import fold_facts
+from server.pages.facts import FoldFacts, fold_facts
 from server.pages.landing import POLICY, not_found_page, page, rendered, script_json
 from server.store.folds import NoSuchFoldError
 from server.store.shown import RUNNING, Found
@@ -123,7 +123,7 @@ def _of_view(found: Found, make: Callable[[TimelineView], bytes]) -> Callable[[]
     return made
 
 
-def _standalone(directory: Path, timeline: TimelineView, facts: dict[str, Any]) -> bytes:
+def _standalone(directory: Path, timeline: TimelineView, facts: FoldFacts) -> bytes:
     try:
         curves = curves_of(directory)
     except (TimelineError, OSError):
@@ -131,13 +131,13 @@ def _standalone(directory: Path, timeline: TimelineView, facts: dict[str, Any]) 
     return standalone_html(timeline, _page, facts, curves=curves)
 
 
-def _edition(facts: dict[str, Any]) -> str:
+def _edition(facts: FoldFacts) -> str:
     """Changes with what a standalone page says, and with the program in it."""
     told = json.dumps([version("foldback"), standalone_scripts(), facts], sort_keys=True)
     return hashlib.sha256(told.encode()).hexdigest()[:16]
 
 
-def _page(**values: Any) -> str:
+def _page(**values: object) -> str:
     return rendered("standalone.html", details=True, **values)
 
 

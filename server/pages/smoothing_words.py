@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final, TypedDict
 
+from planner.certificate.figures import SmoothingFigures
 from planner.robot import RECORDED, SOFTENED
 from server.pages.quantities import number
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(TypedDict):
     """One figure before and after, in words; the ratio where it says something."""
 
     label: str
@@ -38,22 +37,22 @@ NOTES: Final = {
 }
 
 
-def rows_of(smoothing: dict[str, Any]) -> list[Row]:
+def rows_of(smoothing: SmoothingFigures) -> list[Row]:
     """The rows of a plan's ``smoothing``; none when nothing came of it."""
     before, after = smoothing["before"], smoothing["after"] or {}
     return [
-        Row(
-            label,
-            number(factor * before[key], digits),
-            number(factor * after[key], digits),
-            f"× {after[key] / before[key]:.2f}" if before[key] else "",
-        )
+        {
+            "label": label,
+            "before": number(factor * before[key], digits),
+            "after": number(factor * after[key], digits),
+            "ratio": f"× {after[key] / before[key]:.2f}" if before[key] else "",
+        }
         for key, (label, factor, digits) in LABELS.items()
         if key in after
     ]
 
 
-def note_of(smoothing: dict[str, Any]) -> str:
+def note_of(smoothing: SmoothingFigures) -> str:
     """In which time both are compared, and why not more came of it."""
     seconds = number(smoothing["seconds"], 3)
     told = f"Speeds and torque: both folding in {seconds} s."

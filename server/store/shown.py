@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
+from planner.certificate.figures import Fault, FoldSummary
 from planner.chain.module import CUBE
 from planner.simulation.parameters import AUTO
 from server.store.tables import FoldRow
@@ -33,8 +34,8 @@ class ShownFold:
     strategy: str = AUTO
     refold: str | None = None
     smooths: str | None = None
-    summary: dict[str, Any] = field(default_factory=dict)
-    error: dict[str, Any] | None = None
+    summary: FoldSummary = field(default_factory=FoldSummary)
+    error: Fault | None = None
 
     @classmethod
     def of(cls, row: FoldRow) -> ShownFold:
@@ -65,6 +66,6 @@ class FoldSource(Protocol):
         ...
 
 
-def has_motion(summary: Mapping[str, Any] | None) -> bool:
+def has_motion(summary: Mapping[str, object] | None) -> bool:
     """Whether a plan of this summary has frames."""
     return bool((summary or {}).get("playback"))

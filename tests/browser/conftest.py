@@ -195,7 +195,7 @@ def shot(page: Page) -> np.ndarray:
 
 
 def bytes_fetched(page: Page) -> list[int]:
-    """Sizes of the reels and sceneries that a page fetches; grows as it does."""
+    """Sizes of the batches and scene bundles that a page fetches; grows as it does."""
     fetched: list[int] = []
 
     def count(response: Response) -> None:

@@ -1,0 +1,155 @@
+"""Figures of plans as plain JSON values, as files, rows and answers have them.
+
+What an earlier version did not write is missing. Units are those of the dataclasses named.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Required, TypedDict
+
+
+class PlaceFigures(TypedDict):
+    """``planner.clearance.linked.Place``."""
+
+    frame: float
+    modules: list[int] | None
+
+
+class ExemptFigures(TypedDict):
+    """``planner.clearance.linked.ExemptPairs``."""
+
+    rule: str
+    apart: int
+    count: int
+    worst_overlap: float | None
+    worst_overlap_at: PlaceFigures | None
+    worst_overlap_bound: float | None
+    relief_radius: float | None
+    relief_share: float
+
+
+class CertificateFigures(TypedDict, total=False):
+    """``planner.certificate.certificate.Certificate``."""
+
+    verdict: str
+    simulated: bool | None
+    module_size: float
+    exempt_pairs: ExemptFigures | None
+    min_clearance: float | None
+    min_clearance_at: PlaceFigures | None
+    clearance_bound: float | None
+    min_clearance_playback: float | None
+    min_clearance_playback_at: PlaceFigures | None
+    min_clearance_record: float | None
+    min_clearance_record_at: PlaceFigures | None
+    in_betweens: int
+    frames: int | None
+    plan_end_error_rad: float | None
+    rms_position_error: float | None
+    max_position_error: float | None
+    max_angle_error_rad: float | None
+    max_angle_rad: float | None
+    max_angle_record_rad: float | None
+    max_joint_step_rad: float | None
+    joint_speed_limit_rad_s: float
+    fold_time_s: float | None
+    hinges_moving_mean: float | None
+    hinges_moving_most: int | None
+    peak_torque_nm: float | None
+    rms_torque_nm: float | None
+    torque_source: str | None
+    torque_frames: int | None
+    gravity_torque_folded_nm: float
+    gravity_torque_straight_nm: float
+    seconds: float
+
+
+class ExplosionFigures(TypedDict, total=False):
+    """``planner.motion.record.Record.summary``."""
+
+    status: str
+    reason: str
+    strategy: str
+    steps: int
+    frames: int
+    seconds: float
+
+
+class PlaybackFigures(TypedDict, total=False):
+    """``planner.playback.playback.Playback.summary``."""
+
+    kind: str
+    status: str
+    reason: str
+    steps: int
+    seconds: float
+    rms_position_error: float | None
+    max_angle_error_rad: float | None
+    peak_torque: float | None
+    rms_torque: float | None
+    torque_frames: int | None
+
+
+class SmoothingFigures(TypedDict):
+    """``planner.robot.smoothed.before_and_after``."""
+
+    way: str
+    seconds: float
+    before: dict[str, float]
+    after: dict[str, float] | None
+
+
+class StuckFigures(TypedDict):
+    """``planner.explosion.diagnosis.Diagnosis``."""
+
+    kind: str
+    modules: list[int]
+    words: str
+
+
+class AttemptFigures(TypedDict, total=False):
+    """``planner.pipeline.portfolio.Attempt``."""
+
+    candidate: Required[int]
+    seed: Required[int]
+    strategy: Required[str]
+    other_end: bool
+    gentle: bool
+    status: Required[str]
+    reason: str
+    steps: Required[int]
+    frames: int
+    seconds: float
+    diagnosis: StuckFigures | None
+    finer: int
+    verdict: str
+    between: bool
+
+
+class FoldSummary(TypedDict, total=False):
+    """``planner.plan.plan.Plan.summary``, or what is known of a fold without a plan."""
+
+    status: str
+    reason: str | None
+    name: str
+    module: str
+    modules: int
+    joints: int
+    hinges: int
+    preset: str
+    seed: int
+    refold: dict[str, Any] | None
+    smoothing: SmoothingFigures | None
+    stuck: StuckFigures | None
+    attempts: int
+    explosion: ExplosionFigures | None
+    playback: PlaybackFigures | None
+    certificate: CertificateFigures | None
+
+
+class Fault(TypedDict, total=False):
+    """Why a fold could not be computed."""
+
+    code: str
+    detail: str
+    where: str | None
