@@ -18,7 +18,7 @@ from foldback_client.downloads import save
 from foldback_client.fold import Fold
 from foldback_client.problem import Problem
 from foldback_client.retries import TRY_AGAIN, Retries
-from foldback_client.upload import FoldWishes, Source, Wishes, file_of, form_of
+from foldback_client.upload import FoldOptions, ShapeOptions, Source, file_of, form_of
 
 T = TypeVar("T")
 CONNECT_S: Final = 10.0
@@ -73,7 +73,7 @@ class Client:
         *,
         shape: str | None = None,
         filename: str | None = None,
-        **wishes: Unpack[FoldWishes],
+        **options: Unpack[FoldOptions],
     ) -> Fold:
         """Asks for a fold; the same again gives the same fold.
 
@@ -82,13 +82,15 @@ class Client:
                 numbers (or of a solid, with ``as_voxels``), or a solid as a 3D array.
             shape: Or the name of a gallery shape.
             filename: What to call the source; its ending tells some formats apart.
-            wishes: How to fold it, as ``POST /api/folds`` has it.
+            options: How to fold it, as ``POST /api/folds`` has it.
 
         Raises:
             Problem: When the service refuses it.
             ConnectionError: When the service cannot be reached.
         """
-        told = self._post("/api/folds", source, shape, filename, form_of(wishes, FoldWishes, shape))
+        told = self._post(
+            "/api/folds", source, shape, filename, form_of(options, FoldOptions, shape)
+        )
         return Fold(self, told["id"], token=told["owner_token"], existing=told["existing"])
 
     def preview(
@@ -98,7 +100,7 @@ class Client:
         shape: str | None = None,
         filename: str | None = None,
         full: bool = True,
-        **wishes: Unpack[Wishes],
+        **options: Unpack[ShapeOptions],
     ) -> dict[str, Any]:
         """What would come of a shape: cells, a path, whether there is one. ``fold(preview=id)``.
 
@@ -107,13 +109,13 @@ class Client:
             shape: Or the name of a gallery shape.
             filename: What to call the source.
             full: Whether to tell cells and mesh too, which may be large.
-            wishes: How it is to become a chain.
+            options: How it is to become a chain.
 
         Raises:
             Problem: When the service refuses it.
             ConnectionError: When the service cannot be reached.
         """
-        form = {**form_of(wishes, Wishes, shape), "full": "true" if full else "false"}
+        form = {**form_of(options, ShapeOptions, shape), "full": "true" if full else "false"}
         return self._post("/api/shapes/preview", source, shape, filename, form)
 
     def get(self, fold_id: str, token: str | None = None) -> Fold:

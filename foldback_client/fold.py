@@ -14,7 +14,7 @@ from foldback_client.frames import Frames
 from foldback_client.problem import Problem
 from foldback_client.progress import OVER, Progress, lines_of
 from foldback_client.retries import TRY_AGAIN
-from foldback_client.upload import MovieWishes
+from foldback_client.upload import MovieOptions
 
 if TYPE_CHECKING:
     from foldback_client.client import Client
@@ -181,7 +181,7 @@ class Fold:
         *,
         timeout_s: float | None = None,
         on_progress: Callable[[int, int], None] | None = None,
-        **wishes: Unpack[MovieWishes],
+        **options: Unpack[MovieOptions],
     ) -> Path:
         """Has a movie made and takes it.
 
@@ -189,7 +189,7 @@ class Fold:
             to: The file to write; its ending says the format unless ``format`` does.
             timeout_s: How long it may take.
             on_progress: Told how many pictures are drawn, of how many.
-            wishes: What it is to be.
+            options: What it is to be.
 
         Raises:
             Problem: When it cannot be made.
@@ -197,8 +197,8 @@ class Fold:
         """
         deadline = time.monotonic() + (float("inf") if timeout_s is None else timeout_s)
         if Path(to).suffix.lower() == ".gif":
-            wishes.setdefault("format", "gif")
-        movie = self._client.ask("POST", f"{self._here}/movies", json=wishes, token=self.token)
+            options.setdefault("format", "gif")
+        movie = self._client.ask("POST", f"{self._here}/movies", json=options, token=self.token)
         here = f"{self._here}/movies/{movie['id']}"
         while movie["status"] in ("queued", "running"):
             if on_progress is not None:

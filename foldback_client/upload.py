@@ -27,7 +27,7 @@ Source = str | os.PathLike[str] | bytes | IO[bytes] | Sequence[Sequence[int]] | 
 """A file's path, its bytes, an open file, cells as (n, 3) numbers, or a solid as a 3D array."""
 
 
-class Wishes(TypedDict, total=False):
+class ShapeOptions(TypedDict, total=False):
     """How a shape is to become a chain; what is not said is as the service has it."""
 
     module: Literal["cube", "tetrahedron"]
@@ -41,7 +41,7 @@ class Wishes(TypedDict, total=False):
     preview: str
 
 
-class FoldWishes(Wishes, total=False):
+class FoldOptions(ShapeOptions, total=False):
     """How it is to be folded, too."""
 
     fold: str
@@ -53,7 +53,7 @@ class FoldWishes(Wishes, total=False):
     strategy: Literal["auto", "simultaneous", "blocks", "peel", "one-by-one"]
 
 
-class MovieWishes(TypedDict, total=False):
+class MovieOptions(TypedDict, total=False):
     """What a movie is to be."""
 
     format: Literal["mp4", "gif"]
@@ -69,15 +69,15 @@ class MovieWishes(TypedDict, total=False):
     last_frame: int
 
 
-def form_of(wishes: Any, known: type[Any], shape: str | None) -> dict[str, str]:
+def form_of(options: Any, known: type[Any], shape: str | None) -> dict[str, str]:
     """The fields of a form.
 
     Raises:
-        TypeError: When a wish is not known; the service would not notice.
+        TypeError: When an option is not known; the service would not notice.
     """
-    if unknown := set(wishes) - set(known.__annotations__):
+    if unknown := set(options) - set(known.__annotations__):
         raise TypeError(f"got {sorted(unknown)}, expected some of {sorted(known.__annotations__)}.")
-    found = {**wishes, "shape": shape}
+    found = {**options, "shape": shape}
     return {name: _text(value) for name, value in found.items() if value is not None}
 
 

@@ -53,7 +53,7 @@ from server.store.stats import Stats
 from web.timeline.views import TimelineViews
 
 WARM_AFTER_S: Final = 1.5
-READING_PATIENCE_S: Final = 60.0
+READING_TIMEOUT_S: Final = 60.0
 """How long an upload may wait for its turn to be read."""
 log = logging.getLogger("foldback.web")
 
@@ -171,7 +171,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     artifacts = Artifacts(
         store,
         # With a storage they are among the copies, which have a bound of their own.
-        kept=store.add_derived if store.folders.storage is None else None,
+        on_stored=store.add_derived if store.folders.storage is None else None,
         min_free_disk_bytes=settings.min_free_disk_bytes,
         total=settings.files_waiting,
         per_visitor=settings.files_waiting_of_visitor,
@@ -233,7 +233,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         exports=Exports(store, artifacts),
         movies=Movies(settings, store, jobs),
         gallery=Gallery(),
-        watch=FoldStates(store, leases),
+        fold_states=FoldStates(store, leases),
         metrics=metrics,
         leases=leases,
         secret=store.secret("visitors", secrets.token_bytes(32)),
@@ -247,6 +247,6 @@ def _reader(pool: Pool, what: str, *, total: int, per_visitor: int) -> Reader:
         at_once_per_visitor=1,
         total=total,
         per_visitor=per_visitor,
-        patience_s=READING_PATIENCE_S,
+        timeout_s=READING_TIMEOUT_S,
     )
     return Reader(pool, quota)

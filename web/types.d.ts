@@ -95,7 +95,7 @@ interface PreviewBundle extends Message<{
 // Frames: web/timeline/frame_batch.py, web/timeline/window_columns.py and js/player/frames.js.
 
 interface Phase { name: string; from: number; to: number }
-interface FilmOutline {
+interface TimelineOutline {
   frames: number;
   growing: boolean;
   names: string[];
@@ -111,7 +111,7 @@ interface BatchHeader {
   start: number;
   stop: number;
   stride: number;
-  outline: FilmOutline;
+  outline: TimelineOutline;
 }
 interface WholeArrays {
   time_s: Floats;
@@ -132,7 +132,7 @@ interface WindowArrays {
 }
 type Batch = Message<BatchHeader, WholeArrays | WindowArrays>;
 interface BatchAsked { from?: number; to?: number | null; stride?: number; wait?: number }
-interface FilmSource {
+interface TimelineSource {
   bundle(): Promise<Bundle | null>;
   batch(asked?: BatchAsked): Promise<Batch | null>;
 }

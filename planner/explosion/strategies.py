@@ -26,7 +26,7 @@ from planner.motion.record import Record
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.parameters import (
     AUTO,
-    STRATEGY_WISHES,
+    STRATEGY_OPTIONS,
     ExplosionParameters,
     PaperExplosionParameters,
     Parameters,
@@ -62,7 +62,7 @@ def strategies_for(
             refold cannot have.
     """
     wished = parameters.strategy
-    if wished not in STRATEGY_WISHES:
+    if wished not in STRATEGY_OPTIONS:
         raise unknown_strategy(wished)
     possible = _possible(chain, parameters, refolds)
     if wished == AUTO:

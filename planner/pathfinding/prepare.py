@@ -257,7 +257,7 @@ def _from_shape(
 
 def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: float) -> Preparation:
     from planner.pathfinding.filling import FILLINGS
-    from planner.pathfinding.shape_kept import kept
+    from planner.pathfinding.shape_overlap import intersection_over_union
     from planner.shapes.voxelise import voxelise
 
     filling = FILLINGS[options.module]
@@ -266,7 +266,7 @@ def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: flo
         voxels.shape, options, of_solid=True, seed=seed, time_limit_s=time_limit_s
     )
     notes = (*solid.notes, *voxels.notes, *filled.notes)
-    iou = kept(solid, voxels, filled) if filled.chains else voxels.iou
+    iou = intersection_over_union(solid, voxels, filled) if filled.chains else voxels.iou
     return _made("mesh", solid.name, options, filled, notes, solid=solid, voxels=voxels, iou=iou)
 
 

@@ -16,7 +16,7 @@ from planner.pathfinding.starts import cell_of
 from planner.pipeline.paper_settings import read_settings, settings_text, with_settings
 from planner.simulation.parameters import (
     AUTO,
-    STRATEGY_WISHES,
+    STRATEGY_OPTIONS,
     Parameters,
     preset,
     unknown_strategy,
@@ -145,7 +145,7 @@ class Request:
             found = with_settings(found, read_settings(self.settings))
         if not 0 <= self.seed <= LARGEST_SEED:
             raise _bad("seed", str(self.seed))
-        if self.strategy not in STRATEGY_WISHES:
+        if self.strategy not in STRATEGY_OPTIONS:
             raise unknown_strategy(self.strategy)
         found = replace(found, strategy=self.strategy)
         if self.smooth:

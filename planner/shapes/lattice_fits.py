@@ -1,4 +1,4 @@
-"""Rungs: the pitches and orientations in which a solid is laid on the lattice, and what it gives.
+"""Lattice fits: pitches and orientations in which a solid is laid on the lattice, and the cells.
 
 They are steps of one ladder that belongs to the solid and not to the count that is asked for, so
 that what one search finds is found again by another. Nothing in a fit depends on a search.
@@ -48,7 +48,7 @@ STORED: Final = 64 << 20
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-Place = tuple[int, int, int, int]
+OffsetThreshold = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,7 +76,7 @@ class FittedCells:
 
     Attributes:
         turn, pitch: Of the fit.
-        place: The offset along each axis, and the number of the threshold.
+        offset_threshold: The offset along each axis, and the number of the threshold.
         joined: The cells, and what was joined or left out.
         count: How many they are.
         iou: Intersection over union, by finer samples than those that were searched with.
@@ -84,7 +84,7 @@ class FittedCells:
 
     turn: int
     pitch: float
-    place: Place
+    offset_threshold: OffsetThreshold
     joined: Bridged
     count: int
     iou: float
@@ -113,10 +113,10 @@ class Grid:
         """Samples inside."""
         return int(self.parts.sum(dtype=np.int64))
 
-    def fill(self, place: Place) -> NDArray[np.int16]:
+    def fill(self, offset_threshold: OffsetThreshold) -> NDArray[np.int16]:
         """(X, Y, Z) samples in each cell with an offset."""
         sums = window_sums(self.parts, self.split)
-        return sums[tuple(slice(at, None, self.split) for at in place[:3])]
+        return sums[tuple(slice(at, None, self.split) for at in offset_threshold[:3])]
 
 
 class Ladder:
@@ -130,8 +130,8 @@ class Ladder:
         self.bodies = 1
         self.share = 1.0
         self._apart = False
-        self._rungs: dict[tuple[int, float], LatticeFit | None] = {}
-        self._made: dict[tuple[int, float, Place], FittedCells] = {}
+        self._fits: dict[tuple[int, float], LatticeFit | None] = {}
+        self._made: dict[tuple[int, float, OffsetThreshold], FittedCells] = {}
         self._grids: dict[tuple[int, float, int], Grid] = {}
         self._stored = 0
         self._rough: dict[int, Solid] = {}
@@ -215,10 +215,10 @@ class Ladder:
     def fit(self, turn: int, pitch: float) -> LatticeFit | None:
         """The fit of a turn and pitch; None where it would take too many samples."""
         key = (turn, pitch)
-        if key not in self._rungs:
+        if key not in self._fits:
             size = self.size(turn, pitch)
-            self._rungs[key] = _judged(self.grid(turn, pitch, size), turn, pitch) if size else None
-        return self._rungs[key]
+            self._fits[key] = _judged(self.grid(turn, pitch, size), turn, pitch) if size else None
+        return self._fits[key]
 
     def grid(self, turn: int, pitch: float, size: int, *, exact: bool = False) -> Grid:
         """Samples the turned solid; with ``exact`` all of its triangles."""
@@ -250,22 +250,24 @@ class Ladder:
             self._grids[key] = grid
         return grid
 
-    def made(self, fit: LatticeFit, place: Place) -> FittedCells:
+    def made(self, fit: LatticeFit, offset_threshold: OffsetThreshold) -> FittedCells:
         """The cells of a fit in one piece, and how much of the solid they truly keep."""
-        key = (fit.turn, fit.pitch, place)
+        key = (fit.turn, fit.pitch, offset_threshold)
         if key not in self._made:
             grid = self.grid(fit.turn, fit.pitch, self.size(fit.turn, fit.pitch))
-            sums = grid.fill(place)
-            joined = bridged(sums >= fit.thresholds[place[3]], sums / float(grid.size**3))
+            sums = grid.fill(offset_threshold)
+            joined = bridged(
+                sums >= fit.thresholds[offset_threshold[3]], sums / float(grid.size**3)
+            )
             finer = self.finer(fit.turn, fit.pitch, FINER_SAMPLES)
             fine = self.grid(fit.turn, fit.pitch, finer)
             self._made[key] = FittedCells(
                 turn=fit.turn,
                 pitch=fit.pitch,
-                place=place,
+                offset_threshold=offset_threshold,
                 joined=joined,
                 count=int(joined.cells.sum()),
-                iou=overlap(fine, place, joined.cells),
+                iou=overlap(fine, offset_threshold, joined.cells),
             )
         return self._made[key]
 
@@ -294,9 +296,9 @@ class Ladder:
         return self._turned[key]
 
 
-def overlap(grid: Grid, place: Place, cells: Bools) -> float:
+def overlap(grid: Grid, offset_threshold: OffsetThreshold, cells: Bools) -> float:
     """Intersection over union of cells with samples."""
-    shared = int(grid.fill(place)[cells].sum(dtype=np.int64))
+    shared = int(grid.fill(offset_threshold)[cells].sum(dtype=np.int64))
     return shared / max(1, grid.count + int(cells.sum()) * grid.size**3 - shared)
 
 

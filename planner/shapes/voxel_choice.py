@@ -1,6 +1,6 @@
 """Choice: of the fits of a solid, the cells that come near a count and keep the most.
 
-``VoxelChoice.of`` depends on the solid and the count alone. So a count may be offered when asking
+``Chooser.choose`` depends on the solid and the count alone. So a count may be offered when asking
 for it was tried and gave it.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.shapes.lattice_fits import FittedCells, Ladder, LatticeFit, Place
+from planner.shapes.lattice_fits import FittedCells, Ladder, LatticeFit, OffsetThreshold
 from planner.shapes.layers import has_whole_layers
 from planner.shapes.sampling import too_fine
 
@@ -40,7 +40,7 @@ WORK: Final = 1.2e8
 FEWEST_TRIED: Final = 10
 MOST_TRIED: Final = 120
 MUCH_TRIED: Final = 30
-"""Rungs that a solid can afford whose candidates are all looked at."""
+"""Fits that a solid can afford whose candidates are all looked at."""
 STEPS_TO_SIDES: Final = 4
 WIDE_STEPS: Final = range(-16, 17, 2)
 
@@ -49,7 +49,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VoxelChoice:
+class ChosenVoxels:
     """What is made when a count is asked for.
 
     Attributes:
@@ -83,7 +83,7 @@ class _Entries:
     scores: Floats
     misfits: Floats
 
-    def at(self, entry: int) -> tuple[LatticeFit, Place]:
+    def at(self, entry: int) -> tuple[LatticeFit, OffsetThreshold]:
         fit = self.fits[self.rows[entry]]
         x, y, z, t = np.unravel_index(self.places[entry], fit.counts.shape)
         return fit, (int(x), int(y), int(z), int(t))
@@ -105,9 +105,9 @@ class Chooser:
 
     def __init__(self, ladder: Ladder) -> None:
         self._ladder = ladder
-        self._chosen: dict[int, VoxelChoice] = {}
+        self._chosen: dict[int, ChosenVoxels] = {}
 
-    def choose(self, cells: int) -> VoxelChoice:
+    def choose(self, cells: int) -> ChosenVoxels:
         """What is made when so many cells are asked for."""
         if cells not in self._chosen:
             self._chosen[cells] = self._search(cells)
@@ -117,7 +117,7 @@ class Chooser:
         """The counts next to the one that is made, no nearer to the asked one, that hold."""
         return self._offer(cells, above=False), self._offer(cells, above=True)
 
-    def _search(self, cells: int) -> VoxelChoice:
+    def _search(self, cells: int) -> ChosenVoxels:
         ladder = self._ladder
         most = self._most(cells)
         visited: dict[tuple[int, float], LatticeFit] = {}
@@ -153,7 +153,7 @@ class Chooser:
                 self._visit_all(turn, pitches, visited, most)
             made = self._best(visited.values(), cells)
         assert made is not None
-        return VoxelChoice(made=made, visited=tuple(visited.values()), score=_score(made))
+        return ChosenVoxels(made=made, visited=tuple(visited.values()), score=_score(made))
 
     def _most(self, cells: int) -> int:
         work = self._ladder.work(0, self._ladder.pitch_for(cells))
@@ -259,7 +259,7 @@ class Chooser:
             count = made
         return None
 
-    def _likely(self, choice: VoxelChoice, limit: int, *, above: bool) -> Iterator[int]:
+    def _likely(self, choice: ChosenVoxels, limit: int, *, above: bool) -> Iterator[int]:
         """Counts to one side that fits near the chosen one have, those that keep most first."""
         ladder = self._ladder
         fits = {(fit.turn, fit.pitch): fit for fit in choice.visited}

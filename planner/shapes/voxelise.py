@@ -80,8 +80,8 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0, upright: bool = False) 
         made.turn, made.pitch, ladder.finer(made.turn, made.pitch, 2 * MANY_SAMPLES), exact=True
     )
     found = np.argwhere(made.joined.cells)
-    at = np.array(made.place[:3]) * (fine.size // fine.split)
-    iou = overlap(fine, made.place, made.joined.cells)
+    at = np.array(made.offset_threshold[:3]) * (fine.size // fine.split)
+    iou = overlap(fine, made.offset_threshold, made.joined.cells)
     better = below is not None and chooser.choose(below).made.iou > iou + MUCH_BETTER
     return Voxels(
         shape=Shape.from_cells(found - found.min(axis=0), name=solid.name),
@@ -113,7 +113,7 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
     if joined.dropped:
         word = "cell" if joined.dropped == 1 else "cells"
         notes.append(f"{joined.dropped} loose {word} at thin parts left out.")
-    filled = fine.fill(made.place).astype(np.float64)
+    filled = fine.fill(made.offset_threshold).astype(np.float64)
     kept = float(filled[joined.cells].sum() / max(filled.sum(), np.finfo(float).tiny))
     lost = _lost(joined.cells, filled)
     if lost > 0.005:

@@ -240,7 +240,7 @@ class Parameters:
         explosion: How the chain is let go; None for direct servoing.
         playback: How it is folded again.
         peeling: How it is let go where the strategy is to peel it.
-        strategy: Wish for how it is let go, see ``planner.explosion.strategies``.
+        strategy: How it is let go, ``auto`` included, see ``planner.explosion.strategies``.
         module_size: Size at which the plan is verified, as a fraction of the pitch.
         density_kg_m3: Of a solid module, for torques in newton-metres.
         joint_speed_limit_rad_s: Sets the fold time in the certificate.
@@ -268,14 +268,14 @@ PUBLISHED_PLAYBACK: Final = PlaybackParameters(
 PRESETS: Final = ("default", "paper", "direct")
 STRATEGIES: Final = ("simultaneous", "blocks", "peel", "one-by-one")
 AUTO: Final = "auto"
-STRATEGY_WISHES: Final = (AUTO, *STRATEGIES)
+STRATEGY_OPTIONS: Final = (AUTO, *STRATEGIES)
 
 
 def unknown_strategy(name: str) -> InputError:
     """The refusal of a strategy that is none."""
     return InputError(
         "unknown-strategy",
-        f"got the strategy {name!r}, expected one of: {', '.join(STRATEGY_WISHES)}.",
+        f"got the strategy {name!r}, expected one of: {', '.join(STRATEGY_OPTIONS)}.",
     )
 
 

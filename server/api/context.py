@@ -49,7 +49,7 @@ class Context:
     exports: Exports
     movies: Movies
     gallery: Gallery
-    watch: FoldStates
+    fold_states: FoldStates
     streams: Quota
     robots: Quota
     trajectories: Trajectories

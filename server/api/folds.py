@@ -203,7 +203,7 @@ def post_fold(
                 options = replace(options, module=beginning.module, modules=modules)
         elif fold is not None and row is not None:
             beginning = beginning_noted(context.store.directory(fold), row)
-        with context.uploads.kept(source, filename) as upload:
+        with context.uploads.stored(source, filename) as upload:
             receipt = submit(
                 context,
                 Submission(
@@ -251,7 +251,7 @@ def get_fold(request: Request, fold_id: str, context: Here) -> Fold:
 
 async def follower(request: Request, fold_id: str, context: Here) -> AsyncIterator[None]:
     """A place among those who follow a fold, for as long as the answer lasts."""
-    await context.watch.state(fold_id)
+    await context.fold_states.state(fold_id)
     with context.streams.enter(address_of(request)):
         yield
 
@@ -269,7 +269,7 @@ async def get_events(
 ) -> AsyncIterator[ServerSentEvent]:
     """Server-sent events until the fold is over."""
     response.headers["Cache-Control"] = "no-store"
-    async for event in context.watch.events(fold_id):
+    async for event in context.fold_states.events(fold_id):
         yield event
 
 

@@ -67,7 +67,7 @@ async def post_preview(
         known = preview
         if known is None or file is not None or shape is not None:
             source, filename = input_of(context, file, shape, preview)
-            with source, context.uploads.kept(source, filename) as upload:
+            with source, context.uploads.stored(source, filename) as upload:
                 known = context.previews.add(upload, visitor)
         return known, context.previews.report(
             known, options, context.preparer, visitor=visitor, gone=gone

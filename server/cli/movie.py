@@ -20,7 +20,7 @@ from server.cli.options import AsJson, FoldDirectory
 from server.ops.starting import settings_of
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
-from server.processes.movie_task import film
+from server.processes.movie_task import run_movie
 from web.movies.movie import FORMATS, Movie
 
 
@@ -112,7 +112,7 @@ def _make(movie: Movie, timeline: Path, out: Path) -> None:
         def report(event: dict[str, Any]) -> None:
             bars.update(bar, completed=event["steps"])
 
-        film(
+        run_movie(
             place,
             ChildLimits.of(settings),
             wall_s=float("inf"),

@@ -122,7 +122,7 @@ def server_of(
             app.state.readiness.end()
             if self.started and not self.force_exit:
                 await asyncio.sleep(settings.leave_s)
-            context.watch.end()
+            context.fold_states.end()
             await super().shutdown(sockets)
 
     return Server(
@@ -167,7 +167,7 @@ def _fold_first(context: Context, name: str) -> str:
     if shape is None:
         names = ", ".join(s.name for s in context.gallery.shapes())
         raise typer.BadParameter(f"got the shape {name!r}, expected one of {names}.")
-    with context.uploads.kept(BytesIO(shape.data), shape.filename) as upload:
+    with context.uploads.stored(BytesIO(shape.data), shape.filename) as upload:
         receipt = submit(
             context,
             Submission(

@@ -14,7 +14,7 @@ from server.doctor.finding import Finding
 from server.processes.movie_task import GL_SETTING, NO_GL, backends
 from server.settings import Settings
 
-PATIENCE_S: Final = 60.0
+DRAWING_TIMEOUT_S: Final = 60.0
 _DRAW: Final = """
 import sys, mujoco, importlib
 context = importlib.import_module(f"mujoco.{sys.argv[1]}").GLContext(64, 64)
@@ -92,11 +92,11 @@ def run_python(
             capture_output=True,
             text=True,
             errors="replace",
-            timeout=PATIENCE_S,
+            timeout=DRAWING_TIMEOUT_S,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return 1, f"no answer within {PATIENCE_S:.0f} s"
+        return 1, f"no answer within {DRAWING_TIMEOUT_S:.0f} s"
     if done.returncode < 0:
         return done.returncode, f"it crashed (signal {-done.returncode})"
     said = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()

@@ -38,7 +38,7 @@ class Artifacts:
     Args:
         store: Where the folds are.
         min_free_disk_bytes: What must be left of the disk.
-        kept: Told how many bytes a file adds to those made of its fold.
+        on_stored: Told how many bytes a file adds to those made of its fold.
         total: How many things may be made or wait for it.
         per_visitor: How many of these one visitor may have.
         folder: Where files are kept; in a folder beside those of their fold when None.
@@ -50,25 +50,25 @@ class Artifacts:
         *,
         min_free_disk_bytes: int = 0,
         folder: Path | None = None,
-        kept: Callable[[str, int], None] | None = None,
+        on_stored: Callable[[str, int], None] | None = None,
         total: int = MOST_WAITING,
         per_visitor: int = MOST_WAITING,
     ) -> None:
         self._store = store
         self._min_free_disk_bytes = min_free_disk_bytes
         self._folder = folder
-        self._kept = kept
+        self._on_stored = on_stored
         self._flight = SingleFlight("files", at_once=AT_ONCE, total=total, per_visitor=per_visitor)
 
     def close(self) -> None:
         """Begins nothing any more."""
         self._flight.close()
 
-    async def made(
+    async def get_or_make(
         self, key: Hashable, make: Callable[[], Thing], *, visitor: str | None = None
     ) -> Thing:
-        """As ``SingleFlight.made``, among the files."""
-        return await self._flight.made(key, make, visitor=visitor)
+        """As ``SingleFlight.get_or_make``, among the files."""
+        return await self._flight.get_or_make(key, make, visitor=visitor)
 
     async def file(
         self,
@@ -107,11 +107,11 @@ class Artifacts:
                     if other != path:
                         before += _size(other)
                         other.unlink(missing_ok=True)
-            if self._kept is not None:
-                self._kept(fold_id, len(data) - before)
+            if self._on_stored is not None:
+                self._on_stored(fold_id, len(data) - before)
 
         if not await asyncio.to_thread(newer, path, directory / of):
-            await self.made(path, keep, visitor=visitor)
+            await self.get_or_make(path, keep, visitor=visitor)
         return path
 
     def _keep(self, fold_id: str, path: Path, data: bytes) -> None:

@@ -44,7 +44,7 @@ class PreviewScenes:
         place = await asyncio.to_thread(self._previews.place, preview_id, key)
         if (known := self._cache.get(place)) is not None:
             return known
-        made = await self._flight.made(place, lambda: _made(place), visitor=visitor)
+        made = await self._flight.get_or_make(place, lambda: _made(place), visitor=visitor)
         self._cache.keep(place, made)
         return made
 

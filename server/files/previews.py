@@ -45,7 +45,7 @@ from server.store.folds import new_id
 from server.store.object_store import Storage
 
 KEY: Final = re.compile(r"[0-9a-f]{24}")
-MOST_WISHES: Final = 400
+MOST_OPTION_SETS: Final = 400
 """Sets of options that are kept for one upload."""
 SWEEP_EVERY_S: Final = 60.0
 
@@ -203,7 +203,7 @@ class Previews:
         self._elsewhere.touch(directory)
         if (known := read_report(place)) is not None:
             return known
-        if sum(1 for _ in directory.iterdir()) > MOST_WISHES:
+        if sum(1 for _ in directory.iterdir()) > MOST_OPTION_SETS:
             raise TooMany(
                 "too-many-previews",
                 "Too many previews of one file; send it again.",

@@ -16,7 +16,7 @@ from zipfile import BadZipFile, ZipFile
 
 from planner.readers.limits import megabytes
 from server.errors import NoRoom, NotFound, ServiceError, TooLarge, Unavailable
-from server.limits.quota import Place, Quota
+from server.limits.quota import Permit, Quota
 from server.limits.single_flight import SingleFlight
 from server.processes.children import ChildError, Pool
 from server.processes.scratch import MOTORS, PLAN, Scratch
@@ -173,7 +173,9 @@ class Trajectories:
         """
         known = self._used.get(wanted)
         if known is None:
-            known = await self._flight.made(wanted, lambda: self._retimed(wanted), visitor=visitor)
+            known = await self._flight.get_or_make(
+                wanted, lambda: self._retimed(wanted), visitor=visitor
+            )
             known = self._used.setdefault(wanted, self._shared(wanted, known))
         self._cache.keep(wanted, known)
         if self.nbytes > self._used_bytes:
@@ -203,10 +205,10 @@ class Trajectories:
                     raise _too_large()
                 return found
 
-        return await self._flight.made((wanted, motors), made, visitor=visitor)
+        return await self._flight.get_or_make((wanted, motors), made, visitor=visitor)
 
-    def stream(self, address: str) -> Place:
-        """A place to send a trajectory.
+    def stream(self, address: str) -> Permit:
+        """A permit to send a trajectory.
 
         Raises:
             TooMany: When as many are being sent as there may be.

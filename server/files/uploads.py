@@ -70,7 +70,7 @@ class Uploads:
         self._lock.close()
 
     @contextmanager
-    def kept(self, source: BinaryIO, filename: str | None) -> Generator[Upload]:
+    def stored(self, source: BinaryIO, filename: str | None) -> Generator[Upload]:
         """Copies a file to the disk, piece by piece; forgotten at the end unless it was moved.
 
         Raises:

@@ -11,7 +11,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from server.errors import TooMany
 from server.http.client_address import visitor_at
-from server.limits.quota import Place, Quota
+from server.limits.quota import Permit, Quota
 
 if TYPE_CHECKING:
     from server.settings import Settings
@@ -30,8 +30,8 @@ class Connections:
             "connections", total=None, per_visitor=settings.max_connections_of_visitor
         )
 
-    def opened(self, host: str) -> Place | None:
-        """Counts one more; its place, or None when there may be no more."""
+    def opened(self, host: str) -> Permit | None:
+        """Counts one more; its permit, or None when there may be no more."""
         try:
             return self._open.enter(None if self._proxy(host) else visitor_at(host))
         except TooMany:
@@ -65,9 +65,9 @@ class _BoundedProtocol(H11Protocol):
         """Looks after a new connection from here on."""
         super().connection_made(transport)
         host = self.client[0] if self.client else ""
-        self._place = self.bounds.opened(host)
+        self._permit = self.bounds.opened(host)
         self._looking: asyncio.TimerHandle | None = None
-        if self._place is None:
+        if self._permit is None:
             transport.abort()
             return
         self._since = self.loop.time()
@@ -90,9 +90,9 @@ class _BoundedProtocol(H11Protocol):
         if self._looking is not None:
             self._looking.cancel()
             self._looking = None
-        if self._place is not None:
-            self._place.leave()
-            self._place = None
+        if self._permit is not None:
+            self._permit.leave()
+            self._permit = None
 
     def _look(self) -> None:
         settings, now = self.bounds.settings, self.loop.time()

@@ -1,4 +1,4 @@
-"""Streams: answers that have a place of a quota for as long as they last."""
+"""Streams: answers that have a permit of a quota for as long as they last."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator, Iterator, Mapping
 from fastapi.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
-from server.limits.quota import Place
+from server.limits.quota import Permit
 
 
 class Stream(StreamingResponse):
@@ -17,7 +17,7 @@ class Stream(StreamingResponse):
 
     Args:
         parts: The answer.
-        place: What it has of a quota.
+        permit: What it has of a quota.
         media_type: What it is.
         headers: Further headers.
         longest_s: How long it may take to send it.
@@ -26,19 +26,19 @@ class Stream(StreamingResponse):
     def __init__(
         self,
         parts: Iterator[bytes] | AsyncIterator[bytes],
-        place: Place,
+        permit: Permit,
         *,
         media_type: str,
         headers: Mapping[str, str],
         longest_s: float | None = None,
     ) -> None:
         super().__init__(parts, media_type=media_type, headers=headers)
-        self._place = place
+        self._permit = permit
         self._longest_s = longest_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Sends it."""
         # Who takes it too slowly is hung up on; not to send the end does that.
-        with self._place, contextlib.suppress(TimeoutError):
+        with self._permit, contextlib.suppress(TimeoutError):
             async with asyncio.timeout(self._longest_s):
                 await super().__call__(scope, receive, send)

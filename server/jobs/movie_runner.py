@@ -22,7 +22,7 @@ from server.jobs.progress import JobProgress
 from server.jobs.retry import patiently
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
-from server.processes.movie_task import film
+from server.processes.movie_task import run_movie
 from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store
@@ -65,8 +65,8 @@ class MovieJobs:
         movie = Movie.of(row.wishes)
         with self._scratch.directory() as place:
             done = _Progress(self._store, job)
-            news = JobProgress(done.report)
-            if not patiently(news.last):
+            progress = JobProgress(done.report)
+            if not patiently(progress.last):
                 return
             files = patiently(lambda: self._store.directory(fold_id))
             timeline = result(files, TIMELINE)
@@ -78,12 +78,12 @@ class MovieJobs:
                 with contextlib.suppress(OSError):
                     os.utime(files)  # a copy that is in use is not dropped
 
-            whole = film(
+            whole = run_movie(
                 place,
                 ChildLimits.of(self._settings),
                 wall_s=self._settings.movie_seconds,
                 on_progress=take,
-                cancelled=news.cancelled,
+                cancelled=progress.cancelled,
             )
             if whole and self._kept(fold_id, job, movie, place / PART):
                 log.info("a movie of %d pictures is made", movie.count, extra=about)

@@ -1,4 +1,4 @@
-"""Movies: those that were asked for, each a row named after its wishes.
+"""Movies: those that were asked for, each a row named after its options.
 
 The row says what is wanted, by whom, the name of its job, and how far that is. Deleting the row
 stops the work (``server/jobs/movie_runner.py``).

@@ -259,17 +259,17 @@ class Runner:
             fold_id, epoch, lambda: self._store.folders.bring(fold_id, known, epoch)
         )
         done = _Progress(self._store, fold_id, stage, epoch)
-        news = JobProgress(done.report)
+        progress = JobProgress(done.report)
         with _keeping(self._store, fold_id, epoch):
             result = child.call(
                 stage,
                 directory,
                 wall_s=self._settings.stage_seconds,
                 on_progress=done.take,
-                cancelled=news.cancelled,
+                cancelled=progress.cancelled,
             )
         done.take_end()
-        if result.get("status") == "cancelled" or not self.patiently(news.last):
+        if result.get("status") == "cancelled" or not self.patiently(progress.last):
             return self._stopped(fold_id, epoch)
         if stage == "read":
             self.patiently(

@@ -152,7 +152,7 @@ class _Caretaker:
         self._name = name
         self._active = active
         self._leases = Leases.of(settings, store)
-        self._sweeper = Janitor(settings, store)
+        self._janitor = Janitor(settings, store)
         self._strays: dict[str, float] = {}
         self._swept_at = time.monotonic()
 
@@ -186,7 +186,7 @@ class _Caretaker:
             self._runner.finish(row.id, outcome, self._name)
         if time.monotonic() - self._swept_at >= SWEEP_EVERY_S:
             self._swept_at = time.monotonic()
-            self._sweeper.sweep()
+            self._janitor.sweep()
 
     def _hand_back_strays(self, own: list[str]) -> None:
         """Has jobs done again that are ours and that nothing works on.

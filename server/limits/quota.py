@@ -17,14 +17,16 @@ from server.errors import ServiceError, TooMany, Unavailable
 
 CLOSED_RETRY_S: Final = 10
 MADE_RETRY_S: Final = 5
-PATIENCE_S: Final = 10.0
+TURN_TIMEOUT_S: Final = 10.0
 LOOK_EVERY_S: Final = 0.1
 
 
-class Place:
+class Permit:
     """What somebody has of a quota, until he leaves it; once at most."""
 
-    def __init__(self, quota: Quota, visitor: str | None, begin: Callable[[Place], object]) -> None:
+    def __init__(
+        self, quota: Quota, visitor: str | None, begin: Callable[[Permit], object]
+    ) -> None:
         self._quota = quota
         self.visitor = visitor
         self.begin = begin
@@ -34,7 +36,7 @@ class Place:
         """Makes room for somebody else."""
         self._quota.leave(self)
 
-    def __enter__(self) -> Place:
+    def __enter__(self) -> Permit:
         return self
 
     def __exit__(self, *of: object) -> None:
@@ -42,16 +44,16 @@ class Place:
 
 
 class Quota:
-    """Counts places. Safe to use from many threads.
+    """Counts permits. Safe to use from many threads.
 
     Args:
-        what: What the places are for, in the plural.
-        total: Places, those that wait included; no bound when None.
+        what: What the permits are for, in the plural.
+        total: Permits, those that wait included; no bound when None.
         per_visitor: How many of these one visitor may have; operators have no such bound.
         at_once: How many of them go on at once, while the others wait; all when None.
         at_once_per_visitor: Of those that go on, of one visitor; all when None.
-        patience_s: How long one may wait in ``turn``.
-        refuse: What is raised when there is no place: told how many are taken, and whether by the
+        timeout_s: How long one may wait in ``turn``.
+        refuse: What is raised when there is no permit: told how many are taken, and whether by the
             visitor himself.
     """
 
@@ -63,7 +65,7 @@ class Quota:
         per_visitor: int,
         at_once: int | None = None,
         at_once_per_visitor: int | None = None,
-        patience_s: float = PATIENCE_S,
+        timeout_s: float = TURN_TIMEOUT_S,
         refuse: Callable[[int, bool], ServiceError] | None = None,
     ) -> None:
         self._what = what
@@ -71,32 +73,32 @@ class Quota:
         self._per_visitor = per_visitor
         self._at_once = at_once
         self._at_once_per_visitor = at_once_per_visitor
-        self._patience_s = patience_s
+        self._timeout_s = timeout_s
         self._refuse = refuse or (self._too_many if at_once is None else self._too_busy)
         self._lock = threading.Lock()
         self._count = self._going_count = 0
         self._held: Counter[str | None] = Counter()
         self._going: Counter[str | None] = Counter()
-        self._line: OrderedDict[str | None, deque[Place]] = OrderedDict()
+        self._line: OrderedDict[str | None, deque[Permit]] = OrderedDict()
         """Who waits, by visitor; the visitor whose turn was longest ago comes first."""
 
     def __len__(self) -> int:
-        """How many places are taken."""
+        """How many permits are taken."""
         return self._count
 
     def enter(
-        self, visitor: str | None, begin: Callable[[Place], object] = lambda place: None
-    ) -> Place:
-        """Takes a place.
+        self, visitor: str | None, begin: Callable[[Permit], object] = lambda permit: None
+    ) -> Permit:
+        """Takes a permit.
 
         Args:
             visitor: Whose it is.
-            begin: Called with the place when it is its turn, by whoever made room; must not wait.
+            begin: Called with the permit when it is its turn, by whoever made room; must not wait.
 
         Raises:
             ServiceError: When there is none.
         """
-        place = Place(self, visitor, begin)
+        permit = Permit(self, visitor, begin)
         with self._lock:
             own = self._held[visitor]
             if visitor is not None and own >= self._per_visitor:
@@ -105,9 +107,9 @@ class Quota:
                 raise self._refuse(self._count, False)
             self._count += 1
             self._held[visitor] += 1
-            self._line.setdefault(visitor, deque()).append(place)
+            self._line.setdefault(visitor, deque()).append(permit)
             self._admit()
-        return place
+        return permit
 
     @contextmanager
     def turn(self, visitor: str, *, unwanted: Callable[[], bool] | None = None) -> Generator[None]:
@@ -118,29 +120,29 @@ class Quota:
             unwanted: Asked often while it waits; once True, nobody wants it any more.
 
         Raises:
-            ServiceError: When there is no place, or not in time, or nobody wants it any more.
+            ServiceError: When there is no permit, or not in time, or nobody wants it any more.
         """
         begun = threading.Event()
         with self.enter(visitor, lambda _: begun.set()):
-            deadline = time.monotonic() + self._patience_s
-            while not begun.wait(min(LOOK_EVERY_S, self._patience_s)):
+            deadline = time.monotonic() + self._timeout_s
+            while not begun.wait(min(LOOK_EVERY_S, self._timeout_s)):
                 if unwanted is not None and unwanted():
                     raise Unavailable("gone", "Nobody waited for this any more.")
                 if time.monotonic() >= deadline:
                     raise _busy(Unavailable, f"Others are having {self._what} made")
             yield
 
-    def leave(self, place: Place) -> None:
-        """Gives a place back, whether it waits or goes on."""
-        visitor = place.visitor
+    def leave(self, permit: Permit) -> None:
+        """Gives a permit back, whether it waits or goes on."""
+        visitor = permit.visitor
         with self._lock:
             self._count -= 1
             self._held[visitor] -= 1
-            if place.going:
+            if permit.going:
                 self._going_count -= 1
                 self._going[visitor] -= 1
             else:
-                self._line[visitor].remove(place)
+                self._line[visitor].remove(permit)
                 if not self._line[visitor]:
                     del self._line[visitor]
             for counts in (self._held, self._going):
@@ -155,15 +157,15 @@ class Quota:
             if visitor is ...:
                 return
             waiting = self._line[visitor]
-            place = waiting.popleft()
+            permit = waiting.popleft()
             if waiting:
                 self._line.move_to_end(visitor)
             else:
                 del self._line[visitor]
             self._going_count += 1
             self._going[visitor] += 1
-            place.going = True
-            place.begin(place)
+            permit.going = True
+            permit.begin(permit)
 
     def _may_begin(self, visitor: str | None) -> bool:
         most = self._at_once_per_visitor

@@ -12,7 +12,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Final, TypeVar
 
 from server.errors import ServiceError, TooMany, Unavailable
-from server.limits.quota import Place, Quota
+from server.limits.quota import Permit, Quota
 
 RETRY_AFTER_S: Final = 3
 Thing = TypeVar("Thing")
@@ -53,7 +53,7 @@ class SingleFlight:
             made.cancel()
         self._threads.shutdown(wait=False, cancel_futures=True)
 
-    async def made(
+    async def get_or_make(
         self, key: Hashable, make: Callable[[], Thing], *, visitor: str | None = None
     ) -> Thing:
         """What ``make`` returns; whoever asks for the same key meanwhile gets the same.
@@ -69,18 +69,18 @@ class SingleFlight:
     def _begin(self, key: Hashable, make: Callable[[], Thing], visitor: str | None) -> None:
         made: Future[Thing] = Future()
 
-        def begin(place: Place) -> None:
+        def begin(permit: Permit) -> None:
             if not made.cancelled():
-                self._threads.submit(work, place)
+                self._threads.submit(work, permit)
 
-        def work(place: Place) -> None:
+        def work(permit: Permit) -> None:
             if not made.set_running_or_notify_cancel():
                 return
             try:
                 try:
                     thing = make()
                 finally:
-                    place.leave()
+                    permit.leave()
                 made.set_result(thing)
             except BaseException as error:
                 made.set_exception(error)

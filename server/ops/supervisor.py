@@ -14,7 +14,7 @@ from typing import Final
 from server.settings import Settings
 
 LOOK_EVERY_S: Final = 0.2
-PATIENCE_S: Final = 10.0
+STOP_TIMEOUT_S: Final = 10.0
 LONGEST_PAUSE_S: Final = 30.0
 log = logging.getLogger("foldback.supervisor")
 
@@ -45,7 +45,7 @@ class Supervisor:
             assert process.stdin is not None
             with contextlib.suppress(BrokenPipeError):
                 process.stdin.close()
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + STOP_TIMEOUT_S
         for process in running:
             try:
                 process.wait(max(0.0, deadline - time.monotonic()))

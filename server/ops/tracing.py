@@ -14,7 +14,7 @@ NEEDED: Final = (
     "opentelemetry.exporter.otlp.proto.http",
     "opentelemetry.instrumentation.logging",
 )
-PATIENCE_MS: Final = 2000
+FLUSH_TIMEOUT_MS: Final = 2000
 
 
 class NoTracingError(Exception):
@@ -38,7 +38,7 @@ def tracing(settings: Settings) -> DBOSConfig:
 
 
 def send_rest(settings: Settings) -> None:
-    """Sends what waits to be sent, within ``PATIENCE_MS``; for a process that ends at once."""
+    """Sends what waits to be sent, within ``FLUSH_TIMEOUT_MS``; for a process that ends at once."""
     if settings.otlp_endpoint is None:
         return
     from opentelemetry.sdk.trace import TracerProvider
@@ -46,7 +46,7 @@ def send_rest(settings: Settings) -> None:
 
     provider = get_tracer_provider()
     if isinstance(provider, TracerProvider):
-        provider.force_flush(PATIENCE_MS)
+        provider.force_flush(FLUSH_TIMEOUT_MS)
 
 
 def _there(name: str) -> bool:

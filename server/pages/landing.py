@@ -116,7 +116,7 @@ async def what_folds() -> Response:
 async def featured_bundle(request: Request) -> Response:
     """What is known of the chain on the first page."""
     gallery = context_of(request).gallery
-    return kept_answer(
+    return etag_response(
         request, await asyncio.to_thread(lambda: bundle_of(_featured_chain(gallery)))
     )
 
@@ -154,7 +154,7 @@ def _featured_chain(gallery: Gallery) -> Chain:
 @router.get("/featured/batch")
 async def featured_batch(request: Request) -> Response:
     """Its fold, recorded: ``examples/make_featured.py``."""
-    return kept_answer(request, await asyncio.to_thread(_recorded))
+    return etag_response(request, await asyncio.to_thread(_recorded))
 
 
 @cache
@@ -162,7 +162,7 @@ def _recorded() -> bytes:
     return BATCH.read_bytes()
 
 
-def kept_answer(
+def etag_response(
     request: Request, data: bytes, kind: str = "application/octet-stream", *, listed: bool = False
 ) -> Response:
     """Something that browsers keep until it changes; ``listed`` as of a page."""
@@ -297,9 +297,9 @@ def _templates() -> Environment:
 def _static() -> dict[str, tuple[bytes, str, str]]:
     kinds = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
     found: dict[str, tuple[bytes, str, str]] = {}
-    drawn = Path(str(files("fastapi_offline"))) / "static"
+    swagger_dir = Path(str(files("fastapi_offline"))) / "static"
     ours = {path.relative_to(STATIC).as_posix(): path for path in sorted(STATIC.rglob("*.*"))}
-    for name, path in {**ours, **{name: drawn / name for name in SWAGGER}}.items():
+    for name, path in {**ours, **{name: swagger_dir / name for name in SWAGGER}}.items():
         data = path.read_bytes()
         kind = kinds.get(path.suffix) or mimetypes.guess_type(path.name)[0]
         etag = f'"{hashlib.sha256(data).hexdigest()[:20]}"'
@@ -309,11 +309,11 @@ def _static() -> dict[str, tuple[bytes, str, str]]:
 
 def _still(gallery: Gallery, name: str, size: int) -> str | None:
     """The drawing of a gallery shape; None when there is no such shape, or it can't be drawn."""
-    return None if gallery.shape(name) is None else _drawn(gallery, name, size)
+    return None if gallery.shape(name) is None else _svg_of(gallery, name, size)
 
 
 @cache
-def _drawn(gallery: Gallery, name: str, size: int) -> str | None:
+def _svg_of(gallery: Gallery, name: str, size: int) -> str | None:
     shape = gallery.shape(name)
     if shape is None:
         return None

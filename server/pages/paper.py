@@ -12,7 +12,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
 from planner.motion.timeline import chain_from_attributes
-from server.pages.landing import kept_answer, page
+from server.pages.landing import etag_response, page
 from web.static_files import STATIC
 from web.viser.scene_bundle import bundle_of
 
@@ -60,7 +60,7 @@ async def part_of_experiment(request: Request, name: str, part: str) -> Response
     if found is None:
         return Response("not found", status_code=404, media_type="text/plain")
     kind = PICTURE if found.suffix == ".webp" else BINARY
-    return kept_answer(request, await asyncio.to_thread(_data, found), kind, listed=True)
+    return etag_response(request, await asyncio.to_thread(_data, found), kind, listed=True)
 
 
 @cache

@@ -38,13 +38,13 @@ async def picture_of_fold(request: Request, fold_id: str) -> Response:
     if found is None:
         return _no_picture()
     path, over = found.directory / EXPORTS_DIR / NAME, found.row.status not in RUNNING
-    data = await asyncio.to_thread(_kept, path) if over else None
+    data = await asyncio.to_thread(_stored_picture, path) if over else None
     if data is None:
         # A crowd that comes with a link waits for the first one's.
         context = context_of(request)
-        data = await context.artifacts.made(
+        data = await context.artifacts.get_or_make(
             (path, over),
-            lambda: _drawn(context.store, fold_id, path, keep=over),
+            lambda: _picture_of(context.store, fold_id, path, keep=over),
             visitor=address_of(request),
         )
     if data is None:
@@ -68,7 +68,7 @@ def _no_picture() -> Response:
     return Response("not found", status_code=404, media_type="text/plain")
 
 
-def _kept(path: Path) -> bytes | None:
+def _stored_picture(path: Path) -> bytes | None:
     """The picture in a fold's directory, if it is one of its chain."""
     try:
         return path.read_bytes() if newer(path, result(path.parent.parent, CHAIN)) else None
@@ -76,7 +76,7 @@ def _kept(path: Path) -> bytes | None:
         return None
 
 
-def _drawn(store: Store, fold_id: str, path: Path, *, keep: bool) -> bytes | None:
+def _picture_of(store: Store, fold_id: str, path: Path, *, keep: bool) -> bytes | None:
     """The picture of the chain in a fold's directory; None while there is none."""
     try:
         chain = chain_from_attributes(json.loads((result(path.parent.parent, CHAIN)).read_bytes()))

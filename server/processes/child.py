@@ -194,7 +194,7 @@ def _preparer(*, warm: bool) -> Task:
         "planner.pathfinding.prepare",
         "planner.shapes.decimation",
         "planner.pathfinding.filling",
-        "planner.pathfinding.shape_kept",
+        "planner.pathfinding.shape_overlap",
     )
     if warm:
         warm_up_paths()
@@ -211,7 +211,7 @@ def _movies(*, warm: bool) -> Task:
 
     _load("mujoco", "zarr.codecs")
 
-    def film(
+    def run_movie(
         task: str,
         directory: Path,
         progress: Callable[[Progress], None],
@@ -238,7 +238,7 @@ def _movies(*, warm: bool) -> Task:
             raise InputError("no-timeline", str(error)) from error
         return {"status": "done" if whole else "cancelled"}
 
-    return film
+    return run_movie
 
 
 def _retimer(*, warm: bool) -> Task:

@@ -19,7 +19,7 @@ NO_GL: Final = (
 )
 
 
-def film(
+def run_movie(
     place: Path,
     limits: ChildLimits,
     *,

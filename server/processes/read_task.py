@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from planner.pathfinding.options import PathOptions
 
 LARGEST_DRAWING: Final = 4000
-WISHES: Final = ("module", "modules", "method", "repair", "ends", "as_voxels", "start")
+PATH_OPTIONS: Final = ("module", "modules", "method", "repair", "ends", "as_voxels", "start")
 
 
 def warm_up() -> None:
@@ -36,7 +36,7 @@ def options_of(request: dict[str, Any]) -> PathOptions:
     """The options in a request; those that are not there are as usual."""
     from planner.pathfinding.options import PathOptions
 
-    values = {name: request[name] for name in WISHES if name in request}
+    values = {name: request[name] for name in PATH_OPTIONS if name in request}
     if values.get("start") is not None:
         values["start"] = tuple(values["start"])
     options = PathOptions(**values)

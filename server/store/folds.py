@@ -38,7 +38,7 @@ LOOKED_EVERY_S: Final = 3600.0
 """Seconds to which the time of the last look at a fold is exact."""
 TURN: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
 DROPPED_S: Final = 3600.0
-PACE_OF: Final = 40
+DURATION_SAMPLES: Final = 40
 """Latest folds from which it is estimated how fast this machine is."""
 
 
@@ -188,24 +188,24 @@ class Store:
         now = time.time()
         with self.reading() as session:
             count, cost_s = session.execute(queued).one()
-            pace = self._pace(session)
+            factor = self._duration_factor(session)
             left = [
-                max(0.2 * pace * cost, pace * cost - (now - (started or now)))
+                max(0.2 * factor * cost, factor * cost - (now - (started or now)))
                 for cost, started in session.execute(running)
             ]
-        return count + 1, pace * float(cost_s), sum(left)
+        return count + 1, factor * float(cost_s), sum(left)
 
     @staticmethod
-    def _pace(session: Session) -> float:
-        """How much longer folds take lately than they are expected to; 1 when nobody knows."""
-        lately = (
+    def _duration_factor(session: Session) -> float:
+        """How much longer recent folds took than they were expected to; 1 when nobody knows."""
+        recent_folds = (
             sa.select(FoldRow.ended_at - FoldRow.started_at, FoldRow.cost_s)
             .where(FoldRow.status == "verified", FoldRow.cost_s > 0)
             .order_by(FoldRow.created_at.desc())
-            .limit(PACE_OF)
+            .limit(DURATION_SAMPLES)
         )
         taken = cost = 0.0
-        for took, expected in session.execute(lately):
+        for took, expected in session.execute(recent_folds):
             if took is not None and took >= 0:
                 taken, cost = taken + took, cost + expected
         return taken / cost if taken and cost else 1.0

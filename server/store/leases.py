@@ -39,7 +39,7 @@ class Leases:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._store = store
-        self._slots = identities
+        self._identities = identities
         self._lease_s = lease_s
         self._clock = clock
         self._lock = threading.Lock()
@@ -105,7 +105,7 @@ class Leases:
         return sum(row.folds_at_once for row in self.workers())
 
     def _silent(self, beats: dict[str, int | None]) -> set[str]:
-        local = self._slots.dead(beats)
+        local = self._identities.dead(beats)
         now = self._clock()
         silent: set[str] = set()
         with self._lock:

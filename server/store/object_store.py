@@ -42,7 +42,7 @@ class StorageError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class StoredFile:
     """One file in the storage: its name below the key, its size, and the mark of its content."""
 
     name: str
@@ -71,7 +71,7 @@ class Storage:
         Raises:
             StorageError: When one of these fails.
         """
-        with self._asking():
+        with self._storage_errors():
             name = f"check/{secrets.token_hex(8)}"
             obstore.put(self._store, name, b"foldback")
             try:
@@ -96,7 +96,7 @@ class Storage:
         head = _read(directory / HEAD)
         found = dict(_files(directory))
         changed = [name for name, mark in found.items() if known.get(name) != mark and name != HEAD]
-        with self._asking():
+        with self._storage_errors():
             self._each(changed, lambda name: self._put(key, name, _read(directory / name)))
             known.update({name: found[name] for name in changed})
             if head is not None and known.get(HEAD) != (mark := (hash(head), len(head))):
@@ -120,7 +120,7 @@ class Storage:
             StorageError: When the storage does not answer; the copy is as it was, or newer.
         """
         marks: dict[str, str] = json.loads(_read(directory / INDEX) or b"{}")
-        with self._asking():
+        with self._storage_errors():
             for _ in range(TRIES):
                 head, listed = self._get(f"{key}/{HEAD}"), list(self._list(key))
                 if not listed:
@@ -155,7 +155,7 @@ class Storage:
         Raises:
             StorageError: When the storage does not answer.
         """
-        with self._asking():
+        with self._storage_errors():
             return self._get(key)
 
     def fetch_file(self, key: str, path: Path) -> bool:
@@ -165,7 +165,7 @@ class Storage:
             StorageError: When the storage does not answer.
         """
         aside = path.with_name(f".{path.name}.{os.getpid()}")
-        with self._asking():
+        with self._storage_errors():
             try:
                 found = obstore.get(self._store, key)
             except FileNotFoundError:
@@ -186,7 +186,7 @@ class Storage:
         Raises:
             StorageError: When the storage does not answer.
         """
-        with self._asking():
+        with self._storage_errors():
             obstore.put(self._store, key, path)
 
     def remove_file(self, key: str) -> None:
@@ -195,7 +195,7 @@ class Storage:
         Raises:
             StorageError: When the storage does not answer.
         """
-        with self._asking():
+        with self._storage_errors():
             self._delete(key)
 
     def remove(self, key: str, *, but: str | None = None) -> None:
@@ -204,7 +204,7 @@ class Storage:
         Raises:
             StorageError: When the storage does not answer.
         """
-        with self._asking():
+        with self._storage_errors():
             names = [f"{key}/{file.name}" for file in self._list(key)]
             spared = None if but is None else f"{but}/"
             gone = [name for name in names if spared is None or not name.startswith(spared)]
@@ -220,7 +220,7 @@ class Storage:
         Raises:
             StorageError: When the storage does not answer.
         """
-        with self._asking():
+        with self._storage_errors():
             found = obstore.list_with_delimiter(self._store, f"{key}/")
         return [prefix.rstrip("/").rpartition("/")[2] for prefix in found["common_prefixes"]]
 
@@ -234,7 +234,7 @@ class Storage:
             StorageError: When the storage does not answer.
         """
         found: dict[str, tuple[float, int]] = {}
-        with self._asking():
+        with self._storage_errors():
             for batch in obstore.list(self._store, f"{key}/"):
                 for meta in batch:
                     name = str(meta["path"]).removeprefix(f"{key}/").partition("/")[0]
@@ -263,12 +263,12 @@ class Storage:
         except FileNotFoundError:
             return
 
-    def _list(self, key: str) -> Iterator[Kept]:
+    def _list(self, key: str) -> Iterator[StoredFile]:
         for batch in obstore.list(self._store, f"{key}/"):
             for meta in batch:
                 name = str(meta["path"]).removeprefix(f"{key}/")
                 mark = str(meta["e_tag"] or meta["last_modified"])
-                yield Kept(name, int(meta["size"]), mark)
+                yield StoredFile(name, int(meta["size"]), mark)
 
     def _write(self, key: str, name: str, directory: Path) -> None:
         path = directory / name
@@ -282,7 +282,7 @@ class Storage:
         return list(self._threads.map(do, things))
 
     @contextmanager
-    def _asking(self) -> Generator[None]:
+    def _storage_errors(self) -> Generator[None]:
         try:
             yield
         except (BaseError, OSError) as error:

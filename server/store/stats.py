@@ -18,7 +18,7 @@ from server.store.tables import ENDED, STATUSES, FoldRow, MovieRow, engine_for
 KEPT_S: Final = 2.0
 SUM_KEPT_S: Final = 60.0
 """Seconds that the one figure is cached for which all rows have to be read."""
-LATELY_S: Final = 3600.0
+RECENT_WINDOW_S: Final = 3600.0
 LONGEST_S: Final = 86400.0
 """Seconds from asking for a fold to its end, at most: bounds the search for those that ended."""
 MOST_ENDED: Final = 500
@@ -103,9 +103,9 @@ class Stats:
                 sa.select(took)
                 .where(
                     FoldRow.status.in_(ENDED),
-                    FoldRow.created_at > now - LATELY_S - LONGEST_S,
+                    FoldRow.created_at > now - RECENT_WINDOW_S - LONGEST_S,
                     FoldRow.started_at.is_not(None),
-                    FoldRow.ended_at > now - LATELY_S,
+                    FoldRow.ended_at > now - RECENT_WINDOW_S,
                 )
                 .order_by(FoldRow.ended_at.desc())
                 .limit(MOST_ENDED)

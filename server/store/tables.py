@@ -111,10 +111,10 @@ class WorkerRow(Base):
 class MovieRow(Base):
     """A movie of a fold that somebody asked for.
 
-    ``id`` is the key of its wishes, ``job`` the name of what makes it, whose end is that of its
-    file, ``status`` one of ``queued``, ``running``, ``ready`` and ``failed``, ``problem`` the
-    ``code``, ``detail``, ``where`` of what went wrong. ``bytes`` are those of its file.
-    ``of_owner`` tells that the fold's owner has asked for it.
+    ``id`` is the key of its options, which are ``wishes``; ``job`` the name of what makes it, whose
+    end is that of its file; ``status`` one of ``queued``, ``running``, ``ready`` and ``failed``;
+    ``problem`` the ``code``, ``detail``, ``where`` of what went wrong. ``bytes`` are those of its
+    file. ``of_owner`` tells that the fold's owner has asked for it.
     """
 
     __tablename__ = "movies"

@@ -24,12 +24,12 @@ PLAYED_S = 8.0
 COMPUTED = 400
 REACHED = "() => window.foldback?.player.shown?.exact && window.foldback.timeline.complete"
 COMPUTE = """(count) => {
-  const { player, film } = window.foldback;
-  const first = Math.round(film.last * 0.1);
-  film.snapshot(first);
+  const { player, timeline } = window.foldback;
+  const first = Math.round(timeline.last * 0.1);
+  timeline.snapshot(first);
   const begun = performance.now();
   for (let k = 0; k < count; k++) {
-    player.shown = film.peek(first + 0.7 * k);
+    player.shown = timeline.peek(first + 0.7 * k);
     player.aim();
     const colours = player.colours();
     player.stage.modules(player.shown, colours);

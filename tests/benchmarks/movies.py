@@ -16,7 +16,7 @@ from tests.tools import OPENGL
 SHAPE = "wrench-160"
 SECONDS_BAR = 60.0
 PICTURE_BAR_S = 1.0
-WISHES: dict[str, list[str]] = {
+OPTIONS: dict[str, list[str]] = {
     "fold.mp4": ["--width", "1280", "--height", "720", "--fps", "30", "--seconds", "10"],
     "fold.gif": [],
 }
@@ -31,7 +31,7 @@ def movies(reference_seconds: float) -> Section:
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder:
         directory = Path(folder) / "fold"
         subprocess.run([*command, "fold", SHAPE, "--out", str(directory)], check=True)
-        for name, words in WISHES.items():
+        for name, words in OPTIONS.items():
             out = Path(folder) / name
             film = [*command, "movie", str(directory), "--out", str(out), "--json", *words]
             begun = time.perf_counter()

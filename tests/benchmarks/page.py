@@ -47,7 +47,7 @@ MOVING = """() => {
 HERO = """() => document.getElementById("hero")?.classList.contains("moving")
   && window.foldback?.player.playhead.frame > 1"""
 SCRUB = """async (frames) => {
-  const { player, film } = window.foldback;
+  const { player } = window.foldback;
   const slider = document.getElementById("scrub");
   const painted = () => new Promise((done) => {
     player.addEventListener("painted", () => done(performance.now()), { once: true });

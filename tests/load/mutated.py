@@ -23,7 +23,7 @@ OUT: Final = Path("out/load/mutated")
 AT_ONCE: Final = 4
 HANG_S: Final = 60.0
 MOST_MB: Final = 50.0
-WISHES: Final[tuple[dict[str, str], ...]] = (
+FORMS: Final[tuple[dict[str, str], ...]] = (
     *({}, {}, {}, {"modules": "40"}, {"module": "tetrahedron"}, {"method": "blocks"}),
     *({"method": "exact", "modules": "24"}, {"as_voxels": "true"}, {"repair": "true"}),
     *({"start": "0,0,0"}, {"modules": "999999999"}, {"seed": "-1"}, {"module_size": "nan"}),
@@ -99,7 +99,7 @@ class _Sender:
         upload = made(seed, self._files)
         rng = random.Random(-seed)
         route = "/api/folds" if rng.random() < 0.5 else "/api/shapes/preview"
-        form = rng.choice(WISHES)
+        form = rng.choice(FORMS)
         try:
             answer = await http.post(
                 route,

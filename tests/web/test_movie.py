@@ -23,9 +23,9 @@ from web.timeline.view import TimelineView
 SMALL = {"width": 320, "height": 180, "seconds": 0.8, "fps": 10}
 
 
-def made(timeline: Path, out: Path, backend: str, **wishes: Any) -> tuple[str, np.ndarray]:
+def made(timeline: Path, out: Path, backend: str, **options: Any) -> tuple[str, np.ndarray]:
     """What a reader finds in a movie: about it, and (K, H, W, 3) pictures."""
-    movie = Movie.of({**SMALL, **wishes})
+    movie = Movie.of({**SMALL, **options})
     done: list[int] = []
     whole = make_movie(
         timeline, movie, out, backend=backend, progress=done.append, cancelled=lambda: False
@@ -117,7 +117,7 @@ def test_frames_rest_at_both_ends_and_go_from_straight_to_folded(timeline_path: 
 
 
 @pytest.mark.parametrize(
-    ("wishes", "where"),
+    ("options", "where"),
     [
         ({"width": 641}, "width"),
         ({"height": 62}, "height"),
@@ -137,9 +137,9 @@ def test_frames_rest_at_both_ends_and_go_from_straight_to_folded(timeline_path: 
         ({"format": "gif", "seconds": 30}, "seconds"),
     ],
 )
-def test_refusals_say_what_is_expected(wishes: dict[str, Any], where: str) -> None:
+def test_refusals_say_what_is_expected(options: dict[str, Any], where: str) -> None:
     with pytest.raises(InputError, match="expected") as refusal:
-        Movie.of(wishes)
+        Movie.of(options)
     assert (refusal.value.code, refusal.value.where) == ("bad-movie", where)
 
 
@@ -157,7 +157,7 @@ def test_formats_have_sizes_of_their_own_and_a_movie_may_stand_upright() -> None
     assert Movie.of({"width": 1080, "height": 1920}).count == 300
 
 
-def test_the_same_wishes_have_the_same_key() -> None:
+def test_the_same_options_have_the_same_key() -> None:
     movie = Movie.of({"seconds": 10.0})
     assert movie.key == Movie.of({"width": None, "fps": 30}).key
     assert movie.key != replace(movie, theme="dark").key

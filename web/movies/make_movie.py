@@ -25,7 +25,7 @@ REST: Final = ((0.4, 0.05), (1.2, 0.15))
 
 
 def make_movie(
-    timeline: Path,
+    directory: Path,
     movie: Movie,
     out: Path,
     *,
@@ -36,7 +36,7 @@ def make_movie(
     """Makes a movie.
 
     Args:
-        timeline: The timeline's directory.
+        directory: The timeline's.
         movie: What it is to be.
         out: The file to write.
         backend: ``egl`` or ``osmesa``.
@@ -52,68 +52,68 @@ def make_movie(
         NoGLError: When this backend cannot draw here.
         EncodingError: When the encoder fails.
     """
-    film = TimelineView(timeline)
-    frames = frame_numbers(film, movie)
+    timeline = TimelineView(directory)
+    frames = frame_numbers(timeline, movie)
     with Stage(
-        film.chain.module,
-        min(len(film.chain), MOST_DRAWN),
+        timeline.chain.module,
+        min(len(timeline.chain), MOST_DRAWN),
         width=movie.width,
         height=movie.height,
         theme=movie.theme,
         backend=backend,
     ) as stage:
-        path = _path(film, movie, frames)
+        path = _path(timeline, movie, frames)
         with Encoder(movie, out) as encoder:
             for k, frame in enumerate(frames):
                 if cancelled():
                     return False
-                snapshot = film.snapshot(float(frame))
-                encoder.add(stage.draw(_shot(film, snapshot, path, k)))
+                snapshot = timeline.snapshot(float(frame))
+                encoder.add(stage.draw(_shot(timeline, snapshot, path, k)))
                 progress(k + 1)
     return True
 
 
-def frame_numbers(film: TimelineView, movie: Movie) -> Array:
+def frame_numbers(timeline: TimelineView, movie: Movie) -> Array:
     """(K,) the frame of the timeline that each picture shows, not whole between two.
 
     The movie rests a moment at both ends, so that the eye has time for them.
     """
-    phases = film.outline(1)["phases"]
+    phases = timeline.outline(1)["phases"]
     playback = next((p["from"] for p in phases if p["name"] == "playback"), 0)
-    first, last = movie.frames(len(film), playback)
+    first, last = movie.frames(len(timeline), playback)
     still = [min(seconds, share * movie.seconds) * movie.fps for seconds, share in REST]
     moving = max(movie.count - 1 - sum(still), 1e-9)
     share = np.clip((np.arange(movie.count) - still[0]) / moving, 0.0, 1.0)
     return np.asarray(first + (last - first) * share, np.float64)
 
 
-def _shot(film: TimelineView, snapshot: Snapshot, path: CameraPath, k: int) -> Shot:
+def _shot(timeline: TimelineView, snapshot: Snapshot, path: CameraPath, k: int) -> Shot:
     view = path.views[k]
-    drawn = visible_modules(snapshot.positions, film.chain.module, target=view.target)
+    drawn = visible_modules(snapshot.positions, timeline.chain.module, target=view.target)
     poses = np.concatenate([snapshot.positions, snapshot.wxyzs], axis=1).astype(np.float64)
     return Shot(
         positions=poses[drawn, :3],
         wxyzs=poses[drawn, 3:],
-        colours=error_colours(snapshot.module_error_rad[drawn], film.error_scale_rad),
+        colours=error_colours(snapshot.module_error_rad[drawn], timeline.error_scale_rad),
         ends=poses[[0, -1]],
         view=view,
         ground=float(path.grounds[k]),
     )
 
 
-def _path(film: TimelineView, movie: Movie, frames: Array) -> CameraPath:
+def _path(timeline: TimelineView, movie: Movie, frames: Array) -> CameraPath:
     azimuth = movie.azimuth_deg
     lows = np.empty(len(frames))
     some: list[Array] = []
     for k, frame in enumerate(frames):
-        snapshot = film.snapshot(float(frame))
+        snapshot = timeline.snapshot(float(frame))
         positions = snapshot.positions[: snapshot.framed]
         lows[k] = positions[:, 2].min()
         some.append(few_points(positions))
     return camera_path(
         some,
         lows=lows,
-        radius=film.chain.module.radius,
+        radius=timeline.chain.module.radius,
         aspect=movie.width / movie.height,
         fps=movie.fps,
         azimuth_rad=None if azimuth is None else float(np.deg2rad(azimuth)),

@@ -31,7 +31,7 @@ MOST_TURN: Final = 720.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Movie:
-    """Wishes for a movie.
+    """Options of a movie.
 
     Attributes:
         format: ``mp4``, or ``gif``.

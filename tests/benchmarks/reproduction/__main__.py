@@ -32,21 +32,21 @@ def main() -> None:
     parser.add_argument("--stale", action="store_true", help="run anew what another planner made")
     parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--workers", type=int, default=1)
-    wishes = parser.parse_args()
+    options = parser.parse_args()
     runs = stored_runs(PAPER / "runs.jsonl")
-    asked = [one for one in every if wishes.only is None or one.id in wishes.only]
-    if wishes.stale:
+    asked = [one for one in every if options.only is None or one.id in options.only]
+    if options.stale:
         now = version_of("planner")
         asked = [one for one in asked if one.id in runs and runs[one.id].planner != now]
-    if asked and not wishes.tell:
+    if asked and not options.tell:
         warm_up()
         reproduce(
             asked,
             every,
             PAPER,
-            again=wishes.again or wishes.stale,
-            minutes=wishes.minutes,
-            workers=wishes.workers,
+            again=options.again or options.stale,
+            minutes=options.minutes,
+            workers=options.workers,
         )
     tell(every, PAPER, DOCUMENT)
 

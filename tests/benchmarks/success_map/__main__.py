@@ -189,10 +189,10 @@ def main() -> None:
     parser.add_argument("--largest", type=int, default=max(BOXES))
     parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--workers", type=int, default=1)
-    wishes = parser.parse_args()
+    options = parser.parse_args()
     warm_up()
     rows = run_missing(
-        RUNS, cases(wishes.largest), run, minutes=wishes.minutes, workers=wishes.workers
+        RUNS, cases(options.largest), run, minutes=options.minutes, workers=options.workers
     )
     show(rows, Console())
     PICTURE.write_text(picture(shares(rows), tuple(METHODS), KINDS, tuple(BOXES)))

@@ -133,9 +133,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--workers", type=int, default=1)
-    wishes = parser.parse_args()
+    options = parser.parse_args()
     warm_up()
-    rows = run_missing(runs(), cases(), run, minutes=wishes.minutes, workers=wishes.workers)
+    rows = run_missing(runs(), cases(), run, minutes=options.minutes, workers=options.workers)
     section_of(rows).show(Console(width=160))
 
 

@@ -38,9 +38,9 @@ def box(*sides: int) -> bytes:
     return write_path(Path.from_cells(cells, name=f"box-{len(cells)}"))
 
 
-def made(place: FilePath, data: bytes, **wishes: Any) -> FilePath:
+def made(place: FilePath, data: bytes, **options: Any) -> FilePath:
     place.mkdir(parents=True)
-    write_request(place, Request(filename="typed.txt", **wishes), data)
+    write_request(place, Request(filename="typed.txt", **options), data)
     run_stages(place)
     return place
 

@@ -145,7 +145,7 @@ def test_disconnected_blocks_are_explained() -> None:
         assert search.paths == () and "parts" in search.reason
 
 
-def test_wishes_that_are_none_are_refused() -> None:
+def test_options_that_are_none_are_refused() -> None:
     assert METHODS == ("auto", "blocks", "exact", "snake")
     with pytest.raises(InputError, match="expected one of: auto, blocks, exact, snake"):
         find_paths(BOX, method="magic")

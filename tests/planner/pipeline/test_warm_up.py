@@ -39,10 +39,10 @@ for strategy in ("simultaneous", "peel", "blocks"):
         assert run_stages(FilePath(place))["status"] == "verified", strategy
         if strategy == "simultaneous":
             assert smooth_plan(Plan.load(FilePath(place) / "plan.npz")).verified
-for wishes in ({"preset": "paper"}, {"strategy": "one-by-one"}):
+for options in ({"preset": "paper"}, {"strategy": "one-by-one"}):
     with TemporaryDirectory() as place:
-        write_request(FilePath(place), Request(**wishes), few)
-        assert run_stages(FilePath(place))["status"] == "verified", wishes
+        write_request(FilePath(place), Request(**options), few)
+        assert run_stages(FilePath(place))["status"] == "verified", options
 box = trimesh.creation.box((2, 2, 3))
 turned = box.copy()
 turned.faces[3] = turned.faces[3][::-1]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from foldback_client import Client, Problem, Progress, Retries
-from foldback_client.upload import FoldWishes, MovieWishes, Wishes
+from foldback_client.upload import FoldOptions, MovieOptions, ShapeOptions
 from tests.server.here import ServiceHere
 from tests.server.relay import relayed
 from tests.server.service import PATIENCE_S, SNAKE, Service
@@ -106,9 +106,11 @@ def test_the_wishes_are_those_of_the_interface(desk: Service) -> None:
         reference = schema.get("$ref") or schema["allOf"][0]["$ref"]
         return set(described["components"]["schemas"][reference.rpartition("/")[2]]["properties"])
 
-    assert set(FoldWishes.__annotations__) | {"file", "shape"} == fields(FOLDS)
-    assert set(Wishes.__annotations__) | {"file", "shape", "full"} == fields("/api/shapes/preview")
-    assert set(MovieWishes.__annotations__) == fields("/api/folds/{fold_id}/movies")
+    assert set(FoldOptions.__annotations__) | {"file", "shape"} == fields(FOLDS)
+    assert set(ShapeOptions.__annotations__) | {"file", "shape", "full"} == fields(
+        "/api/shapes/preview"
+    )
+    assert set(MovieOptions.__annotations__) == fields("/api/folds/{fold_id}/movies")
 
 
 def test_a_movie_is_asked_for_and_taken(service: Service, finished: Any, tmp_path: Path) -> None:

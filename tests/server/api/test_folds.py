@@ -192,8 +192,8 @@ def test_only_owners_cancel_and_delete(desk: Service) -> None:
 
 
 def test_a_running_fold_is_cancelled_and_the_same_can_be_asked_anew(service: Service) -> None:
-    wishes = {"shape": "mallet-64", "preset": "paper"}  # it explodes slowly
-    accepted = service.fold(**wishes)
+    options = {"shape": "mallet-64", "preset": "paper"}  # it explodes slowly
+    accepted = service.fold(**options)
     assert service.wait_exploding(accepted["id"])["status"] == "running"
     told = next(
         data
@@ -210,7 +210,7 @@ def test_a_running_fold_is_cancelled_and_the_same_can_be_asked_anew(service: Ser
     assert service.http.get(f"/api/folds/{accepted['id']}/frames").json()["total"] > 0
     timeline = service.directory(accepted["id"]) / "timeline.zarr"
     assert Timeline.open(timeline).status == "failed"  # nobody waits for more
-    again = service.fold(**wishes)
+    again = service.fold(**options)
     assert again["id"] != accepted["id"]
     service.wait_exploding(again["id"])
     assert service.http.delete(f"/api/folds/{again['id']}", headers=owner(again)).status_code == 204

@@ -156,7 +156,7 @@ def test_one_that_was_cancelled_before_it_began_is_folded_again(
     assert idle.state(again["id"])["smooths"] == recorded
 
 
-def test_wishes_that_it_cannot_have_are_refused(
+def test_options_that_it_cannot_have_are_refused(
     service: Service, wrench: str, smoothed: dict[str, Any]
 ) -> None:
     for form, code in (

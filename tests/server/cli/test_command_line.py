@@ -146,7 +146,7 @@ def test_a_path_is_folded_without_what_other_inputs_need(tmp_path: Path) -> None
         for name in (
             "shapes.voxelise",
             "pathfinding.filling",
-            "pathfinding.shape_kept",
+            "pathfinding.shape_overlap",
             "shapes.decimation",
         )
     }

@@ -13,7 +13,7 @@ from planner.pathfinding import ENDS, METHODS
 from planner.pathfinding.options import MODULE_COUNTS
 from planner.pipeline.paper_settings import LONGEST, SETTINGS
 from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
-from planner.simulation.parameters import PRESETS, STRATEGY_WISHES
+from planner.simulation.parameters import PRESETS, STRATEGY_OPTIONS
 from server.cli.command_line import application
 from tests.server.service import SPIRAL, Service
 
@@ -99,7 +99,7 @@ def test_the_api_says_what_the_planner_takes(desk: Service) -> None:
         return next((s for s in one.get("anyOf", [one]) if s.get("type") != "null"), one)
 
     assert tuple(of("preset")["enum"]) == PRESETS
-    assert tuple(of("strategy")["enum"]) == STRATEGY_WISHES
+    assert tuple(of("strategy")["enum"]) == STRATEGY_OPTIONS
     assert tuple(of("method")["enum"]) == METHODS
     assert tuple(of("ends")["enum"]) == ENDS
     assert of("settings")["maxLength"] == LONGEST

@@ -31,7 +31,7 @@ def test_only_the_last_edition_of_a_file_is_kept(store: Store, fold: FoldRow) ->
             made.append(edition)
             return edition.encode()
 
-        shop = Artifacts(store, kept=store.add_derived)
+        shop = Artifacts(store, on_stored=store.add_derived)
         return await shop.file(fold.id, "page.html", make, of="plan", edition=edition)
 
     before = store.fold(fold.id)
@@ -46,7 +46,7 @@ def test_only_the_last_edition_of_a_file_is_kept(store: Store, fold: FoldRow) ->
 def test_what_was_made_of_a_fold_that_is_computed_is_not_its_own(
     store: Store, fold: FoldRow
 ) -> None:
-    shop = Artifacts(store, kept=store.add_derived)
+    shop = Artifacts(store, on_stored=store.add_derived)
     asyncio.run(shop.file(fold.id, "picture.png", lambda: b"a picture", of="plan"))
     store.folders.keep_movie(fold.id, "movie.gif", store.directory(fold.id) / "plan")
     assert store.folders.keep(fold.id, 1) == len("a plan")
@@ -75,7 +75,8 @@ def test_the_loop_s_own_threads_stay_free(store: Store) -> None:
             return number
 
         asked = [
-            asyncio.create_task(shop.made(k, lambda k=k: wait(k))) for k in range(MOST_WAITING)
+            asyncio.create_task(shop.get_or_make(k, lambda k=k: wait(k)))
+            for k in range(MOST_WAITING)
         ]
         await asyncio.sleep(0)
         assert await asyncio.wait_for(asyncio.to_thread(lambda: "quick"), 10.0) == "quick"
@@ -91,7 +92,7 @@ def test_what_failed_is_tried_again(store: Store, fold: FoldRow) -> None:
         shop = Artifacts(store)
         for _ in range(AT_ONCE + MOST_WAITING):
             with pytest.raises(ZeroDivisionError):
-                await shop.made("key", lambda: 1 // 0)
-        assert await shop.made("key", lambda: 1) == 1
+                await shop.get_or_make("key", lambda: 1 // 0)
+        assert await shop.get_or_make("key", lambda: 1) == 1
 
     asyncio.run(ask())

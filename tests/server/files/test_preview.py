@@ -81,7 +81,7 @@ def test_a_mesh_becomes_about_as_many_modules_as_asked_for(desk: Service) -> Non
     np.testing.assert_allclose(vertices.max(axis=0), cells.max(axis=0) + 0.5, atol=0.2)
 
 
-def test_an_earlier_preview_is_looked_at_again_with_other_wishes(desk: Service) -> None:
+def test_an_earlier_preview_is_looked_at_again_with_other_options(desk: Service) -> None:
     first = report(desk, stl(), modules="64")
     again = report(desk, preview=first["id"], modules="216", full="false")
     assert again["id"] == first["id"]
@@ -192,7 +192,7 @@ def test_scenes_are_made_a_few_at_once_and_each_once(
     previews = Previews(settings)
     scenes = PreviewScenes(previews)
     uploads = Uploads(settings)
-    with uploads.kept(io.BytesIO(b""), "thing.bin") as upload:
+    with uploads.stored(io.BytesIO(b""), "thing.bin") as upload:
         preview_id = previews.add(upload, "a")
     uploads.close()
     keys = [f"{k:024x}" for k in range(MOST_WAITING + 1)]
@@ -288,7 +288,7 @@ def test_a_path_stays_as_it_is_and_its_knot_is_told(desk: Service) -> None:
     ],
     ids=str,
 )
-def test_bad_wishes_are_refused(desk: Service, form: dict[str, str], code: str) -> None:
+def test_bad_options_are_refused(desk: Service, form: dict[str, str], code: str) -> None:
     answer = ask(desk, voxels(box(2, 2, 2)), **form)
     assert answer.status_code == 422, answer.text
     assert answer.json()["code"] == code
@@ -348,7 +348,7 @@ def test_old_previews_make_room_for_new_ones(here_with) -> None:
     assert ask(service, preview=ids[-1]).status_code == 200
 
 
-def test_a_fold_takes_a_preview_and_its_wishes(desk: Service) -> None:
+def test_a_fold_takes_a_preview_and_its_options(desk: Service) -> None:
     found = report(desk, stl(), modules="64")
     token = new_token()
     first = desk.fold(token=token, preview=found["id"], modules="64")

@@ -48,7 +48,7 @@ def test_who_holds_most_loses_his_own_first(tmp_path: Path) -> None:
     assert gone(6, "b") == ["b0", "b1", "b2", "old"]
 
 
-def test_other_wishes_have_a_report_of_their_own() -> None:
+def test_other_options_have_a_report_of_their_own() -> None:
     others = [
         *(
             ShapeOptions(module="tetrahedron"),
@@ -71,7 +71,7 @@ def test_whose_preview_it_is_that_was_written_over_is_not_known(about: bytes) ->
 def test_there_is_no_preview_whose_note_was_written_over(about: bytes, tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path)
     previews, uploads = Previews(settings), Uploads(settings)
-    with uploads.kept(BytesIO(b"[]"), "thing.stl") as upload:
+    with uploads.stored(BytesIO(b"[]"), "thing.stl") as upload:
         preview_id = previews.add(upload, "a")
     (previews.directory(preview_id) / UPLOAD).write_bytes(about)
     with pytest.raises(NoSuchPreviewError):
@@ -84,7 +84,7 @@ def test_a_flood_of_previews_leaves_those_of_others(tmp_path: Path) -> None:
     previews, uploads = Previews(settings), Uploads(settings)
 
     def add(visitor: str) -> str:
-        with uploads.kept(BytesIO(bytes(2**20)), "thing.stl") as upload:
+        with uploads.stored(BytesIO(bytes(2**20)), "thing.stl") as upload:
             return previews.add(upload, visitor)
 
     mine = add("a")

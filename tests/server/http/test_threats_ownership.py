@@ -49,7 +49,7 @@ def test_a_link_makes_no_owner(desk: Service) -> None:
     assert changes(desk, mine["id"], stranger) == [403, 403]
     listed = desk.http.get("/api/folds", headers=bearer(stranger)).json()["folds"]
     assert mine["id"] not in {fold["id"] for fold in listed}
-    # With other wishes it is a fold of his own; nobody else's claim keeps mine.
+    # With other options it is a fold of his own; nobody else's claim keeps mine.
     other = desk.fold(fold=mine["id"], seed="102", token=stranger)
     assert (other["existing"], other["owner_token"]) == (False, stranger)
     assert other["id"] != mine["id"]

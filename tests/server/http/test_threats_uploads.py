@@ -450,7 +450,7 @@ def test_hostile_files_are_refused(desk: Service, name: str) -> None:
 def test_what_another_process_takes_in_is_left_alone(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path)
     first = Uploads(settings)
-    with first.kept(io.BytesIO(b"abc"), "a") as upload:
+    with first.stored(io.BytesIO(b"abc"), "a") as upload:
         dead = settings.uploads_dir / "1-dead"
         dead.mkdir()
         (dead / "lock").touch()
@@ -475,7 +475,7 @@ def test_what_another_process_takes_in_is_left_alone(tmp_path: Path) -> None:
 
 def test_an_upload_is_counted_and_its_digest_told(tmp_path: Path) -> None:
     uploads = Uploads(Settings(data_dir=tmp_path))
-    with uploads.kept(io.BytesIO(b"abc" * 1_000_000), None) as upload:
+    with uploads.stored(io.BytesIO(b"abc" * 1_000_000), None) as upload:
         assert upload.size == 3_000_000
         assert (upload.directory / "input").stat().st_size == 3_000_000
         assert upload.digest.startswith("f4096a13")

@@ -191,7 +191,7 @@ def test_the_same_upload_of_the_same_visitor_is_the_same_fold(desk: Service) -> 
     "form", [{"seed": "6"}, {"preset": "paper"}, {"module_size": "0.9"}], ids=str
 )
 def test_other_parameters_are_another_fold(desk: Service, form: dict[str, str]) -> None:
-    ids = [desk.fold(SNAKE, token=TOKEN, **wishes)["id"] for wishes in (form, {"seed": "5"})]
+    ids = [desk.fold(SNAKE, token=TOKEN, **options)["id"] for options in (form, {"seed": "5"})]
     assert ids[0] != ids[1]
 
 

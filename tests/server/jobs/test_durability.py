@@ -91,8 +91,8 @@ def test_a_living_worker_takes_over_from_one_that_stays_dead(service_with) -> No
 
 
 def test_a_child_killed_fails_its_fold_alone_with_a_clear_word(service: Service) -> None:
-    wishes = {"shape": "wrench-80", "preset": "paper"}  # it explodes slowly
-    accepted = service.fold(**wishes)
+    options = {"shape": "wrench-80", "preset": "paper"}  # it explodes slowly
+    accepted = service.fold(**options)
     waiting = service.fold(STAIRS)["id"]
     service.wait_exploding(accepted["id"])
     for child in service.children("stages"):
@@ -108,7 +108,7 @@ def test_a_child_killed_fails_its_fold_alone_with_a_clear_word(service: Service)
     assert timeline.status == "failed" and len(timeline) > 2
     check_finished(service, waiting)
     # It was the machine's fault, not the shape's: asked for again it is computed again.
-    again = service.fold(**wishes, token=accepted["owner_token"])
+    again = service.fold(**options, token=accepted["owner_token"])
     assert not again["existing"] and again["id"] != accepted["id"]
     service.http.post(f"/api/folds/{again['id']}/cancel", headers=owner(again))
     assert service.wait_over(again["id"])["status"] == "cancelled"

@@ -26,8 +26,8 @@ def backend() -> str:
     return OPENGL.get()
 
 
-def ask(service: Service, fold_id: str, **wishes: Any) -> dict[str, Any]:
-    answer = service.http.post(f"/api/folds/{fold_id}/movies", json=wishes)
+def ask(service: Service, fold_id: str, **options: Any) -> dict[str, Any]:
+    answer = service.http.post(f"/api/folds/{fold_id}/movies", json=options)
     assert answer.status_code == 202, answer.text
     return answer.json()
 
@@ -82,7 +82,7 @@ def test_a_movie_from_the_wish_to_the_file(service: Service, finished: dict[str,
     assert file.content[4:8] == b"ftyp"
     part = service.http.get(movie["links"]["file"], headers={"Range": "bytes=4-7"})
     assert (part.status_code, part.content) == (206, b"ftyp")
-    # The same wishes, however they are said, are the same movie, which is there.
+    # The same options, however they are said, are the same movie, which is there.
     again = ask(service, finished["id"], **{**SMALL, "format": "mp4", "theme": None})
     assert (again["id"], again["status"], again["token"]) == (movie["id"], "ready", None)
     assert delete(service, movie) == 204
@@ -112,7 +112,7 @@ def test_a_gif_moves_and_its_address_alone_deletes_it_not(
 
 
 @pytest.mark.parametrize(
-    ("wishes", "code", "where"),
+    ("options", "code", "where"),
     [
         ({"width": 127}, "bad-movie", "width"),
         ({"seconds": 3600}, "bad-movie", "seconds"),
@@ -121,9 +121,9 @@ def test_a_gif_moves_and_its_address_alone_deletes_it_not(
     ],
 )
 def test_refusals(
-    service: Service, finished: dict[str, Any], wishes: dict[str, Any], code: str, where: str
+    service: Service, finished: dict[str, Any], options: dict[str, Any], code: str, where: str
 ) -> None:
-    answer = service.http.post(f"/api/folds/{finished['id']}/movies", json=wishes)
+    answer = service.http.post(f"/api/folds/{finished['id']}/movies", json=options)
     assert answer.status_code == 422
     assert (answer.json()["code"], answer.json()["where"]) == (code, where)
 

@@ -12,13 +12,13 @@ import pytest
 
 from server.errors import ServiceError, TooMany, Unavailable
 from server.files.artifacts import Artifacts
-from server.limits.quota import Place, Quota
+from server.limits.quota import Permit, Quota
 from server.settings import Settings
 from server.store.folds import Store
 
 
 def test_one_visitor_cannot_take_all_places() -> None:
-    quota = Quota("answers", at_once=1, total=3, per_visitor=2, patience_s=30.0)
+    quota = Quota("answers", at_once=1, total=3, per_visitor=2, timeout_s=30.0)
     go_on, inside = threading.Event(), threading.Semaphore(0)
 
     def work(visitor: str) -> None:
@@ -88,7 +88,7 @@ def test_who_is_not_waited_for_leaves_the_line() -> None:
 
 
 def test_nobody_waits_for_ever() -> None:
-    quota = Quota("answers", at_once=1, total=3, per_visitor=2, patience_s=0.01)
+    quota = Quota("answers", at_once=1, total=3, per_visitor=2, timeout_s=0.01)
     with quota.turn("a"), pytest.raises(Unavailable), quota.turn("b"):
         pass
     assert len(quota) == 0
@@ -104,20 +104,20 @@ def test_one_visitor_cannot_take_all_making_of_artifacts(tmp_path: Path) -> None
         def make() -> bool:
             return go_on.wait(30.0)
 
-        asked = [asyncio.create_task(shop.made(k, make, visitor="a")) for k in range(2)]
+        asked = [asyncio.create_task(shop.get_or_make(k, make, visitor="a")) for k in range(2)]
         await asyncio.sleep(0)
         with pytest.raises(TooMany) as refused:
-            await shop.made(2, make, visitor="a")
+            await shop.get_or_make(2, make, visitor="a")
         assert refused.value.retry_after_s == 3
         # What is being made already costs nothing more.
-        asked.append(asyncio.create_task(shop.made(0, make, visitor="a")))
-        asked.append(asyncio.create_task(shop.made(3, make, visitor="b")))
+        asked.append(asyncio.create_task(shop.get_or_make(0, make, visitor="a")))
+        asked.append(asyncio.create_task(shop.get_or_make(3, make, visitor="b")))
         await asyncio.sleep(0)
         with pytest.raises(Unavailable):
-            await shop.made(4, make, visitor="c")
+            await shop.get_or_make(4, make, visitor="c")
         go_on.set()
         assert all(await asyncio.gather(*asked))
-        assert await shop.made(5, make, visitor="a")
+        assert await shop.get_or_make(5, make, visitor="a")
         shop.close()
 
     asyncio.run(ask())
@@ -146,7 +146,7 @@ def test_whoever_is_no_visitor_is_bounded_with_all_others() -> None:
 
 
 def test_visitors_take_turns_and_who_leaves_the_line_has_none() -> None:
-    begun: list[Place] = []
+    begun: list[Permit] = []
     quota = Quota("files", total=9, per_visitor=9, at_once=2, at_once_per_visitor=1)
     a1, a2, a3, b1, b2 = (quota.enter(who, begun.append) for who in "aaabb")
     assert begun == [a1, b1]

@@ -78,14 +78,16 @@ def filming(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], None]]:
     """Draws nothing and writes seven bytes, when ``meanwhile`` is over."""
     acts: dict[str, Callable[[], None]] = {"meanwhile": lambda: None}
 
-    def film(place: Path, limits: object, *, cancelled: Callable[[], bool], **rest: Any) -> bool:
+    def run_movie(
+        place: Path, limits: object, *, cancelled: Callable[[], bool], **rest: Any
+    ) -> bool:
         request = json.loads((place / "request.json").read_text())
         assert Path(request["timeline"], "zarr.json").is_file()
         acts["meanwhile"]()
         (place / request["part"]).write_bytes(b"a movie")
         return not cancelled()
 
-    monkeypatch.setattr(movie_runner, "film", film)
+    monkeypatch.setattr(movie_runner, "run_movie", run_movie)
     monkeypatch.setattr(progress, "REPORT_EVERY_S", 0.0)
     return acts
 

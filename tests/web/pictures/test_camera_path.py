@@ -20,8 +20,8 @@ def folding(count: int = 90) -> list[np.ndarray]:
     return [np.column_stack([line * span, 0 * line, np.sin(9 * line)]) for span in spans]
 
 
-def path_of(pictures: list[np.ndarray], **wishes: Any) -> CameraPath:
-    given = {"azimuth_rad": None, "elevation_rad": 0.4, "turn_rad": 0.0, **wishes}
+def path_of(pictures: list[np.ndarray], **options: Any) -> CameraPath:
+    given = {"azimuth_rad": None, "elevation_rad": 0.4, "turn_rad": 0.0, **options}
     lows = np.array([points[:, 2].min() for points in pictures])
     return camera_path(pictures, lows=lows, radius=RADIUS, aspect=ASPECT, fps=FPS, **given)
 

@@ -4,7 +4,7 @@ import { get } from "../lib/text.js";
 
 const sieve = get("sieve");
 const cards = /** @type {HTMLElement[]} */ ([...get("cards").children]);
-const PATIENCE_MS = 250;
+const DEBOUNCE_MS = 250;
 
 function wanted() {
   const form = new FormData(sieve);
@@ -21,7 +21,7 @@ function wanted() {
 }
 
 /**
- * @param {ReturnType<typeof wanted>} wish
+ * @param {ReturnType<typeof wanted>} filter
  * @param {HTMLElement} card
  */
 function lets({ type, kind, status, q, least, most }, { dataset }) {
@@ -35,25 +35,25 @@ function lets({ type, kind, status, q, least, most }, { dataset }) {
 }
 
 function sift() {
-  const wish = wanted();
+  const filter = wanted();
   let count = 0;
   for (const card of cards) {
-    card.hidden = !lets(wish, card);
+    card.hidden = !lets(filter, card);
     if (!card.hidden) count++;
   }
   const found = count === cards.length ? `${count} shapes` : `${count} of ${cards.length} shapes`;
   if (get("found").textContent !== found) get("found").textContent = found;
   get("nothing").hidden = count > 0;
   const kept = new URLSearchParams();
-  for (const key of /** @type {const} */ (["type", "kind", "status", "q"])) if (wish[key]) kept.set(key, wish[key]);
-  if (wish.least !== null || wish.most !== null) kept.set("modules", `${wish.least ?? ""}-${wish.most ?? ""}`);
+  for (const key of /** @type {const} */ (["type", "kind", "status", "q"])) if (filter[key]) kept.set(key, filter[key]);
+  if (filter.least !== null || filter.most !== null) kept.set("modules", `${filter.least ?? ""}-${filter.most ?? ""}`);
   history.replaceState(null, "", `${location.pathname}${kept.size ? `?${kept}` : ""}`);
 }
 
 if (sieve) {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
-  const soon = () => { clearTimeout(timer); timer = setTimeout(sift, PATIENCE_MS); };
+  const soon = () => { clearTimeout(timer); timer = setTimeout(sift, DEBOUNCE_MS); };
   sieve.addEventListener("input", (event) => { if (event.target instanceof HTMLInputElement && event.target.type === "radio") sift(); else soon(); });
   sieve.addEventListener("submit", (event) => { event.preventDefault(); clearTimeout(timer); sift(); });
   get("all").onclick = (event) => {

@@ -9,7 +9,7 @@ import { duration, element, get, refusal, sentence, whole } from "../lib/text.js
 const facts = JSON.parse(get("facts").textContent);
 const layers = /** @type {HTMLElement[]} */ ([...get("layers").children]);
 const LEAST = 8;
-const PATIENCE_MS = 220;
+const DEBOUNCE_MS = 220;
 const DRAW_MS = 100;
 /** @type {Record<string, string>} */
 const HINTS = {
@@ -19,11 +19,11 @@ const HINTS = {
   snake: "Back and forth, layer by layer. For boxes only.",
 };
 
-// Wishes live in the address, so that a link shows the same.
+// Options live in the address, so that a link shows the same.
 const query = new URLSearchParams(location.search);
 const [method, start] = [query.get("method") ?? "", query.get("start") ?? ""];
 /**
- * @typedef {object} Wishes
+ * @typedef {object} PreviewOptions
  * @property {string} module
  * @property {number | null} modules
  * @property {string} method
@@ -34,7 +34,7 @@ const [method, start] = [query.get("method") ?? "", query.get("start") ?? ""];
  * @property {number} seed
  */
 
-/** @type {Wishes} */
+/** @type {PreviewOptions} */
 const options = {
   module: query.get("module") === "tetrahedron" ? "tetrahedron" : "cube",
   modules: Number(query.get("modules")) || null,
@@ -105,7 +105,7 @@ function problem(text) {
   get("problem").textContent = text;
 }
 
-// One request at a time; what was wished for meanwhile is asked for next.
+// One request at a time; what was chosen meanwhile is asked for next.
 async function look() {
   clearTimeout(timer);
   if (running) { again = true; return; }
@@ -120,7 +120,7 @@ async function look() {
     if (answer.ok) {
       picked = null;
       problem(sentence(told.not_started));
-      // What is shown is another path, so that one is folded unless something else is wished for.
+      // What is shown is another path, so that one is folded unless something else is chosen.
       if (told.not_started) { options.start = null; remember(); }
       report = told;
       show(told);
@@ -145,7 +145,7 @@ async function look() {
 function soon() {
   clearTimeout(timer);
   document.body.classList.add("busy-now");
-  timer = setTimeout(look, PATIENCE_MS);
+  timer = setTimeout(look, DEBOUNCE_MS);
 }
 
 /**
@@ -319,11 +319,11 @@ function bounded(modules) {
 
 /**
  * @param {number} modules
- * @param {boolean} wished
+ * @param {boolean} chosen
  */
-function set(modules, wished = true) {
+function set(modules, chosen = true) {
   const count = bounded(modules);
-  if (wished) { options.modules = count; elsewhere(); }
+  if (chosen) { options.modules = count; elsewhere(); }
   get("modules").value = String(placeOf(count));
   get("modules").setAttribute("aria-valuetext", `${count} modules`);
   get("modules-number").value = String(count);

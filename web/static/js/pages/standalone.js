@@ -32,14 +32,14 @@ function unpacked(text) {
 }
 
 // A timeline of one batch.
-/** @type {FilmSource} */
+/** @type {TimelineSource} */
 const source = {
   bundle: () => unpacked(parts.bundle),
   batch: () => unpacked(parts.batch),
 };
 
 // Curves only; what is told of single modules would make the file many times as long.
-class Kept extends Figures {
+class StoredFigures extends Figures {
   /**
    * @template {Message<object, Record<string, Column>>} [Told=Message<PlotHeader, Record<PlotName, Floats>>]
    * @param {string} query
@@ -51,7 +51,7 @@ class Kept extends Figures {
 }
 
 Sketch.script = URL.createObjectURL(new Blob([parts.worker], { type: "text/javascript" }));
-const figures = new Kept("");
+const figures = new StoredFigures("");
 const drawer = new Drawer(toast);
 drawer.facts(parts.facts);
 view({ source, figures, drawer, load: (frame) => { frame.srcdoc = parts.client; } });

@@ -26,7 +26,7 @@ export class Progress {
     /** @type {EventSource | null} */
     this.events = null;
     /** @type {ReturnType<typeof setTimeout> | null} */
-    this.asking = null;
+    this.pollTimer = null;
     /** @type {ProgressTold | null} */
     this.now = null;
     if (facts.running) this.listen();
@@ -41,16 +41,16 @@ export class Progress {
     events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
     events.onopen = () => this.askNoMore();
     // Refused, since many are open, or broken: then it is asked until the end, or until it is back.
-    events.onerror = () => { if (!this.asking) this.ask(ASK_MS); };
+    events.onerror = () => { if (!this.pollTimer) this.ask(ASK_MS); };
     events.addEventListener("done", () => this.end());
   }
 
   /** @param {number} pause */
   ask(pause) {
-    this.asking = setTimeout(async () => {
+    this.pollTimer = setTimeout(async () => {
       let answer = null;
       try { answer = await fetch(`/api/folds/${this.facts.id}`); } catch { /* it does not answer */ }
-      if (!this.asking) return; // a stream is there again
+      if (!this.pollTimer) return; // a stream is there again
       /** @type {ProgressTold | null} */
       const now = answer?.ok ? (await answer.json()).progress : null;
       if (answer?.status === LOST || (now && OVER.includes(now.status))) this.end();
@@ -62,8 +62,8 @@ export class Progress {
   }
 
   askNoMore() {
-    clearTimeout(this.asking ?? undefined);
-    this.asking = null;
+    clearTimeout(this.pollTimer ?? undefined);
+    this.pollTimer = null;
   }
 
   /** @param {ProgressTold} now */

@@ -49,7 +49,7 @@ export class Pair extends Emitter {
 
   // Where a phase stands in the fold that has it.
   /**
-   * @param {FilmOutline[]} outlines
+   * @param {TimelineOutline[]} outlines
    * @param {string} name
    */
   place(outlines, name) {
@@ -57,7 +57,7 @@ export class Pair extends Emitter {
   }
 
   // The larger error of the two, column by column.
-  /** @param {FilmOutline[]} outlines */
+  /** @param {TimelineOutline[]} outlines */
   errors(outlines) {
     return Array.from({ length: 240 }, (_, k) => {
       const frame = (this.last * k) / 240;

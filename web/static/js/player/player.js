@@ -348,7 +348,7 @@ export class Player extends Emitter {
     return framing(this.points(snapshot), { ...this.seeing, azimuth: azimuth ?? direction, elevation });
   }
 
-  get goalEvery() { return Math.max(GOAL_EVERY, Math.round(GOAL_EVERY_S * this.playhead.pace)); }
+  get goalEvery() { return Math.max(GOAL_EVERY, Math.round(GOAL_EVERY_S * this.playhead.framesPerSecond)); }
 
   // Where the camera should be around a frame: looked up once.
   /** @param {number} index */

@@ -5,7 +5,7 @@
 //   set {speed, loop, reverse, follow, turn, live}   any of them
 const SPEEDS = [0.05, 20];
 const SWITCHES = /** @type {const} */ (["loop", "reverse", "follow", "turn", "live"]);
-const WHOLE_FILM_S = 20;
+const WHOLE_PLAYBACK_S = 20;
 const SLOWEST_FPS = 12;
 const FASTEST_FPS = 240; // a long timeline takes longer, else its modules fly by
 const CATCH_UP_S = 0.4;
@@ -75,12 +75,11 @@ export class Playhead {
       return true;
     }
     if (!is.playing || now < this.hold) return false;
-    this.runOn(passed * this.pace * is.speed, now);
+    this.runOn(passed * this.framesPerSecond * is.speed, now);
     return true;
   }
 
-  // Frames a second.
-  get pace() { return Math.min(FASTEST_FPS, Math.max(SLOWEST_FPS, (this.timeline.last + 1) / WHOLE_FILM_S)); }
+  get framesPerSecond() { return Math.min(FASTEST_FPS, Math.max(SLOWEST_FPS, (this.timeline.last + 1) / WHOLE_PLAYBACK_S)); }
 
   /**
    * @param {number} by

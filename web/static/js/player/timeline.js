@@ -75,7 +75,7 @@ export class Timeline extends Emitter {
   // Null until the timeline has begun: chain and outline; the others are not there before.
   /** @type {Chain & Hull} */
   chain;
-  /** @type {FilmOutline} */
+  /** @type {TimelineOutline} */
   outline;
   /** @type {Bundle} */
   bundle;
@@ -113,7 +113,7 @@ export class Timeline extends Emitter {
 
   // `over` says that nothing more comes: the fold is over, whatever its timeline says.
   /**
-   * @param {FilmSource} source
+   * @param {TimelineSource} source
    * @param {{ over?: boolean }} how
    */
   constructor(source, { over = true } = {}) {

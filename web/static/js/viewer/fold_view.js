@@ -13,12 +13,12 @@ import { Stage } from "./stage.js";
 import { get } from "../lib/text.js";
 
 const DRAW_MS = 250;
-const PATIENCE_MS = 1500;
+const START_DELAY_MS = 1500;
 export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 /**
  * @typedef {object} Viewed
- * @property {FilmSource} source
+ * @property {TimelineSource} source
  * @property {import("../player/figures.js").Figures} figures
  * @property {(frame: HTMLIFrameElement) => void} load
  * @property {boolean} [over]
@@ -65,7 +65,7 @@ export function view({ source, figures, load, over = true, drawer = null, play =
     get("flat").hidden = false;
     if (!sketch.worker) get("cover-text").textContent = "This browser shows no 3D graphics";
   }
-  setTimeout(start3d, sketch.worker ? PATIENCE_MS : 0);
+  setTimeout(start3d, sketch.worker ? START_DELAY_MS : 0);
 
   let begun = false;
   player.on("begun", () => {

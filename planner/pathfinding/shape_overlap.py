@@ -1,4 +1,4 @@
-"""Kept: how much of a solid's form is left in the modules that stand for it."""
+"""Shape overlap: intersection over union of a solid with the modules that stand for it."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from planner.shapes.solid import Solid
 from planner.shapes.voxelise import Voxels
 
 POINTS: Final = 60_000
-"""Random points by which the kept share of a solid is measured."""
+"""Random points by which the overlap is measured."""
 SAMPLES: Final = 6
 """Samples along each side of a cell."""
 
 
-def kept(solid: Solid, voxels: Voxels, filled: Filled) -> float:
+def intersection_over_union(solid: Solid, voxels: Voxels, filled: Filled) -> float:
     """Intersection over union of the folded modules with the solid.
 
     Modules that fill their cells keep what the voxels keep; for others it is estimated from points
