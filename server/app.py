@@ -40,7 +40,20 @@ from server.jobs.queue import Jobs
 from server.limits.quota import Quota
 from server.ops.metrics import Metrics
 from server.ops.readiness import Readiness
-from server.pages import gallery, landing, paper, pictures, preview, share
+from server.pages import (
+    api_docs,
+    fold,
+    gallery,
+    landing,
+    paper,
+    pictures,
+    preview,
+    shape_drawings,
+    share,
+    static,
+    what_folds,
+)
+from server.pages.problem_page import problem_page
 from server.processes.children import Pool, Reader
 from server.processes.fork_server import ForkServer
 from server.processes.limits import READERS, ChildLimits
@@ -64,6 +77,11 @@ ROUTERS: Final = (
     shapes,
     health,
     landing,
+    what_folds,
+    shape_drawings,
+    fold,
+    static,
+    api_docs,
     paper,
     gallery,
     frames,
@@ -121,12 +139,12 @@ def create_app(
             "max_part_size": LARGEST_FIELD_BYTES,
         },
         openapi_url="/api/openapi.json",
-        # FastAPI's own pages load scripts from elsewhere; ours is in server/pages/landing.py.
+        # FastAPI's own pages load scripts from elsewhere; ours is in server/pages/api_docs.py.
         docs_url=None,
         redoc_url=None,
     )
     app.openapi_version = "3.2.0"  # the first that describes server-sent events
-    problems.install(app, landing.problem_page)
+    problems.install(app, problem_page)
 
     for module in ROUTERS:
         app.include_router(module.router)

@@ -13,7 +13,8 @@ from server.errors import ServiceError
 from server.files.previews import ShapeOptions
 from server.http.problems import Problem
 from server.pages.cards import CHAINS, STATUSES, Sieve, Standing, cards, kinds, standings
-from server.pages.landing import not_found_page, page
+from server.pages.page import page
+from server.pages.problem_page import not_found_page
 from server.pages.quantities import sentence
 
 router = APIRouter(include_in_schema=False)

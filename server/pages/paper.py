@@ -12,7 +12,8 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
 from planner.motion.timeline import chain_from_attributes
-from server.pages.landing import etag_response, page
+from server.pages.page import page
+from server.pages.static import etag_response
 from web.static_files import STATIC
 from web.viser.scene_bundle import bundle_of
 

@@ -20,7 +20,8 @@ from server.api.finding import find_fold, viewing_of
 from server.errors import Conflict
 from server.http.client_address import address_of
 from server.pages.facts import FoldFacts, fold_facts
-from server.pages.landing import POLICY, not_found_page, page, rendered, script_json
+from server.pages.page import POLICY, page, rendered, script_json
+from server.pages.problem_page import not_found_page
 from server.store.folds import NoSuchFoldError
 from server.store.shown import RUNNING, Found
 from web.timeline.metrics import curves_of

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from server.pages.landing import script_json
+from server.pages.page import script_json
 from server.settings import Settings
 from server.store.folds import new_id, new_token
 from tests.server.service import SNAKE, Service, owner

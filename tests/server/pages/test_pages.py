@@ -8,12 +8,13 @@ import re
 import httpx
 from fastapi import FastAPI
 
-from server.pages import landing
+from server.pages import static, what_folds
 
 
 def get(path: str) -> httpx.Response:
     app = FastAPI()
-    app.include_router(landing.router)
+    app.include_router(what_folds.router)
+    app.include_router(static.router)
 
     async def ask() -> httpx.Response:
         transport = httpx.ASGITransport(app=app)

@@ -11,7 +11,7 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from server.pages import landing, paper
+from server.pages import paper, static
 from tests.benchmarks.reproduction.experiments import STATEMENTS
 from web.timeline.columns import decode
 
@@ -19,7 +19,7 @@ from web.timeline.columns import decode
 @cache
 def application() -> FastAPI:
     app = FastAPI()
-    app.include_router(landing.router)
+    app.include_router(static.router)
     app.include_router(paper.router)
     return app
 

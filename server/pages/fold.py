@@ -1,0 +1,96 @@
+"""The page of a fold."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse, JSONResponse, Response
+
+from planner.errors import PlannerError
+from planner.motion.timeline import chain_from_attributes
+from planner.pipeline.attempt_folders import CHAIN, result
+from server.api.finding import find_now, viewing_of
+from server.http.response_cache import mark
+from server.pages.facts import FoldFacts, fold_facts
+from server.pages.page import origin_of, page, script_json
+from server.pages.problem_page import not_found_page
+from server.store.shown import Found
+from web.pictures.isometric import isometric_svg
+from web.pictures.isometric_modules import chain_svg
+
+router = APIRouter(include_in_schema=False)
+
+LARGEST_DRAWING: Final = 4000
+
+
+@router.get("/folds/{fold_id}", response_class=HTMLResponse)
+async def fold_page(request: Request, fold_id: str) -> Response:
+    """The page of a fold."""
+    return await asyncio.to_thread(_fold_page, request, fold_id)
+
+
+def _fold_page(request: Request, fold_id: str) -> Response:
+    found = find_now(request, fold_id)
+    if found is None:
+        return not_found_page(
+            "There is no such fold", "The link may be incomplete, or the fold was deleted."
+        )
+    mark(request, found.row)
+    facts = _facts(request, found)
+    return page(
+        "fold.html",
+        listed=found.row.public,
+        facts=facts,
+        facts_json=script_json(facts),
+        drawing=_drawing(found),
+        details=True,
+        origin=origin_of(request),
+    )
+
+
+@router.get("/folds/{fold_id}/facts")
+async def facts_of_fold(request: Request, fold_id: str) -> Response:
+    """What the page says about the fold, for a page that is open when it ends."""
+
+    def answer() -> Response:
+        found = find_now(request, fold_id)
+        if found is None:
+            return JSONResponse({"detail": "There is no such fold."}, status_code=404)
+        return JSONResponse(_facts(request, found), headers={"Cache-Control": "no-store"})
+
+    return await asyncio.to_thread(answer)
+
+
+def _drawing(found: Found) -> str:
+    """The folded shape, shown until the view is there; empty while nobody knows what it will be."""
+    for path in (result(found.directory, CHAIN), found.directory / "cells.json"):
+        if path.exists():
+            return _drawing_of(path, path.name == CHAIN)
+    return ""
+
+
+@lru_cache(maxsize=256)
+def _drawing_of(path: Path, is_chain: bool) -> str:
+    """A drawing of a chain, or of the cells that were noted when the upload was read."""
+    try:
+        noted = json.loads(path.read_text(encoding="utf-8"))
+        if is_chain:
+            chain = chain_from_attributes(noted)
+            return chain_svg(chain) if len(chain) <= LARGEST_DRAWING else ""
+        cells = np.array(noted, dtype=int).reshape(-1, 3)
+    except (PlannerError, OSError, ValueError, KeyError):
+        return ""  # a drawing is not worth an error
+    return isometric_svg(cells) if 0 < len(cells) <= LARGEST_DRAWING else ""
+
+
+def _facts(request: Request, found: Found) -> FoldFacts:
+    viewing = viewing_of(request)
+    settings = viewing.settings
+    embed = settings is not None and bool(settings.embed_origins)
+    return fold_facts(found, api=viewing.jobs is not None, embed=embed)

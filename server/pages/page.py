@@ -1,0 +1,93 @@
+"""A page: a template filled in, under the policy of all pages."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from typing import Final
+
+from fastapi import Request
+from fastapi.responses import HTMLResponse, Response
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup
+
+from server.http.security import LISTED
+from server.pages.setting_words import ROWS, SOURCES
+from web.static_files import scripts_of
+
+POLICY: Final = "; ".join(
+    (
+        "default-src 'none'",
+        "script-src 'self'",
+        "style-src 'self' 'unsafe-inline'",
+        "img-src 'self' data:",
+        "connect-src 'self'",
+        "frame-src 'self'",
+        "form-action 'self'",
+        "base-uri 'none'",
+        "frame-ancestors 'self'",
+    )
+)
+
+
+@cache
+def entry(page_name: str) -> Markup:
+    """The entry module of a page, and all that it imports, to be fetched at the same time."""
+    first, *others = (f"/static/{name}" for name in scripts_of(f"js/pages/{page_name}.js"))
+    preloads = (Markup('<link rel="modulepreload" href="{}">').format(name) for name in others)
+    script = Markup('<script type="module" src="{}"></script>').format(first)
+    return Markup("").join((*preloads, script))
+
+
+KNOWN: Final[dict[str, object]] = {
+    "paper_settings": ROWS,
+    "setting_sources": SOURCES,
+    "entry": entry,
+}
+"""Values that every template gets."""
+
+
+def page(
+    template: str, status_code: int = 200, /, *, listed: bool = False, **values: object
+) -> Response:
+    """A page made of a template, under the policy of all pages.
+
+    Args:
+        template: Its name.
+        status_code: Of the answer.
+        listed: Whether search engines may show it.
+        values: What the template is filled in with.
+    """
+    html = rendered(template, **values)
+    headers = {"Content-Security-Policy": POLICY, "Cache-Control": "no-store"}
+    if listed:
+        headers |= LISTED
+    return HTMLResponse(html, status_code=status_code, headers=headers)
+
+
+def rendered(template: str, /, **values: object) -> str:
+    """A template filled in."""
+    return templates().get_template(template, globals=KNOWN).render(**values)
+
+
+@cache
+def templates() -> Environment:
+    """All templates."""
+    return Environment(
+        loader=PackageLoader("web", "templates"),
+        autoescape=select_autoescape(),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def origin_of(request: Request) -> str:
+    """Scheme and host that the page was asked for at."""
+    return str(request.base_url).rstrip("/")
+
+
+def script_json(value: object) -> str:
+    """JSON that may stand inside a script element."""
+    text = json.dumps(value, ensure_ascii=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

@@ -1,0 +1,34 @@
+"""The page that says in words why there is nothing to see."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from fastapi.responses import Response
+
+from server.http.problems import Problem
+from server.pages.page import page
+from server.pages.quantities import sentence
+from web.pictures.isometric import isometric_svg
+
+HEADINGS: Final = {
+    404: "There is nothing here",
+    429: "This is a little too much at once",
+    503: "Not just now",
+    507: "There is no room just now",
+}
+PAWN: Final = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1))
+
+
+def not_found_page(heading: str, text: str, *, status_code: int = 404) -> Response:
+    """A page that says in words why there is nothing to see."""
+    drawing = isometric_svg(PAWN)
+    return page("message.html", status_code, heading=heading, text=text, drawing=drawing)
+
+
+def problem_page(problem: Problem) -> Response:
+    """The same for whatever went wrong."""
+    heading = HEADINGS.get(problem.status, "This did not work")
+    answer = not_found_page(heading, sentence(problem.detail), status_code=problem.status)
+    answer.headers.update(problem.headers)
+    return answer

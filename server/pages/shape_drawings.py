@@ -1,0 +1,66 @@
+"""Drawings of gallery shapes."""
+
+from __future__ import annotations
+
+import asyncio
+from functools import cache
+from typing import TYPE_CHECKING
+
+from fastapi import APIRouter, Request
+from fastapi.responses import Response
+
+from planner.chain.chain import Chain
+from planner.chain.path import Path as CellPath
+from planner.errors import InputError, PlannerError
+from planner.readers import read
+from server.api.context import context_of
+from server.http.security import LISTED
+from web.pictures.isometric_modules import chain_svg
+
+if TYPE_CHECKING:
+    from server.store.gallery import Gallery, GalleryShape
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/shapes/{name}.svg")
+async def drawing_of_shape(request: Request, name: str) -> Response:
+    """The drawing of a gallery shape."""
+    svg = await asyncio.to_thread(drawing_of, context_of(request).gallery, name, 160)
+    if svg is None:
+        return Response("not found", status_code=404, media_type="text/plain")
+    headers = {
+        "Cache-Control": "public, max-age=3600",
+        "Content-Security-Policy": "default-src 'none'",
+        **LISTED,
+    }
+    return Response(svg, media_type="image/svg+xml", headers=headers)
+
+
+def drawing_of(gallery: Gallery, name: str, size: int) -> str | None:
+    """The drawing of a gallery shape; None when there is no such shape, or it can't be drawn."""
+    return None if gallery.shape(name) is None else _svg_of(gallery, name, size)
+
+
+@cache
+def _svg_of(gallery: Gallery, name: str, size: int) -> str | None:
+    shape = gallery.shape(name)
+    if shape is None:
+        return None
+    try:
+        return chain_svg(chain_of(shape), size=size)
+    except PlannerError:
+        return None
+
+
+def chain_of(shape: GalleryShape) -> Chain:
+    """The chain of a gallery shape."""
+    match read(shape.data, filename=shape.filename):
+        case Chain() as chain:
+            return chain
+        case CellPath() as path:
+            return Chain.from_path(path)
+        case other:
+            got = type(other).__name__.lower()
+            detail = f"{shape.name} is a {got}; gallery shapes are paths or chains."
+            raise InputError("not-a-path", detail)

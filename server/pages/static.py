@@ -1,0 +1,60 @@
+"""Static files: style sheets, scripts, pictures, and whatever browsers keep until it changes."""
+
+from __future__ import annotations
+
+import hashlib
+import mimetypes
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Final
+
+from fastapi import APIRouter, Request
+from fastapi.responses import Response
+
+from server.http.security import LISTED
+from web.static_files import STATIC
+
+router = APIRouter(include_in_schema=False)
+
+SWAGGER: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
+"""Files of the package ``fastapi_offline``, served from here."""
+
+
+@router.get("/static/{name:path}")
+async def static_file(request: Request, name: str) -> Response:
+    """A style sheet, a script or a picture."""
+    found = _static().get(name)
+    if found is None:
+        return Response("not found", status_code=404, media_type="text/plain")
+    data, kind, etag = found
+    headers = {"ETag": etag, "Cache-Control": "no-cache", **LISTED}
+    if request.headers.get("if-none-match") == etag:
+        return Response(status_code=304, headers=headers)
+    return Response(data, media_type=kind, headers=headers)
+
+
+def etag_response(
+    request: Request, data: bytes, kind: str = "application/octet-stream", *, listed: bool = False
+) -> Response:
+    """Something that browsers keep until it changes; ``listed`` as of a page."""
+    headers = {"ETag": f'"{hashlib.sha256(data).hexdigest()[:20]}"', "Cache-Control": "no-cache"}
+    if listed:
+        headers |= LISTED
+    if request.headers.get("if-none-match") == headers["ETag"]:
+        return Response(status_code=304, headers=headers)
+    return Response(data, media_type=kind, headers=headers)
+
+
+@cache
+def _static() -> dict[str, tuple[bytes, str, str]]:
+    kinds = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+    found: dict[str, tuple[bytes, str, str]] = {}
+    swagger_dir = Path(str(files("fastapi_offline"))) / "static"
+    ours = {path.relative_to(STATIC).as_posix(): path for path in sorted(STATIC.rglob("*.*"))}
+    for name, path in {**ours, **{name: swagger_dir / name for name in SWAGGER}}.items():
+        data = path.read_bytes()
+        kind = kinds.get(path.suffix) or mimetypes.guess_type(path.name)[0]
+        etag = f'"{hashlib.sha256(data).hexdigest()[:20]}"'
+        found[name] = (data, kind or "application/octet-stream", etag)
+    return found
