@@ -1,6 +1,7 @@
 """Diagnosis: why an explosion did not come to its end, told from where it stopped.
 
-It decides what is tried next, and shows people where to look.
+It gives the reason, by which ``planner.pipeline.portfolio`` decides what is tried next, and the
+modules at which people should look.
 """
 
 from __future__ import annotations

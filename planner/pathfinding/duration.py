@@ -1,4 +1,4 @@
-"""Expected: about how long a fold takes."""
+"""Duration: an estimate of how long a fold will take, from its number of modules."""
 
 from __future__ import annotations
 
