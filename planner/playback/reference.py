@@ -15,8 +15,11 @@ from planner.clearance.sweep import sweep
 Array = NDArray[np.float64]
 DEGREE: Final = 3
 CHUNK: Final = 64
-MOST_HALVINGS: Final = 2
-"""Spacings of control points that are tried, each half of the one before."""
+MOST_HALVINGS: Final = 5
+"""Times that control points are doubled where the curve comes too close: they are then nearer to
+each other than the snapshots of a record, and the curve is the record itself."""
+AROUND: Final = DEGREE
+"""Pieces on either side of a close one that are halved with it: a control point reaches so far."""
 ROOM: Final = 0.01
 """Clearance in pitches to keep, or a quarter of the gap between two cells where that is less."""
 SAMPLE_RAD: Final = 0.02
@@ -41,7 +44,7 @@ class Reference:
     def through(
         cls, chain: Chain, angles: Array, *, spacing_rad: float, distance_weight: float
     ) -> Reference:
-        """The reference of a record.
+        """The reference of a record, its control points evenly spaced.
 
         Args:
             chain: The chain.
@@ -50,11 +53,20 @@ class Reference:
             distance_weight: Radians that one pitch of displacement counts as.
         """
         lengths = record_lengths(chain, angles, distance_weight)
+        return cls.of_pieces(chain, angles, lengths, _even(float(lengths[-1]), spacing_rad))
+
+    @classmethod
+    def of_pieces(cls, chain: Chain, angles: Array, lengths: Array, breaks: Array) -> Reference:
+        """The reference whose polynomial pieces meet at given places.
+
+        Args:
+            chain: The chain.
+            angles: (F, J) configurations in the order of the playback.
+            lengths: (F,) length of the record up to each.
+            breaks: (P + 1,) where pieces begin and end, rising from 0 to 1.
+        """
         total = float(lengths[-1])
-        count = max(DEGREE + 1, int(np.ceil(total / spacing_rad)) + 1)
-        knots = np.concatenate(
-            [np.zeros(DEGREE), np.linspace(0.0, 1.0, count - DEGREE + 1), np.ones(DEGREE)]
-        )
+        knots = np.concatenate([np.zeros(DEGREE), breaks, np.ones(DEGREE)])
         # At the means of their knots, so that u runs evenly along the record at its ends too.
         where = total * sliding_window_view(knots[1:-1], DEGREE).mean(axis=1)
         right = np.clip(np.searchsorted(lengths, where), 1, len(lengths) - 1)
@@ -71,14 +83,19 @@ class Reference:
         first = spline.derivative()
         return cls(spline=spline, first=first, second=first.derivative(), length_rad=total)
 
+    def samples(self, spacing_rad: float) -> Array:
+        """(S,) even places from 0 to 1, so far apart along the curve or less."""
+        count = max(2, int(np.ceil(self.length_rad / spacing_rad)) + 1)
+        return np.linspace(0.0, 1.0, count)
+
 
 def clear_reference(
     chain: Chain, angles: Array, *, spacing_rad: float, distance_weight: float, size: float
 ) -> Reference:
     """The reference of a record, with control points as dense as it takes to touch nothing.
 
-    A spline cuts corners between its control points. Where that makes modules overlap, the spacing
-    is halved, twice at most; the certificate has the last word.
+    A spline cuts corners between its control points. Where that brings modules too close, and there
+    alone, pieces are halved, some times at most; the certificate has the last word.
 
     Args:
         chain: The chain.
@@ -89,18 +106,40 @@ def clear_reference(
     """
     # Some room is left for the playback's joint errors: a quarter of the gap between two cells.
     room = min(ROOM, 0.25 * (1.0 - size))
+    lengths = record_lengths(chain, angles, distance_weight)
+    breaks = _even(float(lengths[-1]), spacing_rad)
     for _ in range(MOST_HALVINGS):
-        reference = Reference.through(
-            chain, angles, spacing_rad=spacing_rad, distance_weight=distance_weight
-        )
-        count = max(2, int(np.ceil(reference.length_rad / SAMPLE_RAD)) + 1)
-        samples = reference.spline(np.linspace(0.0, 1.0, count))
-        if sweep(chain, samples, size=size).clearance > room:
+        reference = Reference.of_pieces(chain, angles, lengths, breaks)
+        places = reference.samples(SAMPLE_RAD)
+        close = _too_close(chain, reference.spline(places), size, room)
+        if not close.any():
             return reference
-        spacing_rad *= 0.5
-    return Reference.through(
-        chain, angles, spacing_rad=spacing_rad, distance_weight=distance_weight
-    )
+        breaks = _halved(breaks, places[close])
+    return Reference.of_pieces(chain, angles, lengths, breaks)
+
+
+def _even(total_rad: float, spacing_rad: float) -> Array:
+    """Breaks of pieces for so many control points at that distance, about."""
+    count = max(DEGREE + 1, int(np.ceil(total_rad / spacing_rad)) + 1)
+    return np.linspace(0.0, 1.0, count - DEGREE + 1)
+
+
+def _too_close(chain: Chain, samples: Array, size: float, room: float) -> NDArray[np.bool_]:
+    """(S,) whether modules come nearer than ``room`` at a sample, or on the way to a next one."""
+    swept = sweep(chain, samples, size=size, share=0.0)
+    close = swept.per_frame <= room
+    if swept.clearance <= room:
+        close[[int(np.floor(swept.frame)), int(np.ceil(swept.frame))]] = True
+    return close
+
+
+def _halved(breaks: Array, places: Array) -> Array:
+    """Breaks with a new one in the middle of each piece at or beside these places."""
+    pieces = len(breaks) - 1
+    at = np.clip(np.searchsorted(breaks, places, "right") - 1, 0, pieces - 1)
+    near = np.unique((at[:, None] + np.arange(-AROUND, AROUND + 1)).ravel())
+    near = near[(near >= 0) & (near < pieces)]
+    return np.sort(np.concatenate([breaks, 0.5 * (breaks[near] + breaks[near + 1])]))
 
 
 def record_lengths(chain: Chain, angles: Array, distance_weight: float) -> Array:
