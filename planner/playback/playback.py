@@ -41,13 +41,13 @@ from planner.simulation.tree import RateMotors, Servos, Tree
 
 Array = NDArray[np.float64]
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
-FEWEST_STEPS: Final = 400
+FEWEST_STEPS: Final = 100
 """Steps of a playback, at least."""
 FRAME_RAD: Final = 0.02
 """Turn of a hinge, or of its target, since the last frame, from which on a frame is recorded."""
 FRAME_DISTANCE: Final = 0.35
 """Way of a module among the others since then, in pitches, from which on one is recorded, too."""
-FRAME_STEPS: Final = 50
+FRAME_STEPS: Final = 12
 """Steps between two frames, at most."""
 ARRIVED_WITHIN: Final = 0.1
 """RMS position error in pitches up to which a playback has not missed its target."""
@@ -347,6 +347,13 @@ class _Run:
     ) -> None:
         self.chain = chain
         self.finer = finer
+        # What is recorded in more frames is simulated in as many more steps. A servo's gain asks
+        # for steps that are shorter than its time constant.
+        servo = (
+            np.ceil(parameters.step_s * parameters.gain) if parameters.controller == "servo" else 1
+        )
+        self.split = finer * int(servo)
+        self.step_s = parameters.step_s / self.split
         self.parameters = parameters
         self.module_size = module_size
         self.start_s = start_s
@@ -362,11 +369,12 @@ class _Run:
         self.tree = Tree(
             chain,
             material,
-            step_s=parameters.step_s,
+            step_s=self.step_s,
             motors=motors,
             damping=parameters.damping,
         )
-        self.refolds = unfolding is not None
+        self.at_rest = unfolding is not None or parameters.controller == "computed-torque"
+        """Whether what integration adds to the momentum is taken away: large steps add some."""
         self.guides: list[tuple[Phase, Setpoints]] = [("playback", self._guide(record))]
         if unfolding is not None:
             self.guides.insert(0, ("unfolding", self._unfolding(unfolding)))
@@ -421,10 +429,10 @@ class _Run:
             distance_weight=p.distance_weight,
             size=self.module_size,
         )
-        steps = max(FEWEST_STEPS, int(p.steps_per_rad * reference.length_rad))
+        steps = max(FEWEST_STEPS, int(self.split * p.steps_per_rad * reference.length_rad))
         samples = max(100, int(LAW_SAMPLES_A_RAD * reference.length_rad))
         law = torque_bounded_law(
-            reference, chain.module, steps=steps, step_s=p.step_s, samples=samples
+            reference, chain.module, steps=steps, step_s=self.step_s, samples=samples
         )
         return reference, law
 
@@ -468,7 +476,7 @@ class _Run:
                     last_centres = tree.centres
                 self.controller.drive(tree, target)
                 tree.end_step()
-                if self.refolds:
+                if self.at_rest:
                     tree.stop_drifting()
                 torque = float(np.abs(tree.motor_torques).max())
                 self.peak_torque = max(self.peak_torque, torque)
@@ -486,7 +494,7 @@ class _Run:
                                 fraction=min((part + target.fraction) / len(self.guides), 0.99),
                                 steps=self.steps,
                                 steps_per_second=rate,
-                                simulated_s=self.steps * self.parameters.step_s,
+                                simulated_s=self.steps * self.step_s,
                                 message="folding" if phase == "playback" else phase,
                             )
                         )
@@ -509,7 +517,7 @@ class _Run:
     ) -> None:
         frame = Frames.of_phase(
             phase,
-            time_s=np.array([self.start_s + self.steps * self.parameters.step_s]),
+            time_s=np.array([self.start_s + self.steps * self.step_s]),
             joint_angles_rad=angles[None],
             root_position=self.tree.root_position[None],
             root_wxyz=self.tree.root_wxyz[None],

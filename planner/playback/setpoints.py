@@ -14,7 +14,7 @@ from planner.playback.time_law import TimeLaw, smooth_law
 
 Array = NDArray[np.float64]
 CHUNK: Final = 256
-SETTLE_STEPS: Final = 60
+SETTLE_STEPS: Final = 15
 """Steps that the last target is held for at the end."""
 AT_REST_RATE: Final = 1e-4
 """Hinge speed in rad/s below which the chain is at rest."""
@@ -60,19 +60,25 @@ class TimedSetpoints:
 
 
 def _timed_targets(reference: Reference, law: TimeLaw) -> Iterator[Target]:
-    for start in range(0, len(law), CHUNK):
-        part = slice(start, min(start + CHUNK, len(law)))
-        rate, acceleration = law.rate[part, None], law.acceleration[part, None]
-        first = reference.first(law.u[part])
-        angles = reference.spline(law.u[part])
-        rates = first * rate
-        accelerations = reference.second(law.u[part]) * rate**2 + first * acceleration
-        for k in range(len(angles)):
+    """Targets that a chain can follow to the last digit, step by step.
+
+    Semi-implicit Euler goes from q to q + h (q̇ + h q̈). So q̇ is the way of the last step, and q̈
+    what makes the next one another: finite differences of the angles, not derivatives.
+    """
+    step_s, steps = law.step_s, len(law)
+    for start in range(0, steps + 1, CHUNK):
+        stop = min(start + CHUNK, steps + 1)
+        # The law rests before its first step and after its last one.
+        u = np.clip(law.u[np.clip(np.arange(start - 1, stop + 1), 0, steps)], 0.0, 1.0)
+        angles = reference.spline(u)
+        rates = np.diff(angles, axis=0) / step_s
+        accelerations = np.diff(rates, axis=0) / step_s
+        for k in range(stop - start):
             yield Target(
-                angles=angles[k],
+                angles=angles[k + 1],
                 rates=rates[k],
                 accelerations=accelerations[k],
-                fraction=(start + k) / len(law),
+                fraction=(start + k) / steps,
             )
     end = reference.spline(np.rint(law.u[-1]))
     for _ in range(SETTLE_STEPS):

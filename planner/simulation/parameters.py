@@ -216,9 +216,9 @@ class PlaybackParameters:
     controller: str = "computed-torque"
     spacing_rad: float = 0.03
     distance_weight: float = 0.03
-    steps_per_rad: float = 200.0
-    step_s: float = 0.02
-    bandwidth: float = 30.0
+    steps_per_rad: float = 50.0
+    step_s: float = 0.08
+    bandwidth: float = 7.5
     stiffness: float = 1e7
     friction: float = 0.0
     torque_limit: float | None = None

@@ -97,6 +97,7 @@ class Tree:
         self._hinge_of_dof[self._dofs] = np.arange(len(self._dofs))
         self._rows = self._hinge_of_row = np.zeros(0, dtype=np.int64)
         starts = [int(start) for start in self.model.M_rowadr[:ROOT_DOFS]]
+        self._centre = np.zeros(3)
         self._root_rows = [slice(start, start + r + 1) for r, start in enumerate(starts)]
 
     @property
@@ -140,6 +141,9 @@ class Tree:
         self.data.qpos[3:7] = root_wxyz
         self.data.qpos[self._qpos] = angles
         self.data.qvel[:] = 0.0
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        self._centre = self.data.subtree_com[0].copy()
 
     def begin_step(self) -> None:
         """Everything of a step that depends on positions and velocities."""
@@ -169,10 +173,12 @@ class Tree:
     def stop_drifting(self) -> None:
         """Takes away the momentum that integration has added since the chain was at rest.
 
-        A free chain that began at rest has none: its root's velocity is −M_rr⁻¹ M_rj q̇. What is
-        left of a turn about its length would make a chain spin ever faster as it becomes straight.
+        A free chain that began at rest has none: its root's velocity is −M_rr⁻¹ M_rj q̇, and its
+        centre of mass stays. What is left of a turn about its length would make a chain spin ever
+        faster as it becomes straight.
         """
         data = self.data
+        data.qpos[:3] += self._centre - data.subtree_com[0]  # as of ``begin_step``
         mujoco.mj_mulM(self.model, data, self._work, data.qvel)
         data.qvel[:ROOT_DOFS] -= np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
 

@@ -77,8 +77,7 @@ def test_a_floating_chain_folds_about_its_centre_of_mass(
     frames = fold.playback.frames
     poses = fold.chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
     centres = poses.positions.mean(axis=1)
-    # Explicit steps let it drift by some thousandths of the chain's length.
-    assert np.linalg.norm(centres - centres[0], axis=1).max() < 0.01 * len(fold.chain)
+    assert np.linalg.norm(centres - centres[0], axis=1).max() < 0.05
 
 
 def test_a_playback_is_the_same_every_time(small: tuple[Chain, Record]) -> None:
@@ -124,13 +123,13 @@ def test_torques_that_are_no_numbers_end_as_data(
     def broken(self: Tree, torques: Array) -> None:
         nonlocal calls
         calls += 1
-        original(self, torques * np.nan if calls > 300 else torques)
+        original(self, torques * np.nan if calls > 100 else torques)
 
     monkeypatch.setattr(Tree, "apply_torques", broken)
     playback = play_back(*small, DEFAULT)
     assert playback.status == "diverged"
     assert "finite" in playback.reason
-    assert playback.steps == 300
+    assert playback.steps == 100
     assert len(playback.frames) > 3
     for name in ("joint_angles_rad", "root_position", "root_wxyz", "joint_error_rad"):
         assert np.isfinite(getattr(playback.frames, name)).all()

@@ -48,17 +48,17 @@ def test_the_timed_guide_runs_along_its_reference(folded: Callable[..., Any]) ->
     )
     law = smooth_law(steps=600, step_s=STEP_S)
     targets = obeyed(TimedSetpoints(reference, law), np.zeros_like(fold.chain.folded_rad))
-    assert len(targets) == 600 + SETTLE_STEPS
+    assert len(targets) == 601 + SETTLE_STEPS
     angles = np.array([t.angles for t in targets])
     rates = np.array([t.rates for t in targets])
     accelerations = np.array([t.accelerations for t in targets])
     np.testing.assert_allclose(angles[0], 0.0, atol=1e-12)
     np.testing.assert_allclose(angles[-1], fold.chain.folded_rad, atol=1e-12)
     np.testing.assert_array_equal(rates[-1], 0.0)
-    by_difference = np.gradient(angles, STEP_S, axis=0)[1:590]
-    assert np.abs(by_difference - rates[1:590]).max() < 0.02 * np.abs(rates).max()
-    by_difference = np.gradient(rates, STEP_S, axis=0)[1:590]
-    assert np.abs(by_difference - accelerations[1:590]).max() < 0.1 * np.abs(accelerations).max()
+    # Semi-implicit Euler comes to the very next target.
+    next_rates = rates[:-1] + STEP_S * accelerations[:-1]
+    np.testing.assert_allclose(next_rates, rates[1:], atol=1e-9)
+    np.testing.assert_allclose(angles[:-1] + STEP_S * next_rates, angles[1:], atol=1e-12)
     fractions = [t.fraction for t in targets]
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
