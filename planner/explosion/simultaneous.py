@@ -18,7 +18,6 @@ from planner.chain.chain import Chain
 from planner.errors import SimulationError
 from planner.explosion.explosion import (
     COMMIT_EVERY,
-    MOST_PUSHES,
     MOST_RETRIES,
     STRONG_REPULSION,
     WEAK_TENSION,
@@ -31,6 +30,7 @@ from planner.explosion.straightening import straightening
 from planner.kernels.pairs import largest_approach_speed, near_pairs, repulsion
 from planner.motion.frames import Frames
 from planner.motion.record import Record
+from planner.pathfinding.knots import knot_of
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.model import Material
 from planner.simulation.parameters import ExplosionParameters
@@ -42,7 +42,20 @@ Engine = Segments | Blocks
 LINKED: Final = 1
 """Links apart up to which two modules do not repel each other."""
 FINISH_EVERY: Final = 50
-"""Steps between two tries to straighten what is left by kinematics."""
+"""Steps between two tries to straighten what is left by kinematics, at first."""
+FINISH_RARELY: Final = (1.5, 800.0)
+"""Factor of those steps after each try in vain, and what they grow to: a try takes as long as ten
+steps of a long chain, or more."""
+KNOT_FROM: Final = 800
+"""Steps before a knot is looked for: how packed ends are drawn out decides what is seen."""
+KNOT_EVERY: Final = 200
+"""Steps between two looks whether the chain is knotted."""
+ROD: Final = (0.01, 10.0)
+"""Factors of the tension and of the springs while the chain is not seen to be unknotted. Tension
+draws a knot tight. A stiff rod bends less the larger its loops are: they grow until an end slips
+out."""
+MOST_FRUITLESS: Final = 40
+"""Pulses in a row without progress after which all modules at once have stalled."""
 JAM_WINDOW: Final = 400
 """Steps between two looks whether the chain is jammed."""
 STUCK_RAD: Final = 1.0
@@ -125,6 +138,9 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         self.farthest = -1.0
         """How far it was unfolded when last something moved on."""
         self.window_angles = np.abs(chain.folded_rad)
+        self.rod = False
+        """Whether it is let go as a stiff rod, nearly without tension."""
+        self.finish_at, self.finish_wait = 0, float(FINISH_EVERY)
 
     def first_engine(self) -> Engine:
         """What gives the accelerations from the folded configuration on."""
@@ -151,6 +167,8 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         """Whether the chain can be straightened, or is stuck."""
         if self.steps % FINISH_EVERY == 0 and self.contacts == 0 and self.finish():
             return "straight"
+        if self.steps >= KNOT_FROM and self.steps % KNOT_EVERY == 0:
+            self.stiffen(knot_of(self.engine.positions).verdict != "unknot")
         if self.steps % JAM_WINDOW == 0 and not self.unjam():
             return "stalled"
         return None
@@ -186,6 +204,8 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         radial -= radial.mean(axis=0)
         summed = float(np.sqrt((np.cumsum(radial, axis=0) ** 2).sum(axis=1).max()))
         gain = p.tension * p.spring * self.tension / summed * (WEAK_TENSION if weak else 1.0)
+        if self.rod:
+            gain *= ROD[0]
         forces = gain * radial
         push = p.repulsion_gain * (STRONG_REPULSION if weak else 1.0)
         repulsion(positions, self.pairs, push, forces)
@@ -218,6 +238,8 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
 
     def finish(self) -> bool:
         """Ends the run by pure kinematics if the chain can be straightened without a touch."""
+        if self.steps < self.finish_at:
+            return False
         if np.abs(self.state.angles).max() > self.parameters.finish_rad:
             return False
         rest = straightening(
@@ -229,12 +251,22 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
             size=self.parameters.verify_size,
         )
         if rest is None:
+            factor, most = FINISH_RARELY
+            self.finish_wait = min(factor * self.finish_wait, most)
+            self.finish_at = self.steps + round(self.finish_wait)
             return False
         self.place()
         self.recorder.add(self.snapshot())
         self.recorder.commit(end=True)
         self.frames.append(rest)
         return True
+
+    def stiffen(self, rod: bool) -> None:
+        """Lets the chain go as a stiff rod from now on, or as a chain again."""
+        if rod != self.rod:
+            self.rod = rod
+            stiffness = self.parameters.spring * (ROD[1] if rod else 1.0)
+            self.engine.set_stiffness(np.full(len(self.chain.folded_rad), stiffness))
 
     def unjam(self) -> bool:
         """Starts a pulse when nothing moves on; False when enough of them were in vain."""
@@ -249,7 +281,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
             self.pushes = 0
         if (stuck.any() and not eased) or not advanced:
             self.push()
-        return self.pushes <= MOST_PUSHES
+        return self.pushes <= MOST_FRUITLESS
 
     def unfolded(self) -> float:
         """0 when folded, 1 when straight: half by the joints' bends, half by the chain's span."""

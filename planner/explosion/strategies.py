@@ -17,12 +17,14 @@ from planner.chain.chain import Chain
 from planner.chain.module import LONG_CHAIN
 from planner.errors import InputError
 from planner.explosion.blocks import explode_blocks_first
+from planner.explosion.expected_cost import by_cost
 from planner.explosion.one_joint_at_a_time import unbend_one_by_one
 from planner.explosion.paper import explode_as_published
 from planner.explosion.peeling import peel
 from planner.explosion.simultaneous import explode
 from planner.motion.motion import Motion
 from planner.motion.record import Record
+from planner.pathfinding.assembly import peelable
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.parameters import (
     AUTO,
@@ -39,8 +41,6 @@ OFF_SQUARE: Final = 1e-4
 """Share of a right angle by which a cube's folded hinge may differ from a multiple of one."""
 BLOCKS_FROM: Final = 160
 """Modules from which on blocks come apart first: docs/decisions/0015-blocks-first.md."""
-BLOCKS_AT_MOST: Final = 1500
-"""Modules above which blocks do not come apart in time."""
 
 GENTLE: Final = 0.5
 """Factor of the forces of a gentle explosion."""
@@ -66,7 +66,7 @@ def strategies_for(
         raise unknown_strategy(wished)
     possible = _possible(chain, parameters, refolds)
     if wished == AUTO:
-        return tuple(name for name in _preferred(len(chain)) if name in possible) or possible[:1]
+        return tuple(name for name in _preferred(chain) if name in possible) or possible[:1]
     if wished not in possible:
         raise InputError(
             "strategy-differs",
@@ -85,14 +85,16 @@ def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str,
     return tuple(n for n in (*names, BASELINE) if not (refolds and windowed(n)))
 
 
-def _preferred(modules: int) -> tuple[str, ...]:
-    """What suits a number of modules, the best first."""
-    if modules > BLOCKS_AT_MOST:
-        return ("peel", BASELINE)
-    if modules > LONG_CHAIN:
-        return ("peel", "blocks", BASELINE)
-    ways = ("simultaneous", "peel")
-    return (*ways, "blocks") if modules >= BLOCKS_FROM else ways
+def _preferred(chain: Chain) -> tuple[str, ...]:
+    """What suits a chain, the best first."""
+    if not on_lattice(chain):
+        return ("simultaneous",)
+    modules = len(chain)
+    cells = np.rint(chain.folded_poses.positions).astype(np.int64)
+    ways = by_cost(modules, in_layers=peelable(cells).free)
+    if modules < BLOCKS_FROM:
+        return tuple(way for way in ways if way != "blocks")
+    return (*ways, BASELINE) if modules > LONG_CHAIN else ways
 
 
 def on_lattice(chain: Chain) -> bool:

@@ -13,6 +13,7 @@ from planner.clearance.sweep import sweep
 from planner.errors import SimulationError
 from planner.explosion.simultaneous import explode
 from planner.motion.frames import Frames
+from planner.pathfinding.knots import knot_of
 from planner.progress import Progress
 from planner.readers import read
 from planner.simulation.parameters import ExplosionParameters
@@ -266,12 +267,11 @@ def test_it_goes_back_to_where_contacts_were_looked_at(monkeypatch: pytest.Monke
 
 
 @pytest.mark.slow
-def test_a_knot_stays_tied_and_is_reported() -> None:
+def test_a_knot_slips_out_of_a_stiff_rod() -> None:
     chain = knotted()
+    assert knot_of(chain.folded_poses.positions).verdict == "knotted"
     record = explode(chain, DEFAULT)
-    assert record.status == "stalled"
-    assert "knotted" in record.reason
-    assert np.isfinite(record.frames.joint_angles_rad).all()
+    assert record.status == "straight"
     # It did not cheat: nothing passed through anything on the way.
     assert sweep(chain, record.frames.joint_angles_rad, size=0.9).clearance > 0.0
 
