@@ -14,14 +14,12 @@ from planner.motion.angle_steps import snapped
 from planner.motion.frames import PHASES, Frames, Phase
 from planner.motion.windows import Windows
 from planner.playback.reference import clear_reference
-from planner.playback.time_law import smooth_law
+from planner.playback.time_law import LAW_STEPS, hinge_bounded_times, smooth_law
 from planner.playback.unfolding import Unfolding
 from planner.simulation.parameters import PlaybackParameters
 
 Array = NDArray[np.float64]
 CHUNK: Final = 256
-LAW_STEPS: Final = 4096
-"""Samples of the smooth time law along a record."""
 
 
 def kinematic_frames(
@@ -53,7 +51,15 @@ def kinematic_frames(
         size=module_size,
     )
     count = max(2, int(np.ceil(reference.length_rad / frame_rad)))
-    law = smooth_law(steps=count, step_s=parameters.step_s * parameters.steps_per_rad * frame_rad)
+    places = np.linspace(0.0, 1.0, count + 1)
+    steps_rad = np.concatenate(
+        [
+            np.abs(np.diff(reference.spline(places[k : k + CHUNK + 1]), axis=0)).max(axis=1)
+            for k in range(0, count, CHUNK)
+        ]
+    )
+    seconds = parameters.step_s * parameters.steps_per_rad * float(steps_rad.sum())
+    playing_s = hinge_bounded_times(steps_rad, seconds)
     if unfolding is None:
         last = recorded[-1:]
         first = last.joint_angles_rad[0]
@@ -80,8 +86,9 @@ def kinematic_frames(
         start_s = float(times[-1])
     for start in range(0, count + 1, CHUNK):
         part = slice(start, min(start + CHUNK, count + 1))
-        times = start_s + law.step_s * np.arange(count + 1.0)[part]
-        yield at_rest("playback", times, snapped(reference.spline(law.u[part])))
+        yield at_rest(
+            "playback", start_s + playing_s[part], snapped(reference.spline(places[part]))
+        )
 
 
 def windowed_frames(

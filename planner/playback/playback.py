@@ -32,7 +32,7 @@ from planner.playback.setpoints import (
     Target,
     TimedSetpoints,
 )
-from planner.playback.time_law import TimeLaw, torque_bounded_law
+from planner.playback.time_law import TimeLaw, hinge_bounded_law, torque_bounded_law
 from planner.playback.unfolding import Unfolding
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.model import Material
@@ -43,6 +43,8 @@ Array = NDArray[np.float64]
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
 FEWEST_STEPS: Final = 100
 """Steps of a playback, at least."""
+SPEED_STEPS: Final = 2
+"""Factor of the steps of a playback that is paced by its hinges: its ends go faster then."""
 FRAME_RAD: Final = 0.02
 """Turn of a hinge, or of its target, since the last frame, from which on a frame is recorded."""
 FRAME_DISTANCE: Final = 0.35
@@ -431,9 +433,14 @@ class _Run:
         )
         steps = max(FEWEST_STEPS, int(self.split * p.steps_per_rad * reference.length_rad))
         samples = max(100, int(LAW_SAMPLES_A_RAD * reference.length_rad))
-        law = torque_bounded_law(
-            reference, chain.module, steps=steps, step_s=self.step_s, samples=samples
-        )
+        if p.paced_by == "speed":
+            law = hinge_bounded_law(
+                reference, steps=SPEED_STEPS * steps, step_s=self.step_s, samples=samples
+            )
+        else:
+            law = torque_bounded_law(
+                reference, chain.module, steps=steps, step_s=self.step_s, samples=samples
+            )
         return reference, law
 
     def simulate(

@@ -17,6 +17,10 @@ RAMP: Final = 0.08
 """Share of the time in which the smooth law gets up to speed, and down again."""
 FASTEST: Final = 2.0
 """Factor of its mean speed that the bounded law may run at."""
+FASTEST_ALONG: Final = 4.0
+"""Factor of its mean speed along the curve that a law for hinges may run at, where they rest."""
+LAW_STEPS: Final = 4096
+"""Samples of the smooth time law along a kinematic playback."""
 SMOOTHING: Final = 8.0
 """Width in samples of the filter that smooths the bounded law."""
 
@@ -131,10 +135,15 @@ def duration(u: Array, z: Array) -> float:
 
 
 def _law_from_profile(u: Array, z: Array, steps: int, step_s: float) -> TimeLaw:
-    from scipy.interpolate import CubicSpline  # as above
-
     root = np.sqrt(z)
     times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(u) / (root[1:] + root[:-1]))])
+    return _law_from_times(u, times, steps, step_s)
+
+
+def _law_from_times(u: Array, times: Array, steps: int, step_s: float) -> TimeLaw:
+    """The law through places at increasing times, in another unit, at every step."""
+    from scipy.interpolate import CubicSpline  # as above
+
     total = steps * step_s
     spline = CubicSpline(times * (total / times[-1]), u, bc_type="clamped")
     t = np.linspace(0.0, total, steps + 1)
@@ -144,6 +153,49 @@ def _law_from_profile(u: Array, z: Array, steps: int, step_s: float) -> TimeLaw:
     if rate.min() < -0.05 / total:
         return smooth_law(steps=steps, step_s=step_s)
     return TimeLaw(u=where, rate=rate, acceleration=acceleration, step_s=step_s)
+
+
+def hinge_bounded_law(reference: Reference, *, steps: int, step_s: float, samples: int) -> TimeLaw:
+    """The law at which the fastest hinge turns about evenly: the least time for joints' speeds.
+
+    Args:
+        reference: The curve.
+        steps: S.
+        step_s: Time of a step.
+        samples: Places at which the hinges' turns are looked at.
+    """
+    u = np.linspace(0.0, 1.0, samples)
+    steps_rad = np.abs(np.diff(reference.spline(u), axis=0)).max(axis=1)
+    return _law_from_times(u, hinge_bounded_times(steps_rad, 1.0), steps, step_s)
+
+
+def hinge_bounded_times(steps_rad: Array, seconds: float) -> Array:
+    """Times of frames at which the fastest hinge turns about evenly, slower at both ends.
+
+    A motion whose ends go far while its hinges hardly turn needs little time for that. Where the
+    fastest hinge alternates, the pace is that of the fastest around.
+
+    Args:
+        steps_rad: (F − 1,) largest turn of a hinge from each frame to the next.
+        seconds: From the first frame to the last.
+
+    Returns:
+        (F,) seconds from 0 on.
+    """
+    from scipy.ndimage import gaussian_filter1d, maximum_filter1d  # late: not for who reads a plan
+
+    if not len(steps_rad):
+        return np.zeros(1)
+    width = int(2 * SMOOTHING) + 1
+    around = maximum_filter1d(steps_rad, width, mode="nearest")
+    even = np.maximum(gaussian_filter1d(around, SMOOTHING, mode="nearest"), steps_rad)
+    even = np.maximum(even, even.mean() / FASTEST_ALONG)
+    lengths = np.concatenate([[0.0], np.cumsum(even)])
+    law = smooth_law(steps=LAW_STEPS, step_s=1.0 / LAW_STEPS)
+    shares = np.interp(
+        lengths / max(lengths[-1], 1e-12), law.u, np.linspace(0.0, 1.0, LAW_STEPS + 1)
+    )
+    return seconds * shares
 
 
 def smooth_law(*, steps: int, step_s: float) -> TimeLaw:

@@ -199,6 +199,8 @@ class PlaybackParameters:
         distance_weight: Radians that a displacement of one pitch counts as, along the record.
         steps_per_rad: Simulation steps for one radian of the record's length.
         step_s: Time step.
+        paced_by: ``torque``: as fast as keeps the largest torque least; ``speed``: as fast as the
+            hinges' speed allows, whatever torque it takes. Of simulated playbacks.
         bandwidth: w of computed torque, in 1/s.
         stiffness: Servo gain kp.
         friction: Of contacts.
@@ -218,6 +220,7 @@ class PlaybackParameters:
     distance_weight: float = 0.03
     steps_per_rad: float = 50.0
     step_s: float = 0.08
+    paced_by: str = "torque"
     bandwidth: float = 7.5
     stiffness: float = 1e7
     friction: float = 0.0
