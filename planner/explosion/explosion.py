@@ -215,6 +215,8 @@ class Explosion(ABC, Generic[Snapshot, Parameters]):
             steps=self.steps,
             seconds=reports.seconds,
             strategy=self.strategy,
+            pushes=self.pushes,
+            retries=self.retries,
         )
 
     def step(self) -> bool:

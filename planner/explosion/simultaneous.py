@@ -265,6 +265,6 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         worst = int(np.argmax(angles.max(axis=1))) + self.chain.module.rigid_links
         return (
             f"the chain is stuck: {self.pushes} pushes in a row moved nothing on, and the joint of "
-            f"module {worst} stays bent by {np.rad2deg(angles.max()):.0f}°; it may be knotted. Try "
+            f"module {worst} stays bent by {np.rad2deg(angles.max()):.0f}°. Try "
             "another seed, or another path through the same cells."
         )
