@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.figures import BudgetFigures, EvidenceFigures
+from planner.certificate.figures import BudgetFigures, EvidenceFigures, StuckFigures
 from planner.chain.chain import Chain
 from planner.errors import UNREADABLE
 from planner.motion.record import Record
@@ -44,10 +44,12 @@ class ReasonCheck:
 
     Attributes:
         kind: ``knot``, ``blocks`` or ``budget``.
+        words: The reason, in plain words.
         differences: What speaks against it, in plain words; empty when it is confirmed.
     """
 
     kind: str
+    words: str
     differences: tuple[str, ...]
 
     @property
@@ -62,25 +64,27 @@ class ReasonCheck:
 
 
 def check_reason(
-    chain: Chain, record: Record, told: EvidenceFigures, parameters: Mapping[str, Any]
-) -> ReasonCheck:
+    chain: Chain, record: Record, stuck: StuckFigures, parameters: Mapping[str, Any]
+) -> ReasonCheck | None:
     """Whether the reason holds that is told of an explosion that did not end straight.
 
     Args:
         chain: The chain.
         record: Of the explosion.
-        told: The reason, as plain JSON values: ``evidence`` of a diagnosis.
+        stuck: The diagnosis, as plain JSON values.
         parameters: Of the fold, as plain JSON values, as a plan has them.
+
+    Returns:
+        What came of it; None where the diagnosis gives no evidence, as earlier versions did not.
     """
+    told = stuck.get("evidence")
+    if told is None:
+        return None
     try:
-        return ReasonCheck(
-            kind=told["kind"], differences=tuple(_differences(chain, record, told, parameters))
-        )
+        differences = tuple(_differences(chain, record, told, parameters))
     except UNREADABLE as error:
-        return ReasonCheck(
-            kind=str(told.get("kind")),
-            differences=(f"it cannot be worked out ({type(error).__name__}: {error})",),
-        )
+        differences = (f"it cannot be worked out ({type(error).__name__}: {error})",)
+    return ReasonCheck(kind=str(told.get("kind")), words=stuck["words"], differences=differences)
 
 
 def _differences(
