@@ -70,8 +70,8 @@ class KnotEvidence:
         """The same in plain words."""
         which = "" if self.determinant is None else f" (determinant {self.determinant})"
         return (
-            f"it is knotted{which}: where it stopped, with its ends drawn straight out, it is a "
-            f"knot, drawn with {len(self.diagram)} crossings"
+            f"it is knotted{which}: drawn where it stopped, with its ends led straight out, it has "
+            f"{len(self.diagram)} crossings"
         )
 
     def as_dict(self) -> KnotFigures:
