@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from planner.certificate.figures import BlockFigures, MoveFigures, TurnFigures
+from planner.motion.stuck_figures import BlockFigures, MoveFigures, TurnFigures
 
 MOST_NAMED: Final = 3
 """Pairs, and modules, that the words name one by one."""

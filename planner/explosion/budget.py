@@ -6,13 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from planner.certificate.figures import Spent
 from planner.chain.chain import Chain
 from planner.explosion.evidence import BudgetEvidence
 from planner.explosion.explosion import MOST_PUSHES, MOST_RETRIES
 from planner.explosion.paper import MOST_ANGLES
 from planner.motion.frames import Frames
 from planner.motion.record import Record
+from planner.motion.stuck_figures import Spent
 from planner.simulation.parameters import PaperExplosionParameters, Parameters
 
 SLIGHT_RAD: Final = 0.1

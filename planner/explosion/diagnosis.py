@@ -13,7 +13,6 @@ from typing import Any, Final, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.figures import StuckFigures
 from planner.chain.chain import Chain
 from planner.explosion.block_evidence import BlockEvidence
 from planner.explosion.blocking import BENT_RAD, blocked
@@ -30,6 +29,7 @@ from planner.kernels.core import FIXED
 from planner.kernels.pairs import near_pairs
 from planner.motion.frames import PHASES, Frames
 from planner.motion.record import Record
+from planner.motion.stuck_figures import StuckFigures
 from planner.motion.windows import Windows
 from planner.pathfinding.knot_diagram import diagram_of
 from planner.simulation.parameters import (

@@ -12,13 +12,13 @@ from typing import Final
 
 import numpy as np
 
-from planner.certificate.figures import (
+from planner.explosion.block_evidence import BlockEvidence
+from planner.motion.stuck_figures import (
     BudgetFigures,
     EvidenceFigures,
     KnotFigures,
     Spent,
 )
-from planner.explosion.block_evidence import BlockEvidence
 
 Point = tuple[float, float, float]
 USED_UP: Final[dict[Spent, str]] = {

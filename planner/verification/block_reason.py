@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.figures import BlockFigures
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
+from planner.motion.stuck_figures import BlockFigures
 from planner.plan.differences import Differences
 
 Array = NDArray[np.float64]

@@ -13,10 +13,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.figures import BudgetFigures, EvidenceFigures, StuckFigures
 from planner.chain.chain import Chain
 from planner.errors import UNREADABLE
 from planner.motion.record import Record
+from planner.motion.stuck_figures import BudgetFigures, EvidenceFigures, StuckFigures
 from planner.plan.differences import Differences
 from planner.simulation.parameters import PeelingParameters
 from planner.verification.block_reason import blocks_differ

@@ -11,13 +11,12 @@ import numpy as np
 
 from planner.certificate.figures import (
     AttemptFigures,
-    BlockFigures,
     CertificateFigures,
-    EvidenceFigures,
     ExplosionFigures,
     Fault,
     FoldSummary,
 )
+from planner.motion.stuck_figures import BlockFigures, EvidenceFigures
 from server.pages.knot_drawing import KnotDrawing, drawing_of
 from server.pages.quantities import STRATEGIES, quantity, sentence
 from server.store.shown import ShownFold

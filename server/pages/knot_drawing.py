@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from planner.certificate.figures import KnotFigures
+from planner.motion.stuck_figures import KnotFigures
 
 Array = NDArray[np.float64]
 SIDE: Final = 160

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.certificate.figures import KnotFigures
+from planner.motion.stuck_figures import KnotFigures
 from server.pages.failures import attempts, failure
 from server.pages.knot_drawing import KnotDrawing, drawing_of
 
