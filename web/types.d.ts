@@ -245,7 +245,8 @@ type FigureRow = Record<FigureName, Floats>;
 
 type Form = Record<string, string | number | boolean | Blob | null>;
 interface FileTold { label: string; hint: string; href: string }
-interface Failing { kind: string; heading: string; text: string; frame: number | null; modules: number[] }
+interface Failing { kind: string; heading: string; text: string; frame: number | null; modules: number[]; blocks: string[]; knot: KnotDrawing | null }
+interface KnotDrawing { side: number; strokes: string[]; label: string }
 interface Attempt { strategy: string; how: string; end: string; tone: string }
 interface Again { text: string; form: Form }
 interface Smoothing { rows: { label: string; before: string; after: string; ratio: string }[]; note: string; compare: string | null }

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Any, Required, TypedDict
 
+from planner.motion.stuck_figures import StuckFigures
+
 
 class PlaceFigures(TypedDict):
     """``planner.clearance.linked.Place``."""
@@ -97,14 +99,6 @@ class SmoothingFigures(TypedDict):
     seconds: float
     before: dict[str, float]
     after: dict[str, float] | None
-
-
-class StuckFigures(TypedDict):
-    """``planner.explosion.diagnosis.Diagnosis``."""
-
-    kind: str
-    modules: list[int]
-    words: str
 
 
 class AttemptFigures(TypedDict, total=False):

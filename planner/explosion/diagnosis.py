@@ -1,35 +1,49 @@
 """Diagnosis: why an explosion did not come to its end, told from where it stopped.
 
-It gives the reason, by which ``planner.pipeline.portfolio`` decides what is tried next, and the
-modules at which people should look.
+By its kind ``planner.pipeline.portfolio`` decides what is tried next; its modules show people where
+to look. Its evidence is the reason that is told: a knot, modules that block each other, or a budget.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Final, Literal
+from dataclasses import dataclass
+from typing import Any, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from planner.explosion.block_evidence import BlockEvidence
+from planner.explosion.blocking import BENT_RAD, blocked
+from planner.explosion.budget import SLIGHT_RAD, budget
+from planner.explosion.evidence import (
+    Crossing,
+    Evidence,
+    KnotEvidence,
+    Point,
+    evidence_from,
+)
+from planner.explosion.peeling import FEWEST_LEFT
+from planner.kernels.core import FIXED
 from planner.kernels.pairs import near_pairs
 from planner.motion.frames import PHASES, Frames
 from planner.motion.record import Record
-from planner.pathfinding.knots import knot_of
+from planner.motion.stuck_figures import StuckFigures
+from planner.motion.windows import Windows
+from planner.pathfinding.knot_diagram import diagram_of
+from planner.simulation.parameters import (
+    ExplosionParameters,
+    Parameters,
+)
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped"]
-BENT_RAD: Final = 1.0
-"""Bend from which on a joint is told as stuck: most of a right angle."""
 MOST_BENT: Final = 0.5
 """Share of the largest bend from which on a joint is told, where none is bent by ``BENT_RAD``."""
 TOUCHING: Final = 1.1
 """Pitches between centres up to which cubes count as touching; face to face it is 1."""
-SLIGHT_RAD: Final = 0.1
-"""Bends below this are not told at all."""
 CLUSTER: Final = 0.25
 """Share of the chain's modules that touch in one cluster, from which on contacts are the reason."""
 MOST_MODULES: Final = 200
@@ -37,7 +51,7 @@ MOST_MODULES: Final = 200
 LARGEST_KNOT: Final = 4096
 """Modules up to which a knot is looked for: it takes time by their square."""
 WORDS: Final[dict[str, str]] = {
-    "knot": "its path is knotted, which pulling at its ends draws tight",
+    "knot": "it is knotted",
     "buried": "what comes next lies under modules that come later",
     "contacts": "too many modules press on each other at once",
     "joints": "some joints are held by their neighbours",
@@ -52,55 +66,137 @@ class Diagnosis:
     """What keeps a chain from becoming straight.
 
     Attributes:
-        kind: ``knot`` in the path, a ``buried`` unit, a cluster of ``contacts``, stuck ``joints``,
-            a simulation that is ``broken`` off, or a ``limit`` that came first; ``stopped`` when
-            it was ended from outside.
+        kind: What decides what is tried next: a ``knot``, a ``buried`` unit, a cluster of
+            ``contacts``, stuck ``joints``, a simulation that is ``broken`` off, or a ``limit`` that
+            came first; ``stopped`` when it was ended from outside.
         modules: Where it sticks: modules whose joint is still bent, some of them at least.
+        evidence: The reason, as another program can test it; None when it was ended from outside,
+            and of what an earlier version has written.
     """
 
     kind: Kind
     modules: tuple[int, ...]
+    evidence: Evidence | None = None
 
     @property
     def words(self) -> str:
         """The same in plain words."""
-        return WORDS[self.kind]
+        return WORDS[self.kind] if self.evidence is None else self.evidence.words
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> StuckFigures:
         """Plain JSON values."""
-        return {**asdict(self), "modules": list(self.modules), "words": self.words}
+        return {
+            "kind": self.kind,
+            "modules": list(self.modules),
+            "words": self.words,
+            "evidence": self.evidence and self.evidence.as_dict(),
+        }
+
+    @classmethod
+    def from_dict(cls, values: StuckFigures) -> Diagnosis:
+        """From ``as_dict``; what an earlier version did not write is not there."""
+        return cls(
+            kind=cast("Kind", values["kind"]),
+            modules=tuple(values.get("modules", ())),
+            evidence=evidence_from(values.get("evidence")),
+        )
 
 
-def diagnose(chain: Chain, record: Record) -> Diagnosis | None:
+def diagnose(chain: Chain, record: Record, parameters: Parameters) -> Diagnosis | None:
     """Why a record does not end straight; None when it does, or when somebody stopped it.
 
     Args:
         chain: The chain.
         record: What was recorded.
+        parameters: What it was made with.
     """
     if record.status in ("straight", "cancelled"):
         return None
     last = record.frames[-1:].dense(chain)
+    kind, modules = _where(chain, record, last)
+    knot = _knot(chain, last)
+    return Diagnosis(
+        kind=kind if knot is None else "knot",
+        modules=tuple(modules[:MOST_MODULES].tolist()),
+        evidence=knot
+        or _blocks(chain, record, last, parameters)
+        or budget(chain, record, last, parameters),
+    )
+
+
+def _where(chain: Chain, record: Record, last: Frames) -> tuple[Kind, Ints]:
+    """What kind of sticking it is if it is no knot, and the modules whose joints are bent."""
     bent, folded = _bends(chain, last)
     first = chain.module.rigid_links
     stuck = np.flatnonzero((bent > BENT_RAD) & (folded > BENT_RAD)) + first
-    if len(chain) <= LARGEST_KNOT and knot_of(chain.folded_poses.positions).verdict == "knotted":
-        return _found("knot", stuck if len(stuck) else _most_bent(bent) + first)
     if record.strategy == "peel":
         core = int(np.argmax(np.abs(bent - folded) > 1e-6)) if (bent != folded).any() else 0
         beside = np.flatnonzero(bent[core:] > BENT_RAD)
         if not len(beside):
             beside = _most_bent(bent[core:])
-        return _found(_kind_beside(core, record), beside + core + first)
+        return _kind_beside(core, record), beside + core + first
     if record.status == "diverged":
-        return _found("broken", stuck if len(stuck) else _most_bent(bent) + first)
+        return "broken", stuck if len(stuck) else _most_bent(bent) + first
     if not len(stuck):
         if record.status == "timeout":
-            return _found("limit", stuck)
-        return _found("joints", _most_bent(bent) + first)
+            return "limit", stuck
+        return "joints", _most_bent(bent) + first
     poses = chain.poses(last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0])
     cluster = _largest_cluster(poses.positions, chain.module.apart)
-    return _found("contacts" if len(cluster) >= CLUSTER * len(chain) else "joints", stuck)
+    return "contacts" if len(cluster) >= CLUSTER * len(chain) else "joints", stuck
+
+
+def _knot(chain: Chain, last: Frames) -> KnotEvidence | None:
+    """The knot that the chain is where it stopped: as folded it may have been another one."""
+    if len(chain) > LARGEST_KNOT:
+        return None
+    poses = chain.poses(last.joint_angles_rad[0], last.root_position[0], last.root_wxyz[0])
+    found = diagram_of(poses.positions)
+    if found is None:
+        return None
+    return KnotEvidence(
+        determinant=found.knot.determinant,
+        closings=tuple(tuple(map(_point, corners)) for corners in found.closings),
+        polygon=tuple(map(_point, found.vertices)),
+        sight=_point(found.sight),
+        diagram=tuple(
+            Crossing(over=over, under=under, sign=sign)
+            for (over, under), sign in zip(found.places.tolist(), found.signs.tolist(), strict=True)
+        ),
+    )
+
+
+def _blocks(
+    chain: Chain, record: Record, last: Frames, parameters: Parameters
+) -> BlockEvidence | None:
+    """The modules that block each other where pushes were in vain."""
+    if record.status != "stalled":
+        return None
+    size, hinges, unit, first = parameters.module_size, chain.module.hinges_per_joint, None, 0
+    if record.strategy == "peel":
+        size = max(size, parameters.peeling.verify_size)
+        first = _first_let_go(chain, record, last)
+        joint = first // hinges
+        if joint:
+            before = joint - parameters.peeling.unit
+            unit = ((before if before >= FEWEST_LEFT else 0) + FIXED, joint + FIXED - 1)
+    elif isinstance(parameters.explosion, ExplosionParameters):
+        size = max(size, parameters.explosion.verify_size)
+    return blocked(chain, last.joint_angles_rad[0], size=size, first_hinge=first, unit=unit)
+
+
+def _first_let_go(chain: Chain, record: Record, last: Frames) -> int:
+    """The hinge up to which a peeling's core reaches."""
+    if isinstance(record.frames, Windows):
+        return int(record.frames.first[-1])
+    moved = np.abs(last.joint_angles_rad[0] - chain.folded_rad) > 1e-6
+    hinges = chain.module.hinges_per_joint
+    return hinges * (int(np.argmax(moved)) // hinges) if moved.any() else 0
+
+
+def _point(values: Array) -> Point:
+    x, y, z = values.tolist()
+    return (x, y, z)
 
 
 def stopped(chain: Chain, last: Frames) -> Diagnosis:
@@ -113,12 +209,13 @@ def stopped(chain: Chain, last: Frames) -> Diagnosis:
     """
     bent, folded = _bends(chain, last)
     left = np.abs(bent - folded) if PHASES[int(last.phase[-1])] == "playback" else bent
-    return _found("stopped", _most_bent(left) + chain.module.rigid_links)
+    modules = _most_bent(left) + chain.module.rigid_links
+    return Diagnosis(kind="stopped", modules=tuple(modules[:MOST_MODULES].tolist()))
 
 
 def stuck_of(
     explosion: Mapping[str, Any] | None, attempts: Sequence[Mapping[str, Any]]
-) -> dict[str, Any] | None:
+) -> StuckFigures | None:
     """Of an explosion that did not come to its end: why and where, as ``Diagnosis.as_dict``.
 
     Args:
@@ -128,7 +225,7 @@ def stuck_of(
     for attempt in attempts:
         told = attempt.get("diagnosis")
         if told and explosion == {key: attempt.get(key) for key in explosion or ()}:
-            return dict(told)
+            return cast("StuckFigures", dict(told))
     return None
 
 
@@ -153,10 +250,6 @@ def _kind_beside(core: int, record: Record) -> Kind:
     if record.status == "timeout":
         return "limit"
     return "buried" if core else "joints"
-
-
-def _found(kind: Kind, modules: Ints) -> Diagnosis:
-    return Diagnosis(kind=kind, modules=tuple(modules[:MOST_MODULES].tolist()))
 
 
 def _largest_cluster(positions: NDArray[np.float64], apart: int) -> Ints:

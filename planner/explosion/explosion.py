@@ -31,8 +31,8 @@ WEAK_TENSION: Final = 0.05
 """Factor of the tension in the weak part of a pulse."""
 STRONG_REPULSION: Final = 4.0
 """Factor of the repulsion in the weak part of a pulse."""
-MOST_PUSHES: Final = 8
-"""Pulses in a row without progress after which a run has stalled."""
+MOST_PUSHES: Final = {"simultaneous": 40, "blocks": 40, "peel": 8}
+"""Pulses in a row without progress after which a run by a strategy has stalled."""
 MOST_RETRIES: Final = 6
 """Times that a run goes back to one state; then deep contacts are let be, and an error ends it."""
 LEAST_TENSION: Final = 0.05
@@ -215,6 +215,8 @@ class Explosion(ABC, Generic[Snapshot, Parameters]):
             steps=self.steps,
             seconds=reports.seconds,
             strategy=self.strategy,
+            pushes=self.pushes,
+            retries=self.retries,
         )
 
     def step(self) -> bool:

@@ -167,7 +167,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
 
     @property
     def most_steps(self) -> int:
-        return self.parameters.max_steps_per_module * len(self.chain) + 5000
+        return self.parameters.most_steps(len(self.chain))
 
     def place(self) -> None:
         self.segments.place(self.state)
@@ -280,7 +280,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         try:
             acceleration = segments.accelerations(self.state, forces, end_torque=torque)
         except SimulationError:
-            if self.pushes >= MOST_PUSHES:
+            if self.pushes >= MOST_PUSHES[self.strategy]:
                 raise
             self._refused()
             return None
@@ -475,7 +475,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
                 self._release()
             else:
                 self.pulse_left = JAM_PULSE[1]
-        return self.pushes <= MOST_PUSHES
+        return self.pushes <= MOST_PUSHES[self.strategy]
 
     def stall_reason(self) -> str:
         """How much of it is let go, and which joint stays bent."""
@@ -489,7 +489,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         return (
             f"the chain is stuck {let_go}: {self.pushes} pushes in a row moved nothing on, and the "
             f"joint of module {self.first + 1 + worst} stays bent by "
-            f"{np.rad2deg(angles[worst]):.0f}°; it may be buried or knotted. Try to begin at the "
+            f"{np.rad2deg(angles[worst]):.0f}°. Try to begin at the "
             "other end, or a path whose units come off in its order."
         )
 

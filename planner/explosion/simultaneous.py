@@ -18,6 +18,7 @@ from planner.chain.chain import Chain
 from planner.errors import SimulationError
 from planner.explosion.explosion import (
     COMMIT_EVERY,
+    MOST_PUSHES,
     MOST_RETRIES,
     STRONG_REPULSION,
     WEAK_TENSION,
@@ -54,8 +55,6 @@ ROD: Final = (0.01, 10.0)
 """Factors of the tension and of the springs while the chain is not seen to be unknotted. Tension
 draws a knot tight. A stiff rod bends less the larger its loops are: they grow until an end slips
 out."""
-MOST_FRUITLESS: Final = 40
-"""Pulses in a row without progress after which all modules at once have stalled."""
 JAM_WINDOW: Final = 400
 """Steps between two looks whether the chain is jammed."""
 STUCK_RAD: Final = 1.0
@@ -196,7 +195,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         return acceleration
 
     def _under(self, forces: Array) -> Acceleration:
-        """Under forces on the modules; where nothing touches, without MuJoCo in a tenth the time."""
+        """Under forces; where nothing touches, without MuJoCo in a tenth of the time."""
         engine = self.engine
         # A rod is shaken by the welds' slight give, and slips sooner: docs/decisions/0025-knots.md.
         if isinstance(engine, Segments) and not self.rod and engine.is_free(self.state, self.pairs):
@@ -290,7 +289,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
             self.pushes = 0
         if (stuck.any() and not eased) or not advanced:
             self.push()
-        return self.pushes <= MOST_FRUITLESS
+        return self.pushes <= MOST_PUSHES[self.strategy]
 
     def unfolded(self) -> float:
         """0 when folded, 1 when straight: half by the joints' bends, half by the chain's span."""
@@ -306,6 +305,6 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         worst = int(np.argmax(angles.max(axis=1))) + self.chain.module.rigid_links
         return (
             f"the chain is stuck: {self.pushes} pushes in a row moved nothing on, and the joint of "
-            f"module {worst} stays bent by {np.rad2deg(angles.max()):.0f}°; it may be knotted. Try "
+            f"module {worst} stays bent by {np.rad2deg(angles.max()):.0f}°. Try "
             "another seed, or another path through the same cells."
         )

@@ -28,6 +28,8 @@ class Record:
         steps: Simulation steps.
         seconds: Wall time.
         strategy: How it was let go, see ``planner.explosion.strategies``.
+        pushes: Pulses in a row that had moved nothing on when it ended.
+        retries: Times that it had gone back to its last sound state when it ended.
         snapshots_rad: (S, J) hinge angles of all snapshots, in whole steps, where these are more
             than the frames: as published, which keeps one every few steps. Playback follows them.
     """
@@ -38,6 +40,8 @@ class Record:
     steps: int
     seconds: float
     strategy: str = "simultaneous"
+    pushes: int = 0
+    retries: int = 0
     snapshots_rad: Array | None = None
 
     def summary(self) -> dict[str, Any]:
@@ -61,6 +65,8 @@ class Record:
                 "steps": np.array(self.steps),
                 "seconds": np.array(self.seconds),
                 "strategy": np.array(self.strategy),
+                "pushes": np.array(self.pushes),
+                "retries": np.array(self.retries),
                 **motion_arrays(self.frames),
                 **(
                     {}
@@ -83,6 +89,8 @@ class Record:
                 steps=int(arrays["steps"]),
                 seconds=float(arrays["seconds"]),
                 strategy=str(arrays.get("strategy", "simultaneous")),
+                pushes=int(arrays.get("pushes", 0)),
+                retries=int(arrays.get("retries", 0)),
                 snapshots_rad=unpacked_frames(arrays, "snapshots_rad") if packed else None,
             )
 

@@ -96,15 +96,8 @@ def knot_of(cells: ArrayLike, *, closed: bool = False) -> Knot:
     if len(points) < (FEWEST_STICKS if closed else 3):
         return UNKNOT
     rng = np.random.default_rng(len(points))
-    points = points - points.mean(axis=0)
-    moved = points + rng.uniform(-JITTER, JITTER, points.shape)
-    if closed or float(np.linalg.norm(points[-1] - points[0])) < TOUCHING:
-        return knot_of_polygon(moved, rng)
-    first, last = _ways_out(points, 0, rng), _ways_out(points, len(points) - 1, rng)
-    found: list[Knot] = []
-    for k in range(max(len(first), len(last))):
-        polygon = _closed(moved, first[k % len(first)], last[k % len(last)])
-        found.append(knot_of_polygon(polygon, rng))
+    polygons = closed_polygons(points - points.mean(axis=0), rng, closed=closed)
+    found = [knot_of_polygon(polygon, rng) for polygon in polygons]
     if len({(knot.verdict, knot.determinant) for knot in found}) == 1:
         return found[0]
     return Knot(verdict="undecided", determinant=None, crossings=min(k.crossings for k in found))
@@ -117,6 +110,11 @@ def knot_of_polygon(polygon: Array, rng: np.random.Generator) -> Knot:
         polygon: (n, 3) vertices in general position: no four in a plane.
         rng: Turns the polygon before it is projected.
     """
+    return smaller(polygon, rng)[0]
+
+
+def smaller(polygon: Array, rng: np.random.Generator) -> tuple[Knot, Array]:
+    """The knot of a closed polygon as of ``knot_of_polygon``, and the smaller one that shows it."""
     points = reduced(polygon)
     knot = _judged(points, rng)
     for k in range(ROUNDS):
@@ -124,7 +122,7 @@ def knot_of_polygon(polygon: Array, rng: np.random.Generator) -> Knot:
             break
         points = reduced(tightened(points, (0.9, 0.4, 0.65)[k % 3]))
         knot = _judged(points, rng)
-    return knot
+    return knot, points
 
 
 def _judged(points: Array, rng: np.random.Generator) -> Knot:
@@ -145,6 +143,29 @@ def _judged(points: Array, rng: np.random.Generator) -> Knot:
 
 
 # Closing ------------------------------------------------------------------------------------------
+
+
+def closed_polygons(
+    points: Array, rng: np.random.Generator, *, closed: bool = False
+) -> list[Array]:
+    """Closed polygons that are to be the same knot: one for each way in which ends are drawn out.
+
+    Args:
+        points: (n, 3) centres in order, about the origin.
+        rng: Moves them a little, and chooses ways where none is free.
+        closed: Whether the last point is joined to the first one instead.
+
+    Returns:
+        (n + k, 3) each: the points, then k corners far outside by which the ends are joined.
+    """
+    moved = points + rng.uniform(-JITTER, JITTER, points.shape)
+    if closed or float(np.linalg.norm(points[-1] - points[0])) < TOUCHING:
+        return [moved]
+    first, last = _ways_out(points, 0, rng), _ways_out(points, len(points) - 1, rng)
+    return [
+        _closed(moved, first[k % len(first)], last[k % len(last)])
+        for k in range(max(len(first), len(last)))
+    ]
 
 
 def _ways_out(points: Array, end: int, rng: np.random.Generator) -> list[Array]:
@@ -186,14 +207,24 @@ def _tilted(way: Array, angle: float) -> Array:
 
 def _fewest_crossings(points: Array, rng: np.random.Generator) -> tuple[Array, NDArray[np.int64]]:
     """The diagram with the fewest crossings among some directions of sight."""
-    best: tuple[Array, NDArray[np.int64]] | None = None
+    return best_view(points, rng)[1:]
+
+
+def best_view(points: Array, rng: np.random.Generator) -> tuple[Array, Array, NDArray[np.int64]]:
+    """The direction of sight, among some, in which a closed polygon has the fewest crossings.
+
+    Returns:
+        (3,) the direction, pointing at who looks, with ``places`` and ``signs`` as of
+        ``planner.kernels.knots.crossings``.
+    """
+    best: tuple[Array, Array, NDArray[np.int64]] | None = None
     for _ in range(PROJECTIONS if len(points) < 500 else 2):
         turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         if np.linalg.det(turn) < 0:
             turn[:, 0] *= -1
-        found = seen_crossings(np.ascontiguousarray(points @ turn))
-        if best is None or len(found[1]) < len(best[1]):
-            best = found
+        places, signs = seen_crossings(np.ascontiguousarray(points @ turn))
+        if best is None or len(signs) < len(best[2]):
+            best = (turn[:, 2].copy(), places, signs)
     assert best is not None
     return best
 

@@ -25,6 +25,7 @@ from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.pipeline.attempt_folders import ATTEMPTS
 from planner.pipeline.portfolio import Attempt, Portfolio, Try
+from planner.simulation.parameters import Parameters
 
 CANDIDATES: Final = "candidates.json"
 MOST_JUDGED: Final = 6
@@ -81,7 +82,7 @@ def save(directory: FilePath, attempts: Sequence[Attempt]) -> None:
     write_json(directory / ATTEMPTS, [attempt.as_dict() for attempt in attempts])
 
 
-def made(todo: Try, chain: Chain, record: Record) -> Attempt:
+def made(todo: Try, chain: Chain, record: Record, parameters: Parameters) -> Attempt:
     """One that came to an end of its own."""
     return Attempt(
         todo=todo,
@@ -90,7 +91,7 @@ def made(todo: Try, chain: Chain, record: Record) -> Attempt:
         steps=record.steps,
         frames=len(record.frames),
         seconds=record.seconds,
-        diagnosis=diagnose(chain, record),
+        diagnosis=diagnose(chain, record, parameters),
     )
 
 

@@ -49,7 +49,7 @@ def explode_stage(
         attempts.save(directory, [*tried, Attempt(todo=todo, status="begun")])
         if request.smooth:
             record = _smoothed(directory, request, todo, progress, cancelled)
-            attempt = attempts.made(todo, chain, record)
+            attempt = attempts.made(todo, chain, record, request.parameters())
         else:
             tries.come_to(choice, tried, todo)
             record, attempt = tries.take(place, progress, cancelled) or make_try(

@@ -64,7 +64,7 @@ def make_try(
     writer.flush()
     if record.status != "straight":
         writer.close("failed")
-    return record, made(todo, chain, record)
+    return record, made(todo, chain, record, parameters)
 
 
 class Tries:

@@ -112,9 +112,7 @@ class Attempt:
         """From ``as_dict``; what an older version did not write is as it was then."""
         found = values.get("diagnosis")
         known = {name: values[name] for name in cls.__dataclass_fields__ if name in values}
-        known["diagnosis"] = found and Diagnosis(
-            kind=found["kind"], modules=tuple(found.get("modules", ()))
-        )
+        known["diagnosis"] = found and Diagnosis.from_dict(found)
         todo = {name: values[name] for name in Try.__dataclass_fields__ if name in values}
         return cls(**known, todo=Try(**todo))
 

@@ -187,6 +187,10 @@ class PeelingParameters:
     patience: int = 500
     max_steps_per_module: int = 60
 
+    def most_steps(self, modules: int) -> int:
+        """Steps after which the peeling of a chain of so many modules gives up."""
+        return self.max_steps_per_module * modules + 5000
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaybackParameters:

@@ -24,7 +24,9 @@ from planner.progress import Report, silent
 from planner.verification.certificate_figures import ToldFigures
 from planner.verification.forms import forms_differ, lacking
 from planner.verification.own_parameters import own_parameters, request_differs
+from planner.verification.plan_reasons import reason_of
 from planner.verification.playback_kinds import kind_differs
+from planner.verification.reasons import ReasonCheck
 from planner.verification.replay import Replay, replay
 from planner.verification.stage_files import stage_files_differ
 from planner.verification.timelines import (
@@ -53,6 +55,8 @@ class Verification:
 
     Attributes:
         certificate: Made anew from the files.
+        reason: Whether the reason holds that is told of an explosion that stuck; None of others,
+            and where that could not be checked.
         replay: What plain MuJoCo says of the exported model with the plan's angles.
         checked: What was looked at, in plain words.
         problems: Everything that speaks against the plan, in plain words; empty when verified.
@@ -60,6 +64,7 @@ class Verification:
     """
 
     certificate: Certificate
+    reason: ReasonCheck | None
     replay: Replay | None
     checked: tuple[str, ...]
     problems: tuple[str, ...]
@@ -77,6 +82,7 @@ class Verification:
             "problems": list(self.problems),
             "notes": list(self.notes),
             "checked": list(self.checked),
+            "reason": None if self.reason is None else self.reason.as_dict(),
             "replay": None if self.replay is None else asdict(self.replay),
             "certificate": self.certificate.as_dict(),
         }
@@ -161,6 +167,14 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
             f"the certificate's figures come out again{alone if simulated else ''}",
             told.differences(certificate, found.notes),
         )
+    reason = None
+    if plan.explosion is not None and plan.explosion["status"] not in ("straight", "cancelled"):
+        reason = reason_of(directory, plan, found.notes)
+        if reason is not None:
+            found.look(
+                "the reason why it stuck holds",
+                (f"the reason why it stuck: {difference}" for difference in reason.differences),
+            )
     model = _text(directory / "model.xml")
     found.look("model.xml is the plan's model", _model(model, plan, found.notes, earlier=earlier))
     replayed = None
@@ -194,6 +208,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
         )
     return Verification(
         certificate=certificate,
+        reason=reason,
         replay=replayed,
         checked=tuple(found.checked),
         problems=tuple(found.problems),

@@ -163,7 +163,7 @@ class Fold(BaseModel):
     progress: Progress
     summary: dict[str, Any] = Field(
         description="Figures of the plan; empty until it is over. `stuck` tells why and at which "
-        "modules it failed, where that is known."
+        "modules it failed, where that is known, with `evidence` that can be checked."
     )
     error: Fault | None
     links: Links

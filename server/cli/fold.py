@@ -176,6 +176,8 @@ def show(summary: dict[str, Any], out: Path) -> None:
             table.add_row(name, f"{value} {unit}".rstrip())
 
     console.print(certificate_words.headline(certificate), markup=False, soft_wrap=True)
+    if stuck := summary["stuck"]:
+        console.print(f"{sentence(stuck['words'])}.", markup=False, soft_wrap=True)
     row("Begins as", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])
     row("Strategy", certificate_words.baseline(strategy) or strategy)

@@ -62,6 +62,9 @@ def verify(
         told = certificate_words.headline(found.certificate.as_dict())
         for line in found.problems or (told,):
             console.print(line, markup=False)
+        if found.reason is not None:
+            holds = "confirmed" if found.reason.confirmed else "refuted"
+            console.print(f"Reason {holds}: {found.reason.words}.", markup=False)
         if found.replay is not None:
             console.print(
                 f"plain MuJoCo, {found.replay.frames} configurations: poses agree to "

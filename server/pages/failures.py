@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 from typing import Final, TypedDict, cast
 
+import numpy as np
+
 from planner.certificate.figures import (
     AttemptFigures,
     CertificateFigures,
@@ -14,11 +16,19 @@ from planner.certificate.figures import (
     Fault,
     FoldSummary,
 )
+from planner.motion.stuck_figures import BlockFigures, EvidenceFigures
+from server.pages.knot_drawing import KnotDrawing, drawing_of
 from server.pages.quantities import STRATEGIES, quantity, sentence
 from server.store.shown import ShownFold
 
 HEADINGS: Final = {
     "knot": "Stuck: a knot",
+    "blocks": "Stuck: modules block each other",
+    "steps": "Stuck: its steps are used up",
+    "pushes": "Stuck: pushes move nothing on",
+    "retries": "The simulation broke off",
+    "snapshots": "Stuck: its snapshots are used up",
+    "motion": "Stuck: nothing moves any more",
     "buried": "Stuck: buried modules",
     "contacts": "Stuck: modules press on each other",
     "joints": "Stuck: joints that do not turn",
@@ -38,6 +48,8 @@ STAGES: Final = {
 }
 MOVING: Final = ("explode", "play_back")
 """Stages that end with another frame than they were ended at."""
+MOST_LINES: Final = 24
+"""Turns and moves that are told one by one."""
 BESIDE: Final = re.compile(r"ends .* from the folded shape|does not end folded")
 """Verdicts on where a fold ends."""
 ENDS: Final = {
@@ -49,12 +61,17 @@ ENDS: Final = {
 
 
 class Failure(TypedDict):
-    """Where a fold sticks: words, its modules, and a frame; None is the last one."""
+    """Where a fold sticks: words, its modules, and a frame; None is the last one.
+
+    What blocks what stands in ``blocks``, a line for each turn or move; a knot is drawn.
+    """
 
     heading: str
     text: str
     modules: list[int]
     frame: float | None
+    blocks: list[str]
+    knot: KnotDrawing | None
 
 
 class AttemptWords(TypedDict):
@@ -79,10 +96,13 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
     if row.status not in ("failed", "cancelled"):
         return None
     frame: float | None = None
+    evidence: EvidenceFigures | None = None
     if told := summary.get("stuck"):
         kind, modules, text = told["kind"], told["modules"], told["words"]
         if kind == "stopped":
             text = _stopped(row, text)
+        if evidence := told.get("evidence"):
+            kind = evidence["spent"] if evidence["kind"] == "budget" else evidence["kind"]
     elif overlap := _overlap(summary):
         kind, modules, text = "overlap", overlap["modules"] or [], overlap["words"]
         frame = overlap["frame"] + (exploding(summary) or 0)
@@ -92,7 +112,34 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
     else:
         return None
     text = sentence(text.rstrip("."))
-    return {"heading": HEADINGS[kind], "text": f"{text}.", "modules": modules, "frame": frame}
+    return {
+        "heading": HEADINGS[kind],
+        "text": f"{text}.",
+        "modules": modules,
+        "frame": frame,
+        "blocks": _blocks(evidence) if evidence and evidence["kind"] == "blocks" else [],
+        "knot": drawing_of(evidence) if evidence and evidence["kind"] == "knot" else None,
+    }
+
+
+def _blocks(told: BlockFigures) -> list[str]:
+    """What lies in the way of each turn and each move."""
+    lines: list[str] = []
+    for turn in told["turns"]:
+        degrees, (a, b) = abs(np.rad2deg(turn["turned_rad"])), turn["modules"]
+        lines.append(
+            f"Hinge {turn['hinge']} at module {turn['module']}, turned by {degrees:.0f}°: modules "
+            f"{a} and {b} overlap by {quantity(turn['overlap'], 'pitch', 2)}"
+        )
+    for move in told["moves"]:
+        axis = next(k for k, step in enumerate(move["direction"]) if step)
+        way, (a, b) = f"{'+' if move['direction'][axis] > 0 else '−'}{'xyz'[axis]}", move["modules"]
+        lines.append(
+            f"The next unit, moved by {quantity(move['moved'], 'pitch')} along {way}: modules {a} "
+            f"and {b} overlap by {quantity(move['overlap'], 'pitch', 2)}"
+        )
+    more = len(lines) - MOST_LINES
+    return lines if more <= 0 else [*lines[:MOST_LINES], f"And {more} more"]
 
 
 def exploding(summary: FoldSummary) -> int | None:

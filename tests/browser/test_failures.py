@@ -191,6 +191,9 @@ def test_a_knot(visit: Visit, service: Service) -> None:
     for options, name in ((LAPTOP, "failure-knot"), (PHONE, "failure-knot-phone")):
         page = opened(visit(f"/folds/{fold}", **options))
         expect(page.locator("#stuck-heading")).to_have_text("Stuck: a knot")
+        drawn = page.locator("#stuck-knot svg")
+        assert drawn.get_attribute("aria-label") == "A knot with 3 crossings, determinant 3"
+        assert drawn.locator("path").count() == 3
         found = looked_at(page, name)
         assert found == state["summary"]["stuck"]["modules"]
         # The knot is in the middle, between the tails.
@@ -201,7 +204,7 @@ def test_a_knot(visit: Visit, service: Service) -> None:
     tried = page.locator(".attempts li")
     assert tried.count() >= 2
     for attempt in tried.all():
-        expect(attempt).to_contain_text("its path is knotted")
+        expect(attempt).to_contain_text("it is knotted (determinant 3)")
     keep(page, "failure-knot-attempts")
 
 

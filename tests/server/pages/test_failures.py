@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+
+from planner.motion.stuck_figures import KnotFigures
 from server.pages.failures import attempts, failure
+from server.pages.knot_drawing import KnotDrawing, drawing_of
 
 KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted."}
 
@@ -30,7 +35,76 @@ def test_a_stuck_explosion_is_shown_at_its_end() -> None:
         "text": "Its path is knotted.",
         "modules": [5, 6, 9],
         "frame": None,
+        "blocks": [],
+        "knot": None,
     }
+
+
+TREFOIL: KnotFigures = {
+    "kind": "knot",
+    "determinant": 3,
+    "crossings": 3,
+    "closings": [[]],
+    "polygon": [],
+    "sight": [0.0, 0.0, 1.0],
+    # Over, under, over, under …: each crossing is passed once above and once below.
+    "diagram": [
+        {"over": 0.5, "under": 3.5, "sign": 1},
+        {"over": 2.5, "under": 5.5, "sign": 1},
+        {"over": 4.5, "under": 1.5, "sign": 1},
+    ],
+}
+
+
+def test_a_knot_that_is_the_reason_is_drawn_with_a_gap_at_each_crossing() -> None:
+    stuck = {**KNOT, "evidence": TREFOIL}
+    told = failure(row(), {"stuck": stuck})
+    assert told is not None and told["heading"] == "Stuck: a knot"
+    drawn = told["knot"]
+    assert drawn is not None and len(drawn["strokes"]) == 3
+    assert drawn["label"] == "A knot with 3 crossings, determinant 3"
+    numbers = [float(n) for n in re.findall(r"[\d.]+", " ".join(drawn["strokes"]))]
+    assert min(numbers) > 0.0 and max(numbers) < drawn["side"]
+    # Its mirror image is drawn as the mirror image.
+    flipped = [{**crossing, "sign": -1} for crossing in TREFOIL["diagram"]]
+    other = drawing_of({**TREFOIL, "diagram": flipped})  # type: ignore[typeddict-item]
+    assert other is not None and [_signs(drawn), _signs(other)] == [[1, 1, 1], [-1, -1, -1]]
+
+
+def _signs(drawn: KnotDrawing) -> list[int]:
+    """The signs of the crossings, as they are seen: where one stroke ends and the next begins."""
+    strokes = [
+        np.array([[float(n) for n in point.split()] for point in stroke[1:].split(" L")])
+        for stroke in drawn["strokes"]
+    ]
+    signs: list[int] = []
+    for one, two in zip(strokes, [*strokes[1:], strokes[0]], strict=True):
+        middle, under = (one[-1] + two[0]) / 2, two[0] - one[-1]
+        _, over = min(
+            (float(np.linalg.norm(stroke[k] - middle)), tuple(stroke[k + 1] - stroke[k - 1]))
+            for stroke in strokes
+            for k in range(1, len(stroke) - 1)
+        )
+        signs.append(-int(np.sign(over[0] * under[1] - over[1] * under[0])))  # y points down
+    return signs
+
+
+def test_what_blocks_what_is_listed_and_a_budget_told_in_numbers() -> None:
+    turn = {"hinge": 7, "module": 4, "turned_rad": -0.0349, "modules": [4, 9], "overlap": 0.0123}
+    move = {"direction": [0, -1, 0], "moved": 0.5, "modules": [5, 2], "overlap": 0.45}
+    evidence = {"kind": "blocks", "turns": [turn], "moves": [move]}
+    told = failure(row(), {"stuck": {**KNOT, "kind": "buried", "evidence": evidence}})
+    assert told is not None and told["heading"] == "Stuck: modules block each other"
+    assert told["blocks"] == [
+        "Hinge 7 at module 4, turned by 2°: modules 4 and 9 overlap by 0.012 pitch",
+        "The next unit, moved by 0.5 pitch along −y: modules 5 and 2 overlap by 0.45 pitch",
+    ]
+    many = {**evidence, "turns": 30 * [turn]}
+    told = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
+    assert told is not None and told["blocks"][-1] == "And 7 more"
+    budget = {"kind": "budget", "spent": "steps"}
+    told = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": budget}})
+    assert told is not None and told["heading"] == "Stuck: its steps are used up"
 
 
 def test_a_limit_says_what_was_exceeded_and_how_far_it_came() -> None:
@@ -65,6 +139,8 @@ def test_an_overlap_is_shown_where_it_is_along_the_timeline() -> None:
         "text": "At a module size of 1, modules 3 and 7 overlap by 0.012 pitch.",
         "modules": [3, 7],
         "frame": 212.5,
+        "blocks": [],
+        "knot": None,
     }
     # Their timelines are those of their plans alone.
     for alone in ({"refold": {"start": "a"}}, {"smoothing": {"way": "smoothed"}}):

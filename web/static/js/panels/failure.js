@@ -2,6 +2,7 @@
 import { element, get } from "../lib/text.js";
 
 const NAMED = 4; // modules that are named one by one
+const SVG = "http://www.w3.org/2000/svg";
 const PAIR = 2; // modules that the text names
 const narrow = matchMedia("(max-width: 760px)");
 
@@ -33,10 +34,12 @@ export class Failure {
     get("stuck-attempts").textContent = attempts.length === 1 ? "What was tried" : `All ${attempts.length} attempts`;
     get("panel-attempts").replaceChildren(...this.panel(failure, attempts));
     if (!this.found) return;
-    const { heading, text, modules } = this.found;
+    const { heading, text, modules, knot } = this.found;
     get("stuck-heading").textContent = heading;
     get("stuck-text").textContent = text;
     get("stuck-modules").textContent = modules.length > PAIR ? named(modules) : "";
+    get("stuck-knot").replaceChildren(...(knot ? [drawing(knot)] : []));
+    get("stuck-knot").hidden = !knot;
     get("stuck-swatch").hidden = !modules.length;
     get("stuck-go").textContent = modules.length ? "Show where" : "Show how far it came";
     this.unfold(!narrow.matches);
@@ -71,6 +74,8 @@ export class Failure {
     const parts = [];
     if (failure) {
       parts.push(element("h2", {}, failure.heading), element("p", {}, failure.text));
+      if (failure.knot) parts.push(drawing(failure.knot));
+      if (failure.blocks.length) parts.push(element("ul", { class: "blocks" }, ...failure.blocks.map((line) => element("li", {}, line))));
       if (failure.modules.length) {
         const links = failure.modules.map((module) => {
           const link = element("button", { class: "inline", type: "button" }, String(module));
@@ -85,6 +90,19 @@ export class Failure {
     if (tried.length) parts.push(element("h3", {}, "What was tried"), element("ol", { class: "attempts" }, ...tried));
     return parts;
   }
+}
+
+// The knot as it is where the fold stopped, with gaps where a strand goes under another one.
+/** @param {KnotDrawing} knot */
+function drawing({ side, strokes, label }) {
+  const made = document.createElementNS(SVG, "svg");
+  for (const [name, value] of Object.entries({ class: "knot", viewBox: `0 0 ${side} ${side}`, role: "img", "aria-label": label })) made.setAttribute(name, value);
+  made.append(...strokes.map((d) => {
+    const path = document.createElementNS(SVG, "path");
+    path.setAttribute("d", d);
+    return path;
+  }));
+  return element("figure", { class: "knot-drawing" }, made, element("figcaption", { class: "hint" }, label));
 }
 
 /** @param {number[]} modules */

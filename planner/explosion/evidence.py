@@ -1,0 +1,166 @@
+"""Evidence: what a refusal rests on, as data that another program can test.
+
+``planner/verification/reasons.py`` is such a program. Positions are in pitches, in the frame of the
+timeline's last frame of the explosion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from planner.explosion.block_evidence import BlockEvidence
+from planner.motion.stuck_figures import (
+    BudgetFigures,
+    EvidenceFigures,
+    KnotFigures,
+    Spent,
+)
+
+Point = tuple[float, float, float]
+USED_UP: Final[dict[Spent, str]] = {
+    "steps": "{allowed} steps were allowed and were used",
+    "pushes": "{allowed} pushes in a row were allowed and moved nothing on",
+    "retries": "the simulation broke off after it had gone back {used} times to a sound state",
+    "snapshots": "{allowed} snapshots were allowed and were used",
+    "motion": "nothing moved any more after {used} of {allowed} steps",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crossing:
+    """A place where one strand of a diagram passes over another one.
+
+    Attributes:
+        over, under: Where along the polygon, as edge plus fraction: 2.25 is a quarter of the way
+            from vertex 2 to vertex 3.
+        sign: 1 or −1, by the right-hand rule.
+    """
+
+    over: float
+    under: float
+    sign: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnotEvidence:
+    """The chain is knotted where its explosion stopped, with its ends drawn out of it.
+
+    Attributes:
+        determinant: |Δ(−1)| of the Alexander polynomial; None where only another value of the
+            polynomial was computed.
+        closings: Corners by which the last module is joined to the first one, for each way in which
+            the ends were drawn out: the knot is the same for all. Without corners where they touch.
+        polygon: Vertices of a closed polygon of that knot.
+        sight: Direction in which the diagram is seen, pointing at who looks.
+        diagram: Its crossings.
+    """
+
+    determinant: int | None
+    closings: tuple[tuple[Point, ...], ...]
+    polygon: tuple[Point, ...]
+    sight: Point
+    diagram: tuple[Crossing, ...]
+
+    @property
+    def words(self) -> str:
+        """The same in plain words."""
+        which = "" if self.determinant is None else f" (determinant {self.determinant})"
+        return (
+            f"it is knotted{which}: drawn where it stopped, with its ends led straight out, it has "
+            f"{len(self.diagram)} crossings"
+        )
+
+    def as_dict(self) -> KnotFigures:
+        """Plain JSON values."""
+        return {
+            "kind": "knot",
+            "determinant": self.determinant,
+            "crossings": len(self.diagram),
+            "closings": [[list(corner) for corner in corners] for corners in self.closings],
+            "polygon": [list(vertex) for vertex in self.polygon],
+            "sight": list(self.sight),
+            "diagram": [
+                {"over": each.over, "under": each.under, "sign": each.sign} for each in self.diagram
+            ],
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BudgetEvidence:
+    """What an explosion may use of something was used up before the chain was straight.
+
+    Attributes:
+        spent: What was used up: simulation ``steps``; ``pushes``, pulses in a row without progress;
+            ``retries``, returns to the last sound state before an error; ``snapshots`` that are
+            kept; or, as published, the ``motion`` itself, which came to rest.
+        allowed, used: How many. Of what is counted in a row, the last one used is one too many.
+        bent_hinges: Hinges still bent by more than a tenth of a radian.
+        largest_bend_rad: Of all hinges.
+    """
+
+    spent: Spent
+    allowed: int
+    used: int
+    bent_hinges: int
+    largest_bend_rad: float
+
+    @property
+    def words(self) -> str:
+        """The same in plain words."""
+        told = USED_UP[self.spent].format(allowed=_whole(self.allowed), used=_whole(self.used))
+        hinges = "hinge was" if self.bent_hinges == 1 else "hinges were"
+        left = (
+            f"{self.bent_hinges} {hinges} still bent, by up to"
+            if self.bent_hinges
+            else ("no hinge was bent by more than")
+        )
+        return f"{told}; {left} {np.rad2deg(self.largest_bend_rad):.0f}°"
+
+    def as_dict(self) -> BudgetFigures:
+        """Plain JSON values."""
+        return {
+            "kind": "budget",
+            "spent": self.spent,
+            "allowed": self.allowed,
+            "used": self.used,
+            "bent_hinges": self.bent_hinges,
+            "largest_bend_rad": self.largest_bend_rad,
+        }
+
+
+Evidence = KnotEvidence | BlockEvidence | BudgetEvidence
+
+
+def evidence_from(values: EvidenceFigures | None) -> Evidence | None:
+    """From ``as_dict``; None where an earlier version wrote none."""
+    if values is None:
+        return None
+    if values["kind"] == "knot":
+        return KnotEvidence(
+            determinant=values["determinant"],
+            closings=tuple(tuple(map(_point, corners)) for corners in values["closings"]),
+            polygon=tuple(map(_point, values["polygon"])),
+            sight=_point(values["sight"]),
+            diagram=tuple(Crossing(**crossing) for crossing in values["diagram"]),
+        )
+    if values["kind"] == "blocks":
+        return BlockEvidence.from_dict(values)
+    return BudgetEvidence(
+        spent=values["spent"],
+        allowed=values["allowed"],
+        used=values["used"],
+        bent_hinges=values["bent_hinges"],
+        largest_bend_rad=values["largest_bend_rad"],
+    )
+
+
+def _point(values: Sequence[float]) -> Point:
+    return (values[0], values[1], values[2])
+
+
+def _whole(number: int) -> str:
+    return f"{number:,}".replace(",", "\u00a0")

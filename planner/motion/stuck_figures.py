@@ -1,0 +1,83 @@
+"""Figures of an explosion that sticks, as plain JSON values: why, where, and the evidence."""
+
+from __future__ import annotations
+
+from typing import Literal, NotRequired, TypedDict
+
+
+class CrossingFigures(TypedDict):
+    """``planner.explosion.evidence.Crossing``."""
+
+    over: float
+    under: float
+    sign: int
+
+
+class KnotFigures(TypedDict):
+    """``planner.explosion.evidence.KnotEvidence``."""
+
+    kind: Literal["knot"]
+    determinant: int | None
+    crossings: int
+    closings: list[list[list[float]]]
+    polygon: list[list[float]]
+    sight: list[float]
+    diagram: list[CrossingFigures]
+
+
+class TurnFigures(TypedDict):
+    """``planner.explosion.evidence.Turn``."""
+
+    hinge: int
+    module: int
+    turned_rad: float
+    modules: list[int]
+    overlap: float
+
+
+class MoveFigures(TypedDict):
+    """``planner.explosion.evidence.Move``."""
+
+    direction: list[int]
+    moved: float
+    modules: list[int]
+    overlap: float
+
+
+class BlockFigures(TypedDict):
+    """``planner.explosion.evidence.BlockEvidence``."""
+
+    kind: Literal["blocks"]
+    module_size: float
+    bent_above_rad: float
+    first_hinge: int
+    turns: list[TurnFigures]
+    unit: list[int] | None
+    moves: list[MoveFigures]
+
+
+Spent = Literal["steps", "pushes", "retries", "snapshots", "motion"]
+"""What can be used up."""
+
+
+class BudgetFigures(TypedDict):
+    """``planner.explosion.evidence.BudgetEvidence``."""
+
+    kind: Literal["budget"]
+    spent: Spent
+    allowed: int
+    used: int
+    bent_hinges: int
+    largest_bend_rad: float
+
+
+EvidenceFigures = KnotFigures | BlockFigures | BudgetFigures
+
+
+class StuckFigures(TypedDict):
+    """``planner.explosion.diagnosis.Diagnosis``; earlier versions wrote no evidence."""
+
+    kind: str
+    modules: list[int]
+    words: str
+    evidence: NotRequired[EvidenceFigures | None]

@@ -1,0 +1,136 @@
+"""Blocks as reasons: whether modules lie in the way of each turn and move that is told.
+
+Overlaps are found by separating axes in plain NumPy, apart from the compiled checks.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import Poses, forward_kinematics
+from planner.motion.stuck_figures import BlockFigures
+from planner.plan.differences import Differences
+
+Array = NDArray[np.float64]
+LARGEST_TURN_RAD: Final = float(np.deg2rad(5.0))
+"""A hinge that can turn by this is free."""
+MOST_BENT_RAD: Final = float(np.deg2rad(60.0))
+"""Hinges bent by more must all be told."""
+LARGEST_MOVE: Final = 1.0
+"""Pitches that a unit is moved at most: what can go a whole cell is free."""
+FOLDED_WITHIN_RAD: Final = 1e-5
+"""Radians by which angles in a core may differ from the folded ones: they are single precision."""
+OVERLAP_WITHIN: Final = 1e-6
+"""Pitches by which an overlap may be told otherwise."""
+ROUNDING: Final = 1e-9
+"""Length of a product of edges below which it is no axis, and slack of comparisons."""
+
+
+def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: float) -> Differences:
+    """Where modules do not block each other as it is told.
+
+    Args:
+        chain: The chain.
+        angles_rad: (J,) its hinge angles where the explosion stopped.
+        told: The evidence.
+        size: Module size at which the explosion keeps clear.
+    """
+    first, per_joint = told["first_hinge"], chain.module.hinges_per_joint
+    if told["module_size"] != size:
+        yield f"module_size: got {told['module_size']:g}, expected {size:g}"
+    if told["bent_above_rad"] > MOST_BENT_RAD:
+        yield f"bent_above_rad: got {told['bent_above_rad']:.3g}, expected less than a right angle"
+    if not np.allclose(
+        angles_rad[:first], chain.folded_rad[:first], rtol=0.0, atol=FOLDED_WITHIN_RAD
+    ):
+        yield f"first_hinge: got {first}, expected no more than are still folded"
+    bent = np.flatnonzero(np.abs(angles_rad) > told["bent_above_rad"])
+    expected = bent[bent >= first].tolist()
+    if [turn["hinge"] for turn in told["turns"]] != expected:
+        yield f"turns: got {len(told['turns'])}, expected one for each of {len(expected)} hinges"
+        return
+    if not told["turns"] and not told["moves"]:
+        yield "turns and moves: got none, expected something that is blocked"
+    before = forward_kinematics(chain.module, angles_rad)
+    for turn in told["turns"]:
+        hinge, turned, (i, j) = turn["hinge"], turn["turned_rad"], sorted(turn["modules"])
+        name = f"hinge {hinge}"
+        module = hinge // per_joint + chain.module.rigid_links
+        if turn["module"] != module or not i <= module < j:
+            yield f"{name}: got modules {i} and {j}, expected one on each side of module {module}"
+        if turned * angles_rad[hinge] >= 0.0 or abs(turned) > LARGEST_TURN_RAD + ROUNDING:
+            yield f"{name}: got a turn of {turned:.3g} rad, expected a small one towards straight"
+        now = angles_rad.copy()
+        now[hinge] += turned
+        poses = forward_kinematics(chain.module, now)
+        yield from _overlap_differs(chain, poses, before, (i, j), size, turn["overlap"], name)
+    yield from _moves_differ(chain, told, size)
+
+
+def _moves_differ(chain: Chain, told: BlockFigures, size: float) -> Differences:
+    """Where a unit is not blocked in all directions."""
+    if not told["moves"]:
+        return
+    axes = np.concatenate([np.eye(3), -np.eye(3)]).astype(int).tolist()
+    if sorted(move["direction"] for move in told["moves"]) != sorted(axes):
+        yield "moves: expected each of the six directions once"
+    joint = told["first_hinge"] // chain.module.hinges_per_joint
+    if told["unit"] is None or told["unit"][1] != joint + chain.module.rigid_links:
+        yield f"unit: got {told['unit']}, expected one that ends where the core ends"
+        return
+    low, high = told["unit"]
+    folded = forward_kinematics(chain.module, chain.folded_rad)
+    for move in told["moves"]:
+        (a, b), moved = move["modules"], move["moved"]
+        name = f"direction {move['direction']}"
+        if not (low <= a <= high and 0 <= b < low):
+            yield f"{name}: got modules {a} and {b}, expected one of the unit and one of the core"
+        if not 0.0 < moved <= LARGEST_MOVE:
+            yield f"{name}: got a move of {moved:g}, expected one of at most {LARGEST_MOVE:g}"
+        positions = folded.positions.copy()
+        positions[low:] += moved * np.array(move["direction"])
+        poses = Poses(positions=positions, rotations=folded.rotations)
+        yield from _overlap_differs(chain, poses, folded, (b, a), size, move["overlap"], name)
+
+
+def _overlap_differs(
+    chain: Chain,
+    poses: Poses,
+    before: Poses,
+    pair: tuple[int, int],
+    size: float,
+    told: float,
+    name: str,
+) -> Differences:
+    """Where two modules do not overlap as told, did so before, or are linked."""
+    i, j = pair
+    if not 0 <= i < j < len(chain) or j - i < chain.module.apart:
+        yield f"{name}: got modules {i} and {j}, expected two that are not linked"
+        return
+    found = overlap(chain, poses, i, j, size)
+    if not (found > 0.0 and abs(found - told) <= OVERLAP_WITHIN):
+        yield f"{name}: modules {i} and {j} overlap by {found:.3g}, expected {told:.3g}"
+    if overlap(chain, before, i, j, size) > ROUNDING:
+        yield f"{name}: modules {i} and {j} overlap before, expected two that do not"
+
+
+def overlap(chain: Chain, poses: Poses, i: int, j: int, size: float) -> float:
+    """How deep two modules lie in one another, in pitches; negative when they do not."""
+    module = chain.module
+    turns = poses.rotations[i], poses.rotations[j]
+    one, two = (
+        size * module.vertices @ turn.T + poses.positions[k]
+        for turn, k in zip(turns, (i, j), strict=True)
+    )
+    edges = [module.edge_directions @ turn.T for turn in turns]
+    products = np.cross(edges[0][:, None], edges[1][None]).reshape(-1, 3)
+    axes = np.concatenate([*(module.face_normals @ turn.T for turn in turns), products])
+    lengths = np.linalg.norm(axes, axis=1)
+    axes = axes[lengths > ROUNDING**0.5] / lengths[lengths > ROUNDING**0.5, None]
+    a, b = one @ axes.T, two @ axes.T
+    deep = np.minimum(a.max(axis=0) - b.min(axis=0), b.max(axis=0) - a.min(axis=0))
+    return float(deep.min())

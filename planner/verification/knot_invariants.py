@@ -1,0 +1,156 @@
+"""Invariants of a closed polygon's knot, worked out apart from ``planner.pathfinding.knots``.
+
+A vertex is left out where no other edge meets the triangle of it and its neighbours, which is an
+isotopy. Of a projection of what is left the Alexander polynomial is taken at whole numbers, by
+elimination without fractions (Bareiss 1968), in whole numbers of any size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+MOST_CROSSINGS: Final = 200
+"""Crossings above which nothing is worked out: elimination takes time by their cube."""
+VIEWS: Final = 12
+"""Random directions of sight, of which the one with the fewest crossings is taken."""
+NEARLY: Final = 1e-9
+"""Share of a triangle by which an edge that passes beside it still counts as meeting it."""
+Crossings = list[tuple[float, float, int]]
+"""Of each crossing where along the polygon the upper and the lower strand are, and its sign."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Invariants:
+    """What two polygons have in common that are the same knot.
+
+    Attributes:
+        determinant: |Δ(−1)|; 1 for the unknot.
+        at_two: |Δ(2)| without factors of two, which no knot decides; 1 for the unknot.
+    """
+
+    determinant: int
+    at_two: int
+
+    @property
+    def knotted(self) -> bool:
+        """Whether they prove a knot."""
+        return (self.determinant, self.at_two) != (1, 1)
+
+
+def invariants_of(polygon: Array, rng: np.random.Generator) -> Invariants | None:
+    """The invariants of a closed polygon's knot; None when it has too many crossings.
+
+    Args:
+        polygon: (n, 3) vertices in general position.
+        rng: Chooses directions of sight.
+    """
+    points = without_idle_vertices(polygon)
+    views = (crossings_of(points, sight) for sight in rng.normal(size=(VIEWS, 3)))
+    return invariants_of_crossings(min(views, key=len))
+
+
+def invariants_of_crossings(crossings: Crossings) -> Invariants | None:
+    """The invariants of a diagram; None when it has too many crossings."""
+    if len(crossings) > MOST_CROSSINGS:
+        return None
+    at_two = abs(_alexander(crossings, 2))
+    while at_two and at_two % 2 == 0:
+        at_two //= 2
+    return Invariants(determinant=abs(_alexander(crossings, -1)), at_two=at_two)
+
+
+def without_idle_vertices(polygon: Array) -> Array:
+    """A closed polygon (n, 3) without vertices that may go; its knot is the same."""
+    points = polygon.copy()
+    at, idle = 0, 0
+    while len(points) > 3 and idle < len(points):
+        around = np.roll(points, 1 - at, axis=0)
+        # Vertices 0, 1, 2 are the triangle; edges that share a corner meet it there alone.
+        if _is_free(around[:3], around[3:-1], around[4:]):
+            points, idle = np.delete(points, at, axis=0), 0
+            at %= len(points)
+        else:
+            at, idle = (at + 1) % len(points), idle + 1
+    return points
+
+
+def _is_free(triangle: Array, starts: Array, ends: Array) -> bool:
+    """Whether no edge from one of (m, 3) points to one of (m, 3) others meets a triangle (3, 3)."""
+    corner, one, two = triangle[0], triangle[1] - triangle[0], triangle[2] - triangle[0]
+    normal = np.cross(one, two)
+    from_plane, to_plane = (starts - corner) @ normal, (ends - corner) @ normal
+    passes = from_plane * to_plane <= 0.0
+    if not passes.any():
+        return True
+    a, b = from_plane[passes], to_plane[passes]
+    share = np.divide(a, a - b, out=np.zeros_like(a), where=a != b)
+    met = starts[passes] + share[:, None] * (ends - starts)[passes] - corner
+    area = max(float(normal @ normal), 1e-300)
+    u = np.cross(met, two) @ normal / area
+    v = np.cross(one, met) @ normal / area
+    return not bool(((u > -NEARLY) & (v > -NEARLY) & (u + v < 1.0 + NEARLY)).any())
+
+
+def crossings_of(polygon: Array, sight: Array) -> Crossings:
+    """The crossings of a closed polygon (n, 3) seen against a direction (3,)."""
+    up = sight / np.linalg.norm(sight)
+    right = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
+    right /= np.linalg.norm(right)
+    seen = polygon @ np.stack([right, np.cross(up, right), up], axis=1)
+    edges = np.roll(seen, -1, axis=0) - seen
+    n = len(seen)
+    found: Crossings = []
+    for i in range(n - 2):
+        others = np.arange(i + 2, n - (i == 0))
+        gap, along = seen[others] - seen[i], edges[others]
+        across = edges[i, 0] * along[:, 1] - edges[i, 1] * along[:, 0]
+        across[across == 0.0] = np.inf
+        s = (gap[:, 0] * along[:, 1] - gap[:, 1] * along[:, 0]) / across
+        t = (gap[:, 0] * edges[i, 1] - gap[:, 1] * edges[i, 0]) / across
+        hit = np.isfinite(across) & (s >= 0.0) & (s < 1.0) & (t >= 0.0) & (t < 1.0)
+        for k in np.flatnonzero(hit).tolist():
+            j = int(others[k])
+            mine = float(seen[i, 2] + s[k] * edges[i, 2])
+            other = float(seen[j, 2] + t[k] * edges[j, 2])
+            first, second = i + float(s[k]), j + float(t[k])
+            above = mine > other
+            sign = 1 if (across[k] > 0.0) == above else -1
+            found.append((first, second, sign) if above else (second, first, sign))
+    return found
+
+
+def _alexander(crossings: Crossings, at: int) -> int:
+    """Δ of a diagram at a whole number, times some power of it."""
+    unders = sorted(under for _, under, _ in crossings)
+    count = len(unders)
+    rows: list[list[int]] = []
+    for over, under, sign in crossings:
+        row = [0] * count
+        arrives = unders.index(under)
+        row[int(np.searchsorted(unders, over)) % count] += 1 - at
+        row[arrives] += at if sign > 0 else -1
+        row[(arrives + 1) % count] += -1 if sign > 0 else at
+        rows.append(row)
+    return _determinant([row[:-1] for row in rows[:-1]])
+
+
+def _determinant(rows: list[list[int]]) -> int:
+    """Of a square matrix of whole numbers; 1 without any."""
+    before, sign = 1, 1
+    count = len(rows)
+    for k in range(count - 1):
+        pivot = next((i for i in range(k, count) if rows[i][k]), None)
+        if pivot is None:
+            return 0
+        if pivot != k:
+            rows[k], rows[pivot], sign = rows[pivot], rows[k], -sign
+        for i in range(k + 1, count):
+            for j in range(k + 1, count):
+                rows[i][j] = (rows[i][j] * rows[k][k] - rows[i][k] * rows[k][j]) // before
+        before = rows[k][k]
+    return sign * rows[-1][-1] if count else 1

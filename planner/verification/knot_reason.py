@@ -1,0 +1,103 @@
+"""Knots as reasons: whether a chain is the knot that is told of it, where its explosion stopped."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.motion.stuck_figures import KnotFigures
+from planner.plan.differences import Differences
+from planner.verification.knot_invariants import (
+    crossings_of,
+    invariants_of,
+    invariants_of_crossings,
+)
+
+Array = NDArray[np.float64]
+JITTER: Final = 1e-3
+"""Pitches by which modules are moved at random, out of each other's planes."""
+ENDS_TOUCH: Final = 1.1
+"""Pitches between the ends up to which they may be joined without corners."""
+ROOM: Final = 0.5
+"""Pitches between a way out and all other modules, where it is said to be the only one."""
+OUTSIDE: Final = 2.0
+"""Factor of the chain's size: how far out its ends are drawn at least."""
+SEVERAL: Final = 3
+"""Ways out that must agree where an end has no free one."""
+PLACE_WITHIN: Final = 1e-6
+"""Edges by which a crossing may be told elsewhere."""
+
+
+def knot_differs(positions: Array, told: KnotFigures) -> Differences:
+    """Where a chain is not the knot that is told, or the diagram is not one of that knot.
+
+    Args:
+        positions: (n, 3) centres of its modules where the explosion stopped.
+        told: The evidence.
+    """
+    rng = np.random.default_rng(len(positions))
+    polygon, sight = np.array(told["polygon"], dtype=np.float64), np.array(told["sight"])
+    seen = crossings_of(polygon, sight)
+    diagram = [(each["over"], each["under"], each["sign"]) for each in told["diagram"]]
+    if told["crossings"] != len(diagram):
+        yield f"crossings: got {told['crossings']}, expected {len(diagram)}, as in the diagram"
+    if len(seen) != len(diagram) or not all(
+        sign == other[2] and np.allclose((over, under), other[:2], rtol=0.0, atol=PLACE_WITHIN)
+        for (over, under, sign), other in zip(sorted(seen), sorted(diagram), strict=True)
+    ):
+        yield f"diagram: the polygon has {len(seen)} crossings, and not those that are told"
+        return
+    drawn = invariants_of_crossings(seen)
+    if not told["closings"]:
+        yield "closings: got none, expected at least one way to join the ends"
+    for corners in told["closings"]:
+        outside = np.array(corners, dtype=np.float64).reshape(-1, 3)
+        yield from _closing_differs(positions, outside, several=len(told["closings"]) >= SEVERAL)
+        moved = positions + rng.uniform(-JITTER, JITTER, positions.shape)
+        found = invariants_of(np.concatenate([moved, outside]), rng)
+        if found is None or drawn is None:
+            yield "determinant: it could not be worked out again, for too many crossings"
+            return
+        if not found.knotted:
+            yield "knot: the chain is unknotted as far as two values of its polynomial tell"
+        if told["determinant"] not in (None, found.determinant):
+            yield f"determinant: got {told['determinant']}, expected {found.determinant}"
+        if drawn != found:
+            yield (
+                f"polygon: its determinant is {drawn.determinant}, expected that of the chain, "
+                f"{found.determinant}, and the same polynomial"
+            )
+
+
+def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Differences:
+    """Where the ends are joined in a way that may tie a knot, or undo one."""
+    if not len(corners):
+        apart = float(np.linalg.norm(positions[-1] - positions[0]))
+        if apart > ENDS_TOUCH:
+            yield f"closings: got no corners, expected some, as the ends are {apart:.3g} apart"
+        return
+    middle = positions.mean(axis=0)
+    radius = float(np.linalg.norm(positions - middle, axis=1).max())
+    if np.linalg.norm(corners - middle, axis=1).min() < OUTSIDE * radius:
+        yield "closings: a corner is near the chain, expected all of them far outside"
+    for start, end in zip(corners[:-1], corners[1:], strict=True):
+        if _distances(middle[None], start, end)[0] < radius:
+            yield "closings: the ends are joined through the chain, expected around it"
+    if several:
+        return
+    for end, corner in ((0, corners[-1]), (len(positions) - 1, corners[0])):
+        others = np.delete(positions, end, axis=0)
+        if _distances(others, positions[end], corner).min() < ROOM:
+            yield (
+                f"closings: module {end} is drawn out through others, expected a free way or "
+                f"{SEVERAL} of them"
+            )
+
+
+def _distances(points: Array, start: Array, end: Array) -> Array:
+    """(m,) of (m, 3) points from a straight way."""
+    way = end - start
+    share = np.clip((points - start) @ way / max(float(way @ way), 1e-300), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(points - start - share[:, None] * way, axis=1))

@@ -1,0 +1,33 @@
+"""Reasons in plans: the one that a plan tells of its explosion, checked against its record."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path as FilePath
+
+from planner.explosion.diagnosis import Diagnosis, stuck_of
+from planner.pipeline.fold_directory import read_record
+from planner.plan.differences import value_differences
+from planner.plan.plan import Plan
+from planner.verification.reasons import ReasonCheck, check_reason
+
+
+def reason_of(directory: FilePath, plan: Plan, notes: list[str]) -> ReasonCheck | None:
+    """Whether the reason holds that a plan tells of an explosion that did not end straight.
+
+    Args:
+        directory: Of the fold, with ``record.npz``.
+        plan: Its plan.
+        notes: Gets what could not be checked.
+    """
+    stuck, record = stuck_of(plan.explosion, plan.attempts), read_record(directory)
+    found = stuck and record and check_reason(plan.chain, record, stuck, plan.parameters)
+    if stuck is None or found is None:
+        notes.append(
+            "The reason why it stuck was not checked: it needs record.npz, and the evidence in "
+            "plan.npz attempts, which earlier versions did not write."
+        )
+        return None
+    words = Diagnosis.from_dict(stuck).words
+    other = value_differences(stuck["words"], words, "words")
+    return replace(found, differences=(*found.differences, *other))

@@ -1,0 +1,140 @@
+"""Knot drawings: the diagram of a knot as strokes, with gaps where one goes under another.
+
+What a projection of a tight knot shows is hard to read. So it is laid out anew as Tutte does
+(1963): one face becomes a circle, and each vertex the mean of its neighbours, so that strands cross
+only where the diagram says so.
+"""
+
+from __future__ import annotations
+
+from typing import Final, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from planner.motion.stuck_figures import KnotFigures
+
+Array = NDArray[np.float64]
+SIDE: Final = 160
+"""Of the square that it is drawn in; strokes are a few units wide."""
+RADIUS: Final = 66.0
+GAP: Final = 7.0
+"""Units along a stroke from a crossing that it goes under to its end."""
+BENDS: Final = 2
+"""Vertices on each arc between two crossings."""
+FINE: Final = 8
+"""Points of the drawn curve for each vertex."""
+MOST_DRAWN: Final = 60
+"""Crossings above which a drawing shows nothing any more."""
+Face = list[int]
+
+
+class KnotDrawing(TypedDict):
+    """A drawing of a knot: its strokes as paths of SVG, in a square of ``side`` units."""
+
+    side: int
+    strokes: list[str]
+    label: str
+
+
+def drawing_of(told: KnotFigures) -> KnotDrawing | None:
+    """The drawing of a knot's diagram; None when it has too many crossings."""
+    count = len(told["diagram"])
+    if not 0 < count <= MOST_DRAWN:
+        return None
+    # Passes are the crossings in the order in which the strand comes to them, each of them twice.
+    passes = sorted(
+        (place, k, over)
+        for k, crossing in enumerate(told["diagram"])
+        for place, over in ((crossing["over"], True), (crossing["under"], False))
+    )
+    crossing_at = [k for _, k, _ in passes]
+    places = _laid_out(crossing_at, _faces(told, passes), count)
+    vertices: list[int] = []
+    for arc in range(2 * count):
+        vertices += [crossing_at[arc], *_bends(arc, count)]
+    unders = [(BENDS + 1) * arc for arc, (_, _, over) in enumerate(passes) if not over]
+    number = told["determinant"]
+    label = f"A knot with {count} crossings"
+    return {
+        "side": SIDE,
+        "strokes": _strokes(places[vertices], unders),
+        "label": label if number is None else f"{label}, determinant {number}",
+    }
+
+
+def _bends(arc: int, count: int) -> range:
+    """The vertices on an arc; the crossings come before them."""
+    return range(count + BENDS * arc, count + BENDS * (arc + 1))
+
+
+def _faces(told: KnotFigures, passes: list[tuple[float, int, bool]]) -> list[Face]:
+    """The faces of a diagram, each as the vertices around it.
+
+    A side of arc ``a`` is ``2 a`` along it and ``2 a + 1`` against it.
+    """
+    count, arcs = len(told["diagram"]), len(passes)
+    over, under = ([0] * count for _ in range(2))
+    for arc, (_, k, above) in enumerate(passes):
+        (over if above else under)[k] = arc
+    following: dict[int, int] = {}
+    for k, crossing in enumerate(told["diagram"]):
+        # Sides that leave the crossing, counterclockwise; those that come in are their opposites.
+        ahead, behind = 2 * under[k], 2 * ((under[k] - 1) % arcs) + 1
+        sideways = (ahead, behind) if crossing["sign"] > 0 else (behind, ahead)
+        leaving = [2 * over[k], sideways[0], 2 * ((over[k] - 1) % arcs) + 1, sideways[1]]
+        for side, before in zip(leaving, [leaving[-1], *leaving[:-1]], strict=True):
+            following[side ^ 1] = before
+    faces: list[Face] = []
+    left = set(following)
+    while left:
+        side, face = min(left), list[int]()
+        while side in left:
+            left.remove(side)
+            arc = side // 2
+            way = [passes[arc][1], *_bends(arc, count)]
+            if side % 2:
+                way = [passes[(arc + 1) % arcs][1], *reversed(_bends(arc, count))]
+            face += way
+            side = following[side]
+        faces.append(face)
+    return faces
+
+
+def _laid_out(crossing_at: list[int], faces: list[Face], count: int) -> Array:
+    """(v, 2) places of all vertices: the largest face around, all others inside."""
+    outer = max(faces, key=len)
+    vertices = count + BENDS * len(crossing_at)
+    whole = vertices + len(faces)
+    weights = np.zeros((whole, whole))
+    for k, face in enumerate(faces):
+        for one, two in zip(face, [*face[1:], face[0]], strict=True):
+            weights[one, two] = weights[two, one] = 1.0
+            if face is not outer:  # its middle keeps it open
+                weights[one, vertices + k] = weights[vertices + k, one] = 1.0
+    turns = 2.0 * np.pi * np.arange(len(outer)) / len(outer)
+    fixed = dict(zip(outer, np.stack([np.cos(turns), np.sin(turns)], axis=1), strict=False))
+    system = np.diag(weights.sum(axis=1) + 1e-9) - weights
+    wanted = np.zeros((whole, 2))
+    for vertex, place in fixed.items():
+        system[vertex] = 0.0
+        system[vertex, vertex], wanted[vertex] = 1.0, place
+    places = np.linalg.solve(system, wanted)[:vertices]
+    # Faces are walked with their inside at the left: the outer one clockwise, as angles with y
+    # pointing down grow. The other way around it would be the mirrored knot.
+    return np.asarray(0.5 * SIDE + RADIUS * places, dtype=np.float64)
+
+
+def _strokes(points: Array, unders: list[int]) -> list[str]:
+    """Paths along a closed curve through (n, 2) points, cut where it goes under."""
+    closed = np.concatenate([points, points[:1]])
+    curve = CubicSpline(np.arange(len(closed)), closed, bc_type="periodic")
+    strokes: list[str] = []
+    for begin, end in zip(unders, [*unders[1:], unders[0] + len(points)], strict=True):
+        way = np.asarray(curve(np.linspace(begin, end, FINE * (end - begin) + 1)))
+        passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
+        kept = way[(passed >= GAP) & (passed <= passed[-1] - GAP)]
+        if len(kept) > 1:
+            strokes.append("M" + " L".join(f"{x:.1f} {y:.1f}" for x, y in kept.tolist()))
+    return strokes

@@ -1,0 +1,233 @@
+"""Reasons of refusals: those that are told hold, and one that is falsified is refuted."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+import numpy as np
+import pytest
+
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.explosion.diagnosis import Diagnosis, diagnose
+from planner.explosion.simultaneous import explode
+from planner.kernels.backbite import grow
+from planner.motion.record import Record
+from planner.pathfinding.lattice import neighbours
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.plan.formats import write_path
+from planner.plan.plan import Plan
+from planner.simulation.parameters import ExplosionParameters, Parameters, PeelingParameters
+from planner.verification.plan_reasons import reason_of
+from planner.verification.reasons import check_reason
+from planner.verification.verify import verify
+from tests.planner.chains import COIL, coil, in_place, knotted
+from tests.planner.plans import changed
+
+USUAL: Final = Parameters()
+HASTY: Final = replace(USUAL, explosion=ExplosionParameters(max_steps=10))
+UNITS: Final = replace(USUAL, peeling=PeelingParameters(unit=6))
+SPIRALS: Final = (
+    "22 12 02 03 04 05 15 25 35 45 55 54 53 52 51 50 40 30 "
+    "20 10 00 01 11 21 31 41 42 43 44 34 24 14 13 23 33 32"
+)
+"""Cells of two spirals that lie between each other, joined at their outer ends."""
+Values = dict[str, Any]
+Stuck = tuple[Chain, Record, Parameters, Values]
+
+
+def stuck(
+    chain: Chain, parameters: Parameters = USUAL, *, angles: Any = None, **told: Any
+) -> Stuck:
+    """An explosion that ends at some angles, the folded ones when None, and what is told of it."""
+    values: Values = {"status": "stalled", "reason": "it sticks", "pushes": 9, "steps": 1, **told}
+    angles = chain.folded_rad if angles is None else angles
+    record = Record(frames=in_place("explosion", angles[None]), seconds=0.1, **values)
+    found = diagnose(chain, record, parameters)
+    assert found is not None
+    plain = json.loads(json.dumps(found.as_dict()))
+    assert Diagnosis.from_dict(plain) == found
+    return chain, record, parameters, plain
+
+
+def differences(stuck: Stuck, **changed: Any) -> tuple[str, ...]:
+    """What speaks against a reason, some of whose values are others than were told."""
+    chain, record, parameters, told = stuck
+    told = {**told, "evidence": {**told["evidence"], **changed}}
+    plain = json.loads(json.dumps(parameters.as_dict()))
+    found = check_reason(chain, record, told, plain)  # type: ignore[arg-type]
+    assert found is not None
+    assert found.confirmed is (not found.differences)
+    return found.differences
+
+
+def with_one(items: list[Values], **values: Any) -> list[Values]:
+    """The same with other values in the first one."""
+    return [{**items[0], **values}, *items[1:]]
+
+
+@pytest.fixture(scope="module")
+def knot() -> Stuck:
+    return stuck(knotted(6))
+
+
+@pytest.fixture(scope="module")
+def spirals() -> Stuck:
+    cells = [(int(cell[0]), int(cell[1]), 0) for cell in SPIRALS.split()]
+    return stuck(Chain.from_path(Path.from_cells(cells, name="spirals")))
+
+
+@pytest.fixture(scope="module")
+def pit() -> Stuck:
+    """A peeling whose core holds the next six modules in a pit; all after them are straight."""
+    box = np.argwhere(np.ones((4, 4, 3), dtype=bool))
+    count, order = grow(neighbours(box), np.ones(len(box), dtype=bool), -1, 50 * len(box), 7)
+    assert count == len(box)
+    chain = Chain.from_path(Path.from_cells(box[order], name="pit"))
+    angles = np.where(np.arange(len(chain.folded_rad)) < 66, chain.folded_rad, 0.0)
+    return stuck(chain, UNITS, angles=angles, strategy="peel")
+
+
+def test_a_knot_is_confirmed_by_the_chain_and_by_its_diagram(knot: Stuck) -> None:
+    told = knot[3]
+    assert (told["kind"], told["evidence"]["kind"]) == ("knot", "knot")
+    assert (told["evidence"]["determinant"], told["evidence"]["crossings"]) == (3, 3)
+    assert "it is knotted (determinant 3)" in told["words"]
+    assert differences(knot) == ()
+
+
+def test_a_knot_that_is_falsified_is_refuted(knot: Stuck) -> None:
+    evidence = knot[3]["evidence"]
+    diagram = evidence["diagram"]
+    assert "expected 3" in differences(knot, determinant=5)[0]
+    swapped = {"over": diagram[0]["under"], "under": diagram[0]["over"]}
+    for other in (with_one(diagram, **swapped), with_one(diagram, sign=-diagram[0]["sign"])):
+        assert "not those that are told" in differences(knot, diagram=other)[0]
+    # The polygon of another knot, told with its true crossings, is not this chain's.
+    plain = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.3, 1.0, 0.2]]
+    found = differences(knot, polygon=plain, diagram=[], crossings=0)
+    assert any("expected that of the chain" in difference for difference in found)
+    # Ends that are joined straight through the chain could tie any knot.
+    through = [[float(value) for value in knot[0].folded_poses.positions.mean(axis=0)]]
+    assert any("near the chain" in each for each in differences(knot, closings=[through]))
+    assert any("expected at least one" in each for each in differences(knot, closings=[]))
+
+
+def test_a_chain_that_is_no_knot_where_it_stopped_is_not_called_one(knot: Stuck) -> None:
+    """Knotted as folded, it has slipped out since: the reason is another one, and holds."""
+    chain, _, _, told = knot
+    bent = 0.2 * chain.folded_rad
+    free = stuck(chain, angles=bent)
+    assert free[3]["kind"] != "knot" and free[3]["evidence"]["kind"] == "budget"
+    assert differences(free) == ()
+    claimed = (*free[:3], told)
+    assert any("unknotted" in difference for difference in differences(claimed))
+
+
+def test_modules_that_block_each_other_are_confirmed(spirals: Stuck) -> None:
+    told = spirals[3]
+    evidence = told["evidence"]
+    assert (evidence["kind"], evidence["module_size"]) == ("blocks", 0.95)
+    assert len(evidence["turns"]) == 11
+    assert "11 hinges" in told["words"] and "cannot turn towards straight" in told["words"]
+    assert "module 0 against 23" in told["words"]
+    assert differences(spirals) == ()
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"turned_rad": 1.0}, "expected a small one"),
+        ({"modules": [0, 30]}, "overlap by"),
+        ({"modules": [20, 30]}, "on each side"),
+        ({"overlap": 0.5}, "expected 0.5"),
+    ],
+)
+def test_a_turn_that_is_falsified_is_refuted(spirals: Stuck, values: Values, said: str) -> None:
+    turns = with_one(spirals[3]["evidence"]["turns"], **values)
+    assert any(said in difference for difference in differences(spirals, turns=turns))
+
+
+def test_every_bent_hinge_must_be_told_and_blocked(spirals: Stuck) -> None:
+    evidence = spirals[3]["evidence"]
+    assert "expected one for each" in differences(spirals, turns=evidence["turns"][1:])[0]
+    assert "less than a right angle" in differences(spirals, bent_above_rad=9.0, turns=[])[0]
+    assert any("module_size" in each for each in differences(spirals, module_size=1.2))
+    assert any("first_hinge" in each for each in differences(spirals, first_hinge=60, turns=[]))
+    # The hinges of a coil are free: what ends there has used up its pushes.
+    free = stuck(coil(12))
+    assert free[3]["evidence"]["kind"] == "budget" and differences(free) == ()
+
+
+def test_a_unit_in_a_pit_is_blocked_in_all_directions(pit: Stuck) -> None:
+    told = pit[3]
+    evidence = told["evidence"]
+    assert (told["kind"], evidence["kind"]) == ("buried", "blocks")
+    assert (evidence["unit"], evidence["module_size"]) == ([29, 34], 0.98)
+    assert len(evidence["moves"]) == 6
+    assert "modules 29 to 34, which come next, cannot move" in told["words"]
+    assert differences(pit) == ()
+    moves = evidence["moves"]
+    assert "each of the six" in differences(pit, moves=moves[1:])[0]
+    assert "one of the unit" in differences(pit, moves=with_one(moves, modules=[40, 2]))[0]
+    assert "at most" in differences(pit, moves=with_one(moves, moved=3.0))[0]
+    assert "where the core ends" in differences(pit, unit=[29, 33])[0]
+
+
+def test_a_budget_is_that_of_the_parameters_and_used_up() -> None:
+    chain = coil(12)
+    record = explode(chain, HASTY.explosion)  # type: ignore[arg-type]
+    found = diagnose(chain, record, HASTY)
+    assert found is not None
+    told = json.loads(json.dumps(found.as_dict()))
+    assert told["words"].startswith("10 steps were allowed and were used; ")
+    late = (chain, record, HASTY, told)
+    assert differences(late) == ()
+    for values, said in (
+        ({"used": 9}, "as in the record"),
+        ({"allowed": 30_000}, "not used up"),
+        ({"allowed": 5}, "as in the parameters"),
+        ({"spent": "pushes"}, "of an explosion that is timeout"),
+        ({"bent_hinges": 1}, "bent_hinges"),
+        ({"largest_bend_rad": 0.1}, "largest_bend_rad"),
+    ):
+        assert any(said in difference for difference in differences(late, **values)), values
+
+
+def test_evidence_that_cannot_be_read_is_refuted(spirals: Stuck, knot: Stuck) -> None:
+    assert "cannot be worked out" in differences(spirals, turns=[{}])[0]
+    assert "cannot be worked out" in differences(knot, polygon="a knot")[0]
+    assert "expected one of" in differences(knot, kind="magic")[0]
+
+
+def test_a_fold_that_gives_up_is_verified_with_its_reason(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hasty = replace(HASTY, strategy="simultaneous")
+
+    def parameters(request: Request) -> Parameters:
+        del request
+        return hasty
+
+    monkeypatch.setattr(Request, "parameters", parameters)
+    write_request(tmp_path, Request(strategy="simultaneous"), write_path(COIL))
+    summary = run_stages(tmp_path)
+    assert summary["status"] == "failed"
+    assert summary["stuck"]["evidence"]["spent"] == "steps"
+    found = verify(tmp_path)
+    assert found.reason is not None and found.reason.confirmed
+    assert found.as_dict()["reason"]["words"] == summary["stuck"]["words"]
+    plan = Plan.load(tmp_path / "plan.npz")
+    notes: list[str] = []
+    for name, value, said in (("words", "it is knotted", "words"), ("evidence", None, "")):
+        told = {**summary["stuck"], name: value}
+        tried = tuple({**attempt, "diagnosis": told} for attempt in plan.attempts)
+        again = reason_of(tmp_path, changed(plan, attempts=tried), notes)
+        assert (again is None) is (value is None)
+        assert again is None or (not again.confirmed and said in again.differences[0])
+    assert len(notes) == 1 and "was not checked" in notes[0]
