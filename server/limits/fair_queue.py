@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import Final
 
 from planner.pathfinding.duration import expected_seconds
+from planner.pipeline.preference import COMPUTING, Preference
 
 TICKS_A_SECOND: Final = 10
 LATEST: Final = 2**31 - 2
@@ -20,15 +21,19 @@ CHANGED: Final = 4.0
 """Factor of the usual steps of a published explosion, with changed settings."""
 
 
-def expected_s(modules: int, preset: str, settings: str = "") -> float:
+def expected_s(
+    modules: int, preset: str, settings: str = "", prefer: Preference = COMPUTING
+) -> float:
     """About how long a fold takes, as far as its turn depends on it.
 
     Args:
         modules: Of its chain.
         preset: Its parameters.
         settings: What it changes of them: such a fold may take all the steps that there are.
+        prefer: Which of several plans it wants: such a fold computes more than the first one.
     """
-    return min(SLOWEST, (CHANGED if settings else 1.0) * expected_seconds(modules, preset))
+    usual = expected_seconds(modules, preset, wished=prefer != COMPUTING)
+    return min(SLOWEST, (CHANGED if settings else 1.0) * usual)
 
 
 def ticks(cost_s: float) -> int:
