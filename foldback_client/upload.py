@@ -51,6 +51,7 @@ class FoldWishes(Wishes, total=False):
     settings: str
     module_size: float
     strategy: Literal["auto", "simultaneous", "blocks", "peel", "one-by-one"]
+    prefer: Literal["computing", "time", "torque", "clearance"]
 
 
 class MovieWishes(TypedDict, total=False):

@@ -16,7 +16,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.certificate.certificate import Certificate
 from planner.chain.chain import Chain
 from planner.errors import TimelineError
 from planner.motion.frames import PHASES, Frames
@@ -154,8 +153,8 @@ def _progress(
     """
     place = directory / FOLDER / str(number)
     if (verified := judgement(place / CERTIFICATE))[0] and prefer != COMPUTING:
-        certificate = Certificate.from_dict(json.loads((place / CERTIFICATE).read_bytes()))
-        return True, PlanFigures.of(certificate, before_s=0.0).score(prefer), True, 0.0, -number
+        figures = PlanFigures.of(json.loads((place / CERTIFICATE).read_bytes()))
+        return True, figures.score(prefer), True, 0.0, -number
     attempts: list[dict[str, Any]] = json.loads((directory / ATTEMPTS).read_bytes())
     straight = number < len(attempts) and attempts[number]["status"] == "straight"
     last = last_frame(place / TIMELINE)

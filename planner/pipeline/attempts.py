@@ -149,7 +149,7 @@ def judged(
     after = replace(
         attempts[judged],
         verdict=certificate.verdict,
-        figures=PlanFigures.of(certificate, before_s=exploding_s + playing_s),
+        figures=PlanFigures.of(certificate.as_dict(), before_s=exploding_s + playing_s),
         between=between,
     )
     return [*attempts[:judged], after, *attempts[judged + 1 :]]

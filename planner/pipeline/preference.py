@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Final, Literal, get_args
 
-from planner.certificate.certificate import Certificate
+from planner.certificate.figures import CertificateFigures
 from planner.errors import InputError
 
 Preference = Literal["computing", "time", "torque", "clearance"]
@@ -34,19 +34,19 @@ class PlanFigures:
     seconds: float
 
     @classmethod
-    def of(cls, certificate: Certificate, *, before_s: float) -> PlanFigures:
+    def of(cls, certificate: CertificateFigures, *, before_s: float = 0.0) -> PlanFigures:
         """Those of a plan.
 
         Args:
-            certificate: Of the plan.
+            certificate: Of the plan, as plain values.
             before_s: Seconds that were computed before it was looked at.
         """
         return cls(
-            fold_time_s=certificate.fold_time_s,
-            peak_torque_nm=certificate.peak_torque_nm,
-            clearance_bound=certificate.clearance_bound,
-            frames=certificate.frames or 0,
-            seconds=before_s + certificate.seconds,
+            fold_time_s=certificate.get("fold_time_s"),
+            peak_torque_nm=certificate.get("peak_torque_nm"),
+            clearance_bound=certificate.get("clearance_bound"),
+            frames=certificate.get("frames") or 0,
+            seconds=before_s + certificate.get("seconds", 0.0),
         )
 
     def torque_in(self, seconds: float) -> float | None:

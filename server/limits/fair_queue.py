@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import Final
 
 from planner.pathfinding.duration import expected_seconds
-from planner.pipeline.preference import COMPUTING, Preference
 
 TICKS_A_SECOND: Final = 10
 LATEST: Final = 2**31 - 2
@@ -21,18 +20,16 @@ CHANGED: Final = 4.0
 """Factor of the usual steps of a published explosion, with changed settings."""
 
 
-def expected_s(
-    modules: int, preset: str, settings: str = "", prefer: Preference = COMPUTING
-) -> float:
+def expected_s(modules: int, preset: str, settings: str = "", *, wished: bool = False) -> float:
     """About how long a fold takes, as far as its turn depends on it.
 
     Args:
         modules: Of its chain.
         preset: Its parameters.
         settings: What it changes of them: such a fold may take all the steps that there are.
-        prefer: Which of several plans it wants: such a fold computes more than the first one.
+        wished: Whether it chooses among several plans, which are all computed.
     """
-    usual = expected_seconds(modules, preset, wished=prefer != COMPUTING)
+    usual = expected_seconds(modules, preset, wished=wished)
     return min(SLOWEST, (CHANGED if settings else 1.0) * usual)
 
 
