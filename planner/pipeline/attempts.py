@@ -33,7 +33,7 @@ from planner.playback.playback import Playback
 CANDIDATES: Final = "candidates.json"
 MOST_JUDGED: Final = 6
 """Playbacks of one fold that get a certificate, at most, before one is verified."""
-MOST_JUDGED_IN_ALL: Final = 10
+MOST_JUDGED_IN_ALL: Final = 12
 """The same with those that are tried for a wish after that."""
 MOST_REFUSED: Final = 4
 """Explosions of one fold whose plans may be refused before one is verified."""

@@ -2,8 +2,11 @@
 
 The first verified plan is that of a fold without a wish: it costs least, and is what the others are
 measured by. Then the other strategies let the same path go, the best of them lets other paths go,
-other seeds may follow, and the best plan is smoothed. What is tried depends on what came of the
-tries before and on expected costs, never on a clock: a seed always takes the same way.
+and the best plans are smoothed, what came out best with several seeds: how long a fold takes
+depends on the seed of an explosion by a hundredth, on that of a smoothing by a third.
+
+What is tried depends on what came of the tries before and on expected costs, never on a clock: a
+seed always takes the same way.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from planner.pipeline.request import LARGEST_SEED
 from planner.robot import SMOOTHED, SOFTENED, WAYS
 
 SEEDS: Final = 3
-"""Seeds of the best explosion that are tried."""
+"""Seeds with which one plan is smoothed."""
 SMOOTHED_PLANS: Final = 2
 """Plans of one fold that are smoothed."""
 
@@ -67,23 +70,17 @@ class Improvements:
         yield from self._smoothings(tried)
 
     def _explosions(self, first: Try, best: Try) -> Iterator[Try]:
-        """Other strategies for the path of the first verified plan, then the best on other paths.
-
-        How long a fold takes does not depend on the seed by more than a hundredth.
-        """
+        """Other strategies for the path of the first verified plan, then the best on others."""
         for strategy in self.strategies[first.candidate]:
             yield replace(first, strategy=strategy)
         for candidate, known in enumerate(self.strategies):
             if best.strategy in known:
                 yield replace(best, candidate=candidate)
-        if self.prefer != "time":
-            for k in range(SEEDS):
-                yield replace(best, seed=(first.seed + k) % (LARGEST_SEED + 1))
 
     def _smoothings(self, tried: Sequence[Attempt]) -> Iterator[Try]:
-        """The best plan of each strategy smoothed, less of it where that was refused.
+        """The best plan of each strategy smoothed, and less of it where that was refused.
 
-        How much a plan gains by it depends on how it was let go: the second best may win.
+        How much a plan gains by it depends on how it was let go, too: the second best may win.
         """
         plans: dict[str, int] = {}
         for number, attempt in enumerate(tried):
@@ -97,10 +94,18 @@ class Improvements:
             figures, number = tried[best].figures, best
             while tried[number].finer > 1:  # its files are with those of the explosion
                 number -= 1
-            if figures is None or figures.frames > self.most_frames or number in smooth:
+            if figures is None or figures.frames > self.most_frames:
                 continue
-            for way in (SMOOTHED, SOFTENED):
-                yield replace(tried[best].todo, strategy=way, smooths=number)
+            todo = replace(tried[best].todo, strategy=SMOOTHED, smooths=number)
+            yield todo
+            if number not in smooth:
+                yield replace(todo, strategy=SOFTENED)
+        smoothings = [attempt for attempt in tried if attempt.todo.smooths is not None]
+        if (best := best_of(smoothings, self.prefer)) is not None:
+            todo = smoothings[best].todo
+            seed = tried[todo.smooths or 0].todo.seed
+            for k in range(1, SEEDS):
+                yield replace(todo, seed=(seed + k) % (LARGEST_SEED + 1))
 
 
 def best_of(tried: Sequence[Attempt], prefer: Preference) -> int | None:

@@ -103,7 +103,7 @@ class Request:
             preference_named(self.prefer)
             if self.prefer != plain.prefer and self._one_plan:
                 raise InputError(
-                    "one-plan-prefer",
+                    "unsuited-prefer",
                     f"got the preference {self.prefer} for the {self._one_plan}, of which there is "
                     f"one plan, expected {plain.prefer}; take the default preset and a strategy "
                     "that is no baseline to choose among plans.",

@@ -9,16 +9,12 @@ from typing import Final, TypedDict, cast
 
 from planner.certificate.figures import AttemptFigures
 from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
+from server.pages.certificate_words import rounded_down
 from server.pages.quantities import STRATEGIES, number, sentence
 
-COLUMNS: Final = (
-    "Plan",
-    "Fold, s",
-    "Torque, mN·m",
-    "Same time, mN·m",
-    "Room, pitch",
-    "Computing, s",
-)
+COLUMNS: Final = ("Plan", "Time, s", "Torque, mN·m", "In one time", "Room, pitch", "Cost, s")
+"""Of each plan: time to fold, torque then, torque in the time of the slowest, clearance that is
+proved, and computing."""
 WISHES: Final[dict[Preference, str]] = {
     "computing": "First that works",
     "time": "Quickest for the robot",
@@ -32,6 +28,8 @@ ADJECTIVES: Final[dict[Preference, str]] = {
     "clearance": "most room",
 }
 MILLI: Final = 1e3
+DECIMALS: Final = 4
+"""Of clearances, so that plans differ where they do."""
 
 
 class PlanDot(TypedDict):
@@ -114,19 +112,19 @@ class _Plan:
         """As it is drawn and told, beside plans of which the slowest takes so many seconds."""
         figures = self.figures
         same = figures.torque_in(slowest)
-        shown = (
-            (figures.fold_time_s, 1.0),
-            (figures.peak_torque_nm, MILLI),
-            (same, MILLI),
-            (figures.clearance_bound, 1.0),
-            (figures.seconds, 1.0),
+        cells = (
+            _told(figures.fold_time_s),
+            _told(figures.peak_torque_nm, MILLI),
+            _told(same, MILLI),
+            _room(figures.clearance_bound),
+            number(figures.seconds, 2),
         )
         return {
             "label": f"{self.place + 1}. {self._label()}",
             "time_s": figures.fold_time_s,
             "torque_mnm": None if same is None else MILLI * same,
             "room": figures.clearance_bound,
-            "cells": ["–" if value is None else number(factor * value) for value, factor in shown],
+            "cells": list(cells),
             "verified": self.verified,
             "chosen": self.chosen,
         }
@@ -135,7 +133,8 @@ class _Plan:
         """How it was made, in few words."""
         attempt, strategy = self.attempt, self.attempt["strategy"]
         if (smooths := attempt.get("smooths")) is not None:
-            return f"{sentence(strategy)}, from {smooths + 1}"
+            seed = f", seed {attempt['seed']}" if attempt["seed"] else ""
+            return f"{sentence(strategy)} {smooths + 1}{seed}"
         parts = [STRATEGIES.get(strategy, strategy).partition(",")[0]]
         parts += [f"path {attempt['candidate'] + 1}"] if attempt["candidate"] else []
         parts += [f"seed {attempt['seed']}"] if attempt["seed"] else []
@@ -145,7 +144,7 @@ class _Plan:
 
 def superlative(prefer: Preference, plans: int) -> str | None:
     """What the chosen one of several plans is, in a few words; None without a choice."""
-    return f"{ADJECTIVES[prefer]} of {plans}" if prefer != COMPUTING and plans > 1 else None
+    return f"{ADJECTIVES[prefer]} of {plans} plans" if prefer in ADJECTIVES and plans > 1 else None
 
 
 def _gained(
@@ -162,19 +161,22 @@ def _gained(
     cost = f"for {number(more, 2)} s more computing"
     if best is first:
         return f"The first plan that worked is the best of all that were tried, {cost}."
-    figures = (best.figures, first.figures)
+    both = (best.figures, first.figures)
     if prefer == "time":
-        told = _instead([each.fold_time_s for each in figures], 1.0, "s to fold")
+        after, before = (_told(each.fold_time_s) for each in both)
+        of = "s to fold"
     elif prefer == "torque":
-        torques = [each.torque_in(slowest) for each in figures]
-        told = _instead(torques, MILLI, f"mN·m, both folding in {number(slowest)} s")
+        after, before = (_told(each.torque_in(slowest), MILLI) for each in both)
+        of = f"mN·m, both folding in {number(slowest)} s"
     else:
-        rooms = [each.clearance_bound for each in figures]
-        told = _instead(rooms, 1.0, "of a pitch proved clear")
-    return f"{told}, {cost}."
+        after, before = (_room(each.clearance_bound) for each in both)
+        of = "of a pitch proved clear"
+    return f"{after} instead of {before} {of}, {cost}."
 
 
-def _instead(values: list[float | None], factor: float, unit: str) -> str:
-    """A figure, and what it would have been."""
-    after, before = ("–" if value is None else number(factor * value) for value in values)
-    return f"{after} instead of {before} {unit}"
+def _told(value: float | None, factor: float = 1.0) -> str:
+    return "–" if value is None else number(factor * value)
+
+
+def _room(value: float | None) -> str:
+    return "–" if value is None else rounded_down(value, DECIMALS)

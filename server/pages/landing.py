@@ -29,6 +29,7 @@ from server.http.problems import Problem
 from server.http.response_cache import mark
 from server.http.security import LISTED
 from server.pages.cards import cards, selected
+from server.pages.choice_words import WISHES
 from server.pages.facts import FoldFacts, fold_facts
 from server.pages.pictures import picture_answer
 from server.pages.quantities import sentence
@@ -76,6 +77,7 @@ def entry(page_name: str) -> Markup:
 
 KNOWN: Final[dict[str, object]] = {
     "paper_settings": ROWS,
+    "wishes": WISHES,
     "setting_sources": SOURCES,
     "entry": entry,
 }
