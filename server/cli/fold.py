@@ -170,6 +170,7 @@ def show_choice(choice: Choice | None) -> None:
         return
     console = Console(highlight=False)
     table = Table(*COLUMNS, box=None, pad_edge=False)
+    table.columns[0].no_wrap = True
     for column in table.columns[1:]:
         column.justify = "right"
     for plan in choice["plans"]:
