@@ -1,4 +1,4 @@
-"""The plans that a wish had to choose from: dots and a table that fit on a phone, in either axis."""
+"""The plans that a wish had to choose from: dots and a table, on a phone too, in either axis."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FITS = """() => document.documentElement.scrollWidth <= innerWidth
 def test_all_plans_are_dots_and_rows(visit: Callable[..., Page], service: Service) -> None:
     fold = service.fold(STAIRS, prefer="time")["id"]
     service.wait_over(fold)
-    page = visit(f"/folds/{fold}", width=375, height=812, color_scheme="dark")
+    page = visit(f"/folds/{fold}", width=375, height=812, view=False)
     page.locator("#details").click()
     plans = service.http.get(f"/folds/{fold}/facts").json()["choice"]["plans"]
     expect(page.locator(".choice-dot")).to_have_count(len(plans))

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { layout, ticks } from "../../../web/static/js/panels/choice.js";
+import { labels, layout, ticks } from "../../../web/static/js/panels/choice.js";
 
 /**
  * @param {number | null} time
@@ -25,6 +25,14 @@ test("a quicker plan is on the left, one with more torque or room higher, all in
     for (const { x, y } of dots) assert.ok(x > 40 && x < 336 && y > 0 && y < 190, `${x} ${y}`);
     for (const list of [across, up]) assert.ok(list.length > 1 && list.every(({ at, text }) => Number.isFinite(at) && text));
   }
+});
+
+test("plans that lie close together share a label", () => {
+  const at = (/** @type {number} */ x, /** @type {string} */ label) => ({ x, y: 50, plan: { ...plan(1, 1, 1), label } });
+  assert.deepEqual(labels([at(50, "1. All at once"), at(90, "2. Blocks first"), at(60, "4. Smoothed 1")]), [
+    { x: 60, y: 50, text: "1, 4" },
+    { x: 90, y: 50, text: "2" },
+  ]);
 });
 
 test("what is not known has no dot; one plan alone, or equal ones, can be drawn", () => {

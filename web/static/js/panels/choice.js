@@ -4,10 +4,11 @@ import { element, get } from "../lib/text.js";
 const SVG = "http://www.w3.org/2000/svg";
 const WIDE = 336;
 const HIGH = 220;
-const INSET = { left: 46, right: 14, top: 12, bottom: 34 };
+const INSET = { left: 46, right: 14, top: 18, bottom: 34 };
 const SPARE = 0.08; // of the span, so that no dot lies on the edge
 const MOST_TICKS = 5;
 const DIGITS = 3;
+const NEAR = { x: 26, y: 12 }; // dots nearer than this share one label, which would be on another
 /**
  * @typedef {"torque_mnm" | "room"} Axis
  * @typedef {{ at: number, text: string }} Tick
@@ -83,6 +84,19 @@ export function layout(plans, axis) {
   };
 }
 
+// The numbers of plans, those of dots that lie close together in one label beside the first.
+/** @param {Dot[]} dots */
+export function labels(dots) {
+  /** @type {{ x: number, y: number, text: string }[]} */
+  const found = [];
+  for (const { x, y, plan } of dots) {
+    const number = plan.label.split(".")[0];
+    const near = found.find((label) => Math.abs(label.x - x) < NEAR.x && Math.abs(label.y - y) < NEAR.y);
+    if (near) { near.text += `, ${number}`; near.x = Math.max(near.x, x); } else found.push({ x, y, text: number });
+  }
+  return found;
+}
+
 /**
  * @param {string} name
  * @param {Record<string, string | number>} attributes
@@ -118,9 +132,10 @@ function picture({ plans, seconds }, axis) {
     const kind = plan.chosen ? "chosen" : plan.verified ? "verified" : "refused";
     const dot = svg("circle", { class: `choice-dot ${kind}`, cx: x, cy: y, r: plan.chosen ? 7 : 5 });
     dot.append(svg("title", {}, plan.label));
-    const right = x < WIDE - 40;
-    const number = svg("text", { x: x + (right ? 10 : -10), y: y + 4, "text-anchor": right ? "start" : "end", class: "choice-number" }, plan.label.split(".")[0]);
-    drawn.append(dot, number);
+    drawn.append(dot);
+  }
+  for (const { x, y, text } of labels(layout(plans, axis).dots)) {
+    drawn.append(svg("text", { x: Math.min(x, WIDE - INSET.right), y: y - 10, "text-anchor": x > WIDE / 2 ? "end" : "start" }, text));
   }
   return [element("p", { class: "choice-axis" }, said), drawn];
 }
