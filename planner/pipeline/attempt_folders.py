@@ -126,6 +126,13 @@ def last_frame(timeline: FilePath) -> tuple[Chain, Frames] | None:
         return None
 
 
+def any_verified(directory: FilePath) -> bool:
+    """Whether an attempt of a fold that is not over has a plan that is verified."""
+    return any(
+        judgement(place_of(directory, number) / CERTIFICATE)[0] for number in numbers(directory)
+    )
+
+
 def judgement(certificate: FilePath) -> tuple[bool, float]:
     """Whether a plan is verified, and its least clearance; −∞ where that is not known."""
     if not certificate.exists():
