@@ -51,6 +51,7 @@ class FoldOptions(ShapeOptions, total=False):
     settings: str
     module_size: float
     strategy: Literal["auto", "simultaneous", "blocks", "peel", "one-by-one"]
+    prefer: Literal["computing", "time", "torque", "clearance"]
 
 
 class MovieOptions(TypedDict, total=False):

@@ -248,6 +248,8 @@ interface FileTold { label: string; hint: string; href: string }
 interface Failing { kind: string; heading: string; text: string; frame: number | null; modules: number[]; blocks: string[]; knot: KnotDrawing | null }
 interface KnotDrawing { side: number; strokes: string[]; label: string }
 interface Attempt { strategy: string; how: string; end: string; tone: string }
+interface PlanDot { label: string; time_s: number | null; torque_mnm: number | null; room: number | null; cells: string[]; verified: boolean; chosen: boolean }
+interface Choice { prefer: string; wish: string; seconds: number; columns: string[]; plans: PlanDot[]; text: string }
 interface Again { text: string; form: Form }
 interface Smoothing { rows: { label: string; before: string; after: string; ratio: string }[]; note: string; compare: string | null }
 interface Way { text: string; hint: string; form: Form; id?: string; settable?: string }
@@ -261,6 +263,7 @@ interface Facts {
   problem: { heading: string; text: string } | null;
   failure: Failing | null;
   attempts: Attempt[];
+  choice: Choice | null;
   again: Again | null;
   frames: number;
   refoldable: boolean;
@@ -317,6 +320,7 @@ interface Report {
   candidates: number;
   expected_s: number;
   expected_as_published_s: number;
+  expected_preferred_s: number;
   knot: { verdict: "unknot" | "knotted" | "undecided"; determinant: number | null } | null;
   feasibility: { feasible: boolean; problems: { code: string; detail: string }[]; repairs: Repair[] } | null;
   notes: string[];
@@ -356,6 +360,7 @@ interface Elements {
   play: HTMLButtonElement;
   "play-icon": SVGUseElement;
   plot: SVGSVGElement;
+  prefer: HTMLSelectElement;
   preset: HTMLSelectElement;
   preview: HTMLButtonElement;
   redo: HTMLButtonElement;

@@ -101,14 +101,25 @@ class SmoothingFigures(TypedDict):
     after: dict[str, float] | None
 
 
+class ComparedFigures(TypedDict):
+    """``planner.pipeline.preference.PlanFigures``."""
+
+    fold_time_s: float | None
+    peak_torque_nm: float | None
+    clearance_bound: float | None
+    frames: int
+    seconds: float
+
+
 class AttemptFigures(TypedDict, total=False):
-    """``planner.pipeline.portfolio.Attempt``."""
+    """``planner.pipeline.attempt.Attempt``."""
 
     candidate: Required[int]
     seed: Required[int]
     strategy: Required[str]
     other_end: bool
     gentle: bool
+    smooths: int
     status: Required[str]
     reason: str
     steps: Required[int]
@@ -118,6 +129,8 @@ class AttemptFigures(TypedDict, total=False):
     finer: int
     verdict: str
     between: bool
+    figures: ComparedFigures
+    chosen: bool
 
 
 class FoldSummary(TypedDict, total=False):

@@ -1,7 +1,7 @@
 """Diagnosis: why an explosion did not come to its end, told from where it stopped.
 
 By its kind ``planner.pipeline.portfolio`` decides what is tried next; its modules show people where
-to look. Its evidence is the reason that is told: a knot, modules that block each other, or a budget.
+to look. Its evidence is the reason that is told: a knot, modules in each other's way, a budget.
 """
 
 from __future__ import annotations

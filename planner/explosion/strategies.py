@@ -28,6 +28,7 @@ from planner.pathfinding.assembly import peelable
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.parameters import (
     AUTO,
+    BASELINE,
     STRATEGY_OPTIONS,
     ExplosionParameters,
     PaperExplosionParameters,
@@ -36,7 +37,6 @@ from planner.simulation.parameters import (
     unknown_strategy,
 )
 
-BASELINE: Final = "one-by-one"
 OFF_SQUARE: Final = 1e-4
 """Share of a right angle by which a cube's folded hinge may differ from a multiple of one."""
 BLOCKS_FROM: Final = 160
@@ -75,6 +75,17 @@ def strategies_for(
             f"{', '.join(possible)}.",
         )
     return (wished,)
+
+
+def others_for(chain: Chain, parameters: Parameters, *, refolds: bool = False) -> tuple[str, ...]:
+    """The strategies whose plans may be better than a verified one, the most promising first.
+
+    Without a wish for one strategy these are all but the baseline: what moves most at a time folds
+    in the least time, with the least torque in a given time, and leaves most room on the way.
+    """
+    if parameters.strategy != AUTO:
+        return strategies_for(chain, parameters, refolds=refolds)
+    return tuple(n for n in _possible(chain, parameters, refolds) if n != BASELINE)
 
 
 def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str, ...]:

@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from planner.chain.module import LONG_CHAIN
 
+CHOOSING: Final = 8.0
+"""Factor of what a fold costs when it chooses among several plans."""
+MOST_IMPROVING_S: Final = 300.0
+"""What such a fold may be expected to cost more than another, at most."""
 
-def expected_seconds(modules: int, preset: str = "default") -> float:
+
+def expected_seconds(modules: int, preset: str = "default", *, choosing: bool = False) -> float:
     """About how long a fold takes on two cores, from measured runs of 24 to 9600 modules.
 
     As published, from runs of 64 to 192 modules: 39 s to 88 s.
+
+    Args:
+        modules: Of its chain.
+        preset: Its parameters.
+        choosing: Whether it chooses among several plans, see ``planner.pipeline.improvements``.
     """
+    if choosing:
+        plain = expected_seconds(modules, preset)
+        return min(CHOOSING * plain, plain + MOST_IMPROVING_S)
     if preset == "paper":
         return 12.0 + 0.36 * modules
     if modules > LONG_CHAIN:

@@ -2,7 +2,8 @@
 
 ``attempts/2`` in a fold's directory holds the chain, timeline, record, playback and certificate of
 the explosion that is entry 2 of ``attempts.json``. Of attempts that are over the one that came
-farthest stays. When the fold is over, its files go to the fold's directory itself.
+farthest stays, of verified plans the one that serves the fold's wish best. When the fold is over,
+its files go to the fold's directory itself.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from planner.chain.chain import Chain
 from planner.errors import TimelineError
 from planner.motion.frames import PHASES, Frames
 from planner.motion.timeline import Timeline
+from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
+from planner.robot import RECORDED_PLAN
 
 ATTEMPTS: Final = "attempts.json"
 FOLDER: Final = "attempts"
@@ -26,7 +29,7 @@ CERTIFICATE: Final = "certificate.json"
 TIMELINE: Final = "timeline.zarr"
 CHAIN: Final = "chain.json"
 RESULTS: Final = (CHAIN, TIMELINE, "record.npz", "playback.npz", CERTIFICATE)
-"""What an attempt makes."""
+"""What an attempt makes; one that smooths another's plan holds that as well, ``RECORDED_PLAN``."""
 _EXPLOSION: Final = PHASES.index("explosion")
 _UNWANTED: Final = "unwanted-"
 """A folder is renamed so before its files are removed: half of one would pass for an attempt."""
@@ -44,7 +47,12 @@ def numbers(directory: FilePath) -> list[int]:
 def folder(directory: FilePath) -> FilePath:
     """Where the latest attempt's files are written; the fold's directory when there is none."""
     known = numbers(directory)
-    return directory / FOLDER / str(known[-1]) if known else directory
+    return place_of(directory, known[-1]) if known else directory
+
+
+def place_of(directory: FilePath, number: int) -> FilePath:
+    """The folder of an attempt."""
+    return directory / FOLDER / str(number)
 
 
 def result(directory: FilePath, name: str) -> FilePath:
@@ -80,18 +88,27 @@ def keep_best_explosion(directory: FilePath) -> None:
     _keep_best(directory, among)
 
 
-def keep_best(directory: FilePath) -> None:
-    """Keeps the attempt that came farthest: the clearest plan, or the straightest explosion."""
-    _keep_best(directory, numbers(directory))
+def keep_best(directory: FilePath, prefer: Preference = COMPUTING) -> int | None:
+    """Keeps the best attempt: a verified plan, the clearest one, or the straightest explosion.
+
+    Args:
+        directory: Of the fold.
+        prefer: Which of several verified plans is the best; the earliest of equal ones is.
+
+    Returns:
+        Its number; None when there is none.
+    """
+    _keep_best(directory, numbers(directory), prefer)
+    return next(iter(numbers(directory)), None)
 
 
-def publish(directory: FilePath) -> None:
+def publish(directory: FilePath, prefer: Preference = COMPUTING) -> None:
     """Moves the best attempt's files to the fold's directory; one that was cut off goes on."""
-    keep_best(directory)
+    keep_best(directory, prefer)
     place = folder(directory)
     if place == directory:
         return
-    for name in RESULTS:
+    for name in (*RESULTS, RECORDED_PLAN):
         there = place / name
         if there.is_dir():
             rmtree(directory / name, ignore_errors=True)
@@ -109,6 +126,13 @@ def last_frame(timeline: FilePath) -> tuple[Chain, Frames] | None:
         return None
 
 
+def any_verified(directory: FilePath) -> bool:
+    """Whether an attempt of a fold that is not over has a plan that is verified."""
+    return any(
+        judgement(place_of(directory, number) / CERTIFICATE)[0] for number in numbers(directory)
+    )
+
+
 def judgement(certificate: FilePath) -> tuple[bool, float]:
     """Whether a plan is verified, and its least clearance; −∞ where that is not known."""
     if not certificate.exists():
@@ -120,20 +144,29 @@ def judgement(certificate: FilePath) -> tuple[bool, float]:
     return verified, float("-inf") if plan is None else min(known)
 
 
-def _keep_best(directory: FilePath, among: Sequence[int]) -> None:
+def _keep_best(directory: FilePath, among: Sequence[int], prefer: Preference = COMPUTING) -> None:
     if len(among) > 1:
-        best = max(among, key=lambda number: (*_progress(directory, number), number))
+        best = max(among, key=lambda number: _progress(directory, number, prefer))
         _remove(directory, [number for number in among if number != best])
 
 
-def _progress(directory: FilePath, number: int) -> tuple[bool, float, bool, float]:
-    """How far an attempt came: verified, its clearance, whether it was straight, bends removed."""
+def _progress(
+    directory: FilePath, number: int, prefer: Preference
+) -> tuple[bool, float, bool, float, int]:
+    """How far an attempt came: verified, how good it is then, straight, bends removed, and when.
+
+    Of equal plans that are verified the earlier one is better: it was there for less computing. Of
+    equal failures it is the later one, which was tried for what the earlier one lacked.
+    """
     place = directory / FOLDER / str(number)
+    if (verified := judgement(place / CERTIFICATE))[0] and prefer != COMPUTING:
+        figures = PlanFigures.of(json.loads((place / CERTIFICATE).read_bytes()))
+        return True, figures.score(prefer), True, 0.0, -number
     attempts: list[dict[str, Any]] = json.loads((directory / ATTEMPTS).read_bytes())
     straight = number < len(attempts) and attempts[number]["status"] == "straight"
     last = last_frame(place / TIMELINE)
     bent = float("inf") if last is None else _share_bent(*last)
-    return (*judgement(place / CERTIFICATE), straight, -bent)
+    return (*verified, straight, -bent, number)
 
 
 def _share_bent(chain: Chain, last: Frames) -> float:

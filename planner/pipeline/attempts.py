@@ -2,11 +2,12 @@
 
 An overlap between two frames of the playback may be one of the frames alone, which are joined by
 straight lines: the same playback is then recorded with more of them. Everything else is tried with
-another path, seed or strategy: ``planner.pipeline.portfolio``.
+another path, seed or strategy: ``planner.pipeline.portfolio``. With a wish it goes on after a
+verified plan, too: ``planner.pipeline.improvements``.
 
-``attempts.json`` in a fold's directory is a list with an entry for each explosion, and one for each
-playback with finer frames. An entry has no verdict until its certificate is there; a stage that is
-run again drops what it had added and comes to the same.
+``attempts.json`` in a fold's directory is a list with an entry for each explosion or smoothing, and
+one for each playback with finer frames. An entry has no verdict until its certificate is there; a
+stage that is run again drops what it had added and comes to the same.
 """
 
 from __future__ import annotations
@@ -23,15 +24,20 @@ from planner.explosion.diagnosis import diagnose
 from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes, chain_from_attributes
+from planner.pipeline.attempt import Attempt, Try
 from planner.pipeline.attempt_folders import ATTEMPTS
-from planner.pipeline.portfolio import Attempt, Portfolio, Try
+from planner.pipeline.portfolio import Portfolio
+from planner.pipeline.preference import PlanFigures
+from planner.playback.playback import Playback
 from planner.simulation.parameters import Parameters
 
 CANDIDATES: Final = "candidates.json"
 MOST_JUDGED: Final = 6
-"""Playbacks of one fold that get a certificate, at most."""
+"""Playbacks of one fold that get a certificate, at most, before one is verified."""
+MOST_JUDGED_IN_ALL: Final = 12
+"""The same with those that are tried for a wish after that."""
 MOST_REFUSED: Final = 4
-"""Explosions of one fold whose plans may be refused."""
+"""Explosions of one fold whose plans may be refused before one is verified."""
 FINER: Final = 4
 """Factor of the frames of a playback that is repeated with more of them."""
 
@@ -108,7 +114,7 @@ def before_playback(directory: FilePath, choice: Portfolio) -> list[Attempt]:
     """Attempts with the one that is to be played back last."""
     attempts = load(directory)
     if attempts and attempts[-1].verdict is not None:
-        again = replace(attempts[-1], verdict=None, between=False)
+        again = replace(attempts[-1], verdict=None, figures=None, between=False)
         if following(attempts, choice) == "play_back":
             return [*attempts, replace(again, finer=FINER)]
         return [*attempts[:-1], again]
@@ -116,7 +122,10 @@ def before_playback(directory: FilePath, choice: Portfolio) -> list[Attempt]:
 
 
 def judged(
-    attempts: Sequence[Attempt], certificate: Certificate, number: int | None
+    attempts: Sequence[Attempt],
+    certificate: Certificate,
+    number: int | None,
+    playback: Playback | None = None,
 ) -> list[Attempt]:
     """With the verdict on an explosion and on its latest playback.
 
@@ -124,10 +133,9 @@ def judged(
         attempts: All of the fold.
         certificate: The verdict, and where the plan is narrowest.
         number: Which explosion it is of; None for the last one.
+        playback: What it has looked at.
     """
-    judged = len(attempts) - 1 if number is None else number
-    while judged + 1 < len(attempts) and attempts[judged + 1].finer > 1:
-        judged += 1
+    judged = _latest(attempts, len(attempts) - 1 if number is None else number)
     place = certificate.min_clearance_playback_at
     between = (
         certificate.min_clearance is not None
@@ -137,8 +145,33 @@ def judged(
         and place is not None
         and not float(place.frame).is_integer()
     )
-    after = replace(attempts[judged], verdict=certificate.verdict, between=between)
+    exploding_s = attempts[judged].seconds if attempts[judged].finer == 1 else 0.0
+    playing_s = 0.0 if playback is None else playback.seconds
+    after = replace(
+        attempts[judged],
+        verdict=certificate.verdict,
+        figures=PlanFigures.of(certificate.as_dict(), before_s=exploding_s + playing_s),
+        between=between,
+    )
     return [*attempts[:judged], after, *attempts[judged + 1 :]]
+
+
+def marked(attempts: Sequence[Attempt], number: int) -> list[Attempt]:
+    """With a mark on the one whose plan is the fold's.
+
+    Args:
+        attempts: All of the fold.
+        number: The explosion or smoothing whose files are kept.
+    """
+    chosen = _latest(attempts, number)
+    return [replace(attempt, chosen=k == chosen) for k, attempt in enumerate(attempts)]
+
+
+def _latest(attempts: Sequence[Attempt], number: int) -> int:
+    """The latest playback of an explosion."""
+    while number + 1 < len(attempts) and attempts[number + 1].finer > 1:
+        number += 1
+    return number
 
 
 def following(
@@ -146,14 +179,15 @@ def following(
 ) -> Literal["explode", "play_back"] | None:
     """The stage that goes on after the verdict on the last attempt; None when that is the end."""
     last = attempts[-1]
-    if last.verdict is None or last.verdict.startswith("verified") or last.status != "straight":
+    if last.verdict is None or last.status != "straight":
         return None
     verdicts = [attempt for attempt in attempts if attempt.verdict is not None]
     refused = sum(attempt.finer == 1 for attempt in verdicts)
-    if len(verdicts) >= MOST_JUDGED:
+    verified = any(attempt.verified for attempt in attempts)
+    if len(verdicts) >= (MOST_JUDGED_IN_ALL if verified else MOST_JUDGED):
         return None
     if last.between and last.finer == 1:
         return "play_back"
-    if refused >= MOST_REFUSED:
+    if refused >= MOST_REFUSED and not verified:
         return None
     return "explode" if choice.after(attempts) is not None else None

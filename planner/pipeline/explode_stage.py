@@ -4,22 +4,33 @@ from __future__ import annotations
 
 from pathlib import Path as FilePath
 from shutil import rmtree
-from typing import Any
+from typing import Any, Final
 
 from planner.chain.chain import Chain
-from planner.explosion.strategies import strategies_for
+from planner.explosion.strategies import others_for, strategies_for
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
 from planner.pipeline import attempt_folders, attempts
+from planner.pipeline.attempt import Attempt, Try
 from planner.pipeline.attempts import Candidates
-from planner.pipeline.fold_directory import read_recorded, read_request, write_chain_folded
+from planner.pipeline.fold_directory import (
+    read_attempt,
+    read_recorded,
+    read_request,
+    write_chain_folded,
+)
+from planner.pipeline.improvements import Improvements
 from planner.pipeline.parallel import Tries, make_try
-from planner.pipeline.portfolio import MOST_SEEDS, Attempt, Portfolio, Try
+from planner.pipeline.portfolio import MOST_SEEDS, Portfolio
+from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import Request
 from planner.progress import Cancelled, Progress, Report
-from planner.robot import WAYS
+from planner.robot import MOST_ANGLES, RECORDED_PLAN, WAYS
 from planner.robot.smoothed import smoothed_record
 from planner.simulation.parameters import ExplosionParameters
+
+DENSER: Final = 4
+"""Factor of the frames that a plan may get when it is smoothed, peeled ones most."""
 
 
 def explode_stage(
@@ -47,7 +58,10 @@ def explode_stage(
         number, chain = len(tried), candidates.chain_of(todo)
         place = _begun(directory, number, chain)
         attempts.save(directory, [*tried, Attempt(todo=todo, status="begun")])
-        if request.smooth:
+        if request.smooth or todo.smooths is not None:
+            if todo.smooths is not None:
+                attempted = read_attempt(attempt_folders.place_of(directory, todo.smooths), request)
+                attempted.save_npz(place / RECORDED_PLAN)
             record = _smoothed(directory, request, todo, progress, cancelled)
             attempt = attempts.made(todo, chain, record, request.parameters())
         else:
@@ -63,7 +77,8 @@ def explode_stage(
         if record.status in ("straight", "cancelled"):
             break
     record = made[attempt_folders.numbers(directory)[-1]]
-    if record.status != "straight" or len(tried) == 1:
+    wanted = len(tried) > 1 or request.prefer != COMPUTING
+    if record.status != "straight" or not wanted:
         tries.rest()  # what comes out at once is rarely refused
     return {**record.summary(), "attempts": len(tried)}
 
@@ -74,6 +89,17 @@ def choice_of(request: Request, candidates: Candidates) -> Portfolio:
         return Portfolio(strategies=(WAYS,), seed=request.seed, seeds=1)
     parameters = request.parameters()
     ours = isinstance(parameters.explosion, ExplosionParameters)
+    improvements = None
+    if request.prefer != COMPUTING:
+        hinges = len(candidates.chains[0].folded_rad)
+        improvements = Improvements(
+            prefer=request.prefer,
+            strategies=tuple(
+                others_for(chain, parameters, refolds=request.refold) for chain in candidates.chains
+            ),
+            modules=len(candidates.chains[0]),
+            most_frames=0 if request.refold else MOST_ANGLES // (DENSER * max(hinges, 1)),
+        )
     return Portfolio(
         strategies=tuple(
             strategies_for(chain, parameters, refolds=request.refold) for chain in candidates.chains
@@ -82,6 +108,7 @@ def choice_of(request: Request, candidates: Candidates) -> Portfolio:
         two_ended=candidates.two_ended,
         forces=ours,
         seeds=MOST_SEEDS if ours else 1,  # as published there is nothing that a seed changes
+        improvements=improvements,
     )
 
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 from pathlib import Path as FilePath
 
+from planner.certificate.certificate import Certificate
 from planner.chain.chain import Chain
 from planner.files import write_json, write_whole
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes, chain_from_attributes
-from planner.pipeline.attempt_folders import CHAIN, result
+from planner.pipeline.attempt_folders import CERTIFICATE, CHAIN, result
 from planner.pipeline.request import Request
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.playback.unfolding import START_CHAIN, START_PLAN, Unfolding
-from planner.robot import RECORDED_PLAN
+from planner.robot import RECORDED_PLAN, WAYS
 
 
 def write_request(directory: FilePath, request: Request, data: bytes) -> None:
@@ -49,6 +50,11 @@ def read_record(directory: FilePath) -> Record | None:
     return Record.load(path) if path.exists() else None
 
 
+def is_smoothing(record: Record | None) -> bool:
+    """Whether a record is a smoothed motion, in place of an explosion."""
+    return record is not None and record.strategy in WAYS
+
+
 def read_playback(directory: FilePath) -> Playback | None:
     """How it was played back, if it was."""
     path = result(directory, "playback.npz")
@@ -70,5 +76,28 @@ def read_unfolding(directory: FilePath, request: Request) -> Unfolding | None:
 
 
 def read_recorded(directory: FilePath) -> Plan:
-    """The plan that is smoothed."""
-    return Plan.load(directory / RECORDED_PLAN)
+    """The plan that is smoothed: the fold's input, or one of its own attempts."""
+    return Plan.load(result(directory, RECORDED_PLAN))
+
+
+def read_attempt(place: FilePath, request: Request) -> Plan:
+    """The plan of an attempt that is judged.
+
+    Args:
+        place: The attempt's folder, or that of a fold that is over.
+        request: What was asked for.
+    """
+    record = read_record(place)
+    return Plan.assembled(
+        read_chain(place),
+        request.parameters(smoothed=is_smoothing(record)),
+        request.seed,
+        record,
+        read_playback(place),
+        read_certificate(place),
+    )
+
+
+def read_certificate(directory: FilePath) -> Certificate:
+    """What was verified: of the attempts, of the last."""
+    return Certificate.from_dict(json.loads(result(directory, CERTIFICATE).read_bytes()))

@@ -24,9 +24,10 @@ from planner.explosion.strategies import let_go, windowed
 from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
+from planner.pipeline.attempt import MOST, Attempt, Try
 from planner.pipeline.attempt_folders import TIMELINE
 from planner.pipeline.attempts import made
-from planner.pipeline.portfolio import MOST, Attempt, Portfolio, Try
+from planner.pipeline.portfolio import Portfolio
 from planner.progress import Cancelled, Progress, Report
 from planner.simulation.parameters import Parameters
 

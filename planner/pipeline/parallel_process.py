@@ -15,10 +15,10 @@ from dataclasses import asdict
 from pathlib import Path as FilePath
 
 from planner.files import write_json
+from planner.pipeline.attempt import Try
 from planner.pipeline.attempts import Candidates
 from planner.pipeline.fold_directory import read_request
 from planner.pipeline.parallel import GRACE_S, make_try, write_made
-from planner.pipeline.portfolio import Try
 from planner.progress import Progress
 
 

@@ -1,4 +1,4 @@
-"""Portfolio: what is tried when an explosion sticks, or its plan is refused.
+"""Portfolio: what is tried when an explosion sticks, or its plan is refused or may be bettered.
 
 What comes next is decided by what was tried so far and by why it failed, and by nothing else: the
 same fold always takes the same way.
@@ -7,18 +7,16 @@ same fold always takes the same way.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Final, Literal
+from dataclasses import dataclass, replace
+from typing import Final, Literal
 
-from planner.explosion.diagnosis import Diagnosis, Kind
-from planner.motion.record import RecordStatus
+from planner.explosion.diagnosis import Diagnosis
+from planner.pipeline.attempt import MOST, Attempt, Reason, Try
+from planner.pipeline.improvements import Improvements
+from planner.pipeline.request import LARGEST_SEED
 
-MOST: Final = 6
-"""Explosions of one fold, at most."""
 MOST_SEEDS: Final = 3
 """Seeds that one fold tries."""
-LARGEST_SEED: Final = 2**32 - 1
-Reason = Kind | Literal["refused"]
 Change = Literal["path", "strategy", "end", "forces", "seed"]
 CHANGES: Final[dict[Reason, tuple[Change, ...]]] = {
     "knot": ("path", "strategy"),
@@ -40,83 +38,6 @@ SET: Final = ("one-by-one",)
 """Strategies on whose result forces and seeds have no influence."""
 
 
-@dataclass(frozen=True, slots=True)
-class Try:
-    """One explosion that may be made.
-
-    Attributes:
-        candidate: Which of the paths.
-        seed: What randomness starts from.
-        strategy: How the chain is let go.
-        other_end: Whether the path is taken from its other end.
-        gentle: Whether it is let go with half the force.
-    """
-
-    candidate: int
-    seed: int
-    strategy: str
-    other_end: bool = False
-    gentle: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Attempt:
-    """What came of an explosion, and of its playback.
-
-    Attributes:
-        todo: Which explosion it is.
-        status: Of its record; ``begun`` while there is none.
-        reason: Of its record: why it is not straight.
-        steps, frames, seconds: Of its record.
-        diagnosis: Why it did not end straight.
-        finer: How many times as many frames its playback records as usual. More than 1 repeats the
-            playback of the attempt before it, and explodes nothing.
-        verdict: Of its certificate; None until that is there.
-        between: Whether its frames are clear and only the way from one of the playback to the next
-            is not.
-    """
-
-    todo: Try
-    status: RecordStatus | Literal["begun"]
-    reason: str = ""
-    steps: int = 0
-    frames: int = 0
-    seconds: float = 0.0
-    diagnosis: Diagnosis | None = None
-    finer: int = 1
-    verdict: str | None = None
-    between: bool = False
-
-    @property
-    def why(self) -> Reason:
-        """Why it was not the last one."""
-        if self.status == "straight":
-            return "refused"
-        return "limit" if self.diagnosis is None else self.diagnosis.kind
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain JSON values, as ``attempts.json`` and plans have them."""
-        values: dict[str, Any] = {**asdict(self.todo), "status": self.status}
-        if self.status == "begun":
-            return values
-        values |= {name: getattr(self, name) for name in ("reason", "steps", "frames", "seconds")}
-        values["diagnosis"] = self.diagnosis and self.diagnosis.as_dict()
-        if self.finer > 1:
-            values["finer"] = self.finer
-        if self.verdict is not None:
-            values |= {"verdict": self.verdict, "between": self.between}
-        return values
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Attempt:
-        """From ``as_dict``; what an older version did not write is as it was then."""
-        found = values.get("diagnosis")
-        known = {name: values[name] for name in cls.__dataclass_fields__ if name in values}
-        known["diagnosis"] = found and Diagnosis.from_dict(found)
-        todo = {name: values[name] for name in Try.__dataclass_fields__ if name in values}
-        return cls(**known, todo=Try(**todo))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Portfolio:
     """What there is to choose from.
@@ -127,6 +48,7 @@ class Portfolio:
         two_ended: Whether a path may be taken from its other end.
         forces: Whether the forces may be others than asked for.
         seeds: How many of them may be tried.
+        improvements: What may be tried after a verified plan; None when that is the end.
     """
 
     strategies: tuple[tuple[str, ...], ...]
@@ -134,6 +56,7 @@ class Portfolio:
     two_ended: bool = False
     forces: bool = False
     seeds: int = MOST_SEEDS
+    improvements: Improvements | None = None
 
     def after(self, tried: Sequence[Attempt]) -> Try | None:
         """What is tried after so many attempts; None when enough was tried.
@@ -143,6 +66,8 @@ class Portfolio:
         """
         if not tried:
             return Try(0, self.seed, self.strategies[0][0])
+        if any(attempt.verified for attempt in tried):
+            return None if self.improvements is None else self.improvements.after(tried)
         if sum(attempt.finer == 1 for attempt in tried) >= MOST:
             return None
         done = {attempt.todo for attempt in tried}
@@ -162,6 +87,7 @@ class Portfolio:
         """What may come after a try that is being made, the likeliest first.
 
         A strategy likely fails as it did before. What is known to come straight may be refused.
+        A smoothing is never begun early.
 
         Args:
             tried: The attempts before it.
@@ -178,6 +104,8 @@ class Portfolio:
                 likely = seen.get(todo.strategy) or LIKELY.get(todo.strategy, "joints")
                 failed.append(known.get(todo) or _failed(todo, reason or likely))
                 todo = self.after(failed)
+                if todo is not None and todo.smooths is not None:
+                    todo = None  # of which plan is known only when all explosions are over
                 if todo is not None:
                     found[todo] = None
         return list(found)

@@ -14,8 +14,10 @@ from planner.pathfinding import Cell
 from planner.pathfinding.options import MODULE_COUNTS, PathOptions
 from planner.pathfinding.starts import cell_of
 from planner.pipeline.paper_settings import read_settings, settings_text, with_settings
+from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.simulation.parameters import (
     AUTO,
+    BASELINE,
     STRATEGY_OPTIONS,
     Parameters,
     preset,
@@ -43,6 +45,7 @@ class Request:
         settings: Other numbers for the preset ``paper`` or ``direct``, see
             ``planner.pipeline.paper_settings``.
         strategy: How the chain is let go: ``auto``, or one of ``planner.explosion.strategies``.
+        prefer: Which of several verified plans is wanted; with ``computing`` the first one.
         refold: Whether the chain begins folded as the plan beside it says, not straight.
         smooth: Whether the plan beside it is smoothed, in place of an explosion.
         module, modules, method, repair, ends, as_voxels, start: See
@@ -55,6 +58,7 @@ class Request:
     module_size: float | None = None
     settings: str = ""
     strategy: str = AUTO
+    prefer: Preference = COMPUTING
     module: str = CUBE.name
     modules: int | None = None
     method: str = "auto"
@@ -96,6 +100,14 @@ class Request:
             self.parameters()
             self.path_options().check()
             plain = Request()
+            preference_named(self.prefer)
+            if self.prefer != plain.prefer and self._one_plan:
+                raise InputError(
+                    "unsuited-prefer",
+                    f"got the preference {self.prefer} for the {self._one_plan}, of which there is "
+                    f"one plan, expected {plain.prefer}; take the default preset and a strategy "
+                    "that is no baseline to choose among plans.",
+                )
             for name in ("preset", "strategy") if self.smooth else ():
                 if getattr(self, name) != getattr(plain, name):
                     raise InputError(
@@ -105,6 +117,15 @@ class Request:
                     )
         except InputError as error:
             raise _placed(error) from None
+
+    @property
+    def _one_plan(self) -> str | None:
+        """What keeps it from having several plans to choose from; None when nothing does."""
+        if self.smooth:
+            return "smoothing of a plan"
+        if self.preset != Request().preset:
+            return f"preset {self.preset}"
+        return f"strategy {self.strategy}" if self.strategy == BASELINE else None
 
     def canonical(self) -> Request:
         """The same request, its settings in the one way that is compared.
@@ -128,8 +149,11 @@ class Request:
             start=self.start,
         )
 
-    def parameters(self) -> Parameters:
+    def parameters(self, *, smoothed: bool = False) -> Parameters:
         """The parameters it asks for.
+
+        Args:
+            smoothed: Whether they are for a plan that is smoothed, though others are not.
 
         Raises:
             InputError: An unknown preset, or a seed or module size out of range.
@@ -148,7 +172,9 @@ class Request:
         if self.strategy not in STRATEGY_OPTIONS:
             raise unknown_strategy(self.strategy)
         found = replace(found, strategy=self.strategy)
-        if self.smooth:
+        if self.prefer == "time":
+            found = replace(found, playback=replace(found.playback, paced_by="speed"))
+        if self.smooth or smoothed:
             # Frames are joined by straight lines: a finer curve would go round their corners.
             found = replace(found, playback=replace(found.playback, spacing_rad=SMOOTH_SPACING_RAD))
         if self.module_size is None:

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from planner.certificate.certificate import Certificate, certify
 from planner.certificate.measure import write_figures
-from planner.explosion.strategies import BASELINE, on_lattice, strategies_for
+from planner.explosion.strategies import on_lattice, strategies_for
 from planner.exports import mjcf
 from planner.files import write_json, write_whole
 from planner.motion.frames import PHASES
@@ -35,6 +35,9 @@ from planner.pipeline.attempt_folders import (
 from planner.pipeline.attempts import Candidates
 from planner.pipeline.explode_stage import choice_of, explode_stage
 from planner.pipeline.fold_directory import (
+    is_smoothing,
+    read_attempt,
+    read_certificate,
     read_chain,
     read_playback,
     read_record,
@@ -45,13 +48,14 @@ from planner.pipeline.fold_directory import (
     write_chain_folded,
 )
 from planner.pipeline.parallel import Tries
+from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import SHORT_SEED
-from planner.plan.plan import Plan
 from planner.playback.playback import Playback, play_back
 from planner.playback.unfolding import check_fits
 from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.robot import RECORDED_PLAN
 from planner.robot.smoothed import before_and_after, check_smoothable
-from planner.simulation.parameters import ExplosionParameters
+from planner.simulation.parameters import BASELINE, ExplosionParameters
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
 
@@ -136,6 +140,7 @@ def _read(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[s
         check_smoothable(plan)
         only = Candidates((plan.chain,), two_ended=False)
         return _noted(directory, only, kind="plan", method=None, notes=[], knot=None)
+    (directory / RECORDED_PLAN).unlink(missing_ok=True)  # of an earlier fold with a wish
     prepared = prepare(
         (directory / "input").read_bytes(),
         request.filename,
@@ -184,7 +189,8 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
     request, chain, record = read_request(directory), read_chain(directory), read_record(directory)
     place = folder(directory)
     (place / "playback.npz").unlink(missing_ok=True)
-    parameters = request.parameters()
+    smoothed = is_smoothing(record)
+    parameters = request.parameters(smoothed=smoothed)
     if record is not None and record.status != "straight":
         return {
             "status": "skipped",
@@ -196,7 +202,7 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
         }
     unfolding = read_unfolding(directory, request)
     start_s, frames = 0.0, 0
-    whole = unfolding is not None or request.smooth
+    whole = unfolding is not None or smoothed
     if record is not None and not whole:
         start_s, frames = float(record.frames.time_s[-1]), len(record.frames)
     tried = attempts.before_playback(directory, choice_of(request, Candidates.load(directory)))
@@ -223,10 +229,11 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
 
 def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
     request, playback = read_request(directory), read_playback(directory)
-    parameters = request.parameters()
+    record = read_record(directory)
+    parameters = request.parameters(smoothed=is_smoothing(record))
     certificate = certify(
         read_chain(directory),
-        read_record(directory),
+        record,
         playback,
         parameters,
         start=read_start(directory, request),
@@ -237,7 +244,7 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
     tried = attempts.load(directory)
     if tried:
         known = numbers(directory)
-        tried = attempts.judged(tried, certificate, known[-1] if known else None)
+        tried = attempts.judged(tried, certificate, known[-1] if known else None, playback)
         attempts.save(directory, tried)
         # What was published, or is a baseline, is shown as it is, with what is wrong with it.
         ours = isinstance(parameters.explosion, ExplosionParameters)
@@ -247,13 +254,9 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
             again = None  # which is the same whatever the other shape's path
     write_json(folder(directory) / CERTIFICATE, certificate.as_dict())
     if again is None and not cancelled():
-        keep_best(directory)
-        certificate = _certificate(directory)
+        keep_best(directory, request.prefer)
+        certificate = read_certificate(directory)
     return {**certificate.as_dict(), "again": again}
-
-
-def _certificate(directory: FilePath) -> Certificate:
-    return Certificate.from_dict(json.loads(result(directory, CERTIFICATE).read_bytes()))
 
 
 def _overlaps_unfolding(certificate: Certificate, playback: Playback | None) -> bool:
@@ -272,21 +275,18 @@ def _overlaps_unfolding(certificate: Certificate, playback: Playback | None) -> 
 
 def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
     del progress, cancelled
-    publish(directory)
-    request, chain = read_request(directory), read_chain(directory)
-    parameters = request.parameters()
-    certificate = _certificate(directory)
-    plan = Plan.assembled(
-        chain,
-        parameters,
-        request.seed,
-        read_record(directory),
-        read_playback(directory),
-        certificate,
-        tuple(attempt.as_dict() for attempt in attempts.load(directory)),
-        read_start(directory, request),
+    request, tried = read_request(directory), attempts.load(directory)
+    best = keep_best(directory, request.prefer)
+    if best is not None and request.prefer != COMPUTING:
+        tried = attempts.marked(tried, best)
+        attempts.save(directory, tried)
+    publish(directory, request.prefer)
+    plan = replace(
+        read_attempt(directory, request),
+        attempts=tuple(attempt.as_dict() for attempt in tried),
+        start=read_start(directory, request),
     )
-    if request.smooth:
+    if is_smoothing(read_record(directory)):
         plan = replace(plan, smoothing=before_and_after(read_recorded(directory), plan))
     write_whole(directory / "model.xml", mjcf.write(plan))
     plan.save_npz(directory / "plan.npz")

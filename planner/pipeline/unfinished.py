@@ -16,7 +16,8 @@ from planner.pipeline.attempt_folders import (
     publish,
     result,
 )
-from planner.pipeline.fold_directory import read_record
+from planner.pipeline.fold_directory import read_record, read_request
+from planner.pipeline.preference import COMPUTING
 
 
 def settle(directory: FilePath) -> dict[str, Any]:
@@ -29,7 +30,8 @@ def settle(directory: FilePath) -> dict[str, Any]:
         ``stuck``, as of ``Plan.summary``; of a plan that its certificate refuses ``explosion`` and
         ``certificate``. Empty when nothing was recorded.
     """
-    publish(directory)
+    asked = (directory / "request.json").exists()
+    publish(directory, read_request(directory).prefer if asked else COMPUTING)
     certificate = directory / CERTIFICATE
     verified, clearance = judgement(certificate)
     if isfinite(clearance) and not verified:

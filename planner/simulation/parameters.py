@@ -273,7 +273,8 @@ PUBLISHED_PLAYBACK: Final = PlaybackParameters(
     controller="paper", step_s=0.01, friction=0.1, damping=0.1, gain=60.0, dynamic_up_to=600
 )
 PRESETS: Final = ("default", "paper", "direct")
-STRATEGIES: Final = ("simultaneous", "blocks", "peel", "one-by-one")
+BASELINE: Final = "one-by-one"
+STRATEGIES: Final = ("simultaneous", "blocks", "peel", BASELINE)
 AUTO: Final = "auto"
 STRATEGY_OPTIONS: Final = (AUTO, *STRATEGIES)
 

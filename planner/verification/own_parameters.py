@@ -9,6 +9,7 @@ from typing import Any
 
 from planner.errors import UNREADABLE, InputError, PlannerError, named
 from planner.pipeline.fold_directory import read_request
+from planner.pipeline.preference import COMPUTING
 from planner.plan.differences import Differences, value_differences, versus_plan
 from planner.plan.plan import Plan, versions
 from planner.simulation.parameters import Parameters, preset
@@ -77,12 +78,15 @@ def request_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differ
     try:
         request = read_request(directory)
         request.check()
-        parameters = request.parameters()
+        smoothed = plan.smoothing is not None
+        parameters = request.parameters(smoothed=smoothed)
     except (*UNREADABLE, PlannerError) as error:
         yield f"request.json: it cannot be read ({error})"
         return
     told = {"seed": plan.seed, "preset": plan.preset}
-    told |= {"refold": plan.start is not None, "smooth": plan.smoothing is not None}
+    told["refold"] = plan.start is not None
+    if not (smoothed and request.prefer != COMPUTING):  # the best plan may be a smoothed one
+        told["smooth"] = smoothed
     yield from value_differences(
         {n: getattr(request, n) for n in told}, told, versus_plan("request.json", "request")
     )

@@ -167,13 +167,23 @@ def post_fold(
             "after the other, a baseline."
         ),
     ] = "auto",
+    prefer: Annotated[
+        Literal["computing", "time", "torque", "clearance"],
+        Form(
+            description="Which of several verified plans is wanted: the first one, the one that "
+            "folds in the least time at the joints' speed limit, with the least torque when all "
+            "take the same time, or with the largest clearance that is proved. All but the first "
+            "try other strategies, paths and smoothings, which takes several times as long; "
+            "the plan's `attempts` list them with their figures."
+        ),
+    ] = "computing",
 ) -> Accepted:
     """Accepts it and puts it into the queue. The same again with the same token is the same fold.
 
     So is a shape of the gallery, as it is usually folded, for everybody.
     """
     try:
-        asked = Asked(preset=preset, settings=settings)
+        asked = Asked(preset=preset, settings=settings, strategy=strategy, prefer=prefer)
         asked.check()
     except InputError as error:
         raise Unusable.of(error) from None
@@ -219,6 +229,7 @@ def post_fold(
                     cells=cells,
                     beginning=beginning,
                     strategy=strategy,
+                    prefer=prefer,
                     again=None if fold is None else row,
                 ),
             )

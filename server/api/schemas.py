@@ -160,6 +160,9 @@ class Fold(BaseModel):
     seed: int
     module_size: float | None
     strategy: str = Field(description="How its chain is let go: `auto` is what suits it.")
+    prefer: str = Field(
+        description="Which of several verified plans it is: `computing` is the first one."
+    )
     progress: Progress
     summary: dict[str, Any] = Field(
         description="Figures of the plan; empty until it is over. `stuck` tells why and at which "
@@ -187,6 +190,7 @@ class Fold(BaseModel):
             seed=row.seed,
             module_size=row.module_size,
             strategy=row.strategy,
+            prefer=row.prefer,
             progress=Progress.model_validate(progress_of(row, store, leases)),
             summary={**summary_told_honestly(cast(FoldSummary, row.summary or {}))},
             error=Fault.model_validate(row.error) if row.error else None,
@@ -304,6 +308,9 @@ class Preview(BaseModel):
     )
     expected_s: float = Field(description="About how long the fold will take.")
     expected_as_published_s: float = Field(description="The same with the preset `paper`.")
+    expected_preferred_s: float = Field(
+        description="The same where a plan is chosen by time, torque or clearance."
+    )
     positions: list[list[float]] | None = Field(
         description="Of the folded chain's modules; None without a chain."
     )
@@ -321,6 +328,7 @@ class Preview(BaseModel):
             "id": preview_id,
             "key": key,
             "expected_as_published_s": expected_seconds(report["modules"], "paper"),
+            "expected_preferred_s": expected_seconds(report["modules"], choosing=True),
             "links": PreviewLinks(page=f"/previews/{preview_id}", folds="/api/folds"),
         }
         return cls.model_validate({**report, **large, **more})

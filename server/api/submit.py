@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 from planner.errors import InputError
+from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.request import Request
 from planner.simulation.parameters import AUTO
 from server.api.base_folds import BaseFold
@@ -49,6 +50,7 @@ class Submission:
     """For a drawing until there is a chain; those that a preview has found."""
     beginning: BaseFold | None = None
     strategy: str = AUTO
+    prefer: Preference = COMPUTING
     again: FoldRow | None = None
     """The fold that is asked for once more, by its id."""
 
@@ -59,8 +61,8 @@ class Submission:
         return (
             self.shape is not None
             and self.beginning is None
-            and (self.preset, self.seed, self.module_size, self.strategy)
-            == (plain.preset, plain.seed, plain.module_size, plain.strategy)
+            and (self.preset, self.seed, self.module_size, self.strategy, self.prefer)
+            == (plain.preset, plain.seed, plain.module_size, plain.strategy, plain.prefer)
             and not self.options.changed()
         )
 
@@ -94,6 +96,7 @@ class Submission:
             **self.options.changed(),
             **({} if self.beginning is None else {self.beginning.use: self.beginning.digest}),
             **({} if self.strategy == AUTO else {"strategy": self.strategy}),
+            **({} if self.prefer == COMPUTING else {"prefer": self.prefer}),
             **({"settings": self.settings} if self.settings else {}),
             **({} if self.public else {"owner": owner}),
         }
@@ -150,6 +153,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
             error=None,
             refold=submission.refolds and submission.refolds.name,
             strategy=submission.strategy,
+            prefer=submission.prefer,
             smooths=submission.smooths and submission.smooths.fold,
             bytes=size,
         )
@@ -275,6 +279,7 @@ def _write(directory: Path, submission: Submission) -> None:
         "module_size": submission.module_size,
         **submission.options.changed(),
         "strategy": submission.strategy,
+        "prefer": submission.prefer,
         **({} if submission.beginning is None else {submission.beginning.use: True}),
     }
     if submission.beginning is not None:

@@ -31,6 +31,7 @@ from server.cli.options import (
     Modules,
     ModuleSize,
     PlanDirectory,
+    Prefer,
     Preset,
     Repair,
     Seed,
@@ -39,6 +40,7 @@ from server.cli.options import (
     Workers,
 )
 from server.pages import certificate_words
+from server.pages.choice_words import COLUMNS, Choice, choice_of
 from server.pages.quantities import sentence
 
 WORDS = {
@@ -66,6 +68,7 @@ def fold(
     strategy: Annotated[
         str, typer.Option(help="How it is let go: auto, simultaneous, blocks, peel, or one-by-one.")
     ] = "auto",
+    prefer: Prefer = "computing",
     module: Module = "cube",
     modules: Modules = None,
     method: Method = "auto",
@@ -84,6 +87,7 @@ def fold(
             seed=seed,
             module_size=module_size,
             strategy=strategy,
+            prefer=prefer,
             module=module,
             modules=modules,
             method=method,
@@ -99,7 +103,9 @@ def fold(
         run_stage(STAGES[0], out)
     except InputError as error:
         refuse(error, as_json)
-    finish(compute(out, workers), out, as_json)
+    finish(
+        compute(out, workers), out, as_json, lambda _: show_choice(choice_of(out, request.prefer))
+    )
 
 
 def finish(
@@ -156,6 +162,23 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
                 summary = run_stage(stage, out, progress=report, tries=tries)
             stage = next_stage(stage, summary)
     return summary
+
+
+def show_choice(choice: Choice | None) -> None:
+    """Prints what was tried when a plan was chosen among several, for people."""
+    if choice is None:
+        return
+    console = Console(highlight=False)
+    table = Table(*COLUMNS, box=None, pad_edge=False)
+    table.columns[0].no_wrap = True
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for plan in choice["plans"]:
+        mark = "→" if plan["chosen"] else "✓" if plan["verified"] else "✗"
+        table.add_row(f"{mark} {plan['label']}", *plan["cells"])
+    console.print()
+    console.print(table)
+    console.print(choice["text"], markup=False, soft_wrap=True)
 
 
 def _steps(progress: StageProgress) -> str:

@@ -33,6 +33,13 @@ Workers = Annotated[
     int | None,
     typer.Option(min=1, help="Explosions at once, when one sticks; as many as there are cores."),
 ]
+Prefer = Annotated[
+    str,
+    typer.Option(
+        help="Which plan: computing (the first that is verified), or of several time (the "
+        "quickest), torque (the least in the same time) or clearance (the most room)."
+    ),
+]
 Module = Annotated[str, typer.Option(help="cube or tetrahedron.")]
 Modules = Annotated[
     str | None, typer.Option(metavar="INTEGER", help="About how many modules, for a mesh.")

@@ -14,7 +14,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from planner.errors import InputError, TimelineError
 from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.pipeline.attempt_folders import TIMELINE, any_verified, result
 from planner.playback.unfolding import START_CHAIN
 from server.files.cancelled import sweep_cancelled
 from server.jobs.progress import JobProgress
@@ -29,6 +29,8 @@ from server.store.gallery import Gallery
 from server.store.object_store import StorageError
 
 STAGES: Final = ("read", "explode", "play_back", "certify", "export")
+TRYING: Final = ("explode", "play_back", "certify")
+"""Stages that a fold may go through again, for a better plan."""
 KEEP_EVERY_S: Final = 0.7
 """Seconds between two copies of a growing timeline to the object store."""
 log = logging.getLogger("foldback.worker")
@@ -149,11 +151,16 @@ class Runner:
             )
         except ChildError as error:
             self._release(worker)
-            outcome = _outcome(
-                "failed",
-                error={"code": error.code, "detail": error.detail, "where": stage},
-                repeatable=False,
-            )
+            place = self._store.folders.place(fold_id)
+            if stage in TRYING and any_verified(place):
+                # What was tried for a better plan went wrong: the best one so far is the fold's.
+                outcome = _outcome("running", ended=False, following=STAGES[-1])
+            else:
+                outcome = _outcome(
+                    "failed",
+                    error={"code": error.code, "detail": error.detail, "where": stage},
+                    repeatable=False,
+                )
         except Exception as error:
             log.exception("fold %s failed in stage %s", fold_id, stage, extra={"fold": fold_id})
             outcome = self.failure(error, stage)

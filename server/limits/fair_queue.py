@@ -20,15 +20,17 @@ CHANGED: Final = 4.0
 """Factor of the usual steps of a published explosion, with changed settings."""
 
 
-def expected_s(modules: int, preset: str, settings: str = "") -> float:
+def expected_s(modules: int, preset: str, settings: str = "", *, choosing: bool = False) -> float:
     """About how long a fold takes, as far as its turn depends on it.
 
     Args:
         modules: Of its chain.
         preset: Its parameters.
         settings: What it changes of them: such a fold may take all the steps that there are.
+        choosing: Whether it chooses among several plans, which are all computed.
     """
-    return min(SLOWEST, (CHANGED if settings else 1.0) * expected_seconds(modules, preset))
+    usual = expected_seconds(modules, preset, choosing=choosing)
+    return min(SLOWEST, (CHANGED if settings else 1.0) * usual)
 
 
 def ticks(cost_s: float) -> int:

@@ -31,7 +31,7 @@ def clearance(certificate: CertificateFigures) -> str | None:
     bound, seen = certificate.get("clearance_bound"), _seen(certificate)
     if bound is None or seen is None:
         return None
-    return f"clearance at least {_down(bound)} of a pitch, least seen {_down(seen)}"
+    return f"clearance at least {rounded_down(bound)} of a pitch, least seen {rounded_down(seen)}"
 
 
 def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
@@ -131,13 +131,14 @@ def _pitches(value: float | None) -> str | None:
 
 
 def _at_least(value: float | None) -> str | None:
-    return None if value is None or value <= 0.0 else f"at least {_down(value)} pitch"
+    return None if value is None or value <= 0.0 else f"at least {rounded_down(value)} pitch"
 
 
-def _down(value: float) -> str:
-    """A length, down to thousandths or, nearer to 0 than one, to two digits."""
+def rounded_down(value: float, digits: int = 3) -> str:
+    """A length, down to so many decimals or, nearer to 0 than one of them, to two digits."""
     if value == 0.0:
         return "0"
-    digits = 3 if abs(value) >= 0.001 else 1 - math.floor(math.log10(abs(value)))
+    if abs(value) < 10**-digits:
+        digits = 1 - math.floor(math.log10(abs(value)))
     # What is written as 0.049 shall stay that, whatever its last bit.
     return f"{math.floor(value * 10**digits + 1e-9) / 10**digits:.{digits}f}"

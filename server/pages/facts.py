@@ -26,11 +26,13 @@ from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.pathfinding.duration import expected_seconds
 from planner.pipeline.attempt_folders import CERTIFICATE, CHAIN, TIMELINE, result
+from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.pipeline.request import LARGEST_SEED, Request
 from planner.robot import MOST_ANGLES
 from planner.simulation.parameters import AUTO
 from server.api.schemas import export_href
 from server.pages import certificate_words
+from server.pages.choice_words import PREFERENCE_WORDS, Choice, choice_of, superlative
 from server.pages.failures import AttemptWords, Failure, attempts, exploding, failure
 from server.pages.quantities import PRESETS, STRATEGIES, length_m, quantity, sentence
 from server.pages.quantities import parameters as parameters_in_words
@@ -123,6 +125,7 @@ class FoldFacts(TypedDict):
     problem: Problem | None
     failure: Failure | None
     attempts: list[AttemptWords]
+    choice: Choice | None
     again: Suggestion | None
     frames: int
     refoldable: bool
@@ -156,6 +159,7 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> FoldFa
     running = row.status in RUNNING
     done = row.status in ("verified", "failed")
     problem = _problem(row, summary)
+    choice = choice_of(directory, preference_named(row.prefer)) if done else None
     there = api and done and (directory / "plan.npz").is_file()
     downloads: list[Download] = [
         {"label": export.label, "hint": export.hint, "href": export_href(row.id, export)}
@@ -167,11 +171,12 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> FoldFa
         "status": row.status,
         "running": running and api,
         "preset": f"{PRESETS.get(row.preset, row.preset)}{in_a_line(row.settings)}",
-        "verdict": _verdict(row, summary, certificate),
+        "verdict": _verdict(row, summary, certificate, choice),
         "cover": "Loading the view" if not running else "Waiting for the first frame",
         "problem": problem,
         "failure": failure(row, summary),
         "attempts": attempts(directory) if not running else [],
+        "choice": choice,
         "again": _again(row) if api else None,
         "frames": frames_promised(directory),
         "refoldable": api and row.status == "verified",
@@ -213,12 +218,15 @@ def _title(row: ShownFold) -> str:
     return f"{shown_name(start)} → {name}" if start else name
 
 
-def _verdict(row: ShownFold, summary: FoldSummary, certificate: CertificateFigures) -> Verdict:
+def _verdict(
+    row: ShownFold, summary: FoldSummary, certificate: CertificateFigures, choice: Choice | None
+) -> Verdict:
     modules = f"{row.modules} modules" if row.modules else None
     if row.status == "verified":
         strategy = (summary.get("explosion") or {}).get("strategy")
         told = certificate_words.headline(certificate) or "verified"
-        parts = [told, certificate_words.baseline(strategy), modules]
+        best = choice and superlative(choice["prefer"], len(choice["plans"]))
+        parts = [told, certificate_words.baseline(strategy), best, modules]
         return {"tone": "good", "text": " · ".join(p for p in parts if p)}
     if row.status == "failed":
         reason = _told(summary.get("reason") or (row.error or {}).get("detail") or "", summary)
@@ -258,6 +266,8 @@ def _again(row: ShownFold) -> Suggestion | None:
         form["module_size"] = row.module_size
     if row.strategy != AUTO:
         form["strategy"] = row.strategy
+    if row.prefer != COMPUTING:
+        form["prefer"] = row.prefer
     if row.status == "cancelled":
         return {"text": "Fold again", "form": form}
     if row.status != "failed" or row.stage == "read":  # such an input fails again
@@ -299,6 +309,15 @@ def _compare(found: Found) -> list[Suggestion]:
         for preset, text, hint in ways
         if (preset, "") != (row.preset, row.settings)
     ]
+    unlike: Preference = "time" if row.prefer == COMPUTING else COMPUTING
+    if row.preset == Request().preset:
+        takes_s = expected_seconds(row.modules, choosing=unlike != COMPUTING)
+        best: Suggestion = {
+            "text": PREFERENCE_WORDS[unlike],
+            "hint": f"Takes {_about(takes_s)}",
+            "form": {**form, "prefer": unlike},
+        }
+        others = [best, *others]
     takes = _about(expected_seconds(row.modules, "paper"))
     published: Suggestion = {
         "text": "As published",
@@ -393,6 +412,12 @@ def _properties(
             "Computation",
             [
                 ("Strategy", STRATEGIES.get(str(explosion.get("strategy")))),
+                (
+                    "Chosen as",
+                    None
+                    if row.prefer == COMPUTING
+                    else PREFERENCE_WORDS[preference_named(row.prefer)],
+                ),
                 (f"{made} steps", explosion.get("steps") or None),
                 (f"{made} frames", explosion.get("frames")),
                 (f"{made}, wall time", quantity(explosion.get("seconds"), "s", 2)),

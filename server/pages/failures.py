@@ -202,6 +202,8 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     how = [path, f"seed {attempt['seed']}"]
     if attempt.get("gentle"):
         how.append("half the force")
+    if (smooths := attempt.get("smooths")) is not None:
+        how.append(f"of attempt {smooths + 1}")
     if "finer" in attempt:
         how.append("played back with finer frames")
     verdict = str(attempt.get("verdict", ""))

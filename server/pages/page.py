@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from markupsafe import Markup
 
 from server.http.security import LISTED
+from server.pages.choice_words import PREFERENCE_WORDS
 from server.pages.setting_words import ROWS, SOURCES
 from web.static_files import scripts_of
 
@@ -41,6 +42,7 @@ def entry(page_name: str) -> Markup:
 
 KNOWN: Final[dict[str, object]] = {
     "paper_settings": ROWS,
+    "preferences": PREFERENCE_WORDS,
     "setting_sources": SOURCES,
     "entry": entry,
 }

@@ -102,7 +102,8 @@ def _smoothed(directory: Path, request: dict[str, Any]) -> dict[str, Any]:
     from planner.robot import RECORDED_PLAN
     from planner.robot.smoothed import check_smoothable
 
-    Request(preset=request["preset"], strategy=request["strategy"], smooth=True).check()
+    wishes = {name: request[name] for name in ("preset", "strategy", "prefer")}
+    Request(**wishes, smooth=True).check()
     plan = Plan.load(directory / RECORDED_PLAN)
     check_smoothable(plan)
     chain = plan.chain

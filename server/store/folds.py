@@ -18,6 +18,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session, sessionmaker
 
+from planner.pipeline.preference import COMPUTING
 from server.limits.fair_queue import expected_s, turn_of
 from server.settings import Settings
 from server.store.fold_files import Folders, NoSuchFoldError
@@ -224,7 +225,9 @@ class Store:
         Its turn in the queue is settled here.
         """
         row.owner = hash_of(token)
-        row.cost_s = expected_s(row.modules, row.preset, row.settings)
+        row.cost_s = expected_s(
+            row.modules, row.preset, row.settings, choosing=row.prefer != COMPUTING
+        )
         try:
             with self.changing() as session:
                 row.turn = self._turn(session, row)

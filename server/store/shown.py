@@ -9,6 +9,7 @@ from typing import Final, Protocol
 
 from planner.certificate.figures import Fault, FoldSummary
 from planner.chain.module import CUBE
+from planner.pipeline.preference import COMPUTING
 from planner.simulation.parameters import AUTO
 from server.store.tables import FoldRow
 
@@ -32,6 +33,7 @@ class ShownFold:
     settings: str = ""
     module_size: float | None = None
     strategy: str = AUTO
+    prefer: str = COMPUTING
     refold: str | None = None
     smooths: str | None = None
     summary: FoldSummary = field(default_factory=FoldSummary)

@@ -24,6 +24,7 @@ class FoldRow(Base):
     ``status`` is one of ``STATUSES``; ``stage`` one of ``planner.pipeline.stages.STAGES`` or None;
     ``refold`` is the name of the shape that a refold begins as, None where the chain is straight;
     ``smooths`` is the id of the fold whose plan is smoothed, None where it is recorded;
+    ``prefer`` tells which of several plans is wanted, see ``planner.pipeline.preference``;
     ``settings`` is what ``planner.pipeline.paper_settings.settings_text`` makes of those of its
     preset.
 
@@ -74,6 +75,7 @@ class FoldRow(Base):
     settings: Mapped[str] = mapped_column(sa.String(500), default="")
     owner: Mapped[str | None] = mapped_column(sa.String(64), index=True, default=None)
     derived_bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
+    prefer: Mapped[str] = mapped_column(sa.String(16), default="computing")
 
     @property
     def created(self) -> datetime:

@@ -19,6 +19,7 @@ from planner.files import write_json
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline import attempts
+from planner.pipeline.attempt import Attempt, Try
 from planner.pipeline.attempt_folders import (
     CERTIFICATE,
     RESULTS,
@@ -32,7 +33,6 @@ from planner.pipeline.attempt_folders import (
     result,
 )
 from planner.pipeline.fold_directory import write_request
-from planner.pipeline.portfolio import Attempt, Try
 from planner.pipeline.request import Request
 from planner.pipeline.stages import next_stage, run_stage, run_stages
 from planner.pipeline.unfinished import settle

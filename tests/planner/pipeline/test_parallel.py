@@ -20,9 +20,10 @@ from planner.chain.chain import Chain
 from planner.explosion.diagnosis import Diagnosis, Kind
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
+from planner.pipeline.attempt import MOST, Attempt, Try
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.parallel import ASIDE, STALLING, Tries, make_try
-from planner.pipeline.portfolio import MOST, Attempt, Portfolio, Try
+from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage, run_stages
 from planner.plan.formats import write_chain, write_path
@@ -285,7 +286,8 @@ SCRIPT = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background
 from pathlib import Path
-from planner.pipeline.portfolio import Attempt, Portfolio, Try
+from planner.pipeline.attempt import Attempt, Try
+from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.parallel import Tries
 with Tries(Path(sys.argv[1]), 3) as tries:
     choice = Portfolio(strategies=(("simultaneous", "peel"),), seed=3)

@@ -19,8 +19,9 @@ from planner.motion.frames import Frames
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.pipeline import attempts
+from planner.pipeline.attempt import MOST, Attempt, Reason, Try
 from planner.pipeline.fold_directory import write_request
-from planner.pipeline.portfolio import MOST, Attempt, Portfolio, Reason, Try
+from planner.pipeline.portfolio import Portfolio
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.plan.formats import write_path

@@ -19,9 +19,9 @@ from planner.motion.timeline import (
     chain_from_attributes,
 )
 from planner.pipeline import attempts
+from planner.pipeline.attempt import Attempt, Try
 from planner.pipeline.attempt_folders import begin
 from planner.pipeline.fold_directory import write_request
-from planner.pipeline.portfolio import Attempt, Try
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage
 from planner.pipeline.unfinished import settle, stopped_where

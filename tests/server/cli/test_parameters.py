@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from planner.pathfinding import ENDS, METHODS
 from planner.pathfinding.options import MODULE_COUNTS
 from planner.pipeline.paper_settings import LONGEST, SETTINGS
+from planner.pipeline.preference import PREFERENCES
 from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
 from planner.simulation.parameters import PRESETS, STRATEGY_OPTIONS
 from server.cli.command_line import application
@@ -33,6 +34,7 @@ BAD = [
     ("method", "magic", "unknown-method"),
     ("ends", "inside", "unknown-ends"),
     ("start", "here", "bad-start"),
+    ("prefer", "speed", "unknown-prefer"),
 ]
 
 
@@ -100,6 +102,7 @@ def test_the_api_says_what_the_planner_takes(desk: Service) -> None:
 
     assert tuple(of("preset")["enum"]) == PRESETS
     assert tuple(of("strategy")["enum"]) == STRATEGY_OPTIONS
+    assert tuple(of("prefer")["enum"]) == PREFERENCES
     assert tuple(of("method")["enum"]) == METHODS
     assert tuple(of("ends")["enum"]) == ENDS
     assert of("settings")["maxLength"] == LONGEST

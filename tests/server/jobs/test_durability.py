@@ -5,12 +5,15 @@ from __future__ import annotations
 import signal
 import sqlite3
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from planner.motion.timeline import Timeline
+from planner.plan.plan import Plan
 from server.jobs.runner import STAGES, Runner
+from server.processes.children import Child, ChildError
 from server.store.folds import Store, new_token
 from tests.server.here import FORKS, ServiceHere
 from tests.server.service import SNAKE, STAIRS, Service, owner
@@ -137,6 +140,26 @@ def test_a_fold_that_takes_too_long_is_ended_with_a_clear_word(here_with: HereWi
     state = compute(service, service.fold(shape="wrench-160", preset="paper")["id"])
     assert (state["status"], state["error"]["code"]) == ("failed", "time-limit")
     assert "0.5 s" in state["error"]["detail"]
+
+
+def test_a_verified_plan_outlasts_the_search_for_a_better_one(
+    here_with: HereWith, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    call, calls = Child.call, list[str]()
+
+    def cut_off(self: Child, stage: str, directory: Path, **more: Any) -> dict[str, Any]:
+        calls.append(stage)
+        if stage == "explode" and calls.count(stage) == 2:
+            raise ChildError("time-limit", "the stage 'explode' took longer than it may")
+        return call(self, stage, directory, **more)
+
+    monkeypatch.setattr(Child, "call", cut_off)
+    service = here_with().start()
+    state = compute(service, service.fold(STAIRS, prefer="time")["id"])
+    assert calls[-5:] == ["explode", "play_back", "certify", "explode", "export"]
+    assert (state["status"], state["error"]) == ("verified", None)
+    plan = Plan.load(service.directory(state["id"]) / "plan.npz")
+    assert [a.get("chosen", False) for a in plan.attempts] == [True]
 
 
 def test_a_fold_that_needs_too_much_memory_is_ended_with_a_clear_word(

@@ -1,5 +1,6 @@
 // The fold page.
 import { askForFold } from "../lib/fold_request.js";
+import { showChoice } from "../panels/choice.js";
 import { Companions } from "../panels/companions.js";
 import { Drawer } from "../panels/drawer.js";
 import { Failure } from "../panels/failure.js";
@@ -48,6 +49,7 @@ function show(now) {
   takeAway.facts(now);
   share.facts(now);
   failure.facts(now);
+  showChoice(now.choice, drawer);
   if (!now.running) { timeline.finish(); figures.begin(); }
   const { again, problem } = now;
   get("again").hidden = !again;

@@ -19,6 +19,14 @@ const HINTS = {
   snake: "Back and forth, layer by layer. For boxes only.",
 };
 
+/** @type {Record<string, string>} */
+const PREFERENCES = {
+  computing: "One plan, as soon as there is one.",
+  time: "Of several plans and smoothings the one that folds in the least time.",
+  torque: "Of several the one that needs the least torque, all taking the same time.",
+  clearance: "Of several the one whose modules stay farthest apart on the way.",
+};
+
 // Options live in the address, so that a link shows the same.
 const query = new URLSearchParams(location.search);
 const [method, start] = [query.get("method") ?? "", query.get("start") ?? ""];
@@ -160,7 +168,8 @@ function put(id, text, tone = "") {
 
 /** @param {Report} told */
 function expected(told) {
-  const seconds = get("preset").value === "paper" ? told.expected_as_published_s : told.expected_s;
+  const preferred = get("prefer").value === "computing" ? told.expected_s : told.expected_preferred_s;
+  const seconds = get("preset").value === "paper" ? told.expected_as_published_s : preferred;
   put("expected", told.has_path ? duration(seconds) : "–");
 }
 
@@ -345,7 +354,16 @@ get("modules").addEventListener("input", () => { set(modulesAt(Number(get("modul
 get("modules-number").addEventListener("change", () => { set(Number(get("modules-number").value)); look(); });
 get("seed").addEventListener("change", () => { options.seed = Math.max(0, Math.floor(Number(get("seed").value)) || 0); elsewhere(); look(); });
 follow(get("preset"));
-get("preset").addEventListener("change", () => { if (report) expected(report); });
+// Only our own way has several plans to choose from.
+function prefer() {
+  const choosing = get("preset").value === "default";
+  get("prefer-part").hidden = !choosing;
+  if (!choosing) get("prefer").value = "computing";
+  get("prefer-hint").textContent = PREFERENCES[get("prefer").value];
+  if (report) expected(report);
+}
+for (const list of [get("preset"), get("prefer")]) list.addEventListener("change", prefer);
+prefer();
 for (const input of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll(".choice input"))) {
   input.addEventListener("change", () => { choose(/** @type {"module" | "method" | "ends"} */ (input.name), input.value); if (input.name !== "ends") elsewhere(); look(); });
 }
@@ -371,6 +389,7 @@ get("fold").onclick = async () => {
   const body = form();
   const preset = get("preset").value;
   body.set("preset", preset);
+  body.set("prefer", get("prefer").value);
   if (preset === "paper") for (const [key, value] of Object.entries(changed())) body.set(key, value);
   if (report.as_voxels) body.set("as_voxels", "true");
   const said = await askForFold(body);

@@ -32,7 +32,7 @@ export class Failure {
     get("tab-attempts").hidden = attempts.length < (failure ? 1 : 2);
     get("stuck-attempts").hidden = !attempts.length;
     get("stuck-attempts").textContent = attempts.length === 1 ? "What was tried" : `All ${attempts.length} attempts`;
-    get("panel-attempts").replaceChildren(...this.panel(failure, attempts));
+    get("tried").replaceChildren(...this.panel(failure, attempts));
     if (!this.found) return;
     const { heading, text, modules, knot } = this.found;
     get("stuck-heading").textContent = heading;

@@ -1,0 +1,144 @@
+"""Improvements: what is tried once a plan is verified, for one that suits a wish better.
+
+The first verified plan is that of a fold without a wish: it costs least, and is what the others are
+measured by. Then the other strategies let the same path go, the best of them lets other paths go,
+and the best plans are smoothed, what came out best with several seeds: how long a fold takes
+depends on the seed of an explosion by a hundredth, on that of a smoothing by a third.
+
+What is tried depends on what came of the tries before and on expected costs, never on a clock: a
+seed always takes the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from planner.pathfinding.duration import MOST_IMPROVING_S
+from planner.pipeline.attempt import MOST, Attempt, Try
+from planner.pipeline.preference import COMPUTING, Preference
+from planner.pipeline.request import LARGEST_SEED
+from planner.robot import SMOOTHED, SOFTENED, WAYS
+
+SEEDS: Final = 3
+"""Seeds with which one plan is smoothed."""
+SMOOTHED_PLANS: Final = 2
+"""Plans of one fold that are smoothed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Improvements:
+    """What may better a verified plan.
+
+    Attributes:
+        prefer: What is wished for.
+        strategies: For each path, the strategies that it may have, the most promising first.
+        modules: Of the chain.
+        most_frames: Frames of a plan that may be smoothed; 0 when none may.
+    """
+
+    prefer: Preference
+    strategies: tuple[tuple[str, ...], ...]
+    modules: int
+    most_frames: int
+
+    def after(self, tried: Sequence[Attempt]) -> Try | None:
+        """What is tried after so many attempts, one of them verified; None when that is enough.
+
+        Args:
+            tried: The attempts so far.
+        """
+        exploded = [attempt for attempt in tried if attempt.todo.smooths is None]
+        best = best_of(exploded, self.prefer)  # smoothings come after all explosions
+        if self.prefer == COMPUTING or best is None:
+            return None
+        first = next(number for number, attempt in enumerate(tried) if attempt.verified)
+        since = {attempt.todo for attempt in tried[first + 1 :]} - {tried[first].todo}
+        left = MOST_IMPROVING_S - sum(expected_seconds_of(todo, self.modules) for todo in since)
+        done = {attempt.todo for attempt in tried}
+        for todo in self._ways(tried, tried[first].todo, exploded[best].todo):
+            if todo not in done and expected_seconds_of(todo, self.modules) <= left:
+                return todo
+        return None
+
+    def _ways(self, tried: Sequence[Attempt], first: Try, best: Try) -> Iterator[Try]:
+        """All that may be tried, the most promising first."""
+        explosions = {attempt.todo for attempt in tried if attempt.todo.smooths is None}
+        if len(explosions) < MOST:
+            yield from self._explosions(first, best)
+        yield from self._smoothings(tried)
+
+    def _explosions(self, first: Try, best: Try) -> Iterator[Try]:
+        """Other strategies for the path of the first verified plan, then the best on others."""
+        for strategy in self.strategies[first.candidate]:
+            yield replace(first, strategy=strategy)
+        for candidate, known in enumerate(self.strategies):
+            if best.strategy in known:
+                yield replace(best, candidate=candidate)
+
+    def _smoothings(self, tried: Sequence[Attempt]) -> Iterator[Try]:
+        """The best plan of each strategy smoothed, and less of it where that was refused.
+
+        How much a plan gains by it depends on how it was let go, too: the second best may win.
+        """
+        plans: dict[str, int] = {}
+        for number, attempt in enumerate(tried):
+            if attempt.verified and attempt.todo.smooths is None:
+                known = plans.setdefault(attempt.todo.strategy, number)
+                if score_of(attempt, self.prefer) > score_of(tried[known], self.prefer):
+                    plans[attempt.todo.strategy] = number
+        ranked = sorted(plans.values(), key=lambda number: -score_of(tried[number], self.prefer))
+        smooth = {attempt.todo.smooths for attempt in tried if attempt.verified}
+        for best in ranked[:SMOOTHED_PLANS]:
+            figures, number = tried[best].figures, best
+            while tried[number].finer > 1:  # its files are with those of the explosion
+                number -= 1
+            if figures is None or figures.frames > self.most_frames:
+                continue
+            todo = replace(tried[best].todo, strategy=SMOOTHED, smooths=number)
+            yield todo
+            if number not in smooth:
+                yield replace(todo, strategy=SOFTENED)
+        smoothings = [attempt for attempt in tried if attempt.todo.smooths is not None]
+        if (best := best_of(smoothings, self.prefer)) is not None:
+            todo = smoothings[best].todo
+            seed = tried[todo.smooths or 0].todo.seed
+            for k in range(1, SEEDS):
+                yield replace(todo, seed=(seed + k) % (LARGEST_SEED + 1))
+
+
+def best_of(tried: Sequence[Attempt], prefer: Preference) -> int | None:
+    """The verified attempt that serves a preference best, the earlier of equal ones; None of none.
+
+    Args:
+        tried: All attempts of the fold, or some of them.
+        prefer: What is wished for; with least computing the first verified one is the best.
+    """
+    best: int | None = None
+    for number, attempt in enumerate(tried):
+        if not attempt.verified:
+            continue
+        if best is None or (
+            prefer != COMPUTING and score_of(attempt, prefer) > score_of(tried[best], prefer)
+        ):
+            best = number
+    return best
+
+
+def score_of(attempt: Attempt, prefer: Preference) -> float:
+    """How well an attempt's plan serves a preference, see ``PlanFigures.score``."""
+    return float("-inf") if attempt.figures is None else attempt.figures.score(prefer)
+
+
+def expected_seconds_of(todo: Try, modules: int) -> float:
+    """About how long a try takes with its playback and certificate: runs of 64 to 1152 modules.
+
+    Args:
+        todo: The try.
+        modules: Of the chain.
+    """
+    if todo.strategy == "peel":
+        return 2.0 + 0.012 * modules
+    together = 1.0 + 0.006 * modules + 1.4 * (modules / 160.0) ** 2.1
+    return together + 2.0 + 0.03 * modules if todo.strategy in WAYS else together

@@ -1,0 +1,86 @@
+"""Preference: which of several verified plans is wished for, and the figures that decide it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import Final, Literal, get_args
+
+from planner.certificate.figures import CertificateFigures
+from planner.errors import InputError
+
+Preference = Literal["computing", "time", "torque", "clearance"]
+PREFERENCES: Final[tuple[Preference, ...]] = get_args(Preference)
+COMPUTING: Final = "computing"
+"""The first plan that is verified is taken, so that least is computed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanFigures:
+    """What a plan is compared by.
+
+    Attributes:
+        fold_time_s: Time that the fold takes at the joints' speed limit; None where nothing moves.
+        peak_torque_nm: Largest torque of a hinge in that time; None where it is not known.
+        clearance_bound: Clearance that is proved, in pitches; None where nothing is.
+        frames: Frames of the plan.
+        seconds: Computing: of the explosion or smoothing, the playback and the certificate.
+    """
+
+    fold_time_s: float | None
+    peak_torque_nm: float | None
+    clearance_bound: float | None
+    frames: int
+    seconds: float
+
+    @classmethod
+    def of(cls, certificate: CertificateFigures, *, before_s: float = 0.0) -> PlanFigures:
+        """Those of a plan.
+
+        Args:
+            certificate: Of the plan, as plain values.
+            before_s: Seconds that were computed before it was looked at.
+        """
+        return cls(
+            fold_time_s=certificate.get("fold_time_s"),
+            peak_torque_nm=certificate.get("peak_torque_nm"),
+            clearance_bound=certificate.get("clearance_bound"),
+            frames=certificate.get("frames") or 0,
+            seconds=before_s + certificate.get("seconds", 0.0),
+        )
+
+    def torque_in(self, seconds: float) -> float | None:
+        """Largest torque of a hinge in newton-metres, when the fold takes so many seconds.
+
+        Torques fall with the square of the duration, since without gravity all are of inertia.
+        """
+        if self.peak_torque_nm is None or not self.fold_time_s:
+            return None
+        return self.peak_torque_nm * (self.fold_time_s / seconds) ** 2
+
+    def score(self, prefer: Preference) -> float:
+        """How well it serves a preference: the more the better; −∞ where that is not known.
+
+        Torques are compared at one duration for all. A plan that may take its time needs hardly
+        any torque, which any other plan could have as well by going as slowly.
+        """
+        if prefer == "time":
+            return -inf if not self.fold_time_s else -self.fold_time_s
+        if prefer == "torque":
+            torque = self.torque_in(1.0)
+            return -inf if torque is None else -torque
+        return -inf if self.clearance_bound is None else self.clearance_bound
+
+
+def preference_named(name: str) -> Preference:
+    """The preference of that name.
+
+    Raises:
+        InputError: ``unknown-prefer``.
+    """
+    if name not in PREFERENCES:
+        raise InputError(
+            "unknown-prefer",
+            f"got the preference {name!r}, expected one of: {', '.join(PREFERENCES)}.",
+        )
+    return name

@@ -1,0 +1,182 @@
+"""Choice in words: the plans of a fold that was asked for the best of several, gain and cost."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, TypedDict, cast
+
+from planner.certificate.figures import AttemptFigures
+from planner.pipeline.preference import COMPUTING, PlanFigures, Preference
+from server.pages.certificate_words import rounded_down
+from server.pages.quantities import STRATEGIES, number, sentence
+
+COLUMNS: Final = ("Plan", "Time, s", "Torque, mN·m", "In one time", "Room, pitch", "Cost, s")
+"""Of each plan: time to fold, torque then, torque in the time of the slowest, clearance that is
+proved, and computing."""
+PREFERENCE_WORDS: Final[dict[Preference, str]] = {
+    "computing": "First that works",
+    "time": "Quickest for the robot",
+    "torque": "Least torque",
+    "clearance": "Most room",
+}
+"""What each preference is called."""
+ADJECTIVES: Final[dict[Preference, str]] = {
+    "time": "quickest",
+    "torque": "least torque",
+    "clearance": "most room",
+}
+MILLI: Final = 1e3
+DECIMALS: Final = 4
+"""Of clearances, so that plans differ where they do."""
+
+
+class PlanDot(TypedDict):
+    """One plan: its name, what it is drawn at, its cells under ``COLUMNS``, and how it ended.
+
+    ``torque_mnm`` is that of all plans taking as long as the slowest one, in mN·m; ``room`` is the
+    clearance that is proved, in pitches. What is not known is None.
+    """
+
+    label: str
+    time_s: float | None
+    torque_mnm: float | None
+    room: float | None
+    cells: list[str]
+    verified: bool
+    chosen: bool
+
+
+class Choice(TypedDict):
+    """All that was tried, and what the wish has gained and cost."""
+
+    prefer: Preference
+    wish: str
+    seconds: float
+    columns: list[str]
+    plans: list[PlanDot]
+    text: str
+
+
+def choice_of(directory: Path, prefer: Preference) -> Choice | None:
+    """What a fold's wish had to choose from; None without a wish, or where nothing is verified.
+
+    Args:
+        directory: Of the fold.
+        prefer: What it was asked for.
+    """
+    if prefer == COMPUTING:
+        return None
+    try:
+        values = json.loads((directory / "attempts.json").read_bytes())
+    except (OSError, ValueError):
+        return None
+    tried = cast("list[AttemptFigures]", values)
+    plans = [
+        _Plan(place=place, attempt=attempt, figures=PlanFigures(**figures))
+        for place, attempt in enumerate(tried)
+        if (figures := attempt.get("figures")) is not None
+    ]
+    verified = [plan for plan in plans if plan.verified]
+    if not verified:
+        return None
+    slowest = max(plan.figures.fold_time_s or 0.0 for plan in verified)
+    return {
+        "prefer": prefer,
+        "wish": PREFERENCE_WORDS[prefer],
+        "seconds": slowest,
+        "columns": list(COLUMNS),
+        "plans": [plan.dot(slowest) for plan in plans],
+        "text": _gained(prefer, tried, verified, slowest),
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Plan:
+    """An attempt that has figures, and its place among all."""
+
+    place: int
+    attempt: AttemptFigures
+    figures: PlanFigures
+
+    @property
+    def verified(self) -> bool:
+        return self.attempt.get("verdict", "").startswith("verified")
+
+    @property
+    def chosen(self) -> bool:
+        return self.attempt.get("chosen", False)
+
+    def dot(self, slowest: float) -> PlanDot:
+        """As it is drawn and told, beside plans of which the slowest takes so many seconds."""
+        figures = self.figures
+        same = figures.torque_in(slowest)
+        cells = (
+            _told(figures.fold_time_s),
+            _told(figures.peak_torque_nm, MILLI),
+            _told(same, MILLI),
+            _room(figures.clearance_bound),
+            number(figures.seconds, 2),
+        )
+        return {
+            "label": f"{self.place + 1}. {self._label()}",
+            "time_s": figures.fold_time_s,
+            "torque_mnm": None if same is None else MILLI * same,
+            "room": figures.clearance_bound,
+            "cells": list(cells),
+            "verified": self.verified,
+            "chosen": self.chosen,
+        }
+
+    def _label(self) -> str:
+        """How it was made, in few words."""
+        attempt, strategy = self.attempt, self.attempt["strategy"]
+        if (smooths := attempt.get("smooths")) is not None:
+            seed = f", seed {attempt['seed']}" if attempt["seed"] else ""
+            return f"{sentence(strategy)} {smooths + 1}{seed}"
+        parts = [STRATEGIES.get(strategy, strategy).partition(",")[0]]
+        parts += [f"path {attempt['candidate'] + 1}"] if attempt["candidate"] else []
+        parts += [f"seed {attempt['seed']}"] if attempt["seed"] else []
+        parts += ["finer frames"] if "finer" in attempt else []
+        return ", ".join(parts)
+
+
+def superlative(prefer: Preference, plans: int) -> str | None:
+    """What the chosen one of several plans is, in a few words; None without a choice."""
+    return f"{ADJECTIVES[prefer]} of {plans} plans" if prefer in ADJECTIVES and plans > 1 else None
+
+
+def _gained(
+    prefer: Preference, tried: list[AttemptFigures], verified: list[_Plan], slowest: float
+) -> str:
+    """What the wish has brought, against the first verified plan, and what it has cost."""
+    first = verified[0]
+    best = next((plan for plan in verified if plan.chosen), first)
+    since = tried[first.place + 1 :]
+    more = sum(
+        each["figures"]["seconds"] if "figures" in each else each.get("seconds", 0.0)
+        for each in since
+    )
+    cost = f"for {number(more, 2)} s more computing"
+    if best is first:
+        return f"The first plan that worked is the best of all that were tried, {cost}."
+    both = (best.figures, first.figures)
+    if prefer == "time":
+        after, before = (_told(each.fold_time_s) for each in both)
+        of = "s to fold"
+    elif prefer == "torque":
+        after, before = (_told(each.torque_in(slowest), MILLI) for each in both)
+        of = f"mN·m, both folding in {number(slowest)} s"
+    else:
+        after, before = (_room(each.clearance_bound) for each in both)
+        of = "of a pitch proved clear"
+    return f"{after} instead of {before} {of}, {cost}."
+
+
+def _told(value: float | None, factor: float = 1.0) -> str:
+    return "–" if value is None else number(factor * value)
+
+
+def _room(value: float | None) -> str:
+    return "–" if value is None else rounded_down(value, DECIMALS)

@@ -1,0 +1,178 @@
+"""What is tried after a first verified plan, for a wish, and which plan is the best then."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path as FilePath
+
+import pytest
+
+from planner.errors import InputError
+from planner.pipeline import attempts
+from planner.pipeline.attempt import MOST, Attempt, Try
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.improvements import Improvements, best_of, expected_seconds_of
+from planner.pipeline.portfolio import Portfolio
+from planner.pipeline.preference import PREFERENCES, PlanFigures, Preference
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
+from planner.plan.formats import write_chain
+from planner.plan.plan import Plan
+from planner.verification.verify import verify
+from tests.planner.peels import snake
+from tests.planner.pipeline.test_parallel import same_motion, timeless
+
+ALL = ("simultaneous", "blocks", "peel")
+FIGURES = PlanFigures(
+    fold_time_s=10.0, peak_torque_nm=0.1, clearance_bound=0.04, frames=100, seconds=1.0
+)
+
+
+def verified(todo: Try, **figures: float | None) -> Attempt:
+    return Attempt(
+        todo=todo,
+        status="straight",
+        verdict="verified (simulated)",
+        figures=replace(FIGURES, **figures),
+    )
+
+
+def refused(todo: Try) -> Attempt:
+    return Attempt(todo=todo, status="straight", verdict="failed: it", figures=FIGURES)
+
+
+def choice(prefer: Preference, paths: int = 1, **more: int) -> Portfolio:
+    wished = {"modules": 64, "most_frames": 1000, **more}
+    return Portfolio(
+        strategies=(("simultaneous", "peel"),) * paths,
+        seed=5,
+        improvements=Improvements(prefer=prefer, strategies=(ALL,) * paths, **wished),
+    )
+
+
+def tried_of(
+    portfolio: Portfolio, come_to: Callable[[Try], Attempt] = verified
+) -> Sequence[Attempt]:
+    """All that is tried when each try comes to something."""
+    tried: list[Attempt] = []
+    while not tried or attempts.following(tried, portfolio) == "explode":
+        todo = portfolio.after(tried)
+        assert todo is not None
+        tried.append(come_to(todo))
+    return tried
+
+
+def test_with_least_computing_the_first_verified_plan_is_the_end() -> None:
+    for portfolio in (choice("computing"), Portfolio(strategies=(ALL,), seed=5)):
+        assert [each.todo for each in tried_of(portfolio)] == [Try(0, 5, "simultaneous")]
+
+
+def test_other_strategies_and_paths_come_first_then_smoothings() -> None:
+    quick = {"simultaneous": 5.0, "blocks": 3.0, "peel": 9.0, "smoothed": 2.0}
+
+    def come_to(todo: Try) -> Attempt:
+        return verified(todo, fold_time_s=quick[todo.strategy] - 0.1 * todo.candidate)
+
+    assert [each.todo for each in tried_of(choice("time", paths=2), come_to)] == [
+        *(Try(0, 5, name) for name in ALL),
+        Try(1, 5, "blocks"),
+        Try(1, 5, "smoothed", smooths=3),
+        Try(0, 5, "smoothed", smooths=0),
+        Try(1, 6, "smoothed", smooths=3),
+        Try(1, 7, "smoothed", smooths=3),
+    ]
+
+
+def test_what_is_refused_is_smoothed_less_and_a_limit_ends_it() -> None:
+    def come_to(todo: Try) -> Attempt:
+        return refused(todo) if todo.smooths is not None else verified(todo)
+
+    tried = [each.todo for each in tried_of(choice("torque", paths=4), come_to)]
+    assert len([todo for todo in tried if todo.smooths is None]) == MOST
+    assert [(todo.strategy, todo.smooths) for todo in tried[MOST:]] == [
+        *(("smoothed", 0), ("softened", 0)),
+        *(("smoothed", 1), ("softened", 1)),
+    ]
+    assert len(set(tried)) == len(tried)
+
+
+def test_long_motions_are_not_smoothed_and_dear_tries_not_made() -> None:
+    assert not [a for a in tried_of(choice("time", most_frames=99)) if a.todo.smooths is not None]
+    tried = [each.todo for each in tried_of(choice("time", modules=4000))]
+    assert [todo.strategy for todo in tried] == ["simultaneous", "peel"]
+    dear = [expected_seconds_of(todo, 4000) for todo in tried]
+    assert dear[0] > 300.0 > dear[1]
+
+
+def test_until_one_is_verified_it_is_tried_as_without_a_wish() -> None:
+    tried = tried_of(choice("clearance", paths=2), refused)
+    plain = tried_of(replace(choice("clearance", paths=2), improvements=None), refused)
+    assert [each.todo for each in tried] == [each.todo for each in plain]
+
+
+def test_a_smoothing_is_never_begun_early() -> None:
+    portfolio = choice("time")
+    tried = [verified(Try(0, 5, name)) for name in ALL]
+    ahead = portfolio.ahead(tried[:1], Try(0, 5, "blocks"))
+    assert ahead == [Try(0, 5, "peel")]
+    assert portfolio.ahead(tried[:2], Try(0, 5, "peel")) == []
+
+
+@pytest.mark.parametrize(
+    ("prefer", "best"), [("computing", 0), ("time", 1), ("torque", 2), ("clearance", 3)]
+)
+def test_the_best_by_each_wish(prefer: Preference, best: int) -> None:
+    """A slow plan needs little torque; in the same time as the others it may need most."""
+    todo = Try(0, 5, "peel")
+    tried = [
+        verified(todo),
+        verified(todo, fold_time_s=2.0, peak_torque_nm=50.0),
+        verified(todo, fold_time_s=20.0, peak_torque_nm=0.01, clearance_bound=0.01),
+        verified(todo, fold_time_s=100.0, peak_torque_nm=0.009, clearance_bound=0.05),
+        verified(todo, fold_time_s=None, peak_torque_nm=None, clearance_bound=None),
+        refused(todo),
+    ]
+    assert best_of(tried, prefer) == best
+    assert best_of([*tried, *tried], prefer) == best, "of equal ones the earlier"
+    assert best_of([refused(todo)], prefer) is None
+
+
+def test_what_has_one_plan_leaves_no_choice() -> None:
+    with pytest.raises(InputError, match="got the preference 'speed', expected one of: computing"):
+        Request.of(prefer="speed").check()
+    for other in ({"preset": "paper"}, {"smooth": True}, {"strategy": "one-by-one"}):
+        with pytest.raises(InputError, match="got the preference time for the .* one plan") as told:
+            Request.of(prefer="time", **other).check()
+        assert told.value.where == "prefer"
+    for prefer in PREFERENCES:
+        Request(prefer=prefer, strategy="peel").check()
+
+
+@pytest.mark.slow
+def test_the_quickest_is_taken_whatever_the_number_of_workers(tmp_path: FilePath) -> None:
+    chain = snake((2, 3, 4))
+    plans: list[Plan] = []
+    for name, prefer, workers in (("plain", "computing", 1), ("1", "time", 1), ("2", "time", 2)):
+        place = tmp_path / name
+        place.mkdir()
+        write_request(place, Request(prefer=prefer), write_chain(chain))
+        run_stages(place, workers=workers)
+        plans.append(Plan.load(place / "plan.npz"))
+    plain, one, two = plans
+    assert [a.get("chosen", False) for a in plain.attempts] == [False]
+    figures = [a["figures"] for a in one.attempts if a["verdict"].startswith("verified")]
+    assert len(figures) > 3
+    assert one.certificate.fold_time_s == min(f["fold_time_s"] for f in figures)
+    assert plain.certificate.fold_time_s == figures[0]["fold_time_s"]
+    assert one.certificate.fold_time_s < 0.95 * plain.certificate.fold_time_s
+    (chosen,) = (a for a in one.attempts if a.get("chosen"))
+    assert chosen["figures"]["clearance_bound"] == one.certificate.clearance_bound
+    assert (one.smoothing is not None) == ("smooths" in chosen)
+    assert timeless(one.attempts) == timeless(two.attempts)
+    same_motion(one.motion, two.motion)
+    assert {p.name for p in (tmp_path / "1").iterdir()} == {
+        p.name for p in (tmp_path / "2").iterdir()
+    }
+    verdict = verify(tmp_path / "1")
+    assert verdict.verified, verdict

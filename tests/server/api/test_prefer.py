@@ -1,0 +1,65 @@
+"""Folds that choose among verified plans: asked for over HTTP, told in their JSON and pages."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from planner.plan.plan import Plan
+from server.limits.fair_queue import expected_s
+from tests.server.service import STAIRS, Service
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def quickest(service: Service) -> dict[str, Any]:
+    return service.wait_over(service.fold(STAIRS, prefer="time")["id"])
+
+
+def test_the_quickest_of_several_plans_is_the_folds(
+    service: Service, quickest: dict[str, Any]
+) -> None:
+    assert (quickest["status"], quickest["prefer"]) == ("verified", "time")
+    directory = service.directory(quickest["id"])
+    assert json.loads((directory / "request.json").read_bytes())["prefer"] == "time"
+    plan = Plan.load(directory / "plan.npz")
+    times = [each["figures"]["fold_time_s"] for each in plan.attempts if "figures" in each]
+    assert len(times) > 2
+    assert plan.certificate.fold_time_s == min(times)
+    assert quickest["summary"]["certificate"]["fold_time_s"] == min(times)
+
+
+def test_its_page_shows_all_of_them(service: Service, quickest: dict[str, Any]) -> None:
+    facts = service.http.get(f"/folds/{quickest['id']}/facts").json()
+    plans = facts["choice"]["plans"]
+    assert [plan["chosen"] for plan in plans].count(True) == 1
+    assert f"quickest of {len(plans)} plans" in facts["verdict"]["text"]
+    assert "more computing" in facts["choice"]["text"]
+    assert len(facts["attempts"]) >= len(plans)
+    (first,) = (way for way in facts["compare"] if way["text"] == "First that works")
+    assert first["form"]["prefer"] == "computing"
+
+
+def test_another_wish_is_another_fold(service: Service, quickest: dict[str, Any]) -> None:
+    plain = service.wait_over(service.fold(STAIRS)["id"])
+    assert plain["id"] != quickest["id"]
+    assert plain["prefer"] == "computing"
+    facts = service.http.get(f"/folds/{plain['id']}/facts").json()
+    assert facts["choice"] is None
+    assert "Quickest for the robot" in [way["text"] for way in facts["compare"]]
+
+
+def test_a_baseline_has_no_choice(desk: Service) -> None:
+    form = {"shape": "mallet-64", "prefer": "torque", "preset": "paper"}
+    answer = desk.http.post("/api/folds", data=form)
+    assert answer.status_code == 422
+    assert (answer.json()["code"], answer.json()["where"]) == ("unsuited-prefer", "prefer")
+    assert "got the preference torque" in answer.json()["detail"]
+
+
+def test_who_wants_a_choice_waits_for_it() -> None:
+    assert expected_s(288, "default", choosing=True) > 3 * expected_s(288, "default")
+    assert expected_s(9600, "default", choosing=True) <= expected_s(9600, "default") + 300.0

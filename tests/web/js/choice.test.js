@@ -1,0 +1,44 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { labels, layout, ticks } from "../../../web/static/js/panels/choice.js";
+
+/**
+ * @param {number | null} time
+ * @param {number | null} torque
+ * @param {number | null} room
+ */
+const plan = (time, torque, room) => ({ label: "1. All at once", time_s: time, torque_mnm: torque, room, cells: [], verified: true, chosen: false });
+
+test("ticks are round and between the ends, few of them", () => {
+  assert.deepEqual(ticks(3, 22, false), [5, 10, 15, 20]);
+  assert.deepEqual(ticks(0.0301, 0.0467, false), [0.035, 0.04, 0.045]);
+  assert.deepEqual(ticks(0.07, 130, true), [0.1, 1, 10, 100]);
+  assert.deepEqual(ticks(0.9, 6, true), [1, 2, 5]);
+});
+
+test("a quicker plan is on the left, one with more torque or room higher, all inside", () => {
+  const plans = [plan(20, 0.1, 0.04), plan(10, 100, 0.03), plan(100, 1, 0.05)];
+  for (const axis of /** @type {const} */ (["torque_mnm", "room"])) {
+    const { dots, across, up } = layout(plans, axis);
+    assert.ok(dots[1].x < dots[0].x && dots[0].x < dots[2].x);
+    assert.ok(axis === "room" ? dots[1].y > dots[0].y : dots[1].y < dots[0].y);
+    for (const { x, y } of dots) assert.ok(x > 40 && x < 336 && y > 0 && y < 190, `${x} ${y}`);
+    for (const list of [across, up]) assert.ok(list.length > 1 && list.every(({ at, text }) => Number.isFinite(at) && text));
+  }
+});
+
+test("plans that lie close together share a label", () => {
+  const at = (/** @type {number} */ x, /** @type {string} */ label) => ({ x, y: 50, plan: { ...plan(1, 1, 1), label } });
+  assert.deepEqual(labels([at(50, "1. All at once"), at(90, "2. Blocks first"), at(60, "4. Smoothed 1")]), [
+    { x: 60, y: 50, text: "1, 4" },
+    { x: 90, y: 50, text: "2" },
+  ]);
+});
+
+test("what is not known has no dot; one plan alone, or equal ones, can be drawn", () => {
+  assert.equal(layout([plan(null, 1, 0.1), plan(3, null, 0.1), plan(3, 0, 0.1)], "torque_mnm").dots.length, 0);
+  assert.equal(layout([plan(3, null, 0.1)], "room").dots.length, 1);
+  const { dots, up } = layout([plan(3, 1, 0), plan(3, 1, 0)], "torque_mnm");
+  assert.ok(dots.every(({ x, y }) => Number.isFinite(x) && Number.isFinite(y)));
+  assert.ok(up.length > 0);
+});

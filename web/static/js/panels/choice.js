@@ -1,0 +1,176 @@
+// The plans that a fold with a wish had to choose from: a scatter plot, and the same as a table.
+import { element, get } from "../lib/text.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+const WIDE = 336;
+const HIGH = 220;
+const INSET = { left: 46, right: 14, top: 18, bottom: 34 };
+const SPARE = 0.08; // of the span, so that no dot lies on the edge
+const MOST_TICKS = 5;
+const DIGITS = 3;
+const NEAR = { x: 26, y: 12 }; // dots nearer than this share one label, which would be on another
+/**
+ * @typedef {"torque_mnm" | "room"} Axis
+ * @typedef {{ at: number, text: string }} Tick
+ * @typedef {{ x: number, y: number, plan: PlanDot }} Dot
+ */
+
+/** @type {Record<Axis, { name: string, label: (seconds: number) => string, log: boolean }>} */
+const AXES = {
+  torque_mnm: { name: "Torque", label: (seconds) => `Torque, mN·m, all folding in ${round(seconds)} s`, log: true },
+  room: { name: "Room", label: () => "Room, pitch", log: false },
+};
+
+const round = (/** @type {number} */ value) => Number(value.toPrecision(DIGITS));
+
+// Round numbers from low to high, a few of them; powers of ten and their halves on a log scale.
+/**
+ * @param {number} low
+ * @param {number} high
+ * @param {boolean} log
+ */
+export function ticks(low, high, log) {
+  if (log) {
+    const found = [];
+    for (let power = Math.floor(Math.log10(low)); power <= Math.log10(high); power += 1) {
+      for (const digit of [1, 2, 5]) found.push(round(digit * 10 ** power));
+    }
+    const inside = found.filter((value) => value >= low && value <= high);
+    const tens = inside.filter((value) => Number.isInteger(round(Math.log10(value))));
+    return inside.length > MOST_TICKS && tens.length > 1 ? tens : inside;
+  }
+  const rough = (high - low) / MOST_TICKS;
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((digit) => digit * power).find((wide) => wide >= rough) ?? rough;
+  const first = Math.ceil(low / step);
+  return Array.from({ length: Math.floor(high / step) - first + 1 }, (_, k) => round((first + k) * step));
+}
+
+// Where a value lies between two places, and round values on the way.
+/**
+ * @param {number[]} values
+ * @param {[number, number]} places
+ * @param {boolean} log
+ */
+function scale(values, places, log) {
+  const of = log ? Math.log10 : (/** @type {number} */ value) => value;
+  const back = (/** @type {number} */ value) => (log ? 10 ** value : value);
+  const [low, high] = [Math.min(...values), Math.max(...values)].map(of);
+  const spare = SPARE * (high - low) || Math.abs(high) * SPARE || 1;
+  const [from, to] = [low - spare, high + spare];
+  const at = (/** @type {number} */ value) => places[0] + ((of(value) - from) / (to - from)) * (places[1] - places[0]);
+  return { at, ticks: ticks(back(from), back(to), log).map((value) => ({ at: at(value), text: String(value) })) };
+}
+
+// Where dots and ticks are; only plans that have both figures have a dot.
+/**
+ * @param {PlanDot[]} plans
+ * @param {Axis} axis
+ * @returns {{ dots: Dot[], across: Tick[], up: Tick[] }}
+ */
+export function layout(plans, axis) {
+  const known = plans.flatMap((plan) => {
+    const [time, value] = [plan.time_s, plan[axis]];
+    const { log } = AXES[axis];
+    return time === null || value === null || (log && value <= 0) ? [] : [{ plan, time, value }];
+  });
+  if (!known.length) return { dots: [], across: [], up: [] };
+  const x = scale(known.map(({ time }) => time), [INSET.left, WIDE - INSET.right], false);
+  const y = scale(known.map(({ value }) => value), [HIGH - INSET.bottom, INSET.top], AXES[axis].log);
+  return {
+    dots: known.map(({ plan, time, value }) => ({ x: x.at(time), y: y.at(value), plan })),
+    across: x.ticks,
+    up: y.ticks,
+  };
+}
+
+// The numbers of plans, those of dots that lie close together in one label beside the first.
+/** @param {Dot[]} dots */
+export function labels(dots) {
+  /** @type {{ x: number, y: number, text: string }[]} */
+  const found = [];
+  for (const { x, y, plan } of dots) {
+    const number = plan.label.split(".")[0];
+    const near = found.find((label) => Math.abs(label.x - x) < NEAR.x && Math.abs(label.y - y) < NEAR.y);
+    if (near) { near.text += `, ${number}`; near.x = Math.max(near.x, x); } else found.push({ x, y, text: number });
+  }
+  return found;
+}
+
+/**
+ * @param {string} name
+ * @param {Record<string, string | number>} attributes
+ * @param {string} text
+ */
+function svg(name, attributes, text = "") {
+  const made = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, String(value));
+  made.textContent = text;
+  return made;
+}
+
+/**
+ * @param {Choice} choice
+ * @param {Axis} axis
+ */
+function picture({ plans, seconds }, axis) {
+  const { dots, across, up } = layout(plans, axis);
+  const said = AXES[axis].label(seconds);
+  const drawn = svg("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, role: "img", "aria-label": `Time to fold and ${AXES[axis].name.toLowerCase()} of ${dots.length} plans; the table below tells the same` });
+  const bottom = HIGH - INSET.bottom;
+  for (const { at, text } of across) {
+    drawn.append(svg("line", { class: "choice-grid", x1: at, x2: at, y1: INSET.top, y2: bottom }),
+      svg("text", { x: at, y: bottom + 13, "text-anchor": "middle" }, text));
+  }
+  for (const { at, text } of up) {
+    drawn.append(svg("line", { class: "choice-grid", x1: INSET.left, x2: WIDE - INSET.right, y1: at, y2: at }),
+      svg("text", { x: INSET.left - 5, y: at + 4, "text-anchor": "end" }, text));
+  }
+  drawn.append(svg("text", { x: WIDE - INSET.right, y: HIGH - 4, "text-anchor": "end" }, "Time to fold, s"));
+  // The chosen one last, over the others.
+  for (const { x, y, plan } of dots.sort((a, b) => Number(a.plan.chosen) - Number(b.plan.chosen))) {
+    const kind = plan.chosen ? "chosen" : plan.verified ? "verified" : "refused";
+    const dot = svg("circle", { class: `choice-dot ${kind}`, cx: x, cy: y, r: plan.chosen ? 7 : 5 });
+    dot.append(svg("title", {}, plan.label));
+    drawn.append(dot);
+  }
+  for (const { x, y, text } of labels(layout(plans, axis).dots)) {
+    drawn.append(svg("text", { x: Math.min(x, WIDE - INSET.right), y: y - 10, "text-anchor": x > WIDE / 2 ? "end" : "start" }, text));
+  }
+  return [element("p", { class: "choice-axis" }, said), drawn];
+}
+
+/** @param {Choice} choice */
+function table({ plans, columns }) {
+  const ends = (/** @type {PlanDot} */ { chosen, verified }) => (chosen ? "chosen" : verified ? "verified" : "refused");
+  return element("div", { class: "choice-table" }, element("table", { class: "joints" },
+    element("thead", {}, element("tr", {}, ...columns.map((text) => element("th", { scope: "col" }, text)))),
+    element("tbody", {}, ...plans.map((plan) => element("tr", { "data-end": ends(plan) },
+      element("th", { scope: "row" }, plan.label, element("small", {}, ends(plan))),
+      ...plan.cells.map((text) => element("td", {}, text)))))));
+}
+
+// Shows it in its tab, which is then the first to be seen; nothing where there was no choice.
+/**
+ * @param {Choice | null} choice
+ * @param {import("./drawer.js").Drawer} drawer
+ */
+export function showChoice(choice, drawer) {
+  if (!choice) { get("choice").replaceChildren(); return; }
+  const plot = element("figure", { class: "choice-plot" });
+  const buttons = /** @type {Axis[]} */ (Object.keys(AXES)).map((axis) => {
+    const button = element("button", { class: "chip", type: "button" }, AXES[axis].name);
+    button.onclick = () => show(axis);
+    return { axis, button };
+  });
+  const show = (/** @type {Axis} */ axis) => {
+    plot.replaceChildren(...picture(choice, axis));
+    for (const each of buttons) each.button.setAttribute("aria-pressed", String(each.axis === axis));
+  };
+  show(choice.prefer === "clearance" ? "room" : "torque_mnm");
+  get("choice").replaceChildren(element("h2", {}, `${choice.wish}: ${choice.plans.length} plans`),
+    element("p", {}, choice.text),
+    element("div", { class: "choice-axes", role: "group", "aria-label": "Beside the time to fold" }, ...buttons.map(({ button }) => button)),
+    plot, table(choice));
+  drawer.choose("attempts");
+}
