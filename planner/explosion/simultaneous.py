@@ -180,7 +180,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         self.contacts = -1
         forces = self._forces(positions)
         try:
-            acceleration = self._under(forces)
+            acceleration = self.acceleration_under(forces)
         except SimulationError:
             if self.retries >= MOST_RETRIES:
                 raise
@@ -194,7 +194,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         self.contacts = acceleration.contacts
         return acceleration
 
-    def _under(self, forces: Array) -> Acceleration:
+    def acceleration_under(self, forces: Array) -> Acceleration:
         """Under forces; where nothing touches, without MuJoCo in a tenth of the time."""
         engine = self.engine
         # A rod is shaken by the welds' slight give, and slips sooner: docs/decisions/0025-knots.md.

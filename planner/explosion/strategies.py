@@ -24,7 +24,7 @@ from planner.explosion.peeling import peel
 from planner.explosion.simultaneous import explode
 from planner.motion.motion import Motion
 from planner.motion.record import Record
-from planner.pathfinding.assembly import peelable
+from planner.pathfinding.peelability import peelable
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.parameters import (
     AUTO,

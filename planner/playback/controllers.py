@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from planner.playback.setpoints import Target
 from planner.simulation.tree import Tree
 
@@ -23,17 +25,20 @@ class ComputedTorque:
 
     Attributes:
         bandwidth: w in 1/s.
+        encoder_rad: Step of the hinges' encoders, by which e is known; 0 for exact ones.
     """
 
     bandwidth: float
+    encoder_rad: float
 
     def drive(self, tree: Tree, target: Target) -> None:
         """See ``Controller``."""
-        w = self.bandwidth
+        w, step = self.bandwidth, self.encoder_rad
+        angles = np.rint(tree.angles / step) * step if step else tree.angles
         wanted = (
             target.accelerations
             + 2.0 * w * (target.rates - tree.rates)
-            + w * w * (target.angles - tree.angles)
+            + w * w * (target.angles - angles)
         )
         tree.apply_torques(tree.torques_for(wanted))
 

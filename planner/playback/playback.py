@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
+from planner.clearance.sweep import sweep
 from planner.errors import InputError, SimulationError
 from planner.motion.angle_steps import packed_frames, snapped, unpacked_frames
 from planner.motion.frames import Frames, Phase
@@ -45,9 +46,14 @@ FEWEST_STEPS: Final = 100
 """Steps of a playback, at least."""
 SPEED_STEPS: Final = 2
 """Factor of the steps of a playback that is paced by its hinges: its ends go faster then."""
+MOST_FINER: Final = 4
+"""Factor of frames and steps up to which a plan is refined before it is played back."""
 FRAME_RAD: Final = 0.02
-"""Turn of a hinge, or of its target, since the last frame, from which on a frame is recorded."""
-FRAME_DISTANCE: Final = 0.35
+"""Length of the record between two frames of a kinematic playback."""
+STEP_RAD: Final = 0.01
+"""Turn of a hinge, or of its target, since the last frame, from which on a frame is recorded: in
+nearly every step in which the chain moves, since the plan is swept at those before."""
+FRAME_DISTANCE: Final = 0.2
 """Way of a module among the others since then, in pitches, from which on one is recorded, too."""
 FRAME_STEPS: Final = 12
 """Steps between two frames, at most."""
@@ -320,7 +326,7 @@ def _motors(p: PlaybackParameters) -> Servos | RateMotors | None:
 
 def _controller(p: PlaybackParameters, motors: Servos | RateMotors | None) -> Controller:
     if motors is None:
-        return ComputedTorque(bandwidth=p.bandwidth)
+        return ComputedTorque(bandwidth=p.bandwidth, encoder_rad=p.encoder_rad)
     if isinstance(motors, RateMotors):
         return RateServo(gain=p.gain)
     return Servo(
@@ -349,13 +355,6 @@ class _Run:
     ) -> None:
         self.chain = chain
         self.finer = finer
-        # What is recorded in more frames is simulated in as many more steps. A servo's gain asks
-        # for steps that are shorter than its time constant.
-        servo = (
-            np.ceil(parameters.step_s * parameters.gain) if parameters.controller == "servo" else 1
-        )
-        self.split = finer * int(servo)
-        self.step_s = parameters.step_s / self.split
         self.parameters = parameters
         self.module_size = module_size
         self.start_s = start_s
@@ -366,6 +365,7 @@ class _Run:
         self.kept: list[Frames] = []
         self.references: list[Array] = []
         self._sent = 0
+        self.setpoints = self._all_setpoints(record, unfolding)
         motors = _motors(parameters)
         material = Material(geom_size=module_size, friction=parameters.friction)
         self.tree = Tree(
@@ -377,9 +377,6 @@ class _Run:
         )
         self.at_rest = unfolding is not None or parameters.controller == "computed-torque"
         """Whether what integration adds to the momentum is taken away: large steps add some."""
-        self.guides: list[tuple[Phase, Setpoints]] = [("playback", self._guide(record))]
-        if unfolding is not None:
-            self.guides.insert(0, ("unfolding", self._unfolding(unfolding)))
         self.controller = _controller(parameters, motors)
         zero = np.zeros_like(chain.folded_rad)
         if unfolding is not None:
@@ -390,30 +387,54 @@ class _Run:
             last = _whole(record)[-1:]
             self.tree.place(zero, last.root_position[0], last.root_wxyz[0])
 
-    def _guide(self, record: Record | None) -> Setpoints:
+    @property
+    def split(self) -> int:
+        """Steps into which one of the parameters is divided.
+
+        What is recorded in more frames is simulated in as many more. A servo's gain asks for steps
+        that are shorter than its time constant.
+        """
+        p = self.parameters
+        return self.finer * (int(np.ceil(p.step_s * p.gain)) if p.controller == "servo" else 1)
+
+    @property
+    def step_s(self) -> float:
+        """Time of a step."""
+        return self.parameters.step_s / self.split
+
+    def _all_setpoints(
+        self, record: Record | None, unfolding: Unfolding | None
+    ) -> list[tuple[Phase, Setpoints]]:
+        """What is followed, in its order."""
         p = self.parameters
         if p.controller == "direct":
-            return DirectSetpoints(self.chain.folded_rad, p.direct_steps, p.step_s)
+            return [("playback", DirectSetpoints(self.chain.folded_rad, p.direct_steps, p.step_s))]
         if record is None:
             raise InputError("no-record", f"the controller {p.controller!r} needs a record.")
         angles = record.snapshots_rad
         snapshots = (_whole(record).joint_angles_rad if angles is None else angles)[::-1]
         if p.controller == "paper":
-            return self._snapshots(snapshots)
+            folding: list[tuple[Phase, Setpoints]] = [("playback", self._snapshots(snapshots))]
+            if unfolding is not None:
+                back = Backwards(unfolding.time_s, unfolding.folding_rad, p.step_s)
+                folding.insert(0, ("unfolding", self._snapshots(back)))
+            return folding
         if p.controller not in ("computed-torque", "servo"):
             raise InputError(
                 "unknown-controller",
                 f"got the controller {p.controller!r}, expected computed-torque, servo, paper or "
                 "direct.",
             )
-        return TimedSetpoints(*self._timed(self.chain, snapshots))
-
-    def _unfolding(self, unfolding: Unfolding) -> Setpoints:
-        if self.parameters.controller == "paper":
-            step_s = self.parameters.step_s
-            return self._snapshots(Backwards(unfolding.time_s, unfolding.folding_rad, step_s))
-        reference, law = self._timed(unfolding.chain, unfolding.folding_rad)
-        return TimedSetpoints(reference, law.backwards())
+        references = [self._reference(self.chain, snapshots)]
+        if unfolding is not None:
+            references.append(self._reference(unfolding.chain, unfolding.folding_rad))
+        laws = self._clear_laws(references)
+        timed: list[tuple[Phase, Setpoints]] = [
+            ("playback", TimedSetpoints(references[0], laws[0]))
+        ]
+        if unfolding is not None:
+            timed.insert(0, ("unfolding", TimedSetpoints(references[1], laws[1].backwards())))
+        return timed
 
     def _snapshots(self, snapshots: Snapshots) -> SnapshotSetpoints:
         p = self.parameters
@@ -421,27 +442,43 @@ class _Run:
             snapshots, threshold_rad2=p.threshold_rad2, least_steps=p.least_steps
         )
 
-    def _timed(self, chain: Chain, snapshots: Array) -> tuple[Reference, TimeLaw]:
-        """A smooth curve through configurations from straight on, and how fast to run along it."""
+    def _reference(self, chain: Chain, snapshots: Array) -> Reference:
+        """A smooth curve through configurations from straight on."""
         p = self.parameters
-        reference = clear_reference(
+        return clear_reference(
             chain,
             snapshots,
             spacing_rad=p.spacing_rad,
             distance_weight=p.distance_weight,
             size=self.module_size,
         )
+
+    def _clear_laws(self, references: list[Reference]) -> list[TimeLaw]:
+        """How fast to run along the curves: in more steps where straight lines between them touch.
+
+        A plan joins its frames by straight lines. So it is swept before it is played back.
+        """
+        while True:
+            laws = [self._law(reference) for reference in references]
+            if self.finer >= MOST_FINER or all(
+                sweep(self.chain, one.spline(law.u), size=self.module_size, share=0.0).clearance
+                > 0.0
+                for one, law in zip(references, laws, strict=True)
+            ):
+                return laws
+            self.finer *= 2
+
+    def _law(self, reference: Reference) -> TimeLaw:
+        p = self.parameters
         steps = max(FEWEST_STEPS, int(self.split * p.steps_per_rad * reference.length_rad))
         samples = max(100, int(LAW_SAMPLES_A_RAD * reference.length_rad))
         if p.paced_by == "speed":
-            law = hinge_bounded_law(
+            return hinge_bounded_law(
                 reference, steps=SPEED_STEPS * steps, step_s=self.step_s, samples=samples
             )
-        else:
-            law = torque_bounded_law(
-                reference, chain.module, steps=steps, step_s=self.step_s, samples=samples
-            )
-        return reference, law
+        return torque_bounded_law(
+            reference, self.chain.module, steps=steps, step_s=self.step_s, samples=samples
+        )
 
     def simulate(
         self, sink: Callable[[Frames], None] | None, progress: Report, cancelled: Cancelled
@@ -457,11 +494,11 @@ class _Run:
             while self.steps - begun < self.parameters.max_steps:
                 tree.begin_step()
                 angles = tree.angles
-                phase, setpoints = self.guides[part]
+                phase, setpoints = self.setpoints[part]
                 following = setpoints.target(angles, tree.rates)
                 if following is None:
                     assert target is not None
-                    if part + 1 < len(self.guides):
+                    if part + 1 < len(self.setpoints):
                         # The first frame of the next part is here, where this one has ended.
                         part, begun = part + 1, self.steps
                         last_angles = np.full_like(last_angles, np.inf)
@@ -473,7 +510,7 @@ class _Run:
                 self.largest_error = max(self.largest_error, error)
                 if (
                     max(np.abs(angles - last_angles).max(), np.abs(target.angles - last_aim).max())
-                    >= FRAME_RAD / self.finer
+                    >= STEP_RAD / self.finer
                     or ((tree.centres - last_centres) ** 2).sum(axis=1).max()
                     >= (FRAME_DISTANCE / self.finer) ** 2
                     or self.steps - last_step >= FRAME_STEPS
@@ -498,7 +535,7 @@ class _Run:
                         progress(
                             Progress(
                                 stage="play_back",
-                                fraction=min((part + target.fraction) / len(self.guides), 0.99),
+                                fraction=min((part + target.fraction) / len(self.setpoints), 0.99),
                                 steps=self.steps,
                                 steps_per_second=rate,
                                 simulated_s=self.steps * self.step_s,

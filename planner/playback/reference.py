@@ -22,6 +22,8 @@ AROUND: Final = DEGREE
 """Pieces on either side of a close one that are halved with it: a control point reaches so far."""
 ROOM: Final = 0.01
 """Clearance in pitches to keep, or a quarter of the gap between two cells where that is less."""
+STOP_ROOM_RAD: Final = 1e-3
+"""Angle that a reference keeps from the end of a joint's range, for errors of its playback."""
 SAMPLE_RAD: Final = 0.02
 """Length of the reference between two places that are checked for overlaps."""
 
@@ -74,8 +76,9 @@ class Reference:
         part = np.where(span > 0, (where - lengths[right - 1]) / np.where(span > 0, span, 1), 1.0)
         controls = (1.0 - part)[:, None] * angles[right - 1] + part[:, None] * angles[right]
         controls[0], controls[-1] = angles[0], angles[-1]
-        # The stops of a simulated joint give a little. A B-spline stays within its control points.
-        limit = chain.module.angle_limit_rad
+        # The stops of a simulated joint give a little. A B-spline stays within its control points,
+        # and what follows it within its joint errors.
+        limit = chain.module.angle_limit_rad - STOP_ROOM_RAD
         np.clip(controls, -limit, limit, out=controls)
         from scipy.interpolate import BSpline  # late: who reads a plan draws no curve
 

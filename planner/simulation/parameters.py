@@ -6,6 +6,7 @@ the target without a record.
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final
 
@@ -206,6 +207,8 @@ class PlaybackParameters:
         paced_by: ``torque``: as fast as keeps the largest torque least; ``speed``: as fast as the
             hinges' speed allows, whatever torque it takes. Of simulated playbacks.
         bandwidth: w of computed torque, in 1/s.
+        encoder_rad: Step of the hinges' encoders, of 18 bits a turn; 0 for exact ones. What the
+            controller of computed torque does not see is the error that is left.
         stiffness: Servo gain kp.
         friction: Of contacts.
         torque_limit: Largest torque of a motor in module masses · pitch² / s²; None for no limit.
@@ -226,6 +229,7 @@ class PlaybackParameters:
     step_s: float = 0.08
     paced_by: str = "torque"
     bandwidth: float = 7.5
+    encoder_rad: float = 2.0 * math.pi / 2**18
     stiffness: float = 1e7
     friction: float = 0.0
     torque_limit: float | None = None

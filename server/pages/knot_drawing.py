@@ -11,7 +11,6 @@ from typing import Final, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from planner.motion.stuck_figures import KnotFigures
 
@@ -129,6 +128,8 @@ def _laid_out(crossing_at: list[int], faces: list[Face], count: int) -> Array:
 def _strokes(points: Array, unders: list[int]) -> list[str]:
     """Paths along a closed curve through (n, 2) points, cut where it goes under."""
     closed = np.concatenate([points, points[:1]])
+    from scipy.interpolate import CubicSpline  # late: few folds stick in a knot
+
     curve = CubicSpline(np.arange(len(closed)), closed, bc_type="periodic")
     strokes: list[str] = []
     for begin, end in zip(unders, [*unders[1:], unders[0] + len(points)], strict=True):

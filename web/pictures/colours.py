@@ -32,7 +32,7 @@ CIVIDIS: Final = (
 )
 """Even steps of a perceptual ramp that colour-blind people read as well."""
 
-SMALLEST_SCALE_RAD: Final = 1e-3
+SMALLEST_SCALE_RAD: Final = 1e-5
 RAMP_STEPS: Final = 256
 
 

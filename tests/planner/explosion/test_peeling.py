@@ -20,7 +20,8 @@ from planner.explosion.peeling_window import Bend, Peelable
 from planner.motion.motion import motion_arrays
 from planner.motion.record import Record
 from planner.motion.windows import Windows
-from planner.pathfinding.assembly import assembly_path, peelable, solid_paths
+from planner.pathfinding.assembly import assembly_path, solid_paths
+from planner.pathfinding.peelability import peelable
 from planner.pathfinding.snake import snake_path
 from planner.playback.kinematic import windowed_frames
 from planner.progress import Progress

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 from planner.errors import SimulationError
-from planner.explosion.simultaneous import explode
+from planner.explosion.simultaneous import Simultaneous, explode
 from planner.motion.frames import Frames
 from planner.pathfinding.knots import knot_of
 from planner.progress import Progress
 from planner.readers import read
 from planner.simulation.parameters import ExplosionParameters
-from planner.simulation.segments import Acceleration, Segments, State
+from planner.simulation.segments import Acceleration
 from tests.planner.chains import coil, knotted, line, overlapping
 from tests.planner.conftest import REAL, SHAPES
 
@@ -94,18 +94,18 @@ def test_the_centre_of_mass_stays(shape: str, folded: Callable[..., Any]) -> Non
 def test_momentum_is_not_made_from_nothing() -> None:
     chain = coil(24)
     seen: list[float] = []
-    original = Segments.accelerations
+    original = Simultaneous.acceleration_under
 
-    def watched(self: Segments, state: State, forces: Array) -> Acceleration:
+    def watched(self: Simultaneous, forces: Array) -> Acceleration:
         assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
-        momentum = self.velocities.sum(axis=0)
-        scale = np.linalg.norm(self.velocities, axis=1).sum()
+        momentum = self.engine.velocities.sum(axis=0)
+        scale = np.linalg.norm(self.engine.velocities, axis=1).sum()
         if scale > 1e-3:
             seen.append(float(np.linalg.norm(momentum)) / scale)
-        return original(self, state, forces)
+        return original(self, forces)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Segments, "accelerations", watched)
+        patch.setattr(Simultaneous, "acceleration_under", watched)
         assert explode(chain, DEFAULT).status == "straight"
     assert len(seen) > 50
     assert np.median(seen) < 0.02
@@ -114,13 +114,13 @@ def test_momentum_is_not_made_from_nothing() -> None:
 def test_linked_modules_are_pulled_apart_by_the_tension_alone() -> None:
     seen: list[Array] = []
 
-    def watched(self: Segments, state: State, forces: Array) -> Acceleration:
-        del self, state
+    def watched(self: Simultaneous, forces: Array) -> Acceleration:
+        del self
         seen.append(forces.copy())
         raise SimulationError("seen")
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Segments, "accelerations", watched)
+        patch.setattr(Simultaneous, "acceleration_under", watched)
         explode(line(3), replace(DEFAULT, repulsion_cutoff=1.5))
     assert np.linalg.norm(seen[0][0]) == pytest.approx(DEFAULT.tension * DEFAULT.spring)
 
@@ -202,17 +202,17 @@ def test_a_chain_that_lies_in_itself_ends_as_data(most: int) -> None:
 
 def poison(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
     """From a given step on, MuJoCo's accelerations are no numbers."""
-    original = Segments.accelerations
+    original = Simultaneous.acceleration_under
     calls = 0
 
-    def broken(self: Segments, state: State, forces: Array) -> Acceleration:
+    def broken(self: Simultaneous, forces: Array) -> Acceleration:
         nonlocal calls
         calls += 1
         if calls > after:
             forces = np.full_like(forces, np.nan)
-        return original(self, state, forces)
+        return original(self, forces)
 
-    monkeypatch.setattr(Segments, "accelerations", broken)
+    monkeypatch.setattr(Simultaneous, "acceleration_under", broken)
 
 
 @pytest.mark.parametrize("after", [0, 1, 40, 130])
@@ -231,38 +231,38 @@ def test_bad_numbers_end_the_run_and_leave_the_sound_frames(
 
 
 def test_a_hiccup_is_survived_by_going_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    original = Segments.accelerations
+    original = Simultaneous.acceleration_under
     calls = 0
 
-    def hiccup(self: Segments, state: State, forces: Array) -> Acceleration:
+    def hiccup(self: Simultaneous, forces: Array) -> Acceleration:
         nonlocal calls
         calls += 1
         if calls in (60, 61, 140):
             raise SimulationError("a hiccup.")
-        return original(self, state, forces)
+        return original(self, forces)
 
-    monkeypatch.setattr(Segments, "accelerations", hiccup)
+    monkeypatch.setattr(Simultaneous, "acceleration_under", hiccup)
     record = explode(coil(24), DEFAULT)
     assert record.status == "straight"
     assert (np.diff(record.frames.time_s) > 0.0).all()
 
 
 def test_it_goes_back_to_where_contacts_were_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    original = Segments.accelerations
+    original = Simultaneous.acceleration_under
     looked_at: list[Array] = []
     calls = 0
 
-    def hiccup(self: Segments, state: State, forces: Array) -> Acceleration:
+    def hiccup(self: Simultaneous, forces: Array) -> Acceleration:
         nonlocal calls
         calls += 1
         if calls in (26, 51):  # right after a commit
             raise SimulationError("a hiccup.")
         if calls in (27, 52):
-            assert any(np.array_equal(state.angles, angles) for angles in looked_at)
-        looked_at.append(state.angles.copy())
-        return original(self, state, forces)
+            assert any(np.array_equal(self.state.angles, angles) for angles in looked_at)
+        looked_at.append(self.state.angles.copy())
+        return original(self, forces)
 
-    monkeypatch.setattr(Segments, "accelerations", hiccup)
+    monkeypatch.setattr(Simultaneous, "acceleration_under", hiccup)
     assert explode(coil(24), DEFAULT).status == "straight"
 
 
@@ -278,13 +278,13 @@ def test_a_knot_slips_out_of_a_stiff_rod() -> None:
 
 def test_a_chain_without_a_way_out_is_called_stuck(monkeypatch: pytest.MonkeyPatch) -> None:
     # Nothing moves: every push is in vain, and the run says so instead of going on forever.
-    original = Segments.accelerations
+    original = Simultaneous.acceleration_under
 
-    def frozen(self: Segments, state: State, forces: Array) -> Acceleration:
-        found = original(self, state, forces)
+    def frozen(self: Simultaneous, forces: Array) -> Acceleration:
+        found = original(self, forces)
         return replace(found, hinges=0.0 * found.hinges, linear=np.zeros(3), angular=np.zeros(3))
 
-    monkeypatch.setattr(Segments, "accelerations", frozen)
+    monkeypatch.setattr(Simultaneous, "acceleration_under", frozen)
     monkeypatch.setattr("planner.explosion.simultaneous.JAM_WINDOW", 10)
     record = explode(coil(12), DEFAULT)
     assert record.status == "stalled"

@@ -22,6 +22,7 @@ from planner.explosion.strategies import strategies_for
 from planner.exports import export_named
 from planner.exports.mjcf import keys_of, mjcf
 from planner.exports.mjcf_pieces import PIECE, coordinates, starts_of
+from planner.kernels.backbite import grow
 from planner.motion.frames import PHASES, Frames
 from planner.motion.inverse import inverse_dynamics
 from planner.motion.motion import motion_arrays
@@ -30,6 +31,7 @@ from planner.motion.timeline import Timeline, TimelineWriter
 from planner.motion.windows import Windows
 from planner.pathfinding.assembly import layered_snake
 from planner.pathfinding.candidates import find_paths
+from planner.pathfinding.lattice import neighbours
 from planner.pipeline.fold_directory import write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage, run_stages
@@ -347,13 +349,22 @@ def ways(chain: Chain, wish: str, name: str = "default", *, refolds: bool = Fals
     return strategies_for(chain, replace(preset(name), strategy=wish), refolds=refolds)
 
 
+def shaken_up(sides: tuple[int, int, int]) -> Chain:
+    """A box along a random path."""
+    cells = np.argwhere(np.ones(sides, dtype=bool))
+    count, order = grow(neighbours(cells), np.ones(len(cells), bool), -1, 20 * len(cells), 0)
+    assert count == len(cells)
+    return Chain.from_path(Path.from_cells([tuple(c) for c in cells[order].tolist()], name="box"))
+
+
 def test_the_strategy_suits_chain_and_preset() -> None:
     small, large = snake((3, 3, 3)), snake((8, 9, 10))
     bent = Chain.from_angles(small.module, np.full(6, 0.3))
     assert ways(small, "auto") == ("simultaneous", "peel")
-    assert ways(snake((6, 6, 6)), "auto") == ("simultaneous", "peel", "blocks")
-    assert ways(large, "auto") == ("peel", "blocks", "one-by-one")
-    assert ways(line(1600), "auto") == ("peel", "one-by-one")
+    assert ways(snake((6, 6, 6)), "auto") == ("simultaneous", "blocks", "peel")
+    assert ways(large, "auto") == ("peel", "simultaneous", "blocks", "one-by-one")
+    # What does not come off unit by unit goes all at once as long as that ends in time.
+    assert ways(shaken_up((8, 9, 10)), "auto")[0] == "simultaneous"
     assert ways(small, "peel") == ("peel",)
     assert ways(large, "simultaneous") == ("simultaneous",)
     assert ways(large, "auto", "paper") == ways(large, "auto", "direct") == ("simultaneous",)
@@ -361,8 +372,8 @@ def test_the_strategy_suits_chain_and_preset() -> None:
     assert ways(bent, "one-by-one") == ("one-by-one",)
     # A refold is one simulation from end to end.
     assert ways(small, "auto", refolds=True) == ("simultaneous",)
-    assert ways(large, "auto", refolds=True) == ("blocks",)
-    assert ways(line(1600), "auto", refolds=True) == ("simultaneous",)
+    assert ways(large, "auto", refolds=True) == ("simultaneous", "blocks")
+    assert ways(line(6000), "auto", refolds=True)[0] == "simultaneous"
 
 
 def test_a_strategy_that_cannot_be_had_is_refused(tmp_path: FilePath) -> None:

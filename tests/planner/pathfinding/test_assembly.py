@@ -12,9 +12,9 @@ from planner.pathfinding.assembly import (
     filled_blocks,
     from_better_end,
     layered_snake,
-    peelable,
     solid_paths,
 )
+from planner.pathfinding.peelability import peelable
 from planner.pathfinding.snake import snake_path
 from planner.shapes.layers import layered_path
 

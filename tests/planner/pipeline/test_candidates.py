@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.pathfinding import METHODS
-from planner.pathfinding.assembly import peelable
 from planner.pathfinding.candidates import find_paths, ranked
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import spread, surface
+from planner.pathfinding.peelability import peelable
 from planner.pathfinding.snake import snake_path
 from planner.shapes.shape import Shape
 from tests.planner.pathfinding.test_knots import OVERHAND, walk

@@ -164,7 +164,6 @@ def test_the_quickest_is_taken_whatever_the_number_of_workers(tmp_path: FilePath
     figures = [a["figures"] for a in one.attempts if a["verdict"].startswith("verified")]
     assert len(figures) > 3
     assert one.certificate.fold_time_s == min(f["fold_time_s"] for f in figures)
-    assert plain.certificate.fold_time_s == figures[0]["fold_time_s"]
     assert one.certificate.fold_time_s < 0.95 * plain.certificate.fold_time_s
     (chosen,) = (a for a in one.attempts if a.get("chosen"))
     assert chosen["figures"]["clearance_bound"] == one.certificate.clearance_bound

@@ -224,7 +224,7 @@ FOLDS: dict[str, Callable[[FilePath], FilePath]] = {
     "refused": lambda place: asked(
         place, write_path(SQUARE), module_size=1.0, strategy="simultaneous"
     ),
-    "knotted": lambda place: asked(place, write_chain(knotted())),
+    "knotted": lambda place: asked(place, write_chain(knotted()), strategy="peel"),
 }
 
 

@@ -156,17 +156,20 @@ def test_a_stage_killed_half_way_leaves_nothing_half_written(
 
 
 def break_explosions(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
-    original = Segments.accelerations
     calls = 0
 
-    def broken(self: Segments, state: State, forces: Array, **more: Any) -> Acceleration:
-        nonlocal calls
-        calls += 1
-        if calls > after:
-            raise SimulationError("it blew up.")
-        return original(self, state, forces, **more)
+    def breaking(original: Any) -> Any:
+        def broken(self: Segments, state: State, forces: Array, **more: Any) -> Acceleration:
+            nonlocal calls
+            calls += 1
+            if calls > after:
+                raise SimulationError("it blew up.")
+            return original(self, state, forces, **more)
 
-    monkeypatch.setattr(Segments, "accelerations", broken)
+        return broken
+
+    for name in ("accelerations", "free_accelerations"):
+        monkeypatch.setattr(Segments, name, breaking(getattr(Segments, name)))
 
 
 @pytest.mark.parametrize("after", [0, 60])

@@ -32,7 +32,7 @@ def test_computed_torque_makes_errors_die_out_critically_damped(bandwidth: float
     # ë + 2w ė + w² e = 0 from rest: e = e₀ (1 + w t) exp(−w t), whatever the chain.
     tree = placed(2e-4)
     target = held(np.linspace(-0.2, 0.3, JOINTS))
-    controller = ComputedTorque(bandwidth=bandwidth)
+    controller = ComputedTorque(bandwidth=bandwidth, encoder_rad=0.0)
     steps = 2000
     for _ in range(steps):
         tree.begin_step()
@@ -46,7 +46,7 @@ def test_computed_torque_makes_errors_die_out_critically_damped(bandwidth: float
 def test_computed_torque_on_target_does_nothing() -> None:
     tree = placed(0.01)
     tree.begin_step()
-    ComputedTorque(bandwidth=30.0).drive(tree, held(np.zeros(JOINTS)))
+    ComputedTorque(bandwidth=30.0, encoder_rad=0.0).drive(tree, held(np.zeros(JOINTS)))
     tree.end_step()
     np.testing.assert_allclose(tree.motor_torques, 0.0, atol=1e-12)
 

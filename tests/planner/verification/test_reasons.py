@@ -45,7 +45,7 @@ def stuck(
     chain: Chain, parameters: Parameters = USUAL, *, angles: Any = None, **told: Any
 ) -> Stuck:
     """An explosion that ends at some angles, the folded ones when None, and what is told of it."""
-    values: Values = {"status": "stalled", "reason": "it sticks", "pushes": 9, "steps": 1, **told}
+    values: Values = {"status": "stalled", "reason": "it sticks", "pushes": 41, "steps": 1, **told}
     angles = chain.folded_rad if angles is None else angles
     record = Record(frames=in_place("explosion", angles[None]), seconds=0.1, **values)
     found = diagnose(chain, record, parameters)
@@ -210,8 +210,8 @@ def test_a_fold_that_gives_up_is_verified_with_its_reason(
 ) -> None:
     hasty = replace(HASTY, strategy="simultaneous")
 
-    def parameters(request: Request) -> Parameters:
-        del request
+    def parameters(request: Request, **more: Any) -> Parameters:
+        del request, more
         return hasty
 
     monkeypatch.setattr(Request, "parameters", parameters)
