@@ -26,7 +26,9 @@ from planner.simulation.segments import Segments
 
 Ints = NDArray[np.int64]
 BLOCK_MODULES: Final = 64
-"""Modules of a rigid block, about."""
+"""Modules of a rigid block, at least."""
+MOST_BLOCKS: Final = 24
+"""Blocks of a chain, at most: all their tethers are one tree, whose steps cost the cube of them."""
 TETHER_MODULES: Final = 4
 """Modules at either end of a block whose joints stay free. With none, or one, packed blocks hinge
 into each other and jam: docs/decisions/0015-blocks-first.md."""
@@ -73,7 +75,8 @@ def explode_blocks_first(
         snapshot_rad=COARSER_TURN * parameters.snapshot_rad,
         snapshot_distance=COARSER_WAY * parameters.snapshot_distance,
     )
-    starts = block_starts(len(chain), BLOCK_MODULES, TETHER_MODULES)
+    block = max(BLOCK_MODULES, -(-len(chain) // MOST_BLOCKS))
+    starts = block_starts(len(chain), block, TETHER_MODULES)
     run = _BlocksFirst(chain, coarser, seed, sink, starts)
     return run.run(progress, cancelled)
 

@@ -57,6 +57,10 @@ draws a knot tight. A stiff rod bends less the larger its loops are: they grow u
 out."""
 JAM_WINDOW: Final = 400
 """Steps between two looks whether the chain is jammed."""
+SHORT: Final = 512
+"""Modules up to which ends go no faster than ``ExplosionParameters.body_cap``."""
+FASTER_BODIES: Final = 2.5
+"""Factor of that for longer chains, at most: no farther in a step than near pairs are looked for."""
 STUCK_RAD: Final = 1.0
 """Bend above which a hinge that has not moved counts as stuck."""
 LEAST_PROGRESS: Final = 0.005
@@ -125,6 +129,8 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
             armature=parameters.armature,
             stop_rad=chain.module.stop_rad,
         )
+        # The ends of a long chain go as far as it is long.
+        self.body_cap = parameters.body_cap * float(np.clip(len(chain) / SHORT, 1.0, FASTER_BODIES))
         self.engine = self.first_engine()
         folded = chain.folded_poses
         self.state = State.at_rest(
@@ -232,7 +238,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         return max(
             float(np.abs(state.rates).max()) / p.joint_cap_rad,
             approach / (p.pair_cap_loose if loose else p.pair_cap),
-            float(np.sqrt((engine.velocities**2).sum(axis=1).max())) / p.body_cap,
+            float(np.sqrt((engine.velocities**2).sum(axis=1).max())) / self.body_cap,
         )
 
     def commit(self) -> None:

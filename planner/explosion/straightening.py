@@ -21,6 +21,8 @@ LEAST_CLEARANCE: Final = 0.02
 FRAME_S: Final = 0.1
 """Simulated seconds between two frames."""
 CHUNK: Final = 128
+FIRST_LOOKS: Final = 24
+"""Configurations on the way that are looked at before anything else."""
 LOOK_EVERY: Final = 4
 """Frames between two that are checked first, before the whole way is proved."""
 
@@ -42,6 +44,10 @@ def straightening(
         The frames after the given state, or None when modules would come too close on the way.
     """
     angles = state.angles
+    for scale in np.linspace(1.0, 0.0, FIRST_LOOKS, endpoint=False):
+        # What touches soon is found before the way is divided into frames.
+        if _clearance(chain, scale * angles, size, LEAST_CLEARANCE) < 0.0:
+            return None
     turned = np.abs(angles).max() / snapshot_rad
     count = int(np.ceil(max(turned, 1.0)))
     while True:

@@ -20,6 +20,8 @@ from planner.simulation.parameters import PlaybackParameters
 
 Array = NDArray[np.float64]
 CHUNK: Final = 256
+RECORDED_FROM: Final = 1500
+"""Modules from which on a record is played back frame by frame: a spline would take gigabytes."""
 
 
 def kinematic_frames(
@@ -43,6 +45,9 @@ def kinematic_frames(
         frame_rad: Length of the record between two frames.
         unfolding: How the chain becomes straight first; None when it is.
     """
+    if len(chain) > RECORDED_FROM and unfolding is None:
+        yield _as_recorded(recorded, parameters, start_s)
+        return
     reference = clear_reference(
         chain,
         recorded.joint_angles_rad[::-1],
@@ -89,6 +94,20 @@ def kinematic_frames(
         yield at_rest(
             "playback", start_s + playing_s[part], snapped(reference.spline(places[part]))
         )
+
+
+def _as_recorded(recorded: Frames, parameters: PlaybackParameters, start_s: float) -> Frames:
+    """The record itself in reverse: between two of its frames the hinges run evenly."""
+    angles = snapped(recorded.joint_angles_rad[::-1])
+    steps_rad = np.abs(np.diff(angles, axis=0)).max(axis=1)
+    seconds = parameters.step_s * parameters.steps_per_rad * float(steps_rad.sum())
+    return Frames.of_phase(
+        "playback",
+        time_s=start_s + hinge_bounded_times(steps_rad, seconds),
+        joint_angles_rad=angles,
+        root_position=recorded.root_position[::-1].copy(),
+        root_wxyz=recorded.root_wxyz[::-1].copy(),
+    )
 
 
 def windowed_frames(
