@@ -151,7 +151,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service) -
     assert measured[explosion] == 0.0
     assert measured[low] < measured[high]
     expect(page.locator("#r-error")).to_have_text(
-        re.compile(rf"Error {float(f'{np.nanmax(errors[high]):.2g}'):g} rad")
+        re.compile(rf"Error {float(f'{1e6 * np.nanmax(errors[high]):.2g}'):g} µrad")
     )
 
     # Step, by button and by key, with the focus in the page or in the view.

@@ -60,16 +60,16 @@ def test_ramp_is_even_in_linear_light() -> None:
     assert np.allclose(np.diff(linear, 2, axis=0), 0.0, atol=0.01)
 
 
-@given(st.floats(1e-3, 1e3))
+@given(st.floats(1e-5, 1e3))
 def test_scale_is_the_next_round_number(largest: float) -> None:
     scale = error_scale(largest)
     assert largest <= scale * (1 + 1e-9)
-    assert scale <= 2.5 * largest * (1 + 1e-9) or scale == 1e-3
+    assert scale <= 2.5 * largest * (1 + 1e-9) or scale == 1e-5
     assert f"{scale:e}"[0] in "125"
 
 
 def test_tiny_errors_are_not_blown_up() -> None:
-    assert error_scale(1e-9) == error_scale(0.0) == error_scale(float("nan")) == 1e-3
+    assert error_scale(1e-9) == error_scale(0.0) == error_scale(float("nan")) == 1e-5
 
 
 def test_a_cube_shows_the_joint_that_it_carries() -> None:

@@ -19,8 +19,9 @@ export function whole(number) {
 /** @param {number | null | undefined} value */
 export function radians(value) {
   if (value === null || value === undefined) return "not recorded";
-  if (value < 1e-6) return value > 0 ? "< 0.000001 rad" : "0 rad";
-  return `${Number(value.toPrecision(2))} rad`;
+  if (value < 1e-9) return "0 rad";
+  const micro = value < 1e-3;
+  return `${Number((micro ? 1e6 * value : value).toPrecision(2))} ${micro ? "µrad" : "rad"}`;
 }
 
 /** @param {number} value */
