@@ -60,7 +60,7 @@ JAM_WINDOW: Final = 400
 SHORT: Final = 512
 """Modules up to which ends go no faster than ``ExplosionParameters.body_cap``."""
 FASTER_BODIES: Final = 2.5
-"""Factor of that for longer chains, at most: no farther in a step than near pairs are looked for."""
+"""Factor of that for longer chains, at most: no farther in a step than pairs are looked for."""
 STUCK_RAD: Final = 1.0
 """Bend above which a hinge that has not moved counts as stuck."""
 LEAST_PROGRESS: Final = 0.005

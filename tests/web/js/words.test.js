@@ -5,7 +5,7 @@ import { degrees, duration, newtonMetres, radians, refusal, whole } from "../../
 
 test("numbers are told with two figures, and nothing as nothing", () => {
   assert.equal(whole(1234567.4), "1\u2009234\u2009567");
-  assert.deepEqual([null, 0, 1e-9, 0.00123].map(radians), ["not recorded", "0 rad", "< 0.000001 rad", "0.0012 rad"]);
+  assert.deepEqual([null, 0, 7.1e-6, 0.00123].map(radians), ["not recorded", "0 rad", "7.1 µrad", "0.0012 rad"]);
   assert.deepEqual([Math.PI / 2, -0.5, -1e-9].map((v) => degrees(v)), ["90.0°", "−28.6°", "0.0°"]);
   assert.equal(newtonMetres(1.234), "1.2 N·m");
   assert.deepEqual([0.2, 89, 90, 5399, 7200].map(duration), ["about 1 s", "about 89 s", "about 2 min", "about 90 min", "about 2 h"]);
