@@ -31,7 +31,7 @@ MOST_BLOCKS: Final = 24
 """Blocks of a chain, at most: all their tethers are one tree, whose steps cost the cube of them."""
 TETHER_MODULES: Final = 4
 """Modules at either end of a block whose joints stay free. With none, or one, packed blocks hinge
-into each other and jam: docs/decisions/0015-blocks-first.md."""
+into each other and jam: docs/decisions/0015-hard-paths.md."""
 TENSION: Final = 4.0
 """Factor of the tension on rigid blocks, which are heavier than single modules."""
 STEP_IN_CONTACT: Final = 0.1

@@ -40,7 +40,7 @@ from planner.simulation.parameters import (
 OFF_SQUARE: Final = 1e-4
 """Share of a right angle by which a cube's folded hinge may differ from a multiple of one."""
 BLOCKS_FROM: Final = 160
-"""Modules from which on blocks come apart first: docs/decisions/0015-blocks-first.md."""
+"""Modules from which on blocks come apart first: docs/decisions/0015-hard-paths.md."""
 
 GENTLE: Final = 0.5
 """Factor of the forces of a gentle explosion."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from tests.benchmarks.baselines import direct, paper
 from tests.benchmarks.folds import folds
 from tests.benchmarks.gallery import gallery
+from tests.benchmarks.hard import hard
 from tests.benchmarks.long_folds import long_folds
 from tests.benchmarks.machine import machine
 from tests.benchmarks.meshes import meshes
@@ -33,6 +34,7 @@ SECTIONS = {
     "peeling": peeling,
     "scaling": scaling,
     "portfolio": portfolio,
+    "hard": hard,
     "sweeps": sweeps,
     "tetrahedra": tetrahedra,
     "smoothing": smoothing,

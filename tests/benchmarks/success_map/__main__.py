@@ -109,9 +109,8 @@ def _seeds(method: str, modules: int) -> int:
     return SEEDS[modules] if modules < ONCE_FROM.get(method, modules + 1) else 1
 
 
-def path_of(kind: str, modules: int, seed: int) -> Ints | None:
+def path_of(kind: str, sides: tuple[int, int, int], seed: int) -> Ints | None:
     """(n, 3) cells of a box in the order of a path of that kind; None when there is none."""
-    sides = BOXES[modules]
     box = np.argwhere(np.ones(sides, dtype=bool))
     if kind == "snake":
         turned = np.roll(sides, seed)
@@ -130,7 +129,7 @@ def path_of(kind: str, modules: int, seed: int) -> Ints | None:
 def run(case: Case) -> dict[str, Any]:
     """The outcome of one case."""
     begun = time.process_time()
-    cells = path_of(case.kind, case.modules, case.seed)
+    cells = path_of(case.kind, BOXES[case.modules], case.seed)
     outcome: dict[str, Any] = {**asdict(case), "verdict": "no path", "seconds": 0.0}
     if cells is None:
         return outcome

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_path_fills_the_box(kind: str) -> None:
-    paths = [path_of(kind, 64, seed) for seed in range(2)]
+    paths = [path_of(kind, BOXES[64], seed) for seed in range(2)]
     for cells in paths:
         assert cells is not None
         assert np.array_equal(np.unique(cells, axis=0), np.argwhere(np.ones(BOXES[64], dtype=bool)))
