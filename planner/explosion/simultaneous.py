@@ -203,7 +203,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
     def acceleration_under(self, forces: Array) -> Acceleration:
         """Under forces; where nothing touches, without MuJoCo in a tenth of the time."""
         engine = self.engine
-        # The welds' slight give shakes a rod, which slips sooner: docs/decisions/0015-hard-paths.md.
+        # The welds' slight give shakes a rod, so that it slips: docs/decisions/0015-hard-paths.md.
         if isinstance(engine, Segments) and not self.rod and engine.is_free(self.state, self.pairs):
             return engine.free_accelerations(self.state, forces)
         return engine.accelerations(self.state, forces)
