@@ -132,7 +132,7 @@ def score_of(attempt: Attempt, prefer: Preference) -> float:
 
 
 def expected_seconds_of(todo: Try, modules: int) -> float:
-    """About how long a try takes with its playback and certificate: runs of 64 to 1152 modules.
+    """About how long a try takes with its playback and certificate: runs of 64 to 4096 modules.
 
     Args:
         todo: The try.
@@ -141,4 +141,6 @@ def expected_seconds_of(todo: Try, modules: int) -> float:
     if todo.strategy == "peel":
         return 2.0 + 0.012 * modules
     together = 1.0 + 0.006 * modules + 1.4 * (modules / 160.0) ** 2.1
+    if todo.strategy == "blocks":  # two dozen at most: their cost grows with the chain alone
+        return min(together, 2.0 + 0.06 * modules)
     return together + 2.0 + 0.03 * modules if todo.strategy in WAYS else together
