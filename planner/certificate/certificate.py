@@ -19,7 +19,7 @@ from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.chain.statics import static_torque
 from planner.clearance.linked import ExemptPairs, Place, exempt_pairs
-from planner.clearance.sweep import Sweep, check_windows, sweep
+from planner.clearance.sweep import SHARE, Sweep, check_windows, sweep
 from planner.errors import InputError
 from planner.motion.frames import PHASES
 from planner.motion.motion import Motion
@@ -187,9 +187,9 @@ def certify(
         asked_to_stop = asked_to_stop or cancelled()
         return asked_to_stop
 
-    def swept(motion: Array | Windows, name: str, fraction: float) -> Sweep:
+    def swept(motion: Array | Windows, name: str, fraction: float, share: float = SHARE) -> Sweep:
         progress(Progress(stage="certify", fraction=fraction, message=f"checking the {name}"))
-        return sweep(chain, motion, size=size, cancelled=stopped)
+        return sweep(chain, motion, size=size, share=share, cancelled=stopped)
 
     unusable = _unusable(chain, record, playback, start)
     if unusable:
@@ -207,7 +207,8 @@ def certify(
         if playback is not None and _runs_back(record.frames, playback.frames):
             of_record = of_plan  # the same places, and the same ways between them
         else:
-            of_record = swept(_angles(record.frames), "record", 0.0)
+            # Nothing is proved of a record, whose clearance is only told.
+            of_record = swept(_angles(record.frames), "record", 0.0, share=0.0)
     if given_up := stopped():
         # What was not looked at to its end proves nothing, and nobody knows what is least in it.
         of_record = of_plan = of_playback = None

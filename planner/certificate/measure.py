@@ -6,7 +6,10 @@ motion.
 
 from __future__ import annotations
 
+import os
+from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path as FilePath
 from typing import Final
 
@@ -37,6 +40,7 @@ Array = NDArray[np.float64]
 MARGIN: Final = 32
 """Frames beyond each end of a chunk that its spline is fitted to as well. A frame's influence falls
 to a quarter from one to the next, so 32 leave nothing of where chunks meet."""
+MOST_THREADS: Final = 4
 STILL: Final = 1e-9
 """Speed of the fastest hinge up to which none counts as moving."""
 EXPLOSION: Final = PHASES.index("explosion")
@@ -108,15 +112,25 @@ def _parts(
     """The figures of a timeline, a chunk of frames at a time; at least one, which may be empty."""
     unit = torque_unit_nm(timeline.chain, parameters)
     unit /= max(_slower(timeline, parameters, certificate), 1e-12) ** 2
+
+    def part(around: Frames, here: slice) -> Figures:
+        torque = unit * _torques(timeline.chain, around, here, whole=not here.start)
+        return _of_frames(timeline.chain, around, here, torque, parameters.module_size)
+
     chunks = _read_chunks(timeline)
     before, now = timeline.frames(0, 0), next(chunks)
-    while now is not None:
-        after = next(chunks, None)
-        around = Frames.joined([before, now, *([] if after is None else [after[:MARGIN]])])
-        here = slice(len(before), len(before) + len(now))
-        torque = unit * _torques(timeline.chain, around, here, whole=not len(before))
-        yield _of_frames(timeline.chain, around, here, torque, parameters.module_size)
-        before, now = now[-MARGIN:], after
+    threads = min(MOST_THREADS, os.cpu_count() or 1)
+    due: deque[Future[Figures]] = deque()
+    with ThreadPoolExecutor(threads) as pool:
+        while now is not None:
+            after = next(chunks, None)
+            around = Frames.joined([before, now, *([] if after is None else [after[:MARGIN]])])
+            due.append(pool.submit(part, around, slice(len(before), len(before) + len(now))))
+            if len(due) > threads:
+                yield due.popleft().result()
+            before, now = now[-MARGIN:], after
+        for left in due:
+            yield left.result()
 
 
 def _curves(timeline: Timeline, parameters: Parameters, certificate: Certificate | None) -> Curves:

@@ -250,7 +250,7 @@ def least_separation(
     return best, first, second
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def module_clearances(
     positions: Array,
     rotations: Array,

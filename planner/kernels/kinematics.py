@@ -135,7 +135,7 @@ def chain_poses(
             positions[i, r] = total
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def many_chain_poses(
     angles: Array,
     joint: Joint,
