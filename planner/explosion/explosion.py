@@ -33,6 +33,8 @@ STRONG_REPULSION: Final = 4.0
 """Factor of the repulsion in the weak part of a pulse."""
 MOST_PUSHES: Final = {"simultaneous": 40, "blocks": 40, "peel": 8}
 """Pulses in a row without progress after which a run by a strategy has stalled."""
+STOP_GIVES_RAD: Final = 0.01
+"""Angle by which a simulated stop lies inside a joint's range: stops are springs, and give."""
 MOST_RETRIES: Final = 6
 """Times that a run goes back to one state; then deep contacts are let be, and an error ends it."""
 LEAST_TENSION: Final = 0.05

@@ -23,6 +23,7 @@ from planner.explosion.explosion import (
     JAM_PULSE,
     MOST_PUSHES,
     MOST_RETRIES,
+    STOP_GIVES_RAD,
     STRONG_REPULSION,
     WEAK_TENSION,
     ContactDepth,
@@ -63,8 +64,6 @@ DEEP: Final = 0.016
 """Depth of contacts in pitches, at most; less where the module size to verify leaves less."""
 ROOM_USED: Final = 0.9
 """Share of the room between the simulated hull and the size to verify that contacts may use."""
-STOP_GIVES_RAD: Final = 0.01
-"""Angle by which a simulated stop lies inside a joint's range: stops are springs, and give."""
 ALIGNED: Final = 0.5
 """Cosine between the rod and where it is to point, above which a unit may be let go."""
 TURNED: Final = 0.9

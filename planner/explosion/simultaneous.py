@@ -20,6 +20,7 @@ from planner.explosion.explosion import (
     COMMIT_EVERY,
     MOST_PUSHES,
     MOST_RETRIES,
+    STOP_GIVES_RAD,
     STRONG_REPULSION,
     WEAK_TENSION,
     ContactDepth,
@@ -57,6 +58,9 @@ draws a knot tight. A stiff rod bends less the larger its loops are: they grow u
 out."""
 JAM_WINDOW: Final = 400
 """Steps between two looks whether the chain is jammed."""
+EXACT_FROM: Final = 1500
+"""Modules above which a record is played back as it is, and stops begin earlier: they give a
+little, which a curve would cut to the joints' range."""
 SHORT: Final = 512
 """Modules up to which ends go no faster than ``ExplosionParameters.body_cap``."""
 FASTER_BODIES: Final = 2.5
@@ -127,7 +131,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
             geom_size=parameters.geom_size,
             stiffness=parameters.spring,
             armature=parameters.armature,
-            stop_rad=chain.module.stop_rad,
+            stop_rad=chain.module.stop_rad - (STOP_GIVES_RAD if len(chain) > EXACT_FROM else 0.0),
         )
         # The ends of a long chain go as far as it is long.
         self.body_cap = parameters.body_cap * float(np.clip(len(chain) / SHORT, 1.0, FASTER_BODIES))
