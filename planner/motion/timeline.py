@@ -122,6 +122,8 @@ class TimelineWriter:
         """
         from zarr.codecs import BloscCodec  # late, as in ``_opened``
 
+        # First of all: who has read frames while their files were deleted sees that by its absence.
+        (FilePath(path) / "zarr.json").unlink(missing_ok=True)
         group = _opened(str(path), "w")
         codec = BloscCodec(cname="zstd", clevel=3, shuffle="shuffle")
         columns = _window_columns() if windowed else _frame_columns(len(chain.folded_rad))
@@ -294,10 +296,25 @@ class Timeline:
         return self._status
 
     def refresh(self) -> bool:
-        """Looks for new frames; True when anything has changed."""
+        """Looks for new frames; True when anything has changed.
+
+        Raises:
+            TimelineError: When another one has taken its place, or is about to.
+        """
         before = (self._frames, self._status)
-        self._take(_attributes(self.path))
+        attributes = _attributes(self.path)
+        if attributes["id"] != self.id:
+            raise TimelineError(f"the timeline at {self.path} has been begun anew.")
+        self._take(attributes)
         return before != (self._frames, self._status)
+
+    @property
+    def replaced(self) -> bool:
+        """Whether another one has taken its place, or is about to."""
+        try:
+            return bool(_attributes(self.path)["id"] != self.id)
+        except TimelineError:
+            return True
 
     def motion(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Motion:
         """As ``frames``, in the layout that the timeline has."""

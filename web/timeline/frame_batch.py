@@ -43,13 +43,14 @@ def kept_batch(
     Raises:
         TimelineError: When the timeline is being replaced.
     """
-    key = (timeline.edition, start, stop, stride)
-    if (data := _BATCHES.get(key)) is not None:
-        return data
-    data = batch_of(timeline, start, stop, stride)
-    # What was replaced in the meantime may be partly one and partly the other.
-    if not timeline.growing and timeline.edition == key[0]:
-        _BATCHES.keep(key, data)
+    with timeline.reading():
+        key = (timeline.edition, start, stop, stride)
+        if (data := _BATCHES.get(key)) is not None:
+            return data
+        data = batch_of(timeline, start, stop, stride)
+        if timeline.growing:
+            return data
+    _BATCHES.keep(key, data)
     return data
 
 
@@ -73,6 +74,13 @@ def batch_of(
     Raises:
         TimelineError: When the timeline is being replaced.
     """
+    with timeline.reading():  # the header tells of the frames that are in the columns
+        return _batch(timeline, start, stop, stride, largest)
+
+
+def _batch(
+    timeline: TimelineView, start: int, stop: int | None, stride: int, largest: int
+) -> bytes:
     total = len(timeline)
     start = min(start, total)
     end = total if stop is None else max(start, min(stop, total))

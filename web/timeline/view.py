@@ -27,7 +27,6 @@ from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.errors import TimelineError
 from planner.motion.frames import PHASES, Frames
-from planner.motion.motion import Motion
 from planner.motion.timeline import Timeline
 from planner.motion.windows import Windows
 from web.pictures.camera import modules_framed, straight_stretch
@@ -116,8 +115,8 @@ class TimelineView:
         self._begin()
 
     def _begin(self) -> None:
-        self._stamp = self._stamp_now()
-        self._timeline = Timeline.open(self.path)
+        stamp = self._stamp_now()  # first: what is written from now on is seen to be newer
+        self._timeline, self._stamp = Timeline.open(self.path), stamp
         self._chunks: OrderedDict[int, _Chunk | _WindowChunk] = OrderedDict()
         self._bytes = 0
         self._refreshed = time.monotonic()
@@ -125,7 +124,6 @@ class TimelineView:
         self._phase: NDArray[np.uint8] = np.zeros(0, np.uint8)
         self._time_s: Array = np.zeros(0)
         self._max_error: Array = np.zeros(0)
-        self._last: Motion | None = None
         self.stretch = straight_stretch(self.chain) if self.windowed else None
         self._summarise()
 
@@ -185,16 +183,13 @@ class TimelineView:
             stamp = self._stamp_now()
             if not self.growing and stamp == self._stamp:
                 return False
-            self._stamp = stamp
             before = (self._summarised, self._timeline.status)
             try:
                 self._timeline.refresh()
-                if len(self._timeline) < self._summarised:
-                    self._begin()
-                else:
-                    self._summarise()
+                self._stamp = stamp
+                self._summarise()
             except (TimelineError, OSError, ValueError, KeyError):
-                # The writer is replacing it just now; what is shown stays until it is back.
+                # It is another one now, or about to be; what is shown stays until that is there.
                 try:
                     self._begin()
                 except (TimelineError, OSError, ValueError, KeyError):
@@ -225,7 +220,7 @@ class TimelineView:
         Raises:
             TimelineError: When they are not there, or the timeline is being replaced.
         """
-        with self._lock, self._reading():
+        with self.reading():
             return self._timeline.frames(start, min(stop, self._summarised), stride)
 
     def windows(self, start: int, stop: int, stride: int = 1) -> Windows:
@@ -234,16 +229,24 @@ class TimelineView:
         Raises:
             TimelineError: When they are not there, or the timeline is being replaced.
         """
-        with self._lock, self._reading():
+        with self.reading():
             return self._timeline.windows(start, min(stop, self._summarised), stride)
 
     @contextmanager
-    def _reading(self) -> Generator[None]:
-        """Says so when what is read is being replaced."""
-        try:
-            yield
-        except (OSError, ValueError, KeyError) as error:
-            raise TimelineError(f"{self.path} is being replaced: {error}") from error
+    def reading(self) -> Generator[None]:
+        """All that is read in here is of one timeline as it was at one time.
+
+        Raises:
+            TimelineError: When the timeline was replaced while it was read. What is then left of
+                it on disk reads as zeros.
+        """
+        with self._lock:
+            try:
+                yield
+            except (OSError, ValueError, KeyError) as error:
+                raise TimelineError(f"{self.path} is being replaced: {error}") from error
+            if self._stamp_now() != self._stamp and self._timeline.replaced:
+                raise TimelineError(f"{self.path} is being replaced.")
 
     def outline(self, columns: int = OUTLINE_COLUMNS) -> dict[str, Any]:
         """What the bar draws: phases, and the largest error in each of ``columns`` columns."""
@@ -292,14 +295,10 @@ class TimelineView:
         start, stop = self._summarised, len(self._timeline)
         if stop <= start:
             return
-        if start and not _same(self._last, self._timeline.motion(start - 1, start)):
-            self._begin()  # it is another timeline, which has outgrown the one before
-            return
         if self.windowed:
             times, phases = self._timeline.clock()
             time_s, phase = times[start:stop], phases[start:stop]
             largest = np.full(stop - start, np.nan)
-            last: Motion = self._timeline.windows(stop - 1, stop)
         else:
             parts = [
                 self._timeline.frames(at, min(at + 1024, stop)) for at in range(start, stop, 1024)
@@ -307,11 +306,9 @@ class TimelineView:
             time_s = np.concatenate([p.time_s for p in parts])
             phase = np.concatenate([p.phase for p in parts])
             largest = np.concatenate([_largest(p.joint_error_rad) for p in parts])
-            last = parts[-1][-1:]
         self._phase = np.concatenate([self._phase, phase])
         self._time_s = np.concatenate([self._time_s, time_s])
         self._max_error = np.concatenate([self._max_error, largest])
-        self._last = last
         self._summarised = stop
         self._forget(start // self._rows)
 
@@ -441,16 +438,3 @@ def _largest(errors: Array) -> Array:
     known = np.isfinite(errors)
     found = np.where(known, np.abs(errors), -np.inf).max(axis=-1)
     return np.where(known.any(axis=-1), found, np.nan)
-
-
-def _same(a: Motion | None, b: Motion) -> bool:
-    """Whether two single snapshots are the same."""
-    if isinstance(a, Windows) and isinstance(b, Windows):
-        return (
-            np.array_equal(a.first, b.first)
-            and np.array_equal(a.angles_rad, b.angles_rad)
-            and np.array_equal(a.base_position, b.base_position)
-        )
-    if isinstance(a, Frames) and isinstance(b, Frames):
-        return np.array_equal(a.joint_angles_rad, b.joint_angles_rad)
-    return False

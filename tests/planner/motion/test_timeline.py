@@ -193,14 +193,17 @@ def test_a_writer_goes_on_after_the_frames_that_are_kept(
     np.testing.assert_array_equal(times, np.r_[np.arange(130), np.arange(500, 520)] / 10)
 
 
-def test_a_shorter_continuation_hides_the_old_tail(place: FilePath, hook_chain: Chain) -> None:
+def test_a_shorter_continuation_is_another_timeline(place: FilePath, hook_chain: Chain) -> None:
     with TimelineWriter.create(place, hook_chain) as writer:
         writer.append(some_frames(10))
     reader = Timeline.open(place)
+    assert not reader.replaced
     with TimelineWriter.reopen(place, frames=2):
         pass
-    reader.refresh()
-    assert_same(reader.frames(), some_frames(2))
+    assert reader.replaced
+    with pytest.raises(TimelineError, match="begun anew"):
+        reader.refresh()
+    assert_same(Timeline.open(place).frames(), some_frames(2))
 
 
 def test_an_exception_marks_the_timeline_failed_and_keeps_its_frames(

@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
 import { distanceNeeded } from "../../../web/static/js/viewer/camera.js";
+import { Whole } from "../../../web/static/js/player/frames.js";
 import { Pair } from "../../../web/static/js/player/pair.js";
 import { Player } from "../../../web/static/js/player/player.js";
 import { Playhead } from "../../../web/static/js/player/playhead.js";
@@ -49,6 +50,38 @@ test("a frame that is sought is shown, and told of", async () => {
   assert.ok(player.send({ do: "seek", percent: 0 }));
   assert.deepEqual([heard.state.frame, heard.state.phase, heard.state.error_rad], [0, "explosion", null]);
   assert.equal(player.send({ do: "dance" }), false);
+});
+
+test("what is asked for while a timeline that is begun anew is fetched is done once it is there", async () => {
+  const { player, heard, timeline } = await shown();
+  timeline.status = "growing";
+  timeline.over = false;
+  const again = [timeline.chain, timeline.total];
+  const anew = () => {
+    [timeline.chain, timeline.total] = again;
+    timeline.tell("begun");
+    draw(1);
+  };
+  player.send({ do: "set", live: true });
+  player.send({ do: "seek", frame: 3 });
+  draw(1);
+  anew();
+  assert.deepEqual([heard.state.frame, heard.state.live], [3, false]); // where the visitor went
+  timeline.chain = null;
+  timeline.tell("waiting");
+  assert.ok(player.send({ do: "seek", percent: 100 }));
+  anew();
+  assert.deepEqual([heard.state.frame, heard.state.live], [timeline.last, false]);
+  player.send({ do: "seek", frame: 3 });
+  player.send({ do: "set", live: true });
+  anew();
+  assert.ok(heard.state.live);
+});
+
+test("a batch with fewer frames than it announces has those it has", () => {
+  const column = (width) => new Float32Array(2 * width);
+  const arrays = { time_s: column(1), phase: column(1), root_position: column(3), root_wxyz: column(4), joint_angles_rad: column(1), joint_error_rad: column(1) };
+  assert.equal(new Whole({ header: { start: 0, stop: 5, stride: 1 }, arrays }, { joints: 1 }).rows, 2);
 });
 
 test("who wants little to move sees no glide to a frame that is sought, but one while it plays", async () => {

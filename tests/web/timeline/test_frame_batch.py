@@ -1,11 +1,16 @@
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from planner.chain.chain import Chain
+from planner.errors import TimelineError
 from planner.motion.timeline import Timeline, TimelineWriter
 from tests.planner import peels
 from tests.web import long_folds
@@ -67,6 +72,44 @@ def test_a_timeline_that_is_begun_anew_is_another_one(
         writer.append(Timeline.open(path).frames(0, 0))
     timeline.refresh(at_once=True)
     assert timeline.id != first["id"]
+
+
+def test_no_batch_mixes_two_timelines(
+    growing: tuple[Path, TimelineWriter, Callable[[int], None]], chain: Chain
+) -> None:
+    path, _, _ = growing
+    timeline = TimelineView(path)
+    frames, over = Timeline.open(path).frames(), threading.Event()
+
+    def writes() -> None:
+        """Begins anew with other times, and another number of frames."""
+        for edition in range(1, 61):
+            with TimelineWriter.create(path, chain) as writer:
+                some = frames[: 10 - edition % 2 * 7]
+                writer.append(replace(some, time_s=np.full(len(some), float(edition))))
+        over.set()
+
+    def looks() -> None:
+        while not over.is_set():
+            timeline.refresh(at_once=True)
+
+    with ThreadPoolExecutor(2) as pool:
+        done = [pool.submit(writes), pool.submit(looks)]
+        whole = 0
+        while not over.is_set():
+            try:
+                header, found = decode(kept_batch(timeline))
+            except TimelineError:
+                continue
+            whole += 1
+            assert len(found["time_s"]) == header["stop"] == header["total"]
+            assert len(set(found["time_s"].tolist())) <= 1
+            assert np.allclose(np.linalg.norm(found["root_wxyz"], axis=1), 1.0)
+        for one in done:
+            one.result()
+    assert whole
+    timeline.refresh(at_once=True)
+    assert decode(kept_batch(timeline))[0]["total"] == 10
 
 
 def test_a_batch_of_a_finished_film_is_made_once(

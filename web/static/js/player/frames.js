@@ -32,13 +32,13 @@ const part = (values, k, width) => values.subarray(k * width, (k + 1) * width);
 // All angles of each frame.
 export class Whole {
   /**
-   * @param {Message<BatchHeader, WholeArrays>} batch
+   * @param {Pick<Message<BatchHeader, WholeArrays>, "arrays">} batch
    * @param {{ joints: number }} timeline
    */
-  constructor({ header, arrays }, { joints }) {
+  constructor({ arrays }, { joints }) {
     this.arrays = arrays;
     this.joints = joints;
-    this.rows = Math.ceil((header.stop - header.start) / header.stride);
+    this.rows = arrays.time_s.length;
     this.bytes = bytesOf(arrays);
   }
 
@@ -81,12 +81,12 @@ const STEP = 2 ** -20;
 // Angles from the hinge `first` to before `last`; what is before is folded, what is behind straight.
 export class Window {
   /**
-   * @param {Message<Pick<BatchHeader, "start" | "stop" | "stride">, WindowArrays>} batch
+   * @param {Pick<Message<BatchHeader, WindowArrays>, "arrays">} batch
    * @param {{ foldedRad: Floats, noErrors: Floats }} timeline
    */
-  constructor({ header, arrays }, { foldedRad, noErrors }) {
+  constructor({ arrays }, { foldedRad, noErrors }) {
     const { counts, steps, ...kept } = arrays;
-    this.rows = Math.ceil((header.stop - header.start) / header.stride);
+    this.rows = arrays.time_s.length;
     this.foldedRad = foldedRad;
     this.noErrors = noErrors;
     this.arrays = { ...kept, ends: new Uint32Array(this.rows), angles: new Float32Array(steps.length) };

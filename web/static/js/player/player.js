@@ -83,6 +83,9 @@ export class Player extends Emitter {
     this.due = false;
     this.gliding = false;
     this.changed = false;
+    this.chose = false; // whether the visitor has said which frame to be at
+    /** @type {Command[]} */
+    this.unheard = []; // what was asked for while a timeline that is begun anew is fetched
     timeline.on("waiting", () => { this.shown = null; this.tell("waiting"); });
     timeline.on("begun", () => this.begin());
     timeline.on("grew", () => this.grew());
@@ -94,11 +97,14 @@ export class Player extends Emitter {
 
   /** @param {Command} message */
   send(message) {
-    if (!this.timeline.chain || !this.colouring) return false;
+    if (!this.colouring) return false;
+    if (!this.timeline.chain) { this.unheard.push(message); return true; }
     const { follow } = this.is;
     if (message.do === "set" && "follow" in message) this.lookAt([]);
     if (message.do === "select") this.select(message.module);
     else if (!this.playhead.do(message)) return false;
+    else if (message.do === "seek" || message.do === "step") this.chose = true;
+    else if (message.do === "set" && message.live) this.chose = false;
     if (message.do === "set") {
       if (this.is.follow && !follow) this.takeOver();
       this.aim();
@@ -178,11 +184,12 @@ export class Player extends Emitter {
     this.selected = this.selected !== null && this.selected < timeline.chain.modules ? this.selected : null;
     this.stage?.set(timeline.bundle);
     this.sketch?.set(timeline.bundle);
-    if (timeline.growing) { this.is.live = true; playhead.frame = timeline.last; }
+    if (timeline.growing && !this.chose) { this.is.live = true; playhead.frame = timeline.last; }
     playhead.frame = Math.min(playhead.frame, timeline.last);
     this.tell("begun");
     this.show(true);
     this.tellOutline();
+    for (const message of this.unheard.splice(0)) this.send(message);
   }
 
   grew() {
