@@ -42,7 +42,7 @@ def main() -> None:
             raise SystemExit(begin["detail"])
         joints = [model.joint(name).qposadr[0] for name in begin["joint_names"]]
         servos = [model.actuator(name).id for name in begin["joint_names"]]
-        at_s, least_s = 0.0, given.speed / begin["rate_hz"]
+        least_s = given.speed / begin["rate_hz"]
         print(f"{len(joints)} joints, {begin['duration_s']:.1f} s at speed 1", flush=True)
         robot.qpos[joints] = begin["joint_angles_rad"]  # a real one is brought there first
         service.send(json.dumps({"do": "report", "joint_angles_rad": robot.qpos[joints].tolist()}))
@@ -50,9 +50,7 @@ def main() -> None:
             if said["is"] == "target":
                 lead = np.multiply(said["joint_speeds_rad_s"], DAMPING_S / given.speed)
                 robot.ctrl[servos] = said["joint_angles_rad"] + lead
-                # Targets that would be late are left out: the next one is then farther on.
-                passed_s = max(said["time_s"] - at_s, least_s)
-                at_s = said["time_s"]
+                passed_s = max(said["time_s"] - robot.time, least_s)  # late targets are left out
                 mujoco.mj_step(model, robot, nstep=max(1, round(passed_s / model.opt.timestep)))
                 error = np.abs(robot.qpos[joints] - said["joint_angles_rad"]).max()
                 report = {"do": "report", "error_rad": error, "number": said["number"]}
