@@ -1,13 +1,18 @@
-"""Forward dynamics of a free chain that touches nothing, compiled: linear in its modules.
+"""Forward dynamics of a free chain, compiled: linear in its modules.
 
 Featherstone's articulated-body algorithm (Rigid Body Dynamics Algorithms, 2008, chapter 7), with
 all vectors in the world's frame and each module's taken at its centre: the wrench that the joint
 before module j gives it is A_j a_j + b_j, where a_j holds its angular and linear acceleration, A_j
 is its articulated inertia, (6, 6), and b_j what does not depend on accelerations.
+
+``free_accelerations`` is for a chain that touches nothing. What it has found on its way inwards is
+enough to tell how the chain answers to any force, which ``add_contacts`` makes use of.
 """
 # pyright: reportUntypedFunctionDecorator=false
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -18,6 +23,42 @@ from planner.kernels.module import Joint
 from planner.kernels.velocities import cross
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+MOST_ROUNDS = 100
+"""Of exchanging the contacts that push."""
+PATIENCE = 3
+"""Exchanges of all that are wrong, without fewer being so, before it is one at a time."""
+EXACT = 1e-10
+"""Share of the largest acceleration lacking up to which one counts as zero."""
+
+
+class Articulated(NamedTuple):
+    """What a chain's inertias make of the joint before each of n modules of H hinges.
+
+    Attributes:
+        motions: (n, H, 6) accelerations that a unit acceleration of a hinge gives its module.
+        wrenches: (n, H, 6) articulated inertia times those.
+        hinges: (n, H, H) inertia that the hinges feel.
+        base: (6, 6) articulated inertia of module 0.
+        first: (6,) acceleration of module 0, angular first.
+    """
+
+    motions: Array
+    wrenches: Array
+    hinges: Array
+    base: Array
+    first: Array
+
+
+def articulated(modules: int, hinges: int) -> Articulated:
+    """Room for a chain of so many modules with so many hinges a joint."""
+    return Articulated(
+        np.zeros((modules, hinges, 6)),
+        np.zeros((modules, hinges, 6)),
+        np.zeros((modules, hinges, hinges)),
+        np.zeros((6, 6)),
+        np.zeros(6),
+    )
 
 
 @njit(cache=True)
@@ -99,6 +140,7 @@ def free_accelerations(
     positions: Array,
     rotations: Array,
     spins: Array,
+    found: Articulated,
     hinges_out: Array,
     root_out: Array,
 ) -> None:
@@ -111,6 +153,7 @@ def free_accelerations(
         armature: Rotor inertia of a hinge.
         root: The module whose acceleration is wanted.
         positions, rotations, spins: Of all modules, in the world.
+        found: Where to write what the inertias are.
         hinges_out, root_out: Where to write.
     """
     rigid_links, anchor, axes = joint.rigid_links, joint.anchor, joint.axes
@@ -119,9 +162,9 @@ def free_accelerations(
     a = np.empty((n, 6, 6))
     b = np.empty((n, 6))
     c = np.zeros((n, 6))
-    s = np.zeros((n, hinges, 6))
-    us = np.zeros((n, hinges, 6))
-    d = np.zeros((n, hinges, hinges))
+    s, us, d = found.motions, found.wrenches, found.hinges
+    us[:] = 0.0
+    d[:] = 0.0
     u = np.zeros((n, hinges))
     spin = np.empty(3)
     arm = np.empty(3)
@@ -190,6 +233,8 @@ def free_accelerations(
         hinges_out[:] = np.nan
         return
     moved: Array = np.linalg.solve(a[0], -b[0])  # pyright: ignore[reportAssignmentType]
+    found.base[:] = a[0]
+    found.first[:] = moved
     if root == 0:
         root_out[:] = moved
     for i in range(1, n):
@@ -214,3 +259,262 @@ def free_accelerations(
                     moved[row] += s[i, h, row] * hinges_out[j + h]
         if i == root:
             root_out[:] = moved
+
+
+@njit(cache=True)
+def _carry(acceleration: Array, arm: Array, work: Array) -> None:
+    """Takes an acceleration (angular first) from a place to another one ``arm`` away, at rest."""
+    cross(acceleration[:3], arm, work)
+    for r in range(3):
+        acceleration[3 + r] += work[r]
+
+
+@njit(cache=True)
+def _respond(
+    wrenches: Array,
+    last: int,
+    top: int,
+    found: Articulated,
+    inverse: Array,
+    rigid_links: int,
+    positions: Array,
+    out: Array,
+    hinges_out: Array,
+) -> None:
+    """Adds the accelerations that wrenches alone give a chain at rest.
+
+    Args:
+        wrenches: (n, 6) on the modules at their centres, torque first; none beyond ``last``.
+        last: The last module with a wrench.
+        top: The last module whose acceleration is wanted.
+        found: From ``free_accelerations``.
+        inverse: (6, 6) inverse of ``found.base``.
+        rigid_links: Links without hinges at the chain's beginning.
+        positions: (n, 3).
+        out: (n, 6) of the modules, angular first; written up to ``top``.
+        hinges_out: (J,) to which the hinges' are added, up to ``top``.
+    """
+    s, us, d = found.motions, found.wrenches, found.hinges
+    hinges = s.shape[1]
+    u = np.zeros((last + 1, hinges))
+    bias = np.zeros(6)
+    arm = np.empty(3)
+    work = np.empty(3)
+    for i in range(last, 0, -1):
+        for k in range(6):
+            bias[k] -= wrenches[i, k]
+        if i > rigid_links:
+            for h in range(hinges):
+                for k in range(6):
+                    u[i, h] -= s[i, h, k] * bias[k]
+            x, y = _solved(d[i], u[i])
+            for k in range(6):
+                bias[k] += us[i, 0, k] * x
+                if hinges == 2:
+                    bias[k] += us[i, 1, k] * y
+        for r in range(3):
+            arm[r] = positions[i, r] - positions[i - 1, r]
+        cross(arm, bias[3:], work)
+        for r in range(3):
+            bias[r] += work[r]
+    moved = np.zeros(6)
+    for k in range(6):
+        for m in range(6):
+            moved[k] += inverse[k, m] * (wrenches[0, m] - bias[m])
+    out[0] = moved
+    for i in range(1, top + 1):
+        for r in range(3):
+            arm[r] = positions[i, r] - positions[i - 1, r]
+        _carry(moved, arm, work)
+        if i > rigid_links:
+            j = (i - 1 - rigid_links) * hinges
+            for h in range(hinges):
+                work[h] = u[i, h] if i <= last else 0.0
+                for k in range(6):
+                    work[h] -= us[i, h, k] * moved[k]
+            x, y = _solved(d[i], work[:hinges])
+            hinges_out[j] += x
+            if hinges == 2:
+                hinges_out[j + 1] += y
+            for k in range(6):
+                moved[k] += s[i, 0, k] * x
+                if hinges == 2:
+                    moved[k] += s[i, 1, k] * y
+        out[i] = moved
+
+
+@njit(cache=True)
+def _closing(
+    first: int, second: int, normal: Array, point: Array, positions: Array, moved: Array
+) -> float:
+    """How fast (n, 6) motions of modules part two of them at a point of both."""
+    arm = np.empty(3)
+    turn = np.empty(3)
+    found = 0.0
+    for module, sign in ((first, -1.0), (second, 1.0)):
+        for r in range(3):
+            arm[r] = point[r] - positions[module, r]
+        cross(moved[module, :3], arm, turn)
+        for r in range(3):
+            found += sign * normal[r] * (moved[module, 3 + r] + turn[r])
+    return found
+
+
+@njit(cache=True)
+def _push(
+    first: int, second: int, normal: Array, point: Array, positions: Array, by: float, out: Array
+) -> None:
+    """Adds to (n, 6) wrenches those of a force between two modules at a point."""
+    arm = np.empty(3)
+    turn = np.empty(3)
+    for module, sign in ((first, -by), (second, by)):
+        for r in range(3):
+            arm[r] = point[r] - positions[module, r]
+        cross(arm, normal, turn)
+        for r in range(3):
+            out[module, r] += sign * turn[r]
+            out[module, 3 + r] += sign * normal[r]
+
+
+@njit(cache=True)
+def _complementary(a: Array, lack: Array, forces: Array) -> bool:
+    """Writes the f ≥ 0 with A f + lack ≥ 0 of which one is zero everywhere; whether it was found.
+
+    By block principal pivoting (Júdice and Pires, Computers & Operations Research 21, 1994), which
+    ends for every positive definite (m, m) matrix A.
+    """
+    m = lack.shape[0]
+    pushing = lack < 0.0
+    fewest, patience = m + 1, PATIENCE
+    for _ in range(MOST_ROUNDS):
+        chosen = np.flatnonzero(pushing)
+        part = np.empty((chosen.size, chosen.size))
+        for r in range(chosen.size):
+            for c in range(chosen.size):
+                part[r, c] = a[chosen[r], chosen[c]]
+        forces[:] = 0.0
+        if chosen.size:
+            forces[chosen] = np.linalg.solve(part, -lack[chosen])
+        rest = lack + a @ forces
+        slack = EXACT * np.abs(lack).max()
+        wrong = np.where(pushing, forces < 0.0, rest < -slack)
+        count = wrong.sum()
+        if count == 0:
+            return True
+        if count < fewest:
+            fewest, patience = count, PATIENCE
+        else:
+            patience -= 1
+        if patience >= 0:
+            pushing ^= wrong
+        else:
+            last = np.flatnonzero(wrong)[-1]
+            pushing[last] = not pushing[last]
+    return False
+
+
+@njit(cache=True)
+def add_contacts(
+    pairs: Ints,
+    normals: Array,
+    points: Array,
+    depths: Array,
+    solref: tuple[float, float],
+    solimp: Array,
+    found: Articulated,
+    joint: Joint,
+    root: int,
+    positions: Array,
+    velocities: Array,
+    spins: Array,
+    hinges_out: Array,
+    root_out: Array,
+) -> bool:
+    """Adds to the free accelerations what contacts without friction do.
+
+    MuJoCo's soft contacts (its documentation, "Computation", "Constraint model"): forces f ≥ 0
+    along the normals with (A + R) f + a − a_ref ≥ 0, one of both zero in each. a are the
+    accelerations at which the contacts would part without them, A the chain's answer to them.
+
+    Args:
+        pairs: (m, 2) modules that touch; the normal points to the second one.
+        normals, points: (m, 3) in the world.
+        depths: (m,) in pitches.
+        solref: Time constant and damping ratio.
+        solimp: (5,) impedance.
+        found: From ``free_accelerations``.
+        joint: Of the module.
+        root: The module whose acceleration ``root_out`` is.
+        positions, velocities, spins: Of all modules, in the world.
+        hinges_out: (J,) from ``free_accelerations``.
+        root_out: (6,) likewise.
+
+    Returns:
+        Whether forces were found.
+    """
+    n, m = positions.shape[0], pairs.shape[0]
+    rigid_links = joint.rigid_links
+    hinges = found.motions.shape[1]
+    inverse: Array = np.linalg.inv(found.base)  # pyright: ignore[reportAssignmentType]
+    top = 0
+    for k in range(m):
+        top = max(top, pairs[k, 0], pairs[k, 1])
+    moved = np.zeros((n, 6))
+    answer = np.zeros((n, 6))
+    nowhere = np.zeros(hinges_out.shape[0])
+    wrenches = np.zeros((n, 6))
+    # Accelerations of the modules but for what comes of their velocities, as MuJoCo's rows have it.
+    arm = np.empty(3)
+    work = np.empty(3)
+    moved[0] = found.first
+    for i in range(1, top + 1):
+        moved[i] = moved[i - 1]
+        for r in range(3):
+            arm[r] = positions[i, r] - positions[i - 1, r]
+        _carry(moved[i], arm, work)
+        if i > rigid_links:
+            for h in range(hinges):
+                for k in range(6):
+                    moved[i, k] += (
+                        found.motions[i, h, k] * hinges_out[(i - 1 - rigid_links) * hinges + h]
+                    )
+    lack = np.empty(m)
+    a = np.empty((m, m))
+    constant, ratio = solref
+    least, most, width, middle, power = solimp
+    speeds = np.empty((n, 6))
+    for k in range(m):
+        for module in (pairs[k, 0], pairs[k, 1]):
+            speeds[module, :3] = spins[module]
+            speeds[module, 3:] = velocities[module]
+    for k in range(m):
+        i, j = pairs[k, 0], pairs[k, 1]
+        _push(i, j, normals[k], points[k], positions, 1.0, wrenches)
+        _respond(wrenches, max(i, j), top, found, inverse, rigid_links, positions, answer, nowhere)
+        wrenches[i] = 0.0
+        wrenches[j] = 0.0
+        for g in range(m):
+            a[g, k] = _closing(pairs[g, 0], pairs[g, 1], normals[g], points[g], positions, answer)
+        x = min(depths[k] / width, 1.0)
+        y = x**power / middle ** (power - 1.0)
+        if x > middle:
+            y = 1.0 - (1.0 - x) ** power / (1.0 - middle) ** (power - 1.0)
+        impedance = least + y * (most - least)
+        speed = _closing(i, j, normals[k], points[k], positions, speeds)
+        wanted = -2.0 / (most * constant) * speed
+        wanted += impedance * depths[k] / (most * constant * ratio) ** 2
+        lack[k] = _closing(i, j, normals[k], points[k], positions, moved) - wanted
+        a[k, k] += max(a[k, k] * (1.0 - impedance) / impedance, 1e-15)
+    forces = np.zeros(m)
+    if not _complementary(a, lack, forces):
+        return False
+    last = 0
+    for k in range(m):
+        i, j = pairs[k, 0], pairs[k, 1]
+        if forces[k] > 0.0:
+            last = max(last, i, j)
+            _push(i, j, normals[k], points[k], positions, forces[k], wrenches)
+    if last:
+        _respond(wrenches, last, n - 1, found, inverse, rigid_links, positions, answer, hinges_out)
+        root_out += answer[root]
+    return True

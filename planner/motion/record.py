@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import zlib
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import Any, Literal, cast
+from typing import Any, Final, Literal, cast
+from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,10 @@ from planner.motion.motion import Motion, motion_arrays, motion_from_arrays
 
 Array = NDArray[np.float64]
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
+SAMPLE: Final = 8192
+"""Half the numbers of an array by which it is judged whether it can be compressed."""
+SHRUNK: Final = 0.7
+"""Share of its size below which it can be; angles of an explosion do not get below 0.9."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,9 +101,27 @@ class Record:
             )
 
 
-def save_npz(path: FilePath, arrays: dict[str, Any]) -> None:
-    """Writes arrays aside and renames, so that the file is either whole or not there."""
+def save_npz(path: FilePath, arrays: dict[str, Any], *, level: int = 1) -> None:
+    """Writes arrays aside and renames, so that the file is either whole or not there.
+
+    Args:
+        path: Where to.
+        arrays: By name.
+        level: How much zlib tries, from 1 to 9. What would not get smaller it does not try.
+    """
     aside = path.with_name(f".{path.name}.{os.getpid()}")
-    with aside.open("wb") as file:
-        np.savez_compressed(file, **arrays)
+    with ZipFile(aside, "w", compresslevel=level) as file:
+        for name, value in arrays.items():
+            array = np.asanyarray(value)
+            file.compression = ZIP_DEFLATED if _shrinks(array) else ZIP_STORED
+            with file.open(f"{name}.npy", "w", force_zip64=True) as part:
+                np.lib.format.write_array(part, array, allow_pickle=False)
     aside.replace(path)
+
+
+def _shrinks(array: NDArray[Any]) -> bool:
+    """Whether zlib makes it much smaller, by some of it from its middle."""
+    flat = array.reshape(-1)
+    middle = len(flat) // 2
+    some = flat[max(0, middle - SAMPLE) : middle + SAMPLE].tobytes()
+    return len(zlib.compress(some, 1)) < SHRUNK * len(some)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any, Final
@@ -288,10 +289,12 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
     )
     if is_smoothing(read_record(directory)):
         plan = replace(plan, smoothing=before_and_after(read_recorded(directory), plan))
-    write_whole(directory / "model.xml", mjcf.write(plan))
-    plan.save_npz(directory / "plan.npz")
-    plan.save_json(directory / "plan.json")
-    work_out_figures(directory)
+    with ThreadPoolExecutor(1) as beside:
+        figures = beside.submit(work_out_figures, directory)
+        write_whole(directory / "model.xml", mjcf.write(plan))
+        plan.save_npz(directory / "plan.npz")
+        plan.save_json(directory / "plan.json")
+        figures.result()
     manifest.write_manifest(directory)
     return plan.summary()
 

@@ -48,7 +48,7 @@ EARLIER: Final = {"foldback-plan/1": "frames", "foldback-plan/2": "windows"}
 MOST_ANGLES: Final = 2**25
 """Angles that are put side by side at once, a quarter of a gibibyte."""
 LEVEL: Final = 6
-"""Of deflate, where a plan is written as JSON."""
+"""Of deflate, where a plan is written."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -307,7 +307,7 @@ class Plan:
 
     def save_npz(self, path: FilePath) -> None:
         """Writes the arrays, with all else as JSON text in ``plan``; needs no pickle to read."""
-        save_npz(path, self.npz_arrays())
+        save_npz(path, self.npz_arrays(), level=LEVEL)
 
     def npz_arrays(self) -> dict[str, Any]:
         """What the ``.npz`` form holds, by name."""

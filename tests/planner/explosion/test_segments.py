@@ -212,6 +212,55 @@ def test_a_chain_is_free_until_it_touches_or_a_hinge_is_at_its_stop() -> None:
     assert not is_free()
 
 
+@pytest.mark.parametrize(
+    ("modules", "size", "armature"), [(12, 0.98, 0.0), (40, 1.0, 10.0), (40, 0.97, 1.0)]
+)
+def test_little_contact_moves_a_chain_as_one_tree_of_mujoco(
+    modules: int, size: float, armature: float
+) -> None:
+    chain = coil(modules)
+    material = Material(geom_size=size, stiffness=3.0, armature=armature)
+    segments = Segments(chain, material)
+    near = np.array([(i, j) for i in range(modules) for j in range(i + 2, modules)])
+    touched = 0
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        hinges = len(chain.folded_rad)
+        state = State.at_rest(0.99 * chain.folded_rad, np.zeros(3), np.eye(3))
+        state.angles += 0.01 * rng.normal(size=hinges)
+        state.rates[:] = 0.05 * rng.normal(size=hinges)
+        state.velocity[:] = rng.normal(size=3)
+        state.spin[:] = 0.1 * rng.normal(size=3)
+        forces = 3.0 * rng.normal(size=(modules, 3))
+        segments.place(state)
+        found = segments.lean_accelerations(state, forces, near)
+        tree, contacts = tree_acceleration(chain, material, state, forces)
+        assert found is not None
+        assert found.contacts == contacts
+        assert (found.depth > 0.0) == (contacts > 0)
+        assert difference(found, tree) < 1e-10
+        touched += contacts
+    assert touched > 3
+
+
+def test_what_touches_much_or_is_at_a_stop_is_left_to_mujoco(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    chain = coil(40)
+    segments = Segments(chain, Material(geom_size=1.0, stop_rad=1.5))
+    near = np.array([(i, j) for i in range(40) for j in range(i + 2, 40)])
+    state = State.at_rest(0.95 * chain.folded_rad, np.zeros(3), np.eye(3))
+    segments.place(state)
+    found = segments.lean_accelerations(state, np.zeros((40, 3)), near)
+    assert found is not None
+    assert found.contacts > 2
+    monkeypatch.setattr("planner.simulation.segments.MOST_LEAN_CONTACTS", 2)
+    assert segments.lean_accelerations(state, np.zeros((40, 3)), near) is None
+    state.angles[3] = 1.6
+    segments.place(state)
+    assert segments.lean_accelerations(state, np.zeros((40, 3)), near) is None
+
+
 def test_bad_numbers_of_a_free_chain_are_told() -> None:
     chain = line(5)
     segments = Segments(chain, MATERIAL)
