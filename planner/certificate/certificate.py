@@ -7,6 +7,7 @@ kinematics, collisions from separating axes.
 from __future__ import annotations
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any, Final, cast
 
@@ -198,11 +199,13 @@ def certify(
     of_record = of_plan = of_playback = exempt = None
     figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
     if playback is not None:
-        of_plan = swept(playback.reference, "plan", 0.35)
-        if playback.simulated:
-            of_playback = swept(_angles(playback.frames), "playback", 0.7)
-        figures = _plan_figures(chain, playback, parameters)
-        exempt = exempt_pairs(chain, followed(playback), size=size)
+        with ThreadPoolExecutor(1) as beside:
+            linked = beside.submit(exempt_pairs, chain, followed(playback), size=size)
+            of_plan = swept(playback.reference, "plan", 0.35)
+            if playback.simulated:
+                of_playback = swept(_angles(playback.frames), "playback", 0.7)
+            figures = _plan_figures(chain, playback, parameters)
+            exempt = linked.result()
     if record is not None:
         if playback is not None and _runs_back(record.frames, playback.frames):
             of_record = of_plan  # the same places, and the same ways between them

@@ -70,11 +70,12 @@ def _alone(rotation: Array, inertia: Array, spin: Array, force: Array, a: Array,
             for k in range(3):
                 a[r, c] += rotation[r, k] * inertia[k] * rotation[c, k]
         a[3 + r, 3 + r] = 1.0
-    momentum = np.zeros(3)
-    for r in range(3):
-        for c in range(3):
-            momentum[r] += a[r, c] * spin[c]
-    cross(spin, momentum, b[:3])
+    x = a[0, 0] * spin[0] + a[0, 1] * spin[1] + a[0, 2] * spin[2]
+    y = a[1, 0] * spin[0] + a[1, 1] * spin[1] + a[1, 2] * spin[2]
+    z = a[2, 0] * spin[0] + a[2, 1] * spin[1] + a[2, 2] * spin[2]
+    b[0] = spin[1] * z - spin[2] * y
+    b[1] = spin[2] * x - spin[0] * z
+    b[2] = spin[0] * y - spin[1] * x
     for r in range(3):
         b[3 + r] = -force[r]
 
@@ -89,15 +90,14 @@ def _centripetal(spin: Array, arm: Array, out: Array) -> None:
 
 
 @njit(cache=True)
-def _add_shifted(a: Array, b: Array, r: Array, a_out: Array, b_out: Array) -> None:
+def _add_shifted(work: Array, b: Array, r: Array, a_out: Array, b_out: Array) -> None:
     """Adds Tᵀ A T and Tᵀ b for a module whose parent's centre is −r from its own.
 
-    T is the map of accelerations (α, p̈) to (α, p̈ + α × r).
+    T is the map of accelerations (α, p̈) to (α, p̈ + α × r). What was in ``work``, A, is lost.
     """
-    work = a.copy()
     for row in range(6):
         # A T: of the angular columns, the linear ones times −[r]×.
-        x, y, z = a[row, 3], a[row, 4], a[row, 5]
+        x, y, z = work[row, 3], work[row, 4], work[row, 5]
         work[row, 0] += r[1] * z - r[2] * y
         work[row, 1] += r[2] * x - r[0] * z
         work[row, 2] += r[0] * y - r[1] * x
@@ -159,8 +159,8 @@ def free_accelerations(
     rigid_links, anchor, axes = joint.rigid_links, joint.anchor, joint.axes
     n = positions.shape[0]
     hinges = axes.shape[0]
-    a = np.empty((n, 6, 6))
-    b = np.empty((n, 6))
+    a, inner_a = np.empty((6, 6)), np.empty((6, 6))
+    b, inner_b = np.empty(6), np.empty(6)
     c = np.zeros((n, 6))
     s, us, d = found.motions, found.wrenches, found.hinges
     us[:] = 0.0
@@ -171,8 +171,7 @@ def free_accelerations(
     work = np.empty(3)
     without = np.empty((6, 6))
     bias = np.empty(6)
-    for i in range(n):
-        _alone(rotations[i], inertia, spins[i], forces[i], a[i], b[i])
+    _alone(rotations[n - 1], inertia, spins[n - 1], forces[n - 1], a, b)
     for i in range(n - 1, 0, -1):
         j = (i - 1 - rigid_links) * hinges
         for r in range(3):
@@ -196,17 +195,17 @@ def free_accelerations(
             for r in range(3):
                 c[i, 3 + r] += work[r]
         for row in range(6):
-            bias[row] = b[i, row]
+            bias[row] = b[row]
             for k in range(6):
-                bias[row] += a[i, row, k] * c[i, k]
-        without[:] = a[i]
+                bias[row] += a[row, k] * c[i, k]
+        without[:] = a
         if j >= 0:
             for h in range(hinges):
                 u[i, h] = torques[j + h]
                 for row in range(6):
                     u[i, h] -= s[i, h, row] * bias[row]
                     for k in range(6):
-                        us[i, h, row] += a[i, row, k] * s[i, h, k]
+                        us[i, h, row] += a[row, k] * s[i, h, k]
             for h in range(hinges):
                 d[i, h, h] = armature
                 for g in range(hinges):
@@ -228,12 +227,15 @@ def free_accelerations(
                     bias[row] += us[i, 1, row] * y
         for r in range(3):
             arm[r] = positions[i, r] - positions[i - 1, r]
-        _add_shifted(without, bias, arm, a[i - 1], b[i - 1])
-    if not np.isfinite(b[0]).all() or not np.isfinite(a[0]).all():
+        _alone(rotations[i - 1], inertia, spins[i - 1], forces[i - 1], inner_a, inner_b)
+        _add_shifted(without, bias, arm, inner_a, inner_b)
+        a, inner_a = inner_a, a
+        b, inner_b = inner_b, b
+    if not np.isfinite(b).all() or not np.isfinite(a).all():
         hinges_out[:] = np.nan
         return
-    moved: Array = np.linalg.solve(a[0], -b[0])  # pyright: ignore[reportAssignmentType]
-    found.base[:] = a[0]
+    moved: Array = np.linalg.solve(a, -b)  # pyright: ignore[reportAssignmentType]
+    found.base[:] = a
     found.first[:] = moved
     if root == 0:
         root_out[:] = moved

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 from pathlib import Path as FilePath
 from typing import Any, Final, cast
@@ -45,6 +46,8 @@ FILES: Final = (
 WHOLE: Final = "content"
 """Field of a file that has no parts."""
 ROWS: Final = 1024
+AT_ONCE: Final = 2
+"""Files that are read at once; each has an array in memory."""
 Digests = dict[str, dict[str, str]]
 
 
@@ -54,16 +57,17 @@ def digests_of(directory: FilePath) -> Digests:
     Fields of JSON files are their keys, of ``.npz`` and zarr files their arrays; ``plan.…`` are the
     keys of the text in a plan's ``.npz`` file, ``attributes.…`` those of a zarr group.
     """
-    found: Digests = {}
-    for name in FILES:
+
+    def digests(name: str) -> dict[str, str]:
         path = directory / name
-        if not path.exists():
-            continue
         try:
-            found[name] = dict(_fields(path))
+            return dict(_fields(path))
         except UNREADABLE:
-            found[name] = {WHOLE: _of_bytes(path)}
-    return found
+            return {WHOLE: _of_bytes(path)}
+
+    here = [name for name in FILES if (directory / name).exists()]
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        return dict(zip(here, pool.map(digests, here), strict=True))
 
 
 def write_manifest(directory: FilePath) -> None:
