@@ -49,7 +49,8 @@ FINISH_RARELY: Final = (1.5, 800.0)
 """Factor of those steps after each try in vain, and what they grow to: a try takes as long as ten
 steps of a long chain, or more."""
 KNOT_FROM: Final = 800
-"""Steps before a knot is looked for: how packed ends are drawn out decides what is seen."""
+"""Steps before a knot is looked for in a chain of ``SHORT`` modules or fewer, in longer ones more by
+the square of their number: how far packed ends are drawn out decides what is seen."""
 KNOT_EVERY: Final = 200
 """Steps between two looks whether the chain is knotted."""
 ROD: Final = (0.01, 10.0)
@@ -150,6 +151,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         self.rod = False
         """Whether it is let go as a stiff rod, nearly without tension."""
         self.finish_at, self.finish_wait = 0, float(FINISH_EVERY)
+        self.knot_from = KNOT_FROM * max(1.0, len(chain) / SHORT) ** 2
 
     def first_engine(self) -> Engine:
         """What gives the accelerations from the folded configuration on."""
@@ -176,7 +178,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         """Whether the chain can be straightened, or is stuck."""
         if self.steps % FINISH_EVERY == 0 and self.contacts == 0 and self.finish():
             return "straight"
-        if self.steps >= KNOT_FROM and self.steps % KNOT_EVERY == 0:
+        if self.steps >= self.knot_from and self.steps % KNOT_EVERY == 0:
             self.stiffen(knot_of(self.engine.positions).verdict != "unknot")
         if self.steps % JAM_WINDOW == 0 and not self.unjam():
             return "stalled"

@@ -63,7 +63,7 @@ class ExplosionParameters:
     snapshot_distance: float = 0.7
     finish_rad: float = 0.6
     verify_size: float = 0.95
-    max_steps: int = 30_000
+    max_steps: int = 60_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
