@@ -153,7 +153,7 @@ def test_what_has_one_plan_leaves_no_choice() -> None:
 
 @pytest.mark.slow
 def test_the_quickest_is_taken_whatever_the_number_of_workers(tmp_path: FilePath) -> None:
-    chain = snake((2, 3, 4))
+    chain = snake((2, 2, 4))
     plans: list[Plan] = []
     for name, prefer, workers in (("plain", "computing", 1), ("1", "time", 1), ("2", "time", 2)):
         place = tmp_path / name
