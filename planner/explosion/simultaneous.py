@@ -49,8 +49,8 @@ FINISH_RARELY: Final = (1.5, 800.0)
 """Factor of those steps after each try in vain, and what they grow to: a try takes as long as ten
 steps of a long chain, or more."""
 KNOT_FROM: Final = 800
-"""Steps before a knot is looked for in a chain of ``SHORT`` modules or fewer, in longer ones more by
-the square of their number: how far packed ends are drawn out decides what is seen."""
+"""Steps before a knot is looked for in a chain of ``SHORT`` modules or fewer; in longer ones more,
+by the square of their number: how far packed ends are drawn out decides what is seen."""
 KNOT_EVERY: Final = 200
 """Steps between two looks whether the chain is knotted."""
 ROD: Final = (0.01, 10.0)
