@@ -29,13 +29,13 @@ class Cost:
 
 
 IN_LAYERS: Final = {
-    "simultaneous": Cost(seconds=1.7, power=2.1, chance=0.98),
-    "peel": Cost(seconds=2.2, power=1.0, chance=0.98),
+    "simultaneous": Cost(seconds=1.0, power=2.4, chance=0.98),
+    "peel": Cost(seconds=1.6, power=1.1, chance=0.98),
     "blocks": Cost(seconds=2.3, power=2.2, chance=0.95),
 }
 """Of paths whose units can all leave along a line, as those in layers, from the chain's far end."""
 INTERLOCKED: Final = {
-    "simultaneous": Cost(seconds=10.0, power=2.1, chance=0.95),
+    "simultaneous": Cost(seconds=3.0, power=2.0, chance=0.98),
     "peel": Cost(seconds=15.0, power=1.0, chance=0.3),
     "blocks": Cost(seconds=8.0, power=2.2, chance=0.5),
 }

@@ -35,7 +35,7 @@ from planner.explosion.peeling_proof import Proof
 from planner.explosion.peeling_recorder import WindowRecorder
 from planner.explosion.peeling_window import Bend, Peelable
 from planner.kernels.core import FIXED
-from planner.kernels.peeling import Caps, haste, window_forces
+from planner.kernels.peeling import Caps, window_forces, window_haste
 from planner.motion.record import Record
 from planner.motion.windows import Windows
 from planner.progress import Cancelled, Report, never, silent
@@ -294,7 +294,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         state, segments = self.state, self.segments
         segments.place_velocities(state)
         loose = np.abs(state.angles).max() < p.loose_rad
-        return haste(
+        return window_haste(
             state.rates,
             segments.positions,
             segments.rotations,

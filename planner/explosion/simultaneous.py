@@ -29,7 +29,7 @@ from planner.explosion.explosion import (
 )
 from planner.explosion.recorder import FrameRecorder, Step
 from planner.explosion.straightening import straightening
-from planner.kernels.pairs import largest_approach_speed, near_pairs, repulsion
+from planner.kernels.pairs import largest_haste, near_pairs, repulsion
 from planner.motion.frames import Frames
 from planner.motion.record import Record
 from planner.pathfinding.knots import knot_of
@@ -48,15 +48,16 @@ FINISH_EVERY: Final = 50
 FINISH_RARELY: Final = (1.5, 800.0)
 """Factor of those steps after each try in vain, and what they grow to: a try takes as long as ten
 steps of a long chain, or more."""
-KNOT_FROM: Final = 800
-"""Steps before a knot is looked for in a chain of ``SHORT`` modules or fewer; in longer ones more,
-by the square of their number: how far packed ends are drawn out decides what is seen."""
 KNOT_EVERY: Final = 200
 """Steps between two looks whether the chain is knotted."""
-ROD: Final = (0.01, 10.0)
-"""Factors of the tension and of the springs while the chain is not seen to be unknotted. Tension
-draws a knot tight. A stiff rod bends less the larger its loops are: they grow until an end slips
-out."""
+KNOT_FROM: Final = 0.4
+"""How far it must be unfolded, from 0 to 1, before a knot is looked for: packed ends show knots
+that are none."""
+CREEP: Final = 0.1
+"""Force along the chain on each module of a chain that creeps, in its direction. All move along
+the chain itself, whose curve stays where it is: one end follows it through every loop and out."""
+COMING_APART: Final = (0.05, 0.25)
+"""How far it is unfolded when repulsion begins to grow, and when it is at its strongest."""
 JAM_WINDOW: Final = 400
 """Steps between two looks whether the chain is jammed."""
 EXACT_FROM: Final = 1500
@@ -148,10 +149,12 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         self.farthest = -1.0
         """How far it was unfolded when last something moved on."""
         self.window_angles = np.abs(chain.folded_rad)
-        self.rod = False
-        """Whether it is let go as a stiff rod, nearly without tension."""
+        self.knotted = False
+        """Whether it was seen to be, when last looked at."""
+        self.way, self.crept = 0, 0.0
+        """1 for a chain that creeps towards its last module, −1 for the other way, 0 when that is
+        to be chosen; and how far it has."""
         self.finish_at, self.finish_wait = 0, float(FINISH_EVERY)
-        self.knot_from = KNOT_FROM * max(1.0, len(chain) / SHORT) ** 2
 
     def first_engine(self) -> Engine:
         """What gives the accelerations from the folded configuration on."""
@@ -178,8 +181,11 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         """Whether the chain can be straightened, or is stuck."""
         if self.steps % FINISH_EVERY == 0 and self.contacts == 0 and self.finish():
             return "straight"
-        if self.steps >= self.knot_from and self.steps % KNOT_EVERY == 0:
-            self.stiffen(knot_of(self.engine.positions).verdict != "unknot")
+        if self.steps % KNOT_EVERY == 0 and self.may_creep():
+            loose = self.knotted or self.unfolded() >= KNOT_FROM
+            was, self.knotted = self.knotted, loose and not self.is_unknot()
+            if was != self.knotted:
+                self.way, self.crept = 0, 0.0
         if self.steps % JAM_WINDOW == 0 and not self.unjam():
             return "stalled"
         return None
@@ -209,8 +215,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
     def acceleration_under(self, forces: Array) -> Acceleration:
         """Under forces; where little touches, in a tenth of the time."""
         engine = self.engine
-        # The welds' slight give shakes a rod, so that it slips: docs/decisions/0015-hard-paths.md.
-        if isinstance(engine, Segments) and not self.rod:
+        if isinstance(engine, Segments):
             found = engine.lean_accelerations(self.state, forces, self.pairs)
             if found is not None:
                 return found
@@ -219,19 +224,52 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
     def _forces(self, positions: Array) -> Array:
         """(n, 3) forces: eq. 1 with the gain that gives the wanted tension, and eq. 3."""
         p = self.parameters
-        weak = self.is_weak()
+        weak, creeps = self.is_weak(), self.creeps()
         arms = positions - positions.mean(axis=0)
         diameter = 2.0 * float(np.sqrt((arms**2).sum(axis=1).max()))
         radial = self.weights[:, None] * arms / diameter
         radial -= radial.mean(axis=0)
         summed = float(np.sqrt((np.cumsum(radial, axis=0) ** 2).sum(axis=1).max()))
-        gain = p.tension * p.spring * self.tension / summed * (WEAK_TENSION if weak else 1.0)
-        if self.rod:
-            gain *= ROD[0]
-        forces = gain * radial
-        push = p.repulsion_gain * (STRONG_REPULSION if weak else 1.0)
+        gain = p.tension * p.spring * self.tension / summed
+        forces = gain * (WEAK_TENSION if weak or creeps else 1.0) * radial
+        if creeps:
+            forces += self._creep(positions)
+        low, high = COMING_APART
+        apart = float(np.clip((self.unfolded() - low) / (high - low), 0.0, 1.0))
+        push = p.repulsion_gain * (1.0 + (p.loose_repulsion - 1.0) * apart)
+        push *= STRONG_REPULSION if weak and not creeps else 1.0
         repulsion(positions, self.pairs, push, forces)
         return forces
+
+    def _creep(self, positions: Array) -> Array:
+        """(n, 3) forces along the chain, from the end that its sharpest bends are nearer to.
+
+        Once it has gone its own length in vain, the other way.
+        """
+        along = np.gradient(positions, axis=0)
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        if not self.way:
+            bends = np.abs(self.state.angles)
+            sharp = np.flatnonzero(bends > 0.5 * bends.max())
+            self.way = 1 if sharp.mean() < 0.5 * len(bends) else -1
+        speed = self.way * float((self.engine.velocities * along).sum(axis=1).mean())
+        self.crept += self.step_s * speed
+        if self.crept > len(positions):
+            self.way, self.crept = -self.way, 0.0
+        return CREEP * self.way * along
+
+    def may_creep(self) -> bool:
+        """Whether the chain is simulated as such, and not in blocks."""
+        return isinstance(self.engine, Segments)
+
+    def is_unknot(self) -> bool:
+        """Whether the chain as it is now is seen to be one."""
+        return knot_of(self.engine.positions).verdict == "unknot"
+
+    def creeps(self) -> bool:
+        """Whether the chain creeps in this step: while it is knotted, and in every other push."""
+        pushed = self.pulse_left > 0 and self.pushes % 2 == 0 and self.may_creep()
+        return self.knotted or pushed
 
     def excess(self) -> float:
         """By hinges, near modules, and all modules."""
@@ -240,12 +278,18 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         positions = engine.positions
         engine.place(state)
         loose = np.abs(state.angles).max() < p.loose_rad
-        approach = largest_approach_speed(
-            positions, engine.velocities, engine.spins, self.pairs, self.chain.module.radius
+        hasty = largest_haste(
+            positions,
+            engine.velocities,
+            engine.spins,
+            self.pairs,
+            self.chain.module.radius,
+            p.pair_cap_loose if loose else p.pair_cap,
+            p.slide_cap,
         )
         return max(
             float(np.abs(state.rates).max()) / p.joint_cap_rad,
-            approach / (p.pair_cap_loose if loose else p.pair_cap),
+            hasty,
             float(np.sqrt((engine.velocities**2).sum(axis=1).max())) / self.body_cap,
         )
 
@@ -282,13 +326,6 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         self.recorder.commit(end=True)
         self.frames.append(rest)
         return True
-
-    def stiffen(self, rod: bool) -> None:
-        """Lets the chain go as a stiff rod from now on, or as a chain again."""
-        if rod != self.rod and isinstance(self.engine, Segments):
-            self.rod = rod
-            stiffness = self.parameters.spring * (ROD[1] if rod else 1.0)
-            self.engine.set_stiffness(np.full(len(self.chain.folded_rad), stiffness))
 
     def unjam(self) -> bool:
         """Starts a pulse when nothing moves on; False when enough of them were in vain."""

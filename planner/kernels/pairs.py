@@ -131,30 +131,97 @@ def repulsion(points: Array, pairs: Pairs, gain: float, out: Array) -> None:
 
 
 @njit(cache=True)
-def largest_approach_speed(
-    points: Array, velocities: Array, spins: Array, pairs: Pairs, radius: float
+def haste(
+    gap: Array, velocity: Array, turning: float, cap: float, slide: float, reach: float
 ) -> float:
-    """The largest speed at which surface points of near pairs move against each other.
+    """How many times a pair's motion in a unit of time is more than it may be in a step.
 
-    Bounded by the relative velocity of the centres as seen from one of them, plus the relative
-    spin times the radius.
+    Args:
+        gap: (3,) from one centre to the other.
+        velocity: (3,) of the other, as seen from the one.
+        turning: Speed of a surface point that their relative spin gives.
+        cap: How much nearer they may come.
+        slide: How far they may slide along each other.
+        reach: Distance from which on they are apart for certain; half of what is more they may
+            move besides.
+    """
+    distance = np.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2])
+    closing = 0.0
+    square = 0.0
+    for r in range(3):
+        closing -= velocity[r] * gap[r]
+        square += velocity[r] * velocity[r]
+    closing = max(closing / max(distance, 1e-9), 0.0) + turning
+    room = max(distance - reach, 0.0)
+    return max(closing / (cap + 0.5 * room), (np.sqrt(square) + turning) / (slide + 0.5 * room))
+
+
+@njit(cache=True)
+def haste_of_pair(
+    i: int,
+    j: int,
+    points: Array,
+    velocities: Array,
+    spins: Array,
+    radius: float,
+    cap: float,
+    slide: float,
+    gap: Array,
+    velocity: Array,
+) -> float:
+    """``haste`` of two modules of the same radius, as seen from half way between them.
+
+    ``gap`` (3,) and ``velocity`` (3,) are written.
+    """
+    for r in range(3):
+        gap[r] = points[j, r] - points[i, r]
+    wx = 0.5 * (spins[i, 0] + spins[j, 0])
+    wy = 0.5 * (spins[i, 1] + spins[j, 1])
+    wz = 0.5 * (spins[i, 2] + spins[j, 2])
+    velocity[0] = velocities[j, 0] - velocities[i, 0] - (wy * gap[2] - wz * gap[1])
+    velocity[1] = velocities[j, 1] - velocities[i, 1] - (wz * gap[0] - wx * gap[2])
+    velocity[2] = velocities[j, 2] - velocities[i, 2] - (wx * gap[1] - wy * gap[0])
+    turning = 0.0
+    for r in range(3):
+        turning += (spins[j, r] - spins[i, r]) ** 2
+    return haste(gap, velocity, radius * np.sqrt(turning), cap, slide, 2.0 * radius)
+
+
+@njit(cache=True)
+def largest_haste(
+    points: Array,
+    velocities: Array,
+    spins: Array,
+    pairs: Pairs,
+    radius: float,
+    cap: float,
+    slide: float,
+) -> float:
+    """The largest ``haste`` of near pairs.
+
+    Args:
+        points, velocities, spins: (n, 3) of the modules, in the world.
+        pairs: (P, 2) near ones.
+        radius: The module's.
+        cap, slide: How much nearer a pair may come in a step, and how far it may slide.
     """
     worst = 0.0
+    gap = np.empty(3)
+    velocity = np.empty(3)
     for k in range(pairs.shape[0]):
-        i = pairs[k, 0]
-        j = pairs[k, 1]
-        rx = points[j, 0] - points[i, 0]
-        ry = points[j, 1] - points[i, 1]
-        rz = points[j, 2] - points[i, 2]
-        wx = 0.5 * (spins[i, 0] + spins[j, 0])
-        wy = 0.5 * (spins[i, 1] + spins[j, 1])
-        wz = 0.5 * (spins[i, 2] + spins[j, 2])
-        vx = velocities[j, 0] - velocities[i, 0] - (wy * rz - wz * ry)
-        vy = velocities[j, 1] - velocities[i, 1] - (wz * rx - wx * rz)
-        vz = velocities[j, 2] - velocities[i, 2] - (wx * ry - wy * rx)
-        sx = spins[j, 0] - spins[i, 0]
-        sy = spins[j, 1] - spins[i, 1]
-        sz = spins[j, 2] - spins[i, 2]
-        speed = np.sqrt(vx * vx + vy * vy + vz * vz) + radius * np.sqrt(sx * sx + sy * sy + sz * sz)
-        worst = max(worst, speed)
+        worst = max(
+            worst,
+            haste_of_pair(
+                pairs[k, 0],
+                pairs[k, 1],
+                points,
+                velocities,
+                spins,
+                radius,
+                cap,
+                slide,
+                gap,
+                velocity,
+            ),
+        )
     return worst

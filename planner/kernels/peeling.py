@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels.core import FIXED, rod_span
+from planner.kernels.pairs import haste, haste_of_pair
 
 Array = NDArray[np.float64]
 Grid = NDArray[np.int32]
@@ -159,23 +160,7 @@ def _rod_speed(
 
 
 @njit(cache=True)
-def _haste(
-    gap: Array, velocity: Array, turning: float, cap: float, slide: float, reach: float
-) -> float:
-    """How many times a pair's motion in a unit of time is more than it may be in a step."""
-    distance = np.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2])
-    closing = 0.0
-    square = 0.0
-    for r in range(3):
-        closing -= velocity[r] * gap[r]
-        square += velocity[r] * velocity[r]
-    closing = max(closing / max(distance, 1e-9), 0.0) + turning
-    room = max(distance - reach, 0.0)
-    return max(closing / (cap + 0.5 * room), (np.sqrt(square) + turning) / (slide + 0.5 * room))
-
-
-@njit(cache=True)
-def _window_haste(
+def _haste_of_modules(
     points: Array,
     velocities: Array,
     spins: Array,
@@ -215,26 +200,20 @@ def _window_haste(
                         continue
                     gap[2] = points[k, 2] - (z + low[2])
                     if gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2] < limit:
-                        worst = max(worst, _haste(gap, velocities[k], turning, cap, slide, touch))
+                        worst = max(worst, haste(gap, velocities[k], turning, cap, slide, touch))
     for i in range(FIXED, count):
         j = i + 2
         while j < count:
             square = 0.0
             for r in range(3):
-                gap[r] = points[j, r] - points[i, r]
-                square += gap[r] * gap[r]
+                square += (points[j, r] - points[i, r]) ** 2
             if square < limit:
-                wx = 0.5 * (spins[i, 0] + spins[j, 0])
-                wy = 0.5 * (spins[i, 1] + spins[j, 1])
-                wz = 0.5 * (spins[i, 2] + spins[j, 2])
-                velocity[0] = velocities[j, 0] - velocities[i, 0] - (wy * gap[2] - wz * gap[1])
-                velocity[1] = velocities[j, 1] - velocities[i, 1] - (wz * gap[0] - wx * gap[2])
-                velocity[2] = velocities[j, 2] - velocities[i, 2] - (wx * gap[1] - wy * gap[0])
-                turning = 0.0
-                for r in range(3):
-                    turning += (spins[j, r] - spins[i, r]) ** 2
-                turning = radius * np.sqrt(turning)
-                worst = max(worst, _haste(gap, velocity, turning, cap, slide, touch))
+                worst = max(
+                    worst,
+                    haste_of_pair(
+                        i, j, points, velocities, spins, radius, cap, slide, gap, velocity
+                    ),
+                )
                 j += 1
             else:
                 j += max(1, int(np.floor(np.sqrt(square) - cutoff)))
@@ -242,7 +221,7 @@ def _window_haste(
 
 
 @njit(cache=True)
-def haste(
+def window_haste(
     rates: Array,
     positions: Array,
     rotations: Array,
@@ -268,7 +247,7 @@ def haste(
         radius: The module's.
         caps: What they may do.
     """
-    worst = _window_haste(
+    worst = _haste_of_modules(
         positions, velocities, spins, first, grid, low, cutoff, radius, caps.pair, caps.slide
     )
     fastest = 0.0

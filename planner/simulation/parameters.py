@@ -21,7 +21,9 @@ class ExplosionParameters:
     Lengths in pitches, module mass 1. The time unit is the simulation's own.
 
     Attributes:
-        repulsion_gain: γ of eq. 3.
+        repulsion_gain: γ of eq. 3 while the chain is packed.
+        loose_repulsion: Factor of γ once it has come apart: its strands then slide past each other
+            without touching.
         repulsion_cutoff: Distance above which modules do not repel each other.
         spring: Hinge spring towards straight.
         armature: Rotor inertia of a hinge.
@@ -32,8 +34,9 @@ class ExplosionParameters:
         step_s, step_in_contact_s: Smallest and largest time step; largest one in contact.
         drag: Smallest and largest uniform drag α, per s.
         joint_cap_rad: Turn of a hinge in one step, at most.
-        pair_cap, pair_cap_loose: Way of two near modules against each other in one step, at most,
-            until the chain is loose and after. It decides how deep contacts go.
+        pair_cap, pair_cap_loose: Approach of two near modules in one step, at most, until the chain
+            is loose and after. It decides how deep contacts go.
+        slide_cap: Way of two near modules along each other in one step, at most.
         body_cap: Way of a module in one step, at most.
         loose_rad: Bend of every hinge below which the chain is loose.
         snapshot_rad, snapshot_distance: Turn of a hinge, and way of a module, since the last
@@ -46,17 +49,19 @@ class ExplosionParameters:
     """
 
     repulsion_gain: float = 1.0
+    loose_repulsion: float = 10.0
     repulsion_cutoff: float = 2.5
     spring: float = 3.0
     armature: float = 10.0
-    tension: float = 25.0
+    tension: float = 12.0
     geom_size: float = 0.9995
     step_s: tuple[float, float] = (0.004, 0.1)
     step_in_contact_s: float = 0.06
-    drag: tuple[float, float] = (0.1, 2.0)
+    drag: tuple[float, float] = (0.05, 2.0)
     joint_cap_rad: float = 0.02
     pair_cap: float = 0.025
     pair_cap_loose: float = 0.05
+    slide_cap: float = 0.1
     body_cap: float = 0.4
     loose_rad: float = 1.2
     snapshot_rad: float = 0.015

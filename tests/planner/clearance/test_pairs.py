@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.kernels import pairs as module
-from planner.kernels.pairs import largest_approach_speed, near_pairs, repulsion
+from planner.kernels.pairs import largest_haste, near_pairs, repulsion
 from planner.simulation.model import Material
 from planner.simulation.segments import Segments
 from tests.conftest import examples
@@ -116,8 +116,8 @@ def test_no_surface_point_moves_faster_against_another_module_than_said() -> Non
         segments.place(state)
         pairs = near_pairs(segments.positions, 2.5, 2)
         radius = chain.module.radius
-        said = largest_approach_speed(
-            segments.positions, segments.velocities, segments.spins, pairs, radius
+        said = largest_haste(
+            segments.positions, segments.velocities, segments.spins, pairs, radius, 1.0, 1.0
         )
         # Corners of each seen from the other's centre, in a frame that turns as both do on average.
         for i, j in [*pairs.tolist(), *pairs[:, ::-1].tolist()]:
@@ -127,13 +127,31 @@ def test_no_surface_point_moves_faster_against_another_module_than_said() -> Non
             turning = 0.5 * (segments.spins[i] + segments.spins[j])
             seen = speeds - segments.velocities[i]
             seen -= np.cross(turning, places - segments.positions[i])
-            assert np.linalg.norm(seen, axis=1).max() <= said + 1e-9
+            distance = np.linalg.norm(segments.positions[j] - segments.positions[i])
+            allowed = 1.0 + 0.5 * max(distance - 2.0 * radius, 0.0)
+            assert np.linalg.norm(seen, axis=1).max() <= said * allowed + 1e-9
 
 
 def test_two_modules_that_spin_against_each_other_touch_as_fast_as_their_corners() -> None:
     points, spins = np.array([[0.0, 0, 0], [1.5, 0, 0]]), np.array([[0.0, 0, 1], [0.0, 0, -1]])
-    speed = largest_approach_speed(points, np.zeros((2, 3)), spins, np.array([[0, 1]]), 0.8)
-    assert speed == pytest.approx(2.0 * 0.8)
+    said = largest_haste(points, np.zeros((2, 3)), spins, np.array([[0, 1]]), 0.8, 0.5, 1.0)
+    assert said == pytest.approx(2.0 * 0.8 / 0.5)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "said"),
+    [
+        ([-0.1, 0.0, 0.0], 0.1 / 0.02),  # nearer: by ``cap`` in a step
+        ([0.1, 0.0, 0.0], 0.1 / 0.2),  # farther
+        ([0.0, 0.1, 0.0], 0.1 / 0.2),  # along each other: by ``slide``
+    ],
+)
+def test_what_comes_nearer_may_do_so_less_far_than_what_slides(
+    velocity: list[float], said: float
+) -> None:
+    points, still = np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.zeros((2, 3))
+    moving, pair = np.array([[0.0, 0, 0], velocity]), np.array([[0, 1]])
+    assert largest_haste(points, moving, still, pair, 0.8, 0.02, 0.2) == pytest.approx(said)
 
 
 def test_a_rigid_motion_brings_nothing_closer() -> None:
@@ -143,7 +161,13 @@ def test_a_rigid_motion_brings_nothing_closer() -> None:
     state.rates[:] = 0.0
     segments.place(state)
     pairs = near_pairs(segments.positions, 4.0, 2)
-    speed = largest_approach_speed(
-        segments.positions, segments.velocities, segments.spins, pairs, chain.module.radius
+    said = largest_haste(
+        segments.positions,
+        segments.velocities,
+        segments.spins,
+        pairs,
+        chain.module.radius,
+        0.1,
+        0.1,
     )
-    assert speed == pytest.approx(0.0, abs=1e-12)
+    assert said == pytest.approx(0.0, abs=1e-11)

@@ -57,7 +57,8 @@ def test_contacts_are_as_shallow_as_the_size_to_verify_wants() -> None:
     chain = Chain.from_path(read((SHAPES / "cactus.json").read_bytes()))
     clearances = {}
     for size in (0.95, 0.99):
-        record = explode(chain, replace(DEFAULT, verify_size=size))
+        pressed = replace(DEFAULT, tension=100.0, loose_repulsion=1.0, verify_size=size)
+        record = explode(chain, pressed)
         assert isinstance(record.frames, Frames)
         clearances[size] = sweep(chain, record.frames.joint_angles_rad, size=0.99).clearance
     assert clearances[0.95] < 0.0 < clearances[0.99]
@@ -108,7 +109,7 @@ def test_momentum_is_not_made_from_nothing() -> None:
         patch.setattr(Simultaneous, "acceleration_under", watched)
         assert explode(chain, DEFAULT).status == "straight"
     assert len(seen) > 50
-    assert np.median(seen) < 0.02
+    assert np.median(seen) < 0.03
 
 
 def test_linked_modules_are_pulled_apart_by_the_tension_alone() -> None:
@@ -215,7 +216,7 @@ def poison(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
     monkeypatch.setattr(Simultaneous, "acceleration_under", broken)
 
 
-@pytest.mark.parametrize("after", [0, 1, 40, 130])
+@pytest.mark.parametrize("after", [0, 1, 40, 90])
 def test_bad_numbers_end_the_run_and_leave_the_sound_frames(
     after: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -266,8 +267,26 @@ def test_it_goes_back_to_where_contacts_were_looked_at(monkeypatch: pytest.Monke
     assert explode(coil(24), DEFAULT).status == "straight"
 
 
+def test_a_knotted_chain_moves_along_itself_until_it_has_gone_its_length() -> None:
+    chain = knotted()
+    run = Simultaneous(chain, DEFAULT, 0, None)
+    run.knotted = True
+    for _ in range(30):
+        run.step()
+    way = run.way
+    along = np.gradient(run.engine.positions, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    speeds = way * (run.engine.velocities * along).sum(axis=1)
+    assert abs(way) == 1
+    assert np.median(speeds) > 0.0
+    assert run.crept > 0.0
+    run.crept = len(chain)
+    run.step()
+    assert run.way == -way
+
+
 @pytest.mark.slow
-def test_a_knot_slips_out_of_a_stiff_rod() -> None:
+def test_a_knot_slips_out_of_a_chain_that_creeps_along_itself() -> None:
     chain = knotted()
     assert knot_of(chain.folded_poses.positions).verdict == "knotted"
     record = explode(chain, DEFAULT)
