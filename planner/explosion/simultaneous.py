@@ -213,13 +213,18 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         return acceleration
 
     def acceleration_under(self, forces: Array) -> Acceleration:
-        """Under forces; where little touches, in a tenth of the time."""
+        """Under forces on the modules."""
         engine = self.engine
         if isinstance(engine, Segments):
-            found = engine.lean_accelerations(self.state, forces, self.pairs)
-            if found is not None:
-                return found
+            return engine.lean_accelerations(self.state, forces, self.pairs)
         return engine.accelerations(self.state, forces)
+
+    def step(self) -> bool:
+        """One step, after which no hinge is beyond its stop."""
+        moved = super().step()
+        if isinstance(self.engine, Segments):
+            self.state.stop_at(self.material.stop_of(self.chain.module))
+        return moved
 
     def _forces(self, positions: Array) -> Array:
         """(n, 3) forces: eq. 1 with the gain that gives the wanted tension, and eq. 3."""

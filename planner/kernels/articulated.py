@@ -30,6 +30,10 @@ PATIENCE = 3
 """Exchanges of all that are wrong, without fewer being so, before it is one at a time."""
 EXACT = 1e-10
 """Share of the largest acceleration lacking up to which one counts as zero."""
+MOST_GRADIENTS = 400
+"""Steps of the method for more contacts."""
+NEARLY = 1e-3
+"""Share of the largest acceleration lacking up to which it goes on."""
 
 
 class Articulated(NamedTuple):
@@ -416,6 +420,168 @@ def _complementary(a: Array, lack: Array, forces: Array) -> bool:
 
 
 @njit(cache=True)
+def _mobilities(
+    found: Articulated, inverse: Array, rigid_links: int, positions: Array, out: Array
+) -> None:
+    """Writes the (n, 6, 6) accelerations of each module that unit wrenches on it alone give it.
+
+    What is at module i − 1, W, is at module i (1 − S D⁻¹ Uᵀ) W' (1 − S D⁻¹ Uᵀ)ᵀ + S D⁻¹ Sᵀ, with W'
+    moved to its centre (Kreutz-Delgado, Jain, Rodriguez: Recursive formulation of operational space
+    control, 1992).
+    """
+    s, us, d = found.motions, found.wrenches, found.hinges
+    hinges = s.shape[1]
+    out[0] = inverse
+    arm = np.empty(3)
+    along = np.empty((6, 6))
+    for i in range(1, positions.shape[0]):
+        for r in range(3):
+            arm[r] = positions[i, r] - positions[i - 1, r]
+        along[:] = 0.0
+        for r in range(6):
+            along[r, r] = 1.0
+        along[3, 1], along[3, 2] = arm[2], -arm[1]
+        along[4, 0], along[4, 2] = -arm[2], arm[0]
+        along[5, 0], along[5, 1] = arm[1], -arm[0]
+        if i > rigid_links:
+            kept = np.eye(6)
+            for k in range(6):
+                x, y = _solved(d[i], us[i, :, k])
+                for r in range(6):
+                    kept[r, k] -= s[i, 0, r] * x
+                    if hinges == 2:
+                        kept[r, k] -= s[i, 1, r] * y
+            along = kept @ along
+        out[i] = along @ out[i - 1] @ along.T
+        if i > rigid_links:
+            for k in range(6):
+                x, y = _solved(d[i], s[i, :, k])
+                for r in range(6):
+                    out[i, r, k] += s[i, 0, r] * x
+                    if hinges == 2:
+                        out[i, r, k] += s[i, 1, r] * y
+
+
+@njit(cache=True)
+def _answers(
+    forces: Array,
+    pairs: Ints,
+    normals: Array,
+    points: Array,
+    found: Articulated,
+    inverse: Array,
+    rigid_links: int,
+    positions: Array,
+    top: int,
+    wrenches: Array,
+    answer: Array,
+    nowhere: Array,
+    out: Array,
+) -> None:
+    """Writes the (m,) accelerations at which contacts part under (m,) forces in all of them."""
+    wrenches[:] = 0.0
+    for k in range(pairs.shape[0]):
+        if forces[k] != 0.0:
+            _push(
+                pairs[k, 0], pairs[k, 1], normals[k], points[k], positions, forces[k], wrenches
+            )
+    _respond(wrenches, top, top, found, inverse, rigid_links, positions, answer, nowhere)
+    for k in range(pairs.shape[0]):
+        out[k] = _closing(pairs[k, 0], pairs[k, 1], normals[k], points[k], positions, answer)
+
+
+@njit(cache=True)
+def _many_contacts(
+    lack: Array,
+    softness: Array,
+    pairs: Ints,
+    normals: Array,
+    points: Array,
+    found: Articulated,
+    inverse: Array,
+    rigid_links: int,
+    positions: Array,
+    top: int,
+    forces: Array,
+) -> None:
+    """Writes the forces of ``_complementary`` for many contacts, nearly, without the matrix.
+
+    Nesterov's projected gradients, begun anew where they rise (Mazhar, Heyn, Negrut, Tasora: Using
+    Nesterov's method to accelerate multibody dynamics, 2015), forces in units in which the
+    diagonal is one. An answer of the chain to all forces costs as much as that to one.
+
+    Args:
+        lack: (m,) acceleration that each contact lacks.
+        softness: (2, m) diagonal of A and of R.
+        pairs, normals, points: Of the contacts.
+        found, inverse, rigid_links, positions, top: See ``_respond``.
+        forces: (m,) written.
+    """
+    m, n = lack.shape[0], positions.shape[0]
+    wrenches, answer = np.zeros((n, 6)), np.zeros((n, 6))
+    nowhere = np.zeros(found.motions.shape[0] * found.motions.shape[1])
+    unit = 1.0 / np.sqrt(softness[0] + softness[1])
+    wanted = lack * unit
+    part = np.empty(m)
+    x = np.ones(m)
+    largest = 1.0
+    for _ in range(12):  # the largest eigenvalue, from below
+        x /= np.sqrt((x * x).sum())
+        _answers(
+            x * unit,
+            pairs,
+            normals,
+            points,
+            found,
+            inverse,
+            rigid_links,
+            positions,
+            top,
+            wrenches,
+            answer,
+            nowhere,
+            part,
+        )
+        x = unit * (part + softness[1] * unit * x)
+        largest = max(largest, np.sqrt((x * x).sum()))
+    step = 1.0 / (1.3 * largest)
+    x = np.zeros(m)
+    y = np.zeros(m)
+    theta = 1.0
+    enough = NEARLY * np.abs(wanted).max()
+    for _ in range(MOST_GRADIENTS):
+        _answers(
+            y * unit,
+            pairs,
+            normals,
+            points,
+            found,
+            inverse,
+            rigid_links,
+            positions,
+            top,
+            wrenches,
+            answer,
+            nowhere,
+            part,
+        )
+        slope = unit * (part + softness[1] * unit * y) + wanted
+        later = np.maximum(y - step * slope, 0.0)
+        if np.abs(y - later).max() < step * enough:
+            x = later
+            break
+        following = 0.5 * theta * (np.sqrt(theta * theta + 4.0) - theta)
+        if (slope * (later - x)).sum() > 0.0:
+            theta = 1.0
+            y = later.copy()
+        else:
+            y = later + theta * (1.0 - theta) / (theta * theta + following) * (later - x)
+            theta = following
+        x = later
+    forces[:] = x * unit
+
+
+@njit(cache=True)
 def add_contacts(
     pairs: Ints,
     normals: Array,
@@ -423,6 +589,7 @@ def add_contacts(
     depths: Array,
     solref: tuple[float, float],
     solimp: Array,
+    most_pivoted: int,
     found: Articulated,
     joint: Joint,
     root: int,
@@ -431,7 +598,7 @@ def add_contacts(
     spins: Array,
     hinges_out: Array,
     root_out: Array,
-) -> bool:
+) -> None:
     """Adds to the free accelerations what contacts without friction do.
 
     MuJoCo's soft contacts (its documentation, "Computation", "Constraint model"): forces f ≥ 0
@@ -444,15 +611,13 @@ def add_contacts(
         depths: (m,) in pitches.
         solref: Time constant and damping ratio.
         solimp: (5,) impedance.
+        most_pivoted: Contacts up to which their system is written down and solved exactly.
         found: From ``free_accelerations``.
         joint: Of the module.
         root: The module whose acceleration ``root_out`` is.
         positions, velocities, spins: Of all modules, in the world.
         hinges_out: (J,) from ``free_accelerations``.
         root_out: (6,) likewise.
-
-    Returns:
-        Whether forces were found.
     """
     n, m = positions.shape[0], pairs.shape[0]
     rigid_links = joint.rigid_links
@@ -480,8 +645,15 @@ def add_contacts(
                     moved[i, k] += (
                         found.motions[i, h, k] * hinges_out[(i - 1 - rigid_links) * hinges + h]
                     )
+    many = m > most_pivoted
     lack = np.empty(m)
-    a = np.empty((m, m))
+    a = np.empty((0, 0)) if many else np.empty((m, m))
+    softness = np.empty((2, m))
+    if many:
+        mobilities = np.empty((n, 6, 6))
+        _mobilities(found, inverse, rigid_links, positions, mobilities)
+    else:
+        mobilities = np.empty((0, 6, 6))
     constant, ratio = solref
     least, most, width, middle, power = solimp
     speeds = np.empty((n, 6))
@@ -492,11 +664,20 @@ def add_contacts(
     for k in range(m):
         i, j = pairs[k, 0], pairs[k, 1]
         _push(i, j, normals[k], points[k], positions, 1.0, wrenches)
-        _respond(wrenches, max(i, j), top, found, inverse, rigid_links, positions, answer, nowhere)
+        if many:  # as if the two modules knew nothing of each other
+            softness[0, k] = (wrenches[i] * (mobilities[i] @ wrenches[i])).sum()
+            softness[0, k] += (wrenches[j] * (mobilities[j] @ wrenches[j])).sum()
+        else:
+            _respond(
+                wrenches, max(i, j), top, found, inverse, rigid_links, positions, answer, nowhere
+            )
+            for g in range(m):
+                a[g, k] = _closing(
+                    pairs[g, 0], pairs[g, 1], normals[g], points[g], positions, answer
+                )
+            softness[0, k] = a[k, k]
         wrenches[i] = 0.0
         wrenches[j] = 0.0
-        for g in range(m):
-            a[g, k] = _closing(pairs[g, 0], pairs[g, 1], normals[g], points[g], positions, answer)
         x = min(depths[k] / width, 1.0)
         y = x**power / middle ** (power - 1.0)
         if x > middle:
@@ -506,10 +687,25 @@ def add_contacts(
         wanted = -2.0 / (most * constant) * speed
         wanted += impedance * depths[k] / (most * constant * ratio) ** 2
         lack[k] = _closing(i, j, normals[k], points[k], positions, moved) - wanted
-        a[k, k] += max(a[k, k] * (1.0 - impedance) / impedance, 1e-15)
+        softness[1, k] = max(softness[0, k] * (1.0 - impedance) / impedance, 1e-15)
     forces = np.zeros(m)
-    if not _complementary(a, lack, forces):
-        return False
+    if not many:
+        for k in range(m):
+            a[k, k] += softness[1, k]
+    if many or not _complementary(a, lack, forces):
+        _many_contacts(
+            lack,
+            softness,
+            pairs,
+            normals,
+            points,
+            found,
+            inverse,
+            rigid_links,
+            positions,
+            top,
+            forces,
+        )
     last = 0
     for k in range(m):
         i, j = pairs[k, 0], pairs[k, 1]
@@ -519,4 +715,3 @@ def add_contacts(
     if last:
         _respond(wrenches, last, n - 1, found, inverse, rigid_links, positions, answer, hinges_out)
         root_out += answer[root]
-    return True

@@ -9,8 +9,8 @@ In reduced coordinates a contact row asks J S q̈ = a_ref; MuJoCo's rows see J (
 where S maps reduced to segment velocities. So J Ṡ q̇ is added to the reference of contact rows. Weld
 rows keep theirs: MuJoCo's own −J̇ q̇ is what keeps the ends together.
 
-Where few modules touch, MuJoCo only finds the contacts: their forces come of a small system, in
-which the chain answers as one tree (``planner.kernels.articulated``).
+Of a chain without a base MuJoCo only finds the contacts: their forces come of a system of their
+own, in which the chain answers as one tree (``planner.kernels.articulated``).
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ BIAS_STEP_S: Final = 1e-4
 """Time step of the finite difference that gives the accelerations of contacts at rest rates."""
 FREE_ABOVE: Final = 1e-6
 """Distance in pitches from which on two hulls are not in contact."""
-MOST_LEAN_CONTACTS: Final = 500
-"""Contact points above which MuJoCo's solver is the quicker one."""
+MOST_PIVOTED: Final = 500
+"""Contact points up to which their forces are found exactly; of more, to a thousandth."""
 WELD_STIFFENING: Final = 1e-4
 """Factor of the bodies' inverse weights in MuJoCo's regularisation of weld rows."""
 
@@ -322,11 +322,12 @@ class Segments:
 
     def lean_accelerations(
         self, state: State, forces: Array, near: NDArray[np.int64]
-    ) -> Acceleration | None:
-        """``accelerations`` in a tenth of the time where little touches; None where much does.
+    ) -> Acceleration:
+        """``accelerations`` in a tenth of the time, where hinges have no stops.
 
         MuJoCo finds the contacts, and their forces follow its equations; the chain's answer to them
         is that of one tree, without welds. ``place`` must have been called for the same state.
+        Who integrates keeps hinges within their range by ``State.stop_at``.
 
         Args:
             state: The reduced state of a chain without a base.
@@ -336,27 +337,24 @@ class Segments:
         Raises:
             SimulationError: When the numbers are bad.
         """
-        if np.abs(state.angles).max() >= self._stop_rad:
-            return None
         if self.is_free(state, near):
             return self.free_accelerations(state, forces)
         model, data = self.model, self.data
         self._write(state)
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
-        if data.ncon > MOST_LEAN_CONTACTS:
-            return None
         hinges, root = self._free(state, forces)
         contact = data.contact
         if not data.ncon:
             return self._accelerations_of(state, hinges, root)
-        solved = add_contacts(
+        add_contacts(
             self._module_of_geom[contact.geom],
             np.ascontiguousarray(contact.frame[:, :3]),
             contact.pos,
             -contact.dist,
             (max(float(contact.solref[0, 0]), 2.0 * model.opt.timestep), contact.solref[0, 1]),
             contact.solimp[0],
+            MOST_PIVOTED,
             self._articulated,
             self.chain.module.joint,
             self.root,
@@ -366,8 +364,6 @@ class Segments:
             hinges,
             root,
         )
-        if not solved:
-            return None
         return self._accelerations_of(
             state, hinges, root, contacts=data.ncon, depth=float(-contact.dist.min())
         )

@@ -88,6 +88,7 @@ BARS: Final = {
     "block 1152": Bar(least=5, seconds=60.0),
     "exact 1152": Bar(least=5, seconds=60.0),
     "block 1000": Bar(least=5, seconds=60.0),
+    "all at once, 4096": Bar(least=0),
     "knotted tubes": Bar(least=0),
     "held-out meshes, 2000": Bar(least=10),
     "layered, quickest for a robot": Bar(least=4, robot_s=6.0),
@@ -116,6 +117,9 @@ def cases() -> list[Case]:
     ]
     found += [Case(group="held-out meshes, 2000", shape=name, modules=2000) for name in HELD_OUT]
     found += [Case(group="random 1152", shape="random", modules=1152, seed=s) for s in range(5)]
+    found += [
+        Case(group="all at once, 4096", shape=shape, modules=4096) for shape in ("block", "exact")
+    ]
     return found
 
 
