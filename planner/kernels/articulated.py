@@ -482,9 +482,7 @@ def _answers(
     wrenches[:] = 0.0
     for k in range(pairs.shape[0]):
         if forces[k] != 0.0:
-            _push(
-                pairs[k, 0], pairs[k, 1], normals[k], points[k], positions, forces[k], wrenches
-            )
+            _push(pairs[k, 0], pairs[k, 1], normals[k], points[k], positions, forces[k], wrenches)
     _respond(wrenches, top, top, found, inverse, rigid_links, positions, answer, nowhere)
     for k in range(pairs.shape[0]):
         out[k] = _closing(pairs[k, 0], pairs[k, 1], normals[k], points[k], positions, answer)
