@@ -358,7 +358,7 @@ def shaken_up(sides: tuple[int, int, int]) -> Chain:
 
 
 def test_the_strategy_suits_chain_and_preset() -> None:
-    small, large = snake((3, 3, 3)), snake((8, 9, 10))
+    small, large = snake((3, 3, 3)), snake((10, 10, 10))
     bent = Chain.from_angles(small.module, np.full(6, 0.3))
     assert ways(small, "auto") == ("simultaneous", "peel")
     assert ways(snake((6, 6, 6)), "auto") == ("simultaneous", "blocks", "peel")
