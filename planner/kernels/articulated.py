@@ -31,9 +31,9 @@ PATIENCE = 3
 EXACT = 1e-10
 """Share of the largest acceleration lacking up to which one counts as zero."""
 MOST_GRADIENTS = 400
-"""Steps of the method for more contacts."""
+"""Steps of projected gradients."""
 NEARLY = 1e-3
-"""Share of the largest acceleration lacking up to which it goes on."""
+"""Share of the largest acceleration lacking, below which they end."""
 
 
 class Articulated(NamedTuple):
@@ -52,6 +52,37 @@ class Articulated(NamedTuple):
     hinges: Array
     base: Array
     first: Array
+
+
+class Contacts(NamedTuple):
+    """Where modules touch.
+
+    Attributes:
+        pairs: (m, 2) modules; the normal points to the second one.
+        normals, points: (m, 3) in the world.
+    """
+
+    pairs: Ints
+    normals: Array
+    points: Array
+
+
+class Response(NamedTuple):
+    """What it takes to tell how a chain answers to forces.
+
+    Attributes:
+        found: From ``free_accelerations``.
+        inverse: (6, 6) inverse of ``found.base``.
+        rigid_links: Links without hinges at the chain's beginning.
+        positions: (n, 3).
+        top: The last module that a force acts on.
+    """
+
+    found: Articulated
+    inverse: Array
+    rigid_links: int
+    positions: Array
+    top: int
 
 
 def articulated(modules: int, hinges: int) -> Articulated:
@@ -463,44 +494,44 @@ def _mobilities(
 
 
 @njit(cache=True)
-def _answers(
-    forces: Array,
-    pairs: Ints,
-    normals: Array,
-    points: Array,
-    found: Articulated,
-    inverse: Array,
-    rigid_links: int,
-    positions: Array,
-    top: int,
-    wrenches: Array,
-    answer: Array,
-    nowhere: Array,
-    out: Array,
-) -> None:
-    """Writes the (m,) accelerations at which contacts part under (m,) forces in all of them."""
-    wrenches[:] = 0.0
-    for k in range(pairs.shape[0]):
+def _pushed(forces: Array, contacts: Contacts, positions: Array) -> Array:
+    """(n, 6) wrenches on the modules that (m,) forces in the contacts add up to."""
+    wrenches = np.zeros((positions.shape[0], 6))
+    for k in range(forces.shape[0]):
         if forces[k] != 0.0:
-            _push(pairs[k, 0], pairs[k, 1], normals[k], points[k], positions, forces[k], wrenches)
+            i, j = contacts.pairs[k, 0], contacts.pairs[k, 1]
+            _push(i, j, contacts.normals[k], contacts.points[k], positions, forces[k], wrenches)
+    return wrenches
+
+
+@njit(cache=True)
+def _answers(
+    x: Array, unit: Array, softness: Array, contacts: Contacts, response: Response
+) -> Array:
+    """(m,) product of A + R with forces, rows and forces in given units.
+
+    Args:
+        x: (m,) forces in those units.
+        unit: (m,) the units.
+        softness: (2, m) as in ``_many_contacts``.
+        contacts, response: Of the chain.
+    """
+    found, inverse, rigid_links, positions, top = response
+    forces = unit * x
+    answer = np.empty((positions.shape[0], 6))
+    nowhere = np.zeros(found.motions.shape[0] * found.motions.shape[1])
+    wrenches = _pushed(forces, contacts, positions)
     _respond(wrenches, top, top, found, inverse, rigid_links, positions, answer, nowhere)
-    for k in range(pairs.shape[0]):
-        out[k] = _closing(pairs[k, 0], pairs[k, 1], normals[k], points[k], positions, answer)
+    out = softness[1] * forces
+    for k in range(forces.shape[0]):
+        i, j = contacts.pairs[k, 0], contacts.pairs[k, 1]
+        out[k] += _closing(i, j, contacts.normals[k], contacts.points[k], positions, answer)
+    return unit * out
 
 
 @njit(cache=True)
 def _many_contacts(
-    lack: Array,
-    softness: Array,
-    pairs: Ints,
-    normals: Array,
-    points: Array,
-    found: Articulated,
-    inverse: Array,
-    rigid_links: int,
-    positions: Array,
-    top: int,
-    forces: Array,
+    lack: Array, softness: Array, contacts: Contacts, response: Response, forces: Array
 ) -> None:
     """Writes the forces of ``_complementary`` for many contacts, nearly, without the matrix.
 
@@ -511,36 +542,17 @@ def _many_contacts(
     Args:
         lack: (m,) acceleration that each contact lacks.
         softness: (2, m) diagonal of A and of R.
-        pairs, normals, points: Of the contacts.
-        found, inverse, rigid_links, positions, top: See ``_respond``.
+        contacts, response: Of the chain.
         forces: (m,) written.
     """
-    m, n = lack.shape[0], positions.shape[0]
-    wrenches, answer = np.zeros((n, 6)), np.zeros((n, 6))
-    nowhere = np.zeros(found.motions.shape[0] * found.motions.shape[1])
+    m = lack.shape[0]
     unit = 1.0 / np.sqrt(softness[0] + softness[1])
     wanted = lack * unit
-    part = np.empty(m)
     x = np.ones(m)
     largest = 1.0
     for _ in range(12):  # the largest eigenvalue, from below
         x /= np.sqrt((x * x).sum())
-        _answers(
-            x * unit,
-            pairs,
-            normals,
-            points,
-            found,
-            inverse,
-            rigid_links,
-            positions,
-            top,
-            wrenches,
-            answer,
-            nowhere,
-            part,
-        )
-        x = unit * (part + softness[1] * unit * x)
+        x = _answers(x, unit, softness, contacts, response)
         largest = max(largest, np.sqrt((x * x).sum()))
     step = 1.0 / (1.3 * largest)
     x = np.zeros(m)
@@ -548,22 +560,7 @@ def _many_contacts(
     theta = 1.0
     enough = NEARLY * np.abs(wanted).max()
     for _ in range(MOST_GRADIENTS):
-        _answers(
-            y * unit,
-            pairs,
-            normals,
-            points,
-            found,
-            inverse,
-            rigid_links,
-            positions,
-            top,
-            wrenches,
-            answer,
-            nowhere,
-            part,
-        )
-        slope = unit * (part + softness[1] * unit * y) + wanted
+        slope = _answers(y, unit, softness, contacts, response) + wanted
         later = np.maximum(y - step * slope, 0.0)
         if np.abs(y - later).max() < step * enough:
             x = later
@@ -690,26 +687,10 @@ def add_contacts(
     if not many:
         for k in range(m):
             a[k, k] += softness[1, k]
+    contacts = Contacts(pairs, normals, points)
     if many or not _complementary(a, lack, forces):
-        _many_contacts(
-            lack,
-            softness,
-            pairs,
-            normals,
-            points,
-            found,
-            inverse,
-            rigid_links,
-            positions,
-            top,
-            forces,
-        )
-    last = 0
-    for k in range(m):
-        i, j = pairs[k, 0], pairs[k, 1]
-        if forces[k] > 0.0:
-            last = max(last, i, j)
-            _push(i, j, normals[k], points[k], positions, forces[k], wrenches)
-    if last:
-        _respond(wrenches, last, n - 1, found, inverse, rigid_links, positions, answer, hinges_out)
-        root_out += answer[root]
+        response = Response(found, inverse, rigid_links, positions, top)
+        _many_contacts(lack, softness, contacts, response, forces)
+    wrenches = _pushed(forces, contacts, positions)
+    _respond(wrenches, top, n - 1, found, inverse, rigid_links, positions, answer, hinges_out)
+    root_out += answer[root]

@@ -99,7 +99,8 @@ def smooth(
         chain: The chain.
         angles: (F, J) configurations in either order of time, hinges running evenly between them.
         size: Module size that the motion is to be verified at, as a fraction of the pitch. At the
-            larger of it and ``TIGHT`` the smoothed motion is as clear as the given one.
+            larger of it and ``TIGHT`` the smoothed motion is as clear as the given one where both
+            are looked at, and clear in between.
         seed: Decides where straight lines begin.
         looks: About how many configurations may be looked at. One costs some 0.6 µs of processor
             time for each cube, three times as much for each tetrahedron.

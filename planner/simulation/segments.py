@@ -46,7 +46,7 @@ BIAS_STEP_S: Final = 1e-4
 FREE_ABOVE: Final = 1e-6
 """Distance in pitches from which on two hulls are not in contact."""
 MOST_PIVOTED: Final = 500
-"""Contact points up to which their forces are found exactly; of more, to a thousandth."""
+"""Contact points up to which their forces are found exactly; of more, to some per cent."""
 WELD_STIFFENING: Final = 1e-4
 """Factor of the bodies' inverse weights in MuJoCo's regularisation of weld rows."""
 

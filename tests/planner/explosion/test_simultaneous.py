@@ -107,9 +107,22 @@ def test_momentum_is_not_made_from_nothing() -> None:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Simultaneous, "acceleration_under", watched)
-        assert explode(chain, DEFAULT).status == "straight"
+        # What integration adds grows with the way of a step.
+        assert explode(chain, replace(DEFAULT, slide_cap=0.025)).status == "straight"
     assert len(seen) > 50
-    assert np.median(seen) < 0.03
+    assert np.median(seen) < 0.02
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_no_hinge_goes_beyond_its_stop(way: float) -> None:
+    chain = line(6)
+    stop = chain.module.stop_rad
+    run = Simultaneous(chain, DEFAULT, 0, None)
+    run.state.angles[2] = way * (stop - 0.001)
+    run.state.rates[2] = way
+    run.step()
+    assert run.state.angles[2] == way * stop
+    assert run.state.rates[2] == 0.0
 
 
 def test_linked_modules_are_pulled_apart_by_the_tension_alone() -> None:
