@@ -170,7 +170,7 @@ def free_accelerations(
     forces: Array,
     joint: Joint,
     inertia: Array,
-    armature: float,
+    armature: Array,
     root: int,
     positions: Array,
     rotations: Array,
@@ -185,7 +185,7 @@ def free_accelerations(
         angles, rates, torques: (J,) of the hinges.
         forces: (n, 3) at the centres, in the world.
         joint, inertia: Of the module, whose mass is 1.
-        armature: Rotor inertia of a hinge.
+        armature: (J,) rotor inertias of the hinges.
         root: The module whose acceleration is wanted.
         positions, rotations, spins: Of all modules, in the world.
         found: Where to write what the inertias are.
@@ -242,7 +242,7 @@ def free_accelerations(
                     for k in range(6):
                         us[i, h, row] += a[row, k] * s[i, h, k]
             for h in range(hinges):
-                d[i, h, h] = armature
+                d[i, h, h] = armature[j + h]
                 for g in range(hinges):
                     for row in range(6):
                         d[i, h, g] += s[i, h, row] * us[i, g, row]

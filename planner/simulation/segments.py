@@ -45,6 +45,10 @@ BIAS_STEP_S: Final = 1e-4
 """Time step of the finite difference that gives the accelerations of contacts at rest rates."""
 FREE_ABOVE: Final = 1e-6
 """Distance in pitches from which on two hulls are not in contact."""
+HELD: Final = 1e12
+"""Rotor inertia of a hinge that is held at its stop."""
+MOST_HELD: Final = 4
+"""Times that accelerations are worked out to find which hinges their stops hold."""
 MOST_PIVOTED: Final = 500
 """Contact points up to which their forces are found exactly; of more, to some per cent."""
 WELD_STIFFENING: Final = 1e-4
@@ -168,7 +172,8 @@ class Segments:
     ) -> None:
         self.chain = chain
         self.root = chain.root if base is None else 0
-        self._geom_size, self._armature = material.geom_size, material.armature
+        self._geom_size = material.geom_size
+        self._armature = np.full(len(chain.folded_rad), float(material.armature))
         self._stop_rad = material.stop_of(chain.module)
         starts = segment_starts(chain, segment_modules, root=self.root)
         self.starts = np.array(starts if base is None else starts[1:], dtype=np.int64)
@@ -318,16 +323,17 @@ class Segments:
         Raises:
             SimulationError: When the numbers are bad.
         """
-        return self._accelerations_of(state, *self._free(state, forces))
+        return self._accelerations_of(state, *self._free(state, forces, self._armature))
 
     def lean_accelerations(
         self, state: State, forces: Array, near: NDArray[np.int64]
     ) -> Acceleration:
-        """``accelerations`` in a tenth of the time, where hinges have no stops.
+        """``accelerations`` in a tenth of the time.
 
         MuJoCo finds the contacts, and their forces follow its equations; the chain's answer to them
         is that of one tree, without welds. ``place`` must have been called for the same state.
-        Who integrates keeps hinges within their range by ``State.stop_at``.
+        A hinge at its stop does not go on: it is held, and let go where it would come back. Who
+        integrates brings hinges back to their stops by ``State.stop_at``.
 
         Args:
             state: The reduced state of a chain without a base.
@@ -339,36 +345,51 @@ class Segments:
         """
         if self.is_free(state, near):
             return self.free_accelerations(state, forces)
-        model, data = self.model, self.data
+        data = self.data
         self._write(state)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_collision(model, data)
-        hinges, root = self._free(state, forces)
-        contact = data.contact
-        if not data.ncon:
-            return self._accelerations_of(state, hinges, root)
-        add_contacts(
-            self._module_of_geom[contact.geom],
-            np.ascontiguousarray(contact.frame[:, :3]),
-            contact.pos,
-            -contact.dist,
-            (max(float(contact.solref[0, 0]), 2.0 * model.opt.timestep), contact.solref[0, 1]),
-            contact.solimp[0],
-            MOST_PIVOTED,
-            self._articulated,
-            self.chain.module.joint,
-            self.root,
-            self.positions,
-            self.velocities,
-            self.spins,
-            hinges,
-            root,
-        )
-        return self._accelerations_of(
-            state, hinges, root, contacts=data.ncon, depth=float(-contact.dist.min())
-        )
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_collision(self.model, data)
+        outwards = np.sign(state.angles) * (np.abs(state.angles) >= self._stop_rad)
+        held = outwards != 0.0
+        for _ in range(MOST_HELD):
+            hinges, root = self._touching(state, forces, held)
+            wrong = (outwards * hinges > 0.0) != held
+            wrong &= outwards != 0.0
+            if not wrong.any():
+                break
+            held ^= wrong
+        depth = float(-data.contact.dist.min()) if data.ncon else 0.0
+        return self._accelerations_of(state, hinges, root, contacts=data.ncon, depth=depth)
 
-    def _free(self, state: State, forces: Array) -> tuple[Array, Array]:
+    def _touching(
+        self, state: State, forces: Array, held: NDArray[np.bool_]
+    ) -> tuple[Array, Array]:
+        """Accelerations as from ``_free`` under the contacts found last, some hinges held still."""
+        data, solref = self.data, self.data.contact.solref
+        armature = np.where(held, HELD, self._armature)
+        hinges, root = self._free(state, forces, armature)
+        if data.ncon:
+            contact = data.contact
+            add_contacts(
+                self._module_of_geom[contact.geom],
+                np.ascontiguousarray(contact.frame[:, :3]),
+                contact.pos,
+                -contact.dist,
+                (max(float(solref[0, 0]), 2.0 * self.model.opt.timestep), solref[0, 1]),
+                contact.solimp[0],
+                MOST_PIVOTED,
+                self._articulated,
+                self.chain.module.joint,
+                self.root,
+                self.positions,
+                self.velocities,
+                self.spins,
+                hinges,
+                root,
+            )
+        return hinges, root
+
+    def _free(self, state: State, forces: Array, armature: Array) -> tuple[Array, Array]:
         """(J,) hinge accelerations and (6,) the root's, angular first, where nothing touches."""
         hinges, root = np.empty_like(state.angles), np.empty(6)
         free_accelerations(
@@ -378,7 +399,7 @@ class Segments:
             forces,
             self.chain.module.joint,
             self.chain.module.inertia,
-            self._armature,
+            armature,
             self.root,
             self.positions,
             self.rotations,

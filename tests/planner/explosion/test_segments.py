@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -21,14 +22,16 @@ TETRAHEDRA = Chain.from_angles(TETRAHEDRON, np.zeros(11))
 
 
 def tree_acceleration(
-    chain: Chain, material: Material, state: State, forces: Array
+    chain: Chain, material: Material, state: State, forces: Array, held: Sequence[int] = ()
 ) -> tuple[Acceleration, int]:
-    """What one MuJoCo tree of the whole chain says."""
+    """What one MuJoCo tree of the whole chain says, with hinges so heavy that they are held."""
     model: Any = tree_spec(chain, material).compile()
+    for hinge in held:
+        model.dof_armature[model.joint(chain.joint_names[hinge]).dofadr[0]] = 1e12
     model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
     model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
     model.opt.iterations = 100
-    model.opt.tolerance = 1e-10
+    model.opt.tolerance = 0.0  # relative to inertias, some of which are huge
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
     data: Any = mujoco.MjData(model)
     data.joint("root").qpos[:] = [*state.position, *wxyz_from_matrix(state.rotation)]
@@ -240,6 +243,36 @@ def test_little_contact_moves_a_chain_as_one_tree_of_mujoco(
         assert difference(found, tree) < 1e-10
         touched += contacts
     assert touched > 3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_contacts_push_a_chain_whose_stops_hold_its_hinges(seed: int) -> None:
+    # Were stops seen to afterwards only, contacts would count on hinges that don't give.
+    chain = coil(40)
+    rng = np.random.default_rng(seed)
+    state = State.at_rest(0.99 * chain.folded_rad, np.zeros(3), np.eye(3))
+    state.angles += 0.01 * rng.normal(size=len(state.angles))
+    forces = 3.0 * rng.normal(size=(40, 3))
+    stop_rad = float(np.sort(np.abs(state.angles))[-8])
+    state.stop_at(stop_rad)
+    outwards = np.sign(state.angles) * (np.abs(state.angles) >= stop_rad)
+    assert (outwards != 0.0).sum() >= 8
+    segments = Segments(chain, Material(geom_size=1.0, stiffness=3.0, stop_rad=stop_rad))
+    segments.place(state)
+    near = np.array([(i, j) for i in range(40) for j in range(i + 2, 40)])
+    found = segments.lean_accelerations(state, forces, near)
+    assert found.contacts > 2
+    assert (outwards * found.hinges < 1e-6).all()
+    held = np.flatnonzero((outwards != 0.0) & (np.abs(found.hinges) < 1e-6))
+    assert 0 < len(held) < (outwards != 0.0).sum()
+    material = Material(geom_size=1.0, stiffness=3.0)
+    tree, _ = tree_acceleration(chain, material, state, forces, held.tolist())
+    assert difference(found, tree) < 1e-6
+    # None is held in vain: let go alone, it would go on beyond its stop.
+    for hinge in held.tolist():
+        others = [other for other in held.tolist() if other != hinge]
+        freed, _ = tree_acceleration(chain, material, state, forces, others)
+        assert outwards[hinge] * freed.hinges[hinge] > 0.0
 
 
 @pytest.mark.parametrize("modules", [12, 40, 90])
