@@ -18,6 +18,7 @@ from planner.kernels.approach import approach, loss_along
 from planner.kernels.bodies import (
     DRIFT,
     MOST_SPIN,
+    RATES,
     ROTATION,
     VELOCITY,
     WIDTH,
@@ -35,6 +36,8 @@ MOST_HALVINGS = 16
 """Times that an interval is halved to prove a pair clear."""
 WILD = 1.0
 """Way of a module in pitches above which an interval is halved before pairs are bounded."""
+MOST_NEAR = 32
+"""Pairs for a module, in the mean, up to which such an interval is looked at as it is."""
 MOST_TAMINGS = 12
 """Times that an interval is halved for that: docs/decisions/0012-sweep-bound.md."""
 ROUNDING = 1e-9
@@ -170,6 +173,51 @@ def _near_core(
 
 
 @njit(cache=True)
+def _near_along(
+    bodies: Array,
+    drift: float,
+    half: float,
+    low: int,
+    reach: float,
+    apart: int,
+    pairs: Ints,
+) -> tuple[Ints, int, bool]:
+    """Pairs of a stretch that swings far, and whether they are too many to be looked at.
+
+    Seen from one of them, the other goes no farther than both go as seen from the root, and no
+    farther than the hinges between turn times the links between. So few pairs of a nearly straight
+    chain can meet, however far its ends go. Distances shrink by a pitch a link at most and both
+    bounds only grow, so that where a pair is too far for a bound with more links, all with fewer
+    are passed over.
+    """
+    count = ZERO
+    m = bodies.shape[0]
+    for i in range(m):
+        j = i + apart
+        while j < m:
+            dx = bodies[j, 0] - bodies[i, 0]
+            dy = bodies[j, 1] - bodies[i, 1]
+            dz = bodies[j, 2] - bodies[i, 2]
+            spare = length(dx, dy, dz) - reach
+            own = bodies[i, DRIFT] + bodies[j, DRIFT]
+            between = half * abs(bodies[j, RATES] - bodies[i, RATES]) * (j - i)
+            if spare < min(own, between):
+                pairs = append_pair(pairs, count, low + i, low + j)
+                count += 1
+                if count > MOST_NEAR * m:
+                    return pairs, count, True
+            leap = int(spare)
+            while leap > 0:
+                to = min(j + leap, m - 1)
+                between = half * abs(bodies[to, RATES] - bodies[i, RATES]) * (to - i)
+                if spare - leap >= min(bodies[i, DRIFT] + drift, between):
+                    break
+                leap //= 2
+            j += 1 + max(leap, 0)
+    return pairs, count, False
+
+
+@njit(cache=True)
 def _near(
     shape: Shape,
     bodies: Array,
@@ -193,17 +241,20 @@ def _near(
         points[k] = bodies[k, :3]
         drift = max(drift, bodies[k, DRIFT])
     if drift > WILD:
-        return pairs, 0, True
-    near = near_pairs(points, reach + 2.0 * drift, shape.apart)
-    for p in range(near.shape[0]):
-        i, j = near[p, 0], near[p, 1]
-        dx = points[j, 0] - points[i, 0]
-        dy = points[j, 1] - points[i, 1]
-        dz = points[j, 2] - points[i, 2]
-        most = reach + bodies[i, DRIFT] + bodies[j, DRIFT]
-        if dx * dx + dy * dy + dz * dz < most * most:
-            pairs = append_pair(pairs, count, low + i, low + j)
-            count += 1
+        pairs, count, wild = _near_along(bodies, drift, half, low, reach, shape.apart, pairs)
+        if wild:
+            return pairs, 0, True
+    else:
+        near = near_pairs(points, reach + 2.0 * drift, shape.apart)
+        for p in range(near.shape[0]):
+            i, j = near[p, 0], near[p, 1]
+            dx = points[j, 0] - points[i, 0]
+            dy = points[j, 1] - points[i, 1]
+            dz = points[j, 2] - points[i, 2]
+            most = reach + bodies[i, DRIFT] + bodies[j, DRIFT]
+            if dx * dx + dy * dy + dz * dz < most * most:
+                pairs = append_pair(pairs, count, low + i, low + j)
+                count += 1
     if shape.root >= 0:
         return pairs, count, False
     for k in range(1, m):

@@ -42,7 +42,7 @@ def kinematic_frames(
         parameters: Of the reference and its speed.
         module_size: Size of the modules as a fraction of the pitch.
         start_s: Time of the first frame.
-        frame_rad: Length of the record between two frames.
+        frame_rad: Turn of a hinge between two frames, about.
         unfolding: How the chain becomes straight first; None when it is.
     """
     if len(chain) > RECORDED_FROM and unfolding is None:
@@ -55,14 +55,8 @@ def kinematic_frames(
         distance_weight=parameters.distance_weight,
         size=module_size,
     )
-    count = max(2, int(np.ceil(reference.length_rad / frame_rad)))
-    places = np.linspace(0.0, 1.0, count + 1)
-    steps_rad = np.concatenate(
-        [
-            np.abs(np.diff(reference.spline(places[k : k + CHUNK + 1]), axis=0)).max(axis=1)
-            for k in range(0, count, CHUNK)
-        ]
-    )
+    places = reference.places(frame_rad)
+    steps_rad = reference.steps_rad(places)
     seconds = parameters.step_s * parameters.steps_per_rad * float(steps_rad.sum())
     playing_s = hinge_bounded_times(steps_rad, seconds)
     if unfolding is None:
@@ -89,8 +83,8 @@ def kinematic_frames(
         times = start_s + unfolding.time_s[-1] - unfolding.time_s[::-1]
         yield at_rest("unfolding", times[:-1], snapped(unfolding.folding_rad[::-1][:-1]))
         start_s = float(times[-1])
-    for start in range(0, count + 1, CHUNK):
-        part = slice(start, min(start + CHUNK, count + 1))
+    for start in range(0, len(places), CHUNK):
+        part = slice(start, start + CHUNK)
         yield at_rest(
             "playback", start_s + playing_s[part], snapped(reference.spline(places[part]))
         )

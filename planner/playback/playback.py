@@ -48,8 +48,8 @@ SPEED_STEPS: Final = 2
 """Factor of the steps of a playback that is paced by its hinges: its ends go faster then."""
 MOST_FINER: Final = 4
 """Factor of frames and steps up to which a plan is refined before it is played back."""
-FRAME_RAD: Final = 0.02
-"""Length of the record between two frames of a kinematic playback."""
+FRAME_RAD: Final = 0.04
+"""Turn of a hinge between two frames of a kinematic playback, about."""
 STEP_RAD: Final = 0.01
 """Turn of a hinge, or of its target, since the last frame, from which on a frame is recorded: in
 nearly every step in which the chain moves, since the plan is swept at those before."""

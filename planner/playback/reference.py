@@ -24,8 +24,10 @@ ROOM: Final = 0.01
 """Clearance in pitches to keep, or a quarter of the gap between two cells where that is less."""
 STOP_ROOM_RAD: Final = 1e-3
 """Angle that a reference keeps from the end of a joint's range, for errors of its playback."""
-SAMPLE_RAD: Final = 0.02
-"""Length of the reference between two places that are checked for overlaps."""
+SAMPLE_RAD: Final = 0.04
+"""Turn of a hinge between two places that are checked for overlaps, on the way to the next too."""
+WHIP: Final = 8.0
+"""Length of a reference that counts as much as its hinges' turn."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -86,10 +88,30 @@ class Reference:
         first = spline.derivative()
         return cls(spline=spline, first=first, second=first.derivative(), length_rad=total)
 
-    def samples(self, spacing_rad: float) -> Array:
-        """(S,) even places from 0 to 1, so far apart along the curve or less."""
-        count = max(2, int(np.ceil(self.length_rad / spacing_rad)) + 1)
-        return np.linspace(0.0, 1.0, count)
+    def places(self, turn_rad: float) -> Array:
+        """(S + 1,) places from 0 to 1, one after each turn of the fastest hinge by so much.
+
+        A nearly straight chain whips: its ends go far while its hinges hardly turn. There the
+        length decides, ``WHIP`` times the turn.
+        """
+        even = np.linspace(0.0, 1.0, max(2, int(np.ceil(self.length_rad / turn_rad))) + 1)
+        steps = self.steps_rad(even)
+        gone = np.concatenate(
+            [[0.0], np.cumsum(np.maximum(steps, np.diff(even) * self.length_rad / WHIP))]
+        )
+        count = max(2, int(np.ceil(gone[-1] / turn_rad)))
+        places = np.interp(np.linspace(0.0, gone[-1], count + 1), gone, even)
+        places[0], places[-1] = 0.0, 1.0
+        return places
+
+    def steps_rad(self, places: Array) -> Array:
+        """(S,) the largest turn of a hinge between each two neighbours of S + 1 places."""
+        return np.concatenate(
+            [
+                np.abs(np.diff(self.spline(places[k : k + CHUNK + 1]), axis=0)).max(axis=1)
+                for k in range(0, len(places) - 1, CHUNK)
+            ]
+        )
 
 
 def clear_reference(
@@ -113,7 +135,7 @@ def clear_reference(
     breaks = _even(float(lengths[-1]), spacing_rad)
     for _ in range(MOST_HALVINGS):
         reference = Reference.of_pieces(chain, angles, lengths, breaks)
-        places = reference.samples(SAMPLE_RAD)
+        places = reference.places(SAMPLE_RAD)
         close = _too_close(chain, reference.spline(places), size, room)
         if not close.any():
             return reference
