@@ -10,7 +10,8 @@ What is never looked at, and why that is safe:
 
 * Pairs fewer links apart than ``Module.apart``: the joint's nature.
 * Pairs whose balls stay farther apart than the least clearance of the frame before: their
-  clearance is more than that, so they change no figure.
+  clearance is more than that, so they change no figure. How far they go is bounded by the way of
+  both, and by the turns of the hinges between them.
 * Of ``Windows``, pairs of modules that are rigid with each other from one frame to the next:
   below both windows all are folded, above both all are straight. The folded shape is looked at
   once with all its pairs, and so is a straight rod; a frame has the clearance of its own part of

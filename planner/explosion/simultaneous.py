@@ -65,8 +65,9 @@ EXACT_FROM: Final = 1500
 little, which a curve would cut to the joints' range."""
 SHORT: Final = 512
 """Modules up to which ends go no faster than ``ExplosionParameters.body_cap``."""
-FASTER_BODIES: Final = 2.5
-"""Factor of that for longer chains, at most: no farther in a step than pairs are looked for."""
+MOST_LONGER: Final = 2.5
+"""Factor of that for longer chains, at most: a step goes no farther than pairs are looked for. What
+is between two snapshots grows with its square."""
 STUCK_RAD: Final = 1.0
 """Bend above which a hinge that has not moved counts as stuck."""
 LEAST_PROGRESS: Final = 0.005
@@ -114,10 +115,13 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         sink: Callable[[Frames], None] | None,
     ) -> None:
         room = 2.0 * chain.module.inner_radius * (parameters.geom_size - parameters.verify_size)
+        longer = float(np.clip(len(chain) / SHORT, 1.0, MOST_LONGER))
+        self.snapshot_rad = longer**2 * parameters.snapshot_rad
+        self.snapshot_distance = longer**2 * parameters.snapshot_distance
         self.frames = FrameRecorder(
             chain,
-            snapshot_rad=parameters.snapshot_rad,
-            snapshot_distance=parameters.snapshot_distance,
+            snapshot_rad=self.snapshot_rad,
+            snapshot_distance=self.snapshot_distance,
             size=parameters.verify_size,
             sink=sink,
         )
@@ -136,7 +140,7 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
             stop_rad=chain.module.stop_rad - (STOP_GIVES_RAD if len(chain) > EXACT_FROM else 0.0),
         )
         # The ends of a long chain go as far as it is long.
-        self.body_cap = parameters.body_cap * float(np.clip(len(chain) / SHORT, 1.0, FASTER_BODIES))
+        self.body_cap = longer * parameters.body_cap
         self.engine = self.first_engine()
         folded = chain.folded_poses
         self.state = State.at_rest(
@@ -317,8 +321,8 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
             self.chain,
             self.state,
             start_s=self.time_s,
-            snapshot_rad=self.parameters.snapshot_rad,
-            snapshot_distance=self.parameters.snapshot_distance,
+            snapshot_rad=self.snapshot_rad,
+            snapshot_distance=self.snapshot_distance,
             size=self.parameters.verify_size,
         )
         if rest is None:

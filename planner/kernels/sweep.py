@@ -35,9 +35,9 @@ Ints = NDArray[np.int64]
 MOST_HALVINGS = 16
 """Times that an interval is halved to prove a pair clear."""
 WILD = 1.0
-"""Way of a module in pitches above which an interval is halved before pairs are bounded."""
+"""Way of a module in pitches above which pairs are looked for along the chain."""
 MOST_NEAR = 32
-"""Pairs for a module, in the mean, up to which such an interval is looked at as it is."""
+"""Pairs for a module, in the mean, above which such an interval is halved first."""
 MOST_TAMINGS = 12
 """Times that an interval is halved for that: docs/decisions/0012-sweep-bound.md."""
 ROUNDING = 1e-9
