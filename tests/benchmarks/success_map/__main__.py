@@ -61,9 +61,9 @@ BOXES: Final = {
     1152: (8, 12, 12),
     4096: (16, 16, 16),
 }
-SEEDS: Final = {32: 3, 64: 3, 144: 3, 288: 2, 512: 1, 1152: 1, 4096: 1}
+SEEDS: Final = {32: 5, 64: 5, 144: 5, 288: 5, 512: 5, 1152: 1, 4096: 1}
 """Runs of each kind for each number of modules; large ones take minutes each."""
-SEEDS_OF_PAPER: Final = 3
+SEEDS_OF_BASELINES: Final = {"paper": 3, "direct": 3}
 ONCE_FROM: Final = {"direct": 144}
 """Modules from which on a slow baseline is run once."""
 KINDS: Final = ("snake", "assembly", "block", "exact", "random")
@@ -72,7 +72,7 @@ COSTS: Final = {"one-by-one": 1, "peel": 2, "auto": 4, "direct": 32, "paper": 64
 LARGEST: Final = {
     "direct": 144,
     "paper": 512,
-    "simultaneous": 512,
+    "simultaneous": 1152,
     "blocks": 1152,
 }
 """Modules up to which a method is run: beyond, it does not end within the budget."""
@@ -104,9 +104,9 @@ def cases(largest: int) -> list[Case]:
 
 
 def _seeds(method: str, modules: int) -> int:
-    if method == "paper":
-        return SEEDS_OF_PAPER
-    return SEEDS[modules] if modules < ONCE_FROM.get(method, modules + 1) else 1
+    if modules >= ONCE_FROM.get(method, modules + 1):
+        return 1
+    return SEEDS_OF_BASELINES.get(method, SEEDS[modules])
 
 
 def path_of(kind: str, sides: tuple[int, int, int], seed: int) -> Ints | None:
