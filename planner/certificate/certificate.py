@@ -14,7 +14,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.figures import CertificateFigures, PlaybackFigures
+from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
 from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED, told_honestly
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
@@ -58,10 +58,12 @@ class Certificate:
             None where a certificate of an earlier version doesn't tell.
         min_clearance: Least clearance seen in the plan, at its frames and in-betweens.
         min_clearance_at: Where that is.
-        clearance_bound: What is proved: nowhere in the plan, nor in the simulated playback, is the
-            clearance less than this. It and all clearances are None where nothing was looked at to
-            its end.
-        min_clearance_playback: Least clearance seen in the simulated playback.
+        clearance_bound: What is proved: nowhere in the plan, nor in the simulated playback of any
+            robot, is the clearance less than this. It and all clearances are None where nothing
+            was looked at to its end.
+        robots: What became of each robot with faults that folded the plan in simulation, the one
+            shown first; None where none did.
+        min_clearance_playback: Least clearance seen in the simulated playback that is shown.
         min_clearance_playback_at: Where that is.
         min_clearance_record: Least clearance seen in the record. No robot follows the record, so
             the verdict doesn't depend on it.
@@ -95,6 +97,7 @@ class Certificate:
     min_clearance: float | None
     min_clearance_at: Place | None
     clearance_bound: float | None
+    robots: tuple[RobotFigures, ...] | None
     min_clearance_playback: float | None
     min_clearance_playback_at: Place | None
     min_clearance_record: float | None
@@ -127,7 +130,8 @@ class Certificate:
 
     def as_dict(self) -> CertificateFigures:
         """Plain JSON values."""
-        return cast(CertificateFigures, asdict(self))
+        robots = None if self.robots is None else list(self.robots)
+        return cast(CertificateFigures, {**asdict(self), "robots": robots})
 
     @classmethod
     def from_dict(
@@ -142,6 +146,8 @@ class Certificate:
         """
         found: dict[str, Any] = dict(told_honestly(values, playback))
         found |= {name: Place.from_dict(found[name]) for name in _PLACES}
+        robots = found.get("robots")
+        found["robots"] = None if robots is None else tuple(robots)
         if found["exempt_pairs"] is not None:
             found["exempt_pairs"] = ExemptPairs.from_dict(found["exempt_pairs"])
         return cls(**found)
@@ -197,6 +203,7 @@ def certify(
         record = playback = None
 
     of_record = of_plan = of_playback = exempt = None
+    of_others: list[Sweep] = []
     figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
     if playback is not None:
         with ThreadPoolExecutor(1) as beside:
@@ -204,6 +211,9 @@ def certify(
             of_plan = swept(playback.reference, "plan", 0.35)
             if playback.simulated:
                 of_playback = swept(_angles(playback.frames), "playback", 0.7)
+                of_others = [
+                    swept(one, "playback of another robot", 0.8) for one in others(playback)
+                ]
             figures = _plan_figures(chain, playback, parameters)
             exempt = linked.result()
     if record is not None:
@@ -215,15 +225,18 @@ def certify(
     if given_up := stopped():
         # What was not looked at to its end proves nothing, and nobody knows what is least in it.
         of_record = of_plan = of_playback = None
+        of_others = []
     unit = torque_unit_nm(chain, parameters)
     weight = unit / chain.pitch_m * GRAVITY_M_S2
-    bounds = [found.bound for found in (of_plan, of_playback) if found is not None]
+    bounds = [found.bound for found in (of_plan, of_playback, *of_others) if found is not None]
     if unusable:
         verdict = f"failed: {unusable}"
     elif given_up:
         verdict = "failed: it was cancelled"
     else:
-        verdict = _verdict(chain, start, record, playback, of_plan, of_playback, figures, size)
+        verdict = _verdict(
+            chain, start, record, playback, of_plan, [of_playback, *of_others], figures, size
+        )
     return Certificate(
         verdict=verdict,
         simulated=None if playback is None else playback.simulated,
@@ -232,12 +245,13 @@ def certify(
         min_clearance=of_plan and of_plan.clearance,
         min_clearance_at=_place(of_plan),
         clearance_bound=min(bounds, default=None),
+        robots=_robots(chain, playback, [of_playback, *of_others]),
         min_clearance_playback=of_playback and of_playback.clearance,
         min_clearance_playback_at=_place(of_playback),
         min_clearance_record=of_record and of_record.clearance,
         min_clearance_record_at=_place(of_record),
         max_angle_record_rad=None if record is None else _largest_angle(_angles(record.frames)),
-        in_betweens=_in_betweens(of_record, of_plan, of_playback),
+        in_betweens=_in_betweens(of_record, of_plan, of_playback, *of_others),
         joint_speed_limit_rad_s=parameters.joint_speed_limit_rad_s,
         gravity_torque_folded_nm=weight * static_torque(chain, chain.folded_rad),
         gravity_torque_straight_nm=weight * static_torque(chain, np.zeros_like(chain.folded_rad)),
@@ -289,6 +303,11 @@ def _unusable(
             )
         elif not np.isfinite(plan).all():
             return "the plan holds numbers that are not finite"
+        told = playback.others_rad
+        if told is not None and (
+            told.shape[1:] != (len(playback.frames), joints) or not np.isfinite(told).all()
+        ):
+            return "the playbacks of other robots do not have the plan's frames"
     for name, frames in motions.items():
         if not len(frames):
             return f"the {name} has no frames"
@@ -328,9 +347,43 @@ def _angles_at(chain: Chain, motion: Array | Windows, frame: int) -> Array:
 
 
 def followed(playback: Playback) -> tuple[Array | Windows, ...]:
-    """What has to be clear: the plan, and the playback where that was simulated."""
+    """What has to be clear: the plan, and the playbacks of all robots where they were simulated."""
     plan = playback.reference
-    return (plan, _angles(playback.frames)) if playback.simulated else (plan,)
+    if not playback.simulated:
+        return (plan,)
+    return (plan, _angles(playback.frames), *others(playback))
+
+
+def others(playback: Playback) -> tuple[Array, ...]:
+    """(F, J) hinge angles of each robot whose playback is not the one that is shown."""
+    return () if playback.others_rad is None else tuple(playback.others_rad)
+
+
+def _robots(
+    chain: Chain, playback: Playback | None, sweeps: list[Sweep | None]
+) -> tuple[RobotFigures, ...] | None:
+    """What became of each robot; None of those with faults there are none."""
+    if playback is None or playback.robots is None:
+        return None
+    plan, found = playback.reference, []
+    for motion, swept in zip(followed(playback)[1:], sweeps, strict=False):
+        if isinstance(motion, Windows) or isinstance(plan, Windows) or swept is None:
+            continue
+        found.append(
+            RobotFigures(
+                max_angle_error_rad=float(np.abs(motion - plan).max()),
+                rms_position_error=float(np.sqrt((_off(chain, motion[-1]) ** 2).mean())),
+                min_clearance=swept.clearance,
+                clearance_bound=swept.bound,
+            )
+        )
+    return tuple(found)
+
+
+def _off(chain: Chain, angles: Array) -> Array:
+    """(n,) distances of a configuration's modules from the folded shape, after alignment."""
+    ends = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    return aligned_distances(ends.positions, chain.folded_poses.positions)
 
 
 def _largest_angle(motion: Array | Windows) -> float:
@@ -398,8 +451,7 @@ def _simulation_figures(chain: Chain, playback: Playback) -> dict[str, Any]:
     """Where a simulated playback ended, and how far it was off its plan on the way."""
     simulated = _angles(playback.frames)
     last = _angles_at(chain, simulated, -1)
-    ends = chain.poses(last, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    distances = aligned_distances(ends.positions, chain.folded_poses.positions)
+    distances = _off(chain, last)
     # The playback says how far off its hinges were at any step; its frames must bear it out.
     off = playback.max_angle_error_rad or 0.0
     if not (isinstance(simulated, Windows) or isinstance(playback.reference, Windows)):
@@ -421,7 +473,7 @@ def _verdict(
     record: Record | None,
     playback: Playback | None,
     of_plan: Sweep | None,
-    of_playback: Sweep | None,
+    of_playbacks: list[Sweep | None],
     figures: dict[str, Any],
     size: float,
 ) -> str:
@@ -429,7 +481,10 @@ def _verdict(
         return f"failed: the explosion {record.status}: {record.reason}"
     if playback is None or of_plan is None:
         return "failed: there is no playback"
-    motions = {"plan": of_plan, "simulated playback": of_playback}
+    motions: dict[str, Sweep | None] = {"plan": of_plan}
+    for number, of_playback in enumerate(of_playbacks):
+        robot = f" of robot {number + 1}" if number else ""
+        motions[f"simulated playback{robot}"] = of_playback
     for name, found in motions.items():
         if found is not None and found.clearance < 0.0:
             return (
@@ -451,6 +506,12 @@ def _verdict(
             f"failed: the playback ends {figures['rms_position_error']:.2g} pitch (RMS) from the "
             "folded shape"
         )
+    for other in others(playback):
+        if (error := float(np.sqrt((_off(chain, other[-1]) ** 2).mean()))) > FOLDED_WITHIN:
+            return (
+                f"failed: the playback of another robot ends {error:.2g} pitch (RMS) from the "
+                "folded shape"
+            )
     for name, found in motions.items():
         if found is not None and found.bound <= 0.0:
             return f"failed: {_unproved(name, found)}"

@@ -30,6 +30,19 @@ class ExemptFigures(TypedDict):
     relief_share: float
 
 
+class RobotFigures(TypedDict):
+    """What became of one robot with faults that folded a plan in simulation.
+
+    Its largest joint error at a frame, how far its modules end from the folded shape (RMS, after
+    alignment), the least clearance seen and the one that is proved.
+    """
+
+    max_angle_error_rad: float
+    rms_position_error: float
+    min_clearance: float
+    clearance_bound: float
+
+
 class CertificateFigures(TypedDict, total=False):
     """``planner.certificate.certificate.Certificate``."""
 
@@ -40,6 +53,7 @@ class CertificateFigures(TypedDict, total=False):
     min_clearance: float | None
     min_clearance_at: PlaceFigures | None
     clearance_bound: float | None
+    robots: list[RobotFigures] | None
     min_clearance_playback: float | None
     min_clearance_playback_at: PlaceFigures | None
     min_clearance_record: float | None
@@ -90,6 +104,7 @@ class PlaybackFigures(TypedDict, total=False):
     peak_torque: float | None
     rms_torque: float | None
     torque_frames: int | None
+    robots: int | None
 
 
 class SmoothingFigures(TypedDict):

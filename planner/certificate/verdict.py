@@ -27,6 +27,8 @@ def told_honestly(
         values: Plain values of a certificate; what is of today is returned as it is.
         playback: The playback's summary, as far as it is known.
     """
+    if "robots" not in values and "verdict" in values:
+        values = {**values, "robots": None}
     if "simulated" in values or "verdict" not in values:
         return values
     kind = (playback or {}).get("kind")

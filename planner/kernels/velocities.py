@@ -107,3 +107,54 @@ def chain_velocities(
         cross(spins[new], arm, turn)
         for r in range(3):
             velocities[new, r] += turn[r]
+
+
+@njit(cache=True)
+def momentum_velocity(
+    masses: Array,
+    inertia: Array,
+    positions: Array,
+    rotations: Array,
+    velocities: Array,
+    spins: Array,
+) -> tuple[Array, Array]:
+    """Velocity of the centre of mass, and spin of a rigid body of the same angular momentum.
+
+    Args:
+        masses: (n,) of the modules.
+        inertia: (3,) of a module of mass 1 about its axes.
+        positions, rotations, velocities, spins: (n, 3), (n, 3, 3), (n, 3), (n, 3) in the world.
+
+    Returns:
+        (3,) and (3,), the spin about the centre of mass.
+    """
+    total = masses.sum()
+    centre = np.zeros(3)
+    velocity = np.zeros(3)
+    for i in range(masses.shape[0]):
+        for r in range(3):
+            centre[r] += masses[i] / total * positions[i, r]
+            velocity[r] += masses[i] / total * velocities[i, r]
+    momentum = np.zeros(3)
+    whole = np.zeros((3, 3))
+    arm = np.empty(3)
+    moved = np.empty(3)
+    work = np.empty(3)
+    for i in range(masses.shape[0]):
+        square = 0.0
+        for r in range(3):
+            arm[r] = positions[i, r] - centre[r]
+            moved[r] = velocities[i, r] - velocity[r]
+            square += arm[r] * arm[r]
+        cross(arm, moved, work)
+        for r in range(3):
+            momentum[r] += masses[i] * work[r]
+            whole[r, r] += masses[i] * square
+            for c in range(3):
+                own = 0.0
+                for k in range(3):
+                    own += rotations[i, r, k] * inertia[k] * rotations[i, c, k]
+                whole[r, c] += masses[i] * (own - arm[r] * arm[c])
+                momentum[r] += masses[i] * own * spins[i, c]
+    spin: Array = np.linalg.solve(whole, momentum)  # pyright: ignore[reportAssignmentType]
+    return velocity, spin

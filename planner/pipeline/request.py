@@ -13,8 +13,8 @@ from planner.errors import InputError
 from planner.pathfinding import Cell
 from planner.pathfinding.options import MODULE_COUNTS, PathOptions
 from planner.pathfinding.starts import cell_of
-from planner.pipeline.paper_settings import read_settings, settings_text, with_settings
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
+from planner.pipeline.settings import read_settings, settings_text, with_settings
 from planner.simulation.parameters import (
     AUTO,
     BASELINE,
@@ -28,7 +28,6 @@ MODULE_SIZES: Final = (0.1, 1.0)
 LARGEST_SEED: Final = 2**32 - 1
 SMOOTH_SPACING_RAD: Final = 0.06
 """Spacing of the control points of the curve through a smoothed motion."""
-SET_PRESETS: Final = ("paper", "direct")
 SHORT_SEED: Final = 2**31
 """Path searches take seeds below this."""
 
@@ -43,7 +42,7 @@ class Request:
         seed: What randomness starts from.
         module_size: Size at which the plan is verified; None for the preset's.
         settings: Other numbers for the preset ``paper`` or ``direct``, see
-            ``planner.pipeline.paper_settings``.
+            ``planner.pipeline.settings``.
         strategy: How the chain is let go: ``auto``, or one of ``planner.explosion.strategies``.
         prefer: Which of several verified plans is wanted; with ``computing`` the first one.
         refold: Whether the chain begins folded as the plan beside it says, not straight.
@@ -160,12 +159,6 @@ class Request:
         """
         found = preset(self.preset)
         if self.settings:
-            if self.preset not in SET_PRESETS:
-                raise InputError(
-                    "bad-settings",
-                    f"got settings for the preset {self.preset}, expected one of: "
-                    f"{', '.join(SET_PRESETS)}.",
-                )
             found = with_settings(found, read_settings(self.settings))
         if not 0 <= self.seed <= LARGEST_SEED:
             raise _bad("seed", str(self.seed))

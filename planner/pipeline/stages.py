@@ -223,6 +223,7 @@ def _play_back(directory: FilePath, progress: Report, cancelled: Cancelled) -> d
             start_s=start_s,
             finer=tried[-1].finer if tried else 1,
             unfolding=unfolding,
+            seed=request.seed,
         )
     playback.save(place / "playback.npz")
     return playback.summary()

@@ -6,9 +6,63 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.playback.setpoints import Target
+from planner.simulation.robot import Robot
 from planner.simulation.tree import Tree
+
+Array = NDArray[np.float64]
+
+
+class Plant(Protocol):
+    """A chain that is simulated step by step, from ``begin_step`` to ``end_step``."""
+
+    @property
+    def angles(self) -> Array:
+        """(J,) hinge angles."""
+        ...
+
+    @property
+    def rates(self) -> Array:
+        """(J,) hinge velocities."""
+        ...
+
+    @property
+    def centres(self) -> Array:
+        """(n, 3) the modules' centres, from their mean."""
+        ...
+
+    @property
+    def root_position(self) -> Array:
+        """(3,) the root's centre."""
+        ...
+
+    @property
+    def root_wxyz(self) -> Array:
+        """(4,) the root's orientation."""
+        ...
+
+    @property
+    def motor_torques(self) -> Array:
+        """(J,) what the motors did in the last step."""
+        ...
+
+    def place(self, angles: Array, root_position: Array, root_wxyz: Array) -> None:
+        """Sets a configuration at rest."""
+        ...
+
+    def begin_step(self) -> None:
+        """Everything of a step that depends on positions and velocities."""
+        ...
+
+    def end_step(self) -> None:
+        """The rest of a step; ``SimulationError`` where the numbers are bad."""
+        ...
+
+    def stop_drifting(self) -> None:
+        """Takes away the momentum that integration has added."""
+        ...
 
 
 class Controller(Protocol):
@@ -17,6 +71,13 @@ class Controller(Protocol):
     def drive(self, tree: Tree, target: Target) -> None:
         """Sets torques or motor targets. ``tree.begin_step`` has been called."""
         ...
+
+
+def drive_robot(robot: Robot, target: Target, step_s: float) -> None:
+    """Sends a robot's servos on, in the coming step, from a target to the next one."""
+    assert target.torques is not None
+    rates = target.rates + step_s * target.accelerations
+    robot.follow(target.angles + step_s * rates, rates, target.torques)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,30 +104,12 @@ class ComputedTorque:
         tree.apply_torques(tree.torques_for(wanted))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Servo:
-    """Position actuators on every hinge: kp (target − angle) − kv rate, limited.
-
-    The feed-forward shifts the target so that the motors also give kv times the wanted rate and the
-    torque of the inverse dynamics.
-
-    Attributes:
-        stiffness: kp of the tree's actuators.
-        damping: kv of the tree's actuators.
-        feed_forward: Whether rate and torque are fed forward.
-    """
-
-    stiffness: float
-    damping: float
-    feed_forward: bool
+    """The paper's servo where motors have no limit: position actuators that pull to the target."""
 
     def drive(self, tree: Tree, target: Target) -> None:
         """See ``Controller``."""
-        targets = target.angles
-        if self.feed_forward:
-            torques = tree.torques_for(target.accelerations)
-            targets = targets + (self.damping * target.rates + torques) / self.stiffness
-        tree.set_servo_targets(targets)
+        tree.set_servo_targets(target.angles)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

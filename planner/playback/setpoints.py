@@ -9,6 +9,8 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.dynamics import floating_torques
+from planner.chain.module import Module
 from planner.playback.reference import Reference
 from planner.playback.time_law import TimeLaw, smooth_law
 
@@ -31,12 +33,14 @@ class Target:
     Attributes:
         angles, rates, accelerations: (J,).
         fraction: How far the playback is, 0 to 1.
+        torques: (J,) that a robot without faults needs for it; None where nobody asks for them.
     """
 
     angles: Array
     rates: Array
     accelerations: Array
     fraction: float
+    torques: Array | None = None
 
 
 class Setpoints(Protocol):
@@ -48,10 +52,16 @@ class Setpoints(Protocol):
 
 
 class TimedSetpoints:
-    """Runs along a reference by a time law, either way, then holds its end for a moment."""
+    """Runs along a reference by a time law, either way, then holds its end for a moment.
 
-    def __init__(self, reference: Reference, law: TimeLaw) -> None:
-        self._targets = _timed_targets(reference, law)
+    Args:
+        reference: The curve.
+        law: S steps along it.
+        torques: (S + 1, J) to pass on, from ``timed_torques``; None for none.
+    """
+
+    def __init__(self, reference: Reference, law: TimeLaw, torques: Array | None = None) -> None:
+        self._targets = _timed_targets(reference, law, torques)
 
     def target(self, angles: Array, rates: Array) -> Target | None:
         """See ``Setpoints``."""
@@ -59,8 +69,15 @@ class TimedSetpoints:
         return next(self._targets, None)
 
 
-def _timed_targets(reference: Reference, law: TimeLaw) -> Iterator[Target]:
-    """Targets that a chain can follow to the last digit, step by step.
+def timed_torques(reference: Reference, law: TimeLaw, module: Module) -> Array:
+    """(S + 1, J) torques at the steps of a law, of a chain that floats freely, without faults."""
+    return np.concatenate(
+        [floating_torques(module, *motion) for motion in _timed_motion(reference, law)]
+    )
+
+
+def _timed_motion(reference: Reference, law: TimeLaw) -> Iterator[tuple[Array, Array, Array]]:
+    """Angles, rates and accelerations that a chain can follow to the last digit, some at a time.
 
     Semi-implicit Euler goes from q to q + h (q̇ + h q̈). So q̇ is the way of the last step, and q̈
     what makes the next one another: finite differences of the angles, not derivatives.
@@ -72,14 +89,21 @@ def _timed_targets(reference: Reference, law: TimeLaw) -> Iterator[Target]:
         u = np.clip(law.u[np.clip(np.arange(start - 1, stop + 1), 0, steps)], 0.0, 1.0)
         angles = reference.spline(u)
         rates = np.diff(angles, axis=0) / step_s
-        accelerations = np.diff(rates, axis=0) / step_s
-        for k in range(stop - start):
+        yield angles[1:-1], rates[:-1], np.diff(rates, axis=0) / step_s
+
+
+def _timed_targets(reference: Reference, law: TimeLaw, torques: Array | None) -> Iterator[Target]:
+    at = 0
+    for angles, rates, accelerations in _timed_motion(reference, law):
+        for k in range(len(angles)):
             yield Target(
-                angles=angles[k + 1],
+                angles=angles[k],
                 rates=rates[k],
                 accelerations=accelerations[k],
-                fraction=(start + k) / steps,
+                fraction=at / len(law),
+                torques=None if torques is None else torques[at],
             )
+            at += 1
     end = reference.spline(np.rint(law.u[-1]))
     for _ in range(SETTLE_STEPS):
         yield _still(end, 1.0)
@@ -199,4 +223,4 @@ class _Ending:
 
 def _still(angles: Array, fraction: float) -> Target:
     zero = np.zeros_like(angles)
-    return Target(angles=angles, rates=zero, accelerations=zero, fraction=fraction)
+    return Target(angles=angles, rates=zero, accelerations=zero, fraction=fraction, torques=zero)

@@ -77,7 +77,7 @@ class PaperExplosionParameters:
 
     The paper's figures have no units; read as centimetres, grams and seconds they fit together.
     Which of them the paper gives, names, or does not have:
-        ``planner.pipeline.paper_settings.SETTINGS``.
+        ``planner.pipeline.settings.SETTINGS``.
 
     Attributes:
         radial_gain: λ of eq. 1; its d is the diameter of one module, a pitch.
@@ -199,12 +199,42 @@ class PeelingParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RobotParameters:
+    """What is not ideal about a robot, and how many of its kind a plan is tried on.
+
+    Torques are multiples of the largest one that the plan asks of a robot without faults.
+
+    Attributes:
+        mass_error: Standard deviation of the modules' masses and inertias, as a share of them.
+        friction: Dry friction of a joint; each has from half to one and a half times that.
+        torque_limit: Largest torque of a motor.
+        give_rad: Angle by which a hinge at rest is off when its servo gives its largest torque.
+        damping_s: kv / kp of the servos.
+        encoder_rad: Step of the encoders, of 18 bits a turn; each is off by up to half of one.
+        noise_rad: Standard deviation of what they read at each step of the servo.
+        runs: Robots, each with faults of its own.
+    """
+
+    mass_error: float = 0.03
+    friction: float = 0.02
+    torque_limit: float = 2.0
+    give_rad: float = 0.01
+    damping_s: float = 0.2
+    encoder_rad: float = 2.0 * math.pi / 2**18
+    noise_rad: float = 1e-5
+    runs: int = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PlaybackParameters:
     """How the straight chain is folded again.
 
     Attributes:
-        controller: ``computed-torque``, ``servo`` (feed-forward, motor limits), ``paper`` (the
-            threshold rule) or ``direct`` (straight to the target: the baseline that fails).
+        controller: ``robot`` (servos with feed-forward on robots with faults),
+            ``computed-torque`` (an ideal robot: its encoders' steps are all that is off),
+            ``paper`` (the threshold rule) or ``direct`` (straight to the target: the baseline
+            that fails).
+        robot: What robots are like, of ``robot``.
         spacing_rad: Distance of the reference's control points along the record.
         distance_weight: Radians that a displacement of one pitch counts as, along the record.
         steps_per_rad: Simulation steps for one radian of the record's length.
@@ -227,7 +257,8 @@ class PlaybackParameters:
         max_steps: Give up after so many steps.
     """
 
-    controller: str = "computed-torque"
+    controller: str = "robot"
+    robot: RobotParameters = field(default_factory=RobotParameters)
     spacing_rad: float = 0.03
     distance_weight: float = 0.03
     steps_per_rad: float = 50.0

@@ -47,8 +47,8 @@ FREE_ABOVE: Final = 1e-6
 """Distance in pitches from which on two hulls are not in contact."""
 HELD: Final = 1e12
 """Rotor inertia of a hinge that is held at its stop."""
-MOST_HELD: Final = 4
-"""Times that accelerations are worked out to find which hinges their stops hold."""
+MOST_HELD: Final = 3
+"""Times that accelerations are worked out anew to find which hinges their stops hold."""
 MOST_PIVOTED: Final = 500
 """Contact points up to which their forces are found exactly; of more, to some per cent."""
 WELD_STIFFENING: Final = 1e-4
@@ -183,7 +183,8 @@ class Segments:
         names = chain.joint_names
         joints = [self.model.joint(name) for name in names]
         self._hinge_qpos = np.array([j.qposadr[0] for j in joints], dtype=np.int64)
-        self._hinge_dofs = np.array([j.dofadr[0] for j in joints], dtype=np.int64)
+        self.hinge_dofs = np.array([j.dofadr[0] for j in joints], dtype=np.int64)
+        """(J,) where the hinges' velocities are among the model's."""
         roots = [self.model.joint(f"root_{start}") for start in self.starts]
         self._root_qpos = np.array([j.qposadr[0] for j in roots], dtype=np.int64)
         self._root_dofs = np.array([j.dofadr[0] for j in roots], dtype=np.int64)
@@ -265,7 +266,7 @@ class Segments:
             at = self._root_dofs[self._middle]
             root = acceleration[at : at + 6].copy()
         return Acceleration(
-            hinges=acceleration[self._hinge_dofs],
+            hinges=acceleration[self.hinge_dofs],
             linear=root[:3],
             angular=root[3:],
             contacts=int(data.ncon),
@@ -283,7 +284,7 @@ class Segments:
             self.spins,
             self.starts,
             self._hinge_qpos,
-            self._hinge_dofs,
+            self.hinge_dofs,
             self._root_qpos,
             self._root_dofs,
             self.data.qpos,
@@ -351,13 +352,13 @@ class Segments:
         mujoco.mj_collision(self.model, data)
         outwards = np.sign(state.angles) * (np.abs(state.angles) >= self._stop_rad)
         held = outwards != 0.0
+        hinges, root = self._touching(state, forces, held)
         for _ in range(MOST_HELD):
-            hinges, root = self._touching(state, forces, held)
-            wrong = (outwards * hinges > 0.0) != held
-            wrong &= outwards != 0.0
+            wrong = ((outwards * hinges > 0.0) != held) & (outwards != 0.0)
             if not wrong.any():
                 break
             held ^= wrong
+            hinges, root = self._touching(state, forces, held)
         depth = float(-data.contact.dist.min()) if data.ncon else 0.0
         return self._accelerations_of(state, hinges, root, contacts=data.ncon, depth=depth)
 

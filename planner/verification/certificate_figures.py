@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.certificate.certificate import Certificate
+from planner.certificate.figures import RobotFigures
 from planner.clearance.linked import Place
 from planner.clearance.sweep import clearance_at
 from planner.motion.record import Record
@@ -56,6 +57,10 @@ class ToldFigures:
             aside |= {"min_clearance_record", "max_angle_record_rad"}
             loose = [n for n in _LOOSE if n not in ("in_betweens", "min_clearance_record_at")]
             notes.append("There is no record.npz, so figures of the record were not compared.")
+        if (mine.get("robots") or [])[1:] and self.playback and self.playback.others_rad is None:
+            aside |= {"exempt_pairs", "max_angle_rad"}
+            loose = [n for n in loose if n not in ("in_betweens", "robots")]
+            notes.append("Figures of the robots that are not shown were not compared.")
         if self.earlier and "simulated" not in self.certificate:
             # Earlier versions told the bound of the plan alone, told less of the rest,
             # and looked at other places in between.
@@ -76,8 +81,9 @@ class ToldFigures:
         )
         for name in loose:
             if not self._passes(name, again):
+                where = " and playback.npz others_rad" if name == "robots" else ""
                 yield from value_differences(
-                    mine[name], theirs[name], f"plan.npz certificate.{name}"
+                    mine.get(name), theirs.get(name), f"plan.npz certificate.{name}{where}"
                 )
         yield from self._end(again)
 
@@ -91,7 +97,10 @@ class ToldFigures:
         if name == "clearance_bound":
             told = self.plan.certificate
             seen = [c for c in (told.min_clearance, told.min_clearance_playback) if c is not None]
+            seen += [robot["min_clearance"] for robot in told.robots or ()]
             return mine <= min(seen, default=0.0) and mine <= theirs + BOUND_RTOL * abs(theirs)
+        if name == "robots":
+            return _same_robots(mine, theirs)
         return mine == theirs or self._as_near(name, mine)
 
     def _as_near(self, name: str, place: Place) -> bool:
@@ -133,7 +142,22 @@ class ToldFigures:
             )
 
 
+def _same_robots(mine: tuple[RobotFigures, ...], theirs: tuple[RobotFigures, ...]) -> bool:
+    """Whether robots fared as it is told, but for where a bound's intervals were halved."""
+    names = ("max_angle_error_rad", "rms_position_error", "min_clearance")
+    told, found = ([[one[name] for name in names] for one in all_] for all_ in (mine, theirs))
+    return (
+        np.shape(told) == np.shape(found)
+        and np.allclose(told, found, rtol=FIGURES_RTOL, atol=FIGURES_ATOL)
+        and all(
+            one["clearance_bound"] <= min(one["min_clearance"], (1.0 + BOUND_RTOL) * other)
+            for one, other in zip(mine, (one["clearance_bound"] for one in theirs), strict=True)
+        )
+    )
+
+
 _LOOSE: Final = (
+    "robots",
     "in_betweens",
     "clearance_bound",
     "min_clearance_at",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Final
 
@@ -13,7 +14,7 @@ from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, chain_attributes
 from planner.motion.windows import Windows
-from planner.pipeline.fold_directory import read_record
+from planner.pipeline.fold_directory import read_playback, read_record
 from planner.plan.differences import (
     SINGLE_WITHIN,
     Differences,
@@ -85,6 +86,26 @@ def results(plan: Plan, frames: Motion) -> tuple[Record | None, Playback | None]
             reference = plan.joint_angles_rad
         playback = Playback(frames=played, reference_rad=reference, **plan.playback)
     return record, playback
+
+
+def with_other_robots(
+    directory: FilePath, playback: Playback | None, notes: list[str]
+) -> Playback | None:
+    """The playback with those of the other robots, which only ``playback.npz`` holds.
+
+    Raises:
+        InputError: ``not-a-playback``.
+    """
+    if playback is None or playback.robots is None:
+        return playback
+    try:
+        kept = read_playback(directory)
+    except UNREADABLE as error:
+        raise InputError("not-a-playback", f"playback.npz cannot be read: {error}") from error
+    if kept is None:
+        notes.append("There is no playback.npz, so the playbacks of other robots were not swept.")
+        return playback
+    return replace(playback, others_rad=kept.others_rad)
 
 
 def kept_record(directory: FilePath, plan: Plan) -> Record | None:

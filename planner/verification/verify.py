@@ -35,6 +35,7 @@ from planner.verification.timelines import (
     opened,
     playback_differs,
     results,
+    with_other_robots,
 )
 
 POSES_WITHIN: Final = 1e-6
@@ -136,6 +137,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
         record, playback = results(plan, frames)
         if record is None and plan.explosion is not None:
             record = kept_record(directory, plan)
+        playback = with_other_robots(directory, playback, found.notes)
     except (TypeError, AttributeError) as error:
         raise InputError(
             "not-a-plan", f"the results in plan.npz cannot be read ({error}); plan the fold again."

@@ -17,9 +17,9 @@ from planner.errors import InputError
 from planner.pathfinding.options import MODULE_COUNTS
 from planner.pathfinding.starts import TEXT as START
 from planner.pathfinding.starts import cell_of
-from planner.pipeline.paper_settings import LONGEST, SETTINGS
 from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
 from planner.pipeline.request import Request as Asked
+from planner.pipeline.settings import LONGEST, SETTINGS
 from planner.readers.limits import quote
 from server.api.base_folds import beginning_noted, beginning_of
 from server.api.context import Context, context_of

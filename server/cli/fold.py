@@ -34,10 +34,12 @@ from server.cli.options import (
     Prefer,
     Preset,
     Repair,
+    Robot,
     Seed,
     Settings,
     Start,
     Workers,
+    settings_text_of,
 )
 from server.pages import certificate_words
 from server.pages.choice_words import COLUMNS, Choice, choice_of
@@ -63,6 +65,7 @@ def fold(
     ] = None,
     preset: Preset = "default",
     settings: Settings = None,
+    robot: Robot = "typical",
     seed: Seed = "0",
     module_size: ModuleSize = None,
     strategy: Annotated[
@@ -83,7 +86,7 @@ def fold(
     try:
         request = Request.of(
             preset=preset,
-            settings=",".join(settings or ()),
+            settings=settings_text_of(settings, robot),
             seed=seed,
             module_size=module_size,
             strategy=strategy,

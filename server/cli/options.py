@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
+from planner.errors import InputError
+from planner.pipeline.settings import IDEAL
+
+ROBOTS: Final = {"typical": (), "ideal": (IDEAL,)}
+"""What each kind of robot is in settings."""
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object as the last line.")]
 FoldDirectory = Annotated[Path, typer.Argument(metavar="DIR", help="What `fold` has written.")]
 PlanDirectory = Annotated[
@@ -20,8 +25,15 @@ Settings = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=NUMBER",
-        help="Another number for paper or direct, as damping=0.05; again for more of them. "
+        help="Another number, as mass_error=0.05, or damping=0.05 for paper; again for more. "
         "`foldback settings` lists them.",
+    ),
+]
+Robot = Annotated[
+    str,
+    typer.Option(
+        help="Who folds in simulation: typical (three robots with faults, the worst is shown) or "
+        "ideal (one without)."
     ),
 ]
 Seed = Annotated[str, typer.Option(metavar="INTEGER", help="What randomness starts from.")]
@@ -55,3 +67,14 @@ Start = Annotated[
 AsVoxels = Annotated[
     bool, typer.Option("--as-voxels", help="Read a list of cells as a shape, not as a path.")
 ]
+
+
+def settings_text_of(settings: list[str] | None, robot: str) -> str:
+    """What ``--set`` and ``--robot`` ask for, as one text.
+
+    Raises:
+        InputError: ``bad-robot``.
+    """
+    if robot not in ROBOTS:
+        raise InputError("bad-robot", f"got the robot {robot!r}, expected typical or ideal.")
+    return ",".join([*(settings or ()), *ROBOTS[robot]])

@@ -25,9 +25,11 @@ from server.cli.options import (
     ModuleSize,
     PlanDirectory,
     Preset,
+    Robot,
     Seed,
     Settings,
     Workers,
+    settings_text_of,
 )
 from server.store.gallery import Gallery
 
@@ -47,6 +49,7 @@ def refold(
     out: PlanDirectory,
     preset: Preset = "default",
     settings: Settings = None,
+    robot: Robot = "typical",
     seed: Seed = "0",
     module_size: ModuleSize = None,
     workers: Workers = None,
@@ -56,7 +59,10 @@ def refold(
     begins: Chain | None = None
     try:
         request = Request.of(
-            preset=preset, settings=",".join(settings or ()), seed=seed, module_size=module_size
+            preset=preset,
+            settings=settings_text_of(settings, robot),
+            seed=seed,
+            module_size=module_size,
         )
         request.check()
         folded = _plan(start)

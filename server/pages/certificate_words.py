@@ -41,6 +41,7 @@ def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
         ("Clearance, proved", _at_least(certificate.get("clearance_bound"))),
         ("Least clearance seen, plan", _pitches(certificate.get("min_clearance"))),
         ("Same, simulated playback", _of_simulation(certificate, "min_clearance_playback")),
+        ("Robots", robots(certificate)),
         ("Same, record", _pitches(certificate.get("min_clearance_record"))),
         ("Final position error, RMS", _of_simulation(certificate, "rms_position_error", DIGITS)),
         ("Largest joint error", _of_simulation(certificate, "max_angle_error_rad", DIGITS, "rad")),
@@ -50,6 +51,18 @@ def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
         ("Time to fold", quantity(certificate.get("fold_time_s"), "s")),
         ("at a joint speed of", quantity(certificate.get("joint_speed_limit_rad_s"), "rad/s")),
     ]
+
+
+def robots(certificate: CertificateFigures) -> str | None:
+    """How many robots with faults folded the plan, and how the least clear of them fared."""
+    found = certificate.get("robots")
+    if not found:
+        return None
+    least = min(one["min_clearance"] for one in found)
+    return (
+        f"{len(found)} with faults of their own, the one that is off most is shown; clear by "
+        f"{rounded_down(least)} of a pitch or more"
+    )
 
 
 def torque(certificate: CertificateFigures) -> tuple[str, str | None]:

@@ -431,8 +431,12 @@ def _properties(
     parameters = plan.get("parameters", {})
     for name, values in parameters.items():
         if isinstance(values, dict):
-            known = parameters_in_words(cast("dict[str, object]", values))
-            groups.append((f"{name.capitalize()} parameters", [*known]))
+            plain = dict(cast("dict[str, object]", values))
+            robot = plain.pop("robot", None) if name == "playback" else None
+            groups.append((f"{name.capitalize()} parameters", [*parameters_in_words(plain)]))
+            if isinstance(robot, dict) and plain.get("controller") == "robot":
+                of_robot = parameters_in_words(cast("dict[str, object]", robot))
+                groups.append(("Robots", [*of_robot]))
     versions = plan.get("versions", {})
     groups.append(("Versions", [(VERSIONS.get(k, k), str(v)) for k, v in versions.items()]))
     shown = [(heading, _shown(rows)) for heading, rows in groups]

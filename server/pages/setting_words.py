@@ -1,4 +1,4 @@
-"""Settings of the published method in words, as pages and the command line show them."""
+"""Settings in words, as pages and the command line show them."""
 
 from __future__ import annotations
 
@@ -6,8 +6,15 @@ from dataclasses import dataclass
 from typing import Final
 
 from planner.errors import InputError
-from planner.pipeline.paper_settings import SETTINGS, Source, read_settings, value_text
-from planner.simulation.parameters import preset
+from planner.pipeline.settings import (
+    ROBOT_SETTINGS,
+    SETTINGS,
+    Setting,
+    Source,
+    read_settings,
+    value_text,
+)
+from planner.simulation.parameters import Parameters, preset
 from server.pages.quantities import quantity
 
 DIGITS: Final = 6
@@ -31,17 +38,25 @@ class SettingRow:
     meaning: str
 
 
-ROWS: Final = tuple(
-    SettingRow(
-        name=setting.name,
-        label=setting.label,
-        unit=setting.unit,
-        default=value_text(setting.default(PAPER)),
-        source=setting.source,
-        meaning=setting.meaning,
+def _rows(settings: tuple[Setting, ...], parameters: Parameters) -> tuple[SettingRow, ...]:
+    return tuple(
+        SettingRow(
+            name=setting.name,
+            label=setting.label,
+            unit=setting.unit,
+            default=value_text(setting.default(parameters)),
+            source=setting.source,
+            meaning=setting.meaning,
+        )
+        for setting in settings
     )
-    for setting in SETTINGS
-)
+
+
+ROWS: Final = _rows(SETTINGS, PAPER)
+"""Of the published method."""
+ROBOT_ROWS: Final = _rows(ROBOT_SETTINGS, preset("default"))
+"""Of the robots that a plan is tried on."""
+ALL: Final = (*SETTINGS, *ROBOT_SETTINGS)
 
 
 def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:
@@ -54,7 +69,7 @@ def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:
         return [("Settings", settings)]
     return [
         (setting.label, f"{_told(found[setting.name], setting.unit)}, instead of {default}")
-        for setting in SETTINGS
+        for setting in ALL
         if setting.name in found and (default := _told(setting.default(usual)))
     ]
 
@@ -65,7 +80,7 @@ def in_a_line(settings: str) -> str:
         found = read_settings(settings)
     except InputError:
         return f", {settings}"
-    return "".join(f", {s.label} {_told(found[s.name])}" for s in SETTINGS if s.name in found)
+    return "".join(f", {s.label} {_told(found[s.name])}" for s in ALL if s.name in found)
 
 
 def _told(value: float | None, unit: str = "") -> str:

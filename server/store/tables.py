@@ -25,7 +25,7 @@ class FoldRow(Base):
     ``refold`` is the name of the shape that a refold begins as, None where the chain is straight;
     ``smooths`` is the id of the fold whose plan is smoothed, None where it is recorded;
     ``prefer`` tells which of several plans is wanted, see ``planner.pipeline.preference``;
-    ``settings`` is what ``planner.pipeline.paper_settings.settings_text`` makes of those of its
+    ``settings`` is what ``planner.pipeline.settings.settings_text`` makes of those of its
     preset.
 
     ``turn`` is its place in the queue, the least first, and ``cost_s`` what computing it is

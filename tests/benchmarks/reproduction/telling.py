@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from itertools import chain
 from typing import Any, Final
 
-from planner.pipeline.paper_settings import SETTINGS
+from planner.pipeline.settings import SETTINGS
 from planner.simulation.parameters import preset
 from tests.benchmarks.reproduction.experiments import (
     STATEMENTS,

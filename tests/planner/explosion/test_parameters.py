@@ -27,7 +27,7 @@ def test_each_preset_knows_its_name_and_is_plain_json(name: str) -> None:
 def test_what_the_presets_stand_for() -> None:
     assert preset("default") == Parameters()
     assert isinstance(preset("default").explosion, ExplosionParameters)
-    assert preset("default").playback.controller == "computed-torque"
+    assert preset("default").playback.controller == "robot"
     paper = preset("paper").explosion
     assert isinstance(paper, PaperExplosionParameters)
     published = (paper.radial_gain, paper.repulsion_gain, paper.step_s)

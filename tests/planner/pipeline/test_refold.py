@@ -138,10 +138,10 @@ def test_it_floats_without_momentum(plan: Plan) -> None:
     modules = plan.chain.poses(plan.joint_angles_rad, plan.root_position, plan.root_wxyz)
     centres = modules.positions.mean(axis=1)
     np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=0.05)
-    # Where it waits straight, it does not move at all.
+    # Where it waits straight, it moves no more than rubbing joints let a servo move it.
     k = straight(plan)
     for values in (plan.root_position, plan.root_wxyz):
-        np.testing.assert_allclose(values[k], values[k - 1], atol=1e-6)
+        np.testing.assert_allclose(values[k], values[k - 1], atol=1e-3)
 
 
 def test_errors_torque_and_time_are_of_both_halves(plan: Plan, wrench: Folded) -> None:
@@ -396,7 +396,7 @@ def test_a_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, 
 def test_progress_goes_on_through_both_halves(
     wrench: Folded, made: FilePath, plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("planner.playback.playback.REPORT_EVERY_S", 0.0)
+    monkeypatch.setattr("planner.playback.run.REPORT_EVERY_S", 0.0)
     told: list[Progress] = []
     play_back(
         plan.chain,
@@ -407,4 +407,5 @@ def test_progress_goes_on_through_both_halves(
     )
     fractions = [p.fraction for p in told]
     assert fractions == sorted(fractions)
+    # One robot after the other.
     assert [*dict.fromkeys(p.message for p in told)] == ["unfolding", "folding"]

@@ -51,24 +51,12 @@ def test_computed_torque_on_target_does_nothing() -> None:
     np.testing.assert_allclose(tree.motor_torques, 0.0, atol=1e-12)
 
 
-def test_feed_forward_gives_the_torque_of_the_inverse_dynamics() -> None:
-    tree = placed(1e-4, Servos(stiffness=KP, damping=KV))
-    wanted = np.linspace(-1.0, 2.0, JOINTS)
-    zero = np.zeros(JOINTS)
-    target = Target(angles=zero, rates=zero, accelerations=wanted, fraction=0.5)
-    tree.begin_step()
-    torques = tree.torques_for(wanted)
-    Servo(stiffness=KP, damping=KV, feed_forward=True).drive(tree, target)
-    tree.end_step()
-    np.testing.assert_allclose(tree.motor_torques, torques, atol=1e-9)
-
-
-def test_without_it_the_servo_only_pulls_to_the_target() -> None:
+def test_the_servo_of_the_paper_only_pulls_to_the_target() -> None:
     tree = placed(1e-4, Servos(stiffness=KP, damping=KV))
     angles = np.linspace(-0.01, 0.02, JOINTS)
     zero = np.zeros(JOINTS)
     target = Target(angles=angles, rates=zero + 5.0, accelerations=zero + 9.0, fraction=0.5)
     tree.begin_step()
-    Servo(stiffness=KP, damping=KV, feed_forward=False).drive(tree, target)
+    Servo().drive(tree, target)
     tree.end_step()
     np.testing.assert_allclose(tree.motor_torques, KP * angles, atol=1e-9)

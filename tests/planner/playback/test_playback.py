@@ -20,13 +20,14 @@ from planner.motion.inverse import inverse_dynamics
 from planner.motion.record import Record
 from planner.playback.playback import Playback, play_back
 from planner.progress import Progress
-from planner.simulation.parameters import Parameters, PlaybackParameters, preset
+from planner.simulation.parameters import Parameters, PlaybackParameters, RobotParameters, preset
 from planner.simulation.tree import Tree
 from tests.planner.conftest import REAL
 
 Array = NDArray[np.float64]
 
 DEFAULT = PlaybackParameters()
+IDEAL = PlaybackParameters(controller="computed-torque")
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +75,8 @@ def test_a_floating_chain_folds_about_its_centre_of_mass(
     shape: str, folded: Callable[..., Any]
 ) -> None:
     fold = folded(shape)
-    frames = fold.playback.frames
+    # That of equal modules; those of a robot are not quite equal.
+    frames = play_back(fold.chain, fold.record, IDEAL).frames
     poses = fold.chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
     centres = poses.positions.mean(axis=1)
     assert np.linalg.norm(centres - centres[0], axis=1).max() < 0.05
@@ -86,28 +88,22 @@ def test_a_playback_is_the_same_every_time(small: tuple[Chain, Record]) -> None:
     np.testing.assert_array_equal(first.frames.root_position, again.frames.root_position)
 
 
-def test_a_servo_with_feed_forward_folds_as_well(small: tuple[Chain, Record]) -> None:
-    playback = play_back(*small, replace(DEFAULT, controller="servo"))
-    assert playback.status == "folded"
-    assert playback.rms_position_error <= 0.01
-    assert playback.max_angle_error_rad <= 0.05
-
-
 def test_motors_that_are_too_weak_miss_and_say_so(small: tuple[Chain, Record]) -> None:
     chain, record = small
-    weak = replace(DEFAULT, controller="servo", torque_limit=0.05)
+    weak = replace(DEFAULT, robot=RobotParameters(torque_limit=0.3))
     playback = play_back(chain, record, weak)
     assert playback.status == "missed"
-    assert "pitches (RMS) from its target" in playback.reason
+    assert "a robot lost its target: joint_" in playback.reason
     assert playback.rms_position_error > 0.1
-    assert playback.peak_torque <= 0.05 + 1e-12
+    ideal = play_back(chain, record, IDEAL)
+    assert playback.peak_torque <= 0.31 * ideal.peak_torque
     certificate = certify(chain, record, playback, Parameters())
     assert not certificate.verified
 
 
 def test_a_controller_that_blows_up_ends_as_data(small: tuple[Chain, Record]) -> None:
     chain, record = small
-    playback = play_back(chain, record, replace(DEFAULT, bandwidth=1e6))
+    playback = play_back(chain, record, replace(IDEAL, bandwidth=1e6))
     assert playback.status == "diverged"
     assert np.isfinite(playback.frames.joint_angles_rad).all()
     assert np.isfinite(playback.rms_position_error)
@@ -126,7 +122,7 @@ def test_torques_that_are_no_numbers_end_as_data(
         original(self, torques * np.nan if calls > 100 else torques)
 
     monkeypatch.setattr(Tree, "apply_torques", broken)
-    playback = play_back(*small, DEFAULT)
+    playback = play_back(*small, IDEAL)
     assert playback.status == "diverged"
     assert "finite" in playback.reason
     assert playback.steps == 100
@@ -212,13 +208,13 @@ def test_what_cannot_be_played_is_a_broken_call(small: tuple[Chain, Record]) -> 
     with pytest.raises(InputError, match="needs a record") as refused:
         play_back(chain, None, DEFAULT)
     assert refused.value.code == "no-record"
-    with pytest.raises(InputError, match="expected computed-torque") as refused:
+    with pytest.raises(InputError, match="expected robot") as refused:
         play_back(chain, record, replace(DEFAULT, controller="magic"))
     assert refused.value.code == "unknown-controller"
 
 
 def test_sink_and_progress(small: tuple[Chain, Record], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.playback.playback.REPORT_EVERY_S", 0.0)
+    monkeypatch.setattr("planner.playback.run.REPORT_EVERY_S", 0.0)
     parts: list[Frames] = []
     told: list[Progress] = []
     playback = play_back(*small, DEFAULT, sink=parts.append, progress=told.append, start_s=7.0)

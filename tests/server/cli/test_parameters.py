@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 from planner.pathfinding import ENDS, METHODS
 from planner.pathfinding.options import MODULE_COUNTS
-from planner.pipeline.paper_settings import LONGEST, SETTINGS
 from planner.pipeline.preference import PREFERENCES
 from planner.pipeline.request import LARGEST_SEED, MODULE_SIZES
+from planner.pipeline.settings import LONGEST, SETTINGS
 from planner.simulation.parameters import PRESETS, STRATEGY_OPTIONS
 from server.cli.command_line import application
 from tests.server.service import SPIRAL, Service

@@ -1,7 +1,8 @@
-"""Settings of the published method: what the paper names, what it gives, what is read into it.
+"""Settings: numbers of the published method, and of the robots that a plan of ours is tried on.
 
 They are written as one text, ``damping=0.05, radial_gain=0.2``, on the command line, in the API and
-on the page. ``SETTINGS`` is what all of these offer and what docs/decisions/0002 explains.
+on the page. ``SETTINGS`` are what the paper names, what it gives, and what is read into it
+(docs/decisions/0002); ``ROBOT_SETTINGS`` what robots are like (docs/decisions/0020).
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ class Setting:
         whole: Whether it is a whole number.
         explosion: The field of ``PaperExplosionParameters`` that it sets, if any.
         playback: The field of ``PlaybackParameters`` that it sets, if any.
+        robot: The field of ``RobotParameters`` that it sets, if any.
         optional: Whether it may be ``none``.
         direct: Whether servoing straight to the shape uses it too.
     """
@@ -54,12 +56,15 @@ class Setting:
     whole: bool = False
     explosion: str | None = None
     playback: str | None = None
+    robot: str | None = None
     optional: bool = False
     direct: bool = False
 
     def default(self, parameters: Parameters) -> float | None:
         """What it is in the parameters of a preset that uses it."""
         explosion = parameters.explosion
+        if self.robot is not None:
+            return getattr(parameters.playback.robot, self.robot)
         if self.explosion is not None and isinstance(explosion, PaperExplosionParameters):
             return getattr(explosion, self.explosion)
         assert self.playback is not None, f"{parameters.preset} does not use {self.name}"
@@ -231,7 +236,82 @@ SETTINGS: Final = (
         explosion="stop_deg",
     ),
 )
-_BY_NAME: Final = {setting.name: setting for setting in SETTINGS}
+ROBOT_SETTINGS: Final = (
+    Setting(
+        name="robots",
+        label="Robots",
+        unit="",
+        source="ours",
+        meaning="Robots with faults that fold the plan in simulation; 0 for an ideal one.",
+        least=0,
+        most=20,
+        whole=True,
+        robot="runs",
+    ),
+    Setting(
+        name="mass_error",
+        label="Error of masses",
+        unit="of them",
+        source="ours",
+        meaning="Standard deviation of the modules' masses and inertias.",
+        least=0.0,
+        most=0.2,
+        robot="mass_error",
+    ),
+    Setting(
+        name="joint_friction",
+        label="Friction of joints",
+        unit="of the plan's largest torque",
+        source="ours",
+        meaning="Dry friction; each joint has from half to one and a half times that.",
+        least=0.0,
+        most=0.5,
+        robot="friction",
+    ),
+    Setting(
+        name="motor_limit",
+        label="Limit of motors",
+        unit="of the plan's largest torque",
+        source="ours",
+        meaning="Largest torque of a motor.",
+        least=0.1,
+        most=100.0,
+        robot="torque_limit",
+    ),
+    Setting(
+        name="servo_give",
+        label="Servos give",
+        unit="rad",
+        source="ours",
+        meaning="By which a hinge at rest is off when its motor is at its limit.",
+        least=1e-4,
+        most=0.5,
+        robot="give_rad",
+    ),
+    Setting(
+        name="encoder_step",
+        label="Step of encoders",
+        unit="rad",
+        source="ours",
+        meaning="Of 18 bits a turn; each is off by up to half of one.",
+        least=0.0,
+        most=0.1,
+        robot="encoder_rad",
+    ),
+    Setting(
+        name="encoder_noise",
+        label="Noise of encoders",
+        unit="rad",
+        source="ours",
+        meaning="Standard deviation of what they read.",
+        least=0.0,
+        most=0.01,
+        robot="noise_rad",
+    ),
+)
+IDEAL: Final = "robots=0"
+"""Settings of an ideal robot, whose encoders' steps are all that is off."""
+_BY_NAME: Final = {setting.name: setting for setting in (*SETTINGS, *ROBOT_SETTINGS)}
 
 
 def read_settings(text: str) -> dict[str, float | None]:
@@ -277,7 +357,7 @@ def settings_text(text: str, parameters: Parameters | None = None) -> str:
 
 
 def with_settings(parameters: Parameters, settings: Mapping[str, float | None]) -> Parameters:
-    """The parameters of ``paper`` or ``direct`` with other numbers.
+    """The parameters with other numbers.
 
     Raises:
         InputError: ``bad-settings`` for what the preset does not use.
@@ -291,12 +371,19 @@ def with_settings(parameters: Parameters, settings: Mapping[str, float | None]) 
             explosion, used = replace(explosion, **{setting.explosion: number}), True
         if setting.playback is not None:
             playback, used = replace(playback, **{setting.playback: number}), True
+        if setting.robot is not None and playback.controller == "robot":
+            robot = replace(playback.robot, **{setting.robot: number})
+            playback, used = replace(playback, robot=robot), True
+        elif explosion is not None and not isinstance(explosion, PaperExplosionParameters):
+            used = False  # the published method's, which ours has nothing of
         if name == "density_kg_m3":
-            density, used = value, True
+            density, used = value, explosion is None or used
         if not used or (explosion is None and not setting.direct):
             raise _bad(f"got {name} for the preset {parameters.preset}, which does not use it.")
+    if not playback.robot.runs:
+        playback = replace(playback, controller="computed-torque")
     turned = playback.gain * playback.step_s
-    if turned > MOST_TURNED:
+    if playback.controller not in ("robot", "computed-torque") and turned > MOST_TURNED:
         raise _bad(
             f"got motor_gain · step_s = {turned:g}, expected at most {MOST_TURNED:g}: above it a "
             "motor turns past its target in each step."

@@ -7,15 +7,15 @@ import pytest
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pipeline.fold import fold
-from planner.pipeline.paper_settings import (
+from planner.pipeline.refold import refold
+from planner.pipeline.request import Request
+from planner.pipeline.settings import (
     SETTINGS,
     Setting,
     read_settings,
     settings_text,
     with_settings,
 )
-from planner.pipeline.refold import refold
-from planner.pipeline.request import Request
 from planner.simulation.parameters import PaperExplosionParameters, preset
 
 PAPER = preset("paper")
@@ -119,7 +119,7 @@ def test_folds_and_refolds_of_the_library_take_settings() -> None:
     assert plan.parameters["explosion"]["radial_gain"] == 20
     back = refold(plan, turned, preset="paper", settings=loud)
     assert back.parameters["explosion"]["snapshot_interval"] == 5
-    with pytest.raises(InputError, match="settings for the preset default") as refused:
+    with pytest.raises(InputError, match="radial_gain for the preset default") as refused:
         fold(path, settings=loud)
     assert refused.value.code == "bad-settings"
 

@@ -1,0 +1,222 @@
+"""Course: what a playback follows, and what chain it is that follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.clearance.sweep import sweep
+from planner.errors import InputError
+from planner.motion.frames import Frames, Phase
+from planner.motion.record import Record
+from planner.playback.controllers import (
+    ComputedTorque,
+    Controller,
+    Plant,
+    RateServo,
+    Servo,
+    drive_robot,
+)
+from planner.playback.kinematic import root_folded
+from planner.playback.reference import Reference, clear_reference
+from planner.playback.setpoints import (
+    Backwards,
+    DirectSetpoints,
+    Setpoints,
+    Snapshots,
+    SnapshotSetpoints,
+    Target,
+    TimedSetpoints,
+    timed_torques,
+)
+from planner.playback.time_law import TimeLaw, hinge_bounded_law, torque_bounded_law
+from planner.playback.unfolding import Unfolding
+from planner.simulation.model import Material
+from planner.simulation.parameters import PlaybackParameters
+from planner.simulation.robot import Robot
+from planner.simulation.tree import RateMotors, Servos, Tree
+
+Array = NDArray[np.float64]
+FEWEST_STEPS: Final = 100
+"""Steps of a playback, at least."""
+SPEED_STEPS: Final = 2
+"""Factor of the steps of a playback that is paced by its hinges: its ends go faster then."""
+MOST_FINER: Final = 4
+"""Factor of frames and steps up to which a plan is refined before it is played back."""
+LOST_RAD: Final = 0.5
+"""Joint error of a robot from which on it is lost: motors at their limit don't bring it back."""
+LAW_SAMPLES_A_RAD: Final = 180
+"""Samples of the time law for each radian of the reference's length."""
+
+
+def _motors(p: PlaybackParameters) -> Servos | RateMotors | None:
+    if p.controller == "computed-torque":
+        return None
+    if p.torque_limit is not None:
+        # The torque of a stiff servo jumps from one limit to the other; a constraint's does not.
+        return RateMotors(torque_limit=p.torque_limit)
+    return Servos(stiffness=p.stiffness, damping=p.stiffness / p.gain)
+
+
+def _controller(p: PlaybackParameters, motors: Servos | RateMotors | None) -> Controller:
+    if motors is None:
+        return ComputedTorque(bandwidth=p.bandwidth, encoder_rad=p.encoder_rad)
+    return RateServo(gain=p.gain) if isinstance(motors, RateMotors) else Servo()
+
+
+def _whole(record: Record) -> Frames:
+    """The frames of a record that is not of windows, which alone is simulated."""
+    assert isinstance(record.frames, Frames)
+    return record.frames
+
+
+class Course:
+    """What is followed, once for all robots."""
+
+    def __init__(
+        self,
+        chain: Chain,
+        record: Record | None,
+        parameters: PlaybackParameters,
+        module_size: float,
+        start_s: float,
+        finer: int,
+        unfolding: Unfolding | None,
+    ) -> None:
+        self.chain = chain
+        self.finer = finer
+        self.parameters = parameters
+        self.module_size = module_size
+        self.start_s = start_s
+        self.unfolding = unfolding
+        self.peak_torque = 0.0
+        """Largest torque that a robot without faults needs; 0 where none is worked out."""
+        self.parts = self._all_parts(record, unfolding)
+        folds_robots = parameters.controller == "robot"
+        self.robots = parameters.robot.runs if folds_robots else 1
+        self.lost_rad = LOST_RAD if folds_robots else np.inf
+        zero = np.zeros_like(chain.folded_rad)
+        if unfolding is not None:
+            self.begins = (unfolding.chain.folded_rad, *root_folded(unfolding.chain))
+        elif record is None:
+            self.begins = (zero, *root_folded(chain))
+        else:
+            last = _whole(record)[-1:]
+            self.begins = (zero, last.root_position[0], last.root_wxyz[0])
+
+    @property
+    def step_s(self) -> float:
+        """Time of a step: what is recorded in more frames is simulated in as many more."""
+        return self.parameters.step_s / self.finer
+
+    def plant(self, seed: list[int]) -> tuple[Plant, Callable[[Target], None]]:
+        """A chain to simulate, and what drives it towards a target in the coming step."""
+        p, step_s = self.parameters, self.step_s
+        if p.controller == "robot":
+            robot = Robot(
+                self.chain,
+                p.robot,
+                geom_size=self.module_size,
+                step_s=step_s,
+                peak_torque=self.peak_torque,
+                seed=seed,
+            )
+            return robot, lambda target: drive_robot(robot, target, step_s)
+        motors = _motors(p)
+        material = Material(geom_size=self.module_size, friction=p.friction)
+        tree = Tree(self.chain, material, step_s=step_s, motors=motors, damping=p.damping)
+        controller = _controller(p, motors)
+        return tree, lambda target: controller.drive(tree, target)
+
+    def _all_parts(
+        self, record: Record | None, unfolding: Unfolding | None
+    ) -> list[tuple[Phase, Callable[[], Setpoints]]]:
+        """What is followed, in its order; each is made anew for each run."""
+        p = self.parameters
+        if p.controller == "direct":
+            folded = self.chain.folded_rad
+            return [("playback", lambda: DirectSetpoints(folded, p.direct_steps, p.step_s))]
+        if record is None:
+            raise InputError("no-record", f"the controller {p.controller!r} needs a record.")
+        angles = record.snapshots_rad
+        snapshots = (_whole(record).joint_angles_rad if angles is None else angles)[::-1]
+        if p.controller == "paper":
+            folding: list[tuple[Phase, Callable[[], Setpoints]]] = [
+                ("playback", lambda: self._snapshots(snapshots))
+            ]
+            if unfolding is not None:
+                back = Backwards(unfolding.time_s, unfolding.folding_rad, p.step_s)
+                folding.insert(0, ("unfolding", lambda: self._snapshots(back)))
+            return folding
+        if p.controller not in ("robot", "computed-torque"):
+            raise InputError(
+                "unknown-controller",
+                f"got the controller {p.controller!r}, expected robot, computed-torque, paper or "
+                "direct.",
+            )
+        references = [self._reference(self.chain, snapshots)]
+        if unfolding is not None:
+            references.append(self._reference(unfolding.chain, unfolding.folding_rad))
+        laws = self._clear_laws(references)
+        timed = [self._timed("playback", references[0], laws[0])]
+        if unfolding is not None:
+            timed.insert(0, self._timed("unfolding", references[1], laws[1].backwards()))
+        return timed
+
+    def _timed(
+        self, phase: Phase, reference: Reference, law: TimeLaw
+    ) -> tuple[Phase, Callable[[], Setpoints]]:
+        """A part that follows a curve in its time, with its torques where robots want them."""
+        torques = None
+        if self.parameters.controller == "robot":
+            torques = timed_torques(reference, law, self.chain.module)
+            self.peak_torque = max(self.peak_torque, float(np.abs(torques).max()))
+        return phase, lambda: TimedSetpoints(reference, law, torques)
+
+    def _snapshots(self, snapshots: Snapshots) -> SnapshotSetpoints:
+        p = self.parameters
+        return SnapshotSetpoints(
+            snapshots, threshold_rad2=p.threshold_rad2, least_steps=p.least_steps
+        )
+
+    def _reference(self, chain: Chain, snapshots: Array) -> Reference:
+        """A smooth curve through configurations from straight on."""
+        p = self.parameters
+        return clear_reference(
+            chain,
+            snapshots,
+            spacing_rad=p.spacing_rad,
+            distance_weight=p.distance_weight,
+            size=self.module_size,
+        )
+
+    def _clear_laws(self, references: list[Reference]) -> list[TimeLaw]:
+        """How fast to run along the curves: in more steps where straight lines between them touch.
+
+        A plan joins its frames by straight lines. So it is swept before it is played back.
+        """
+        while True:
+            laws = [self._law(reference) for reference in references]
+            if self.finer >= MOST_FINER or all(
+                sweep(self.chain, one.spline(law.u), size=self.module_size, share=0.0).clearance
+                > 0.0
+                for one, law in zip(references, laws, strict=True)
+            ):
+                return laws
+            self.finer *= 2
+
+    def _law(self, reference: Reference) -> TimeLaw:
+        p = self.parameters
+        steps = max(FEWEST_STEPS, int(self.finer * p.steps_per_rad * reference.length_rad))
+        samples = max(100, int(LAW_SAMPLES_A_RAD * reference.length_rad))
+        if p.paced_by == "speed":
+            return hinge_bounded_law(
+                reference, steps=SPEED_STEPS * steps, step_s=self.step_s, samples=samples
+            )
+        return torque_bounded_law(
+            reference, self.chain.module, steps=steps, step_s=self.step_s, samples=samples
+        )

@@ -1,0 +1,219 @@
+"""Run: one robot, or the ideal chain, that folds along a course, step by step."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.rotations import aligned_distances
+from planner.errors import SimulationError
+from planner.motion.frames import Frames, Phase
+from planner.playback.course import Course
+from planner.playback.setpoints import Setpoints, Target
+from planner.progress import Cancelled, Progress, Report
+
+Array = NDArray[np.float64]
+PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
+STEP_RAD: Final = 0.01
+"""Turn of a hinge, or of its target, since the last frame, from which on a frame is recorded: in
+nearly every step in which the chain moves, since the plan is swept at those before."""
+FRAME_DISTANCE: Final = 0.2
+"""Way of a module among the others since then, in pitches, from which on one is recorded, too."""
+FRAME_STEPS: Final = 12
+"""Steps between two frames, at most."""
+ARRIVED_WITHIN: Final = 0.1
+"""RMS position error in pitches up to which a playback has not missed its target."""
+REPORT_EVERY_S: Final = 0.1
+CHECK_EVERY: Final = 25
+"""Steps between two looks whether somebody wants it to stop."""
+
+
+class Run:
+    """One robot, or the ideal chain, that folds.
+
+    Args:
+        course: What it follows.
+        seed: Which robot it is.
+        kept_at: Steps at which a frame is kept, those of another run; None to choose them.
+    """
+
+    def __init__(
+        self, course: Course, seed: list[int], *, kept_at: frozenset[int] | None = None
+    ) -> None:
+        self.course = course
+        self.chain = course.chain
+        self.finer = course.finer
+        self.step_s = course.step_s
+        self.steps = 0
+        self.largest_error = 0.0
+        self.peak_torque = 0.0
+        self.square_torque = 0.0
+        self.kept: list[Frames] = []
+        self.references: list[Array] = []
+        self._kept_steps: list[int] = []
+        self._keep_at = kept_at
+        self.plant, self.drive = course.plant(seed)
+        self.plant.place(*course.begins)
+        self.at_rest = course.unfolding is not None or course.parameters.controller in (
+            "robot",
+            "computed-torque",
+        )
+        """Whether what integration adds to the momentum is taken away: large steps add some."""
+        self.status: PlaybackStatus = "cancelled"
+        self.reason = ""
+
+    @property
+    def kept_at(self) -> frozenset[int]:
+        """Steps at which a frame was kept."""
+        return frozenset(self._kept_steps)
+
+    @property
+    def frames(self) -> Frames:
+        """Those that were kept."""
+        return Frames.joined(self.kept)
+
+    def simulate(
+        self, sink: Callable[[Frames], None] | None, progress: Report, cancelled: Cancelled
+    ) -> None:
+        """Folds; ``status`` and ``reason`` say what came of it."""
+        self.status, self.reason = self._simulated(sink, progress, cancelled)
+        error = self.final_error()
+        if self.status == "folded" and error > ARRIVED_WITHIN:
+            self.status = "missed"
+            self.reason = (
+                f"the chain ended {error:.2g} pitches (RMS) from its target; "
+                f"{self.bent_wrong()} of {len(self.chain.folded_rad)} hinges are off by more than "
+                "0.1 rad."
+            )
+
+    def _simulated(
+        self, sink: Callable[[Frames], None] | None, progress: Report, cancelled: Cancelled
+    ) -> tuple[PlaybackStatus, str]:
+        plant = self.plant
+        parts: list[tuple[Phase, Setpoints]] = [(p, make()) for p, make in self.course.parts]
+        most_steps = self.course.parameters.max_steps
+        reported, reported_steps = time.perf_counter(), 0
+        last_angles = last_aim = np.full_like(self.chain.folded_rad, np.inf)
+        last_centres = np.full((len(self.chain), 3), np.inf)
+        last_step = 0
+        target = None
+        part, begun = 0, 0
+        try:
+            while self.steps - begun < most_steps:
+                plant.begin_step()
+                angles = plant.angles
+                phase, setpoints = parts[part]
+                following = setpoints.target(angles, plant.rates)
+                if following is None:
+                    assert target is not None
+                    if part + 1 < len(parts):
+                        # The first frame of the next part is here, where this one has ended.
+                        part, begun = part + 1, self.steps
+                        last_angles = np.full_like(last_angles, np.inf)
+                        continue
+                    self._keep(phase, angles, target, sink)
+                    return "folded", ""
+                target = following
+                error = float(np.abs(target.angles - angles).max())
+                self.largest_error = max(self.largest_error, error)
+                if error > self.course.lost_rad:
+                    self._keep(phase, angles, target, sink)
+                    return "missed", self._lost(angles, target)
+                if self._keep_at is not None:
+                    keeps = self.steps in self._keep_at
+                else:
+                    keeps = (
+                        max(
+                            np.abs(angles - last_angles).max(),
+                            np.abs(target.angles - last_aim).max(),
+                        )
+                        >= STEP_RAD / self.finer
+                        or ((plant.centres - last_centres) ** 2).sum(axis=1).max()
+                        >= (FRAME_DISTANCE / self.finer) ** 2
+                        or self.steps - last_step >= FRAME_STEPS
+                    )
+                if keeps:
+                    self._keep(phase, angles, target, sink)
+                    last_angles, last_aim, last_step = angles, target.angles, self.steps
+                    last_centres = plant.centres
+                self.drive(target)
+                plant.end_step()
+                if self.at_rest:
+                    plant.stop_drifting()
+                torque = float(np.abs(plant.motor_torques).max())
+                self.peak_torque = max(self.peak_torque, torque)
+                self.square_torque += torque * torque
+                self.steps += 1
+                if self.steps % CHECK_EVERY == 0:
+                    if cancelled():
+                        return "cancelled", "it was cancelled."
+                    now = time.perf_counter()
+                    if now - reported >= REPORT_EVERY_S:
+                        rate = (self.steps - reported_steps) / (now - reported)
+                        progress(
+                            Progress(
+                                stage="play_back",
+                                fraction=min((part + target.fraction) / len(parts), 0.99),
+                                steps=self.steps,
+                                steps_per_second=rate,
+                                simulated_s=self.steps * self.step_s,
+                                message="folding" if phase == "playback" else phase,
+                            )
+                        )
+                        reported, reported_steps = now, self.steps
+        except SimulationError as broken:
+            return "diverged", f"the simulation broke off: {broken}"
+        return "timeout", (
+            f"the chain had not come to rest in its folded shape after {most_steps} "
+            f"steps: it is {self.final_error():.2g} pitches (RMS) from there, and "
+            f"{self.bent_wrong()} of {len(self.chain.folded_rad)} hinges are off by more than "
+            "0.1 rad."
+        )
+
+    def _lost(self, angles: Array, target: Target) -> str:
+        """Which hinge a robot has lost."""
+        worst = int(np.abs(target.angles - angles).argmax())
+        return (
+            f"a robot lost its target: {self.chain.joint_names[worst]} is off by "
+            f"{abs(target.angles[worst] - angles[worst]):.2g} rad, more than its motor can bring "
+            f"back, {100.0 * target.fraction:.0f} % into the fold."
+        )
+
+    def _keep(
+        self,
+        phase: Phase,
+        angles: Array,
+        target: Target,
+        sink: Callable[[Frames], None] | None,
+    ) -> None:
+        frame = Frames.of_phase(
+            phase,
+            time_s=np.array([self.course.start_s + self.steps * self.step_s]),
+            joint_angles_rad=angles[None],
+            root_position=self.plant.root_position[None],
+            root_wxyz=self.plant.root_wxyz[None],
+            joint_error_rad=np.abs(target.angles - angles)[None],
+        )
+        self.kept.append(frame)
+        self._kept_steps.append(self.steps)
+        self.references.append(target.angles.copy())
+        if sink is not None:
+            sink(frame)
+
+    def final_error(self) -> float:
+        """RMS distance of the modules from the folded shape in pitches, after alignment."""
+        # A simulation that broke off leaves no numbers; its last sound frame counts.
+        angles = self.plant.angles
+        if not np.isfinite(angles).all():
+            angles = self.kept[-1].joint_angles_rad[-1]
+        poses = self.chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        distances = aligned_distances(poses.positions, self.chain.folded_poses.positions)
+        return float(np.sqrt((distances**2).mean()))
+
+    def bent_wrong(self) -> int:
+        """Hinges more than 0.1 rad from where they should end."""
+        return int((np.abs(self.plant.angles - self.chain.folded_rad) > 0.1).sum())

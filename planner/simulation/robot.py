@@ -1,0 +1,205 @@
+"""Robot: a chain as it would be built, not as it was drawn, simulated at linear cost.
+
+Its modules are heavier or lighter than the planner thinks, its joints rub, its encoders have steps,
+noise and an offset, and its motors give so much torque and no more. Each hinge has a servo of its
+own:
+
+    τ = kp (q_next − q_seen) + kv (q̇_next − q̇) + feed-forward,   |τ| ≤ limit
+
+which is taken at the end of the step, as MuJoCo's implicit integrators take it: with stiffness and
+damping in the hinges' inertia, h² kp + h kv, it is stable however stiff it is.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
+from planner.errors import SimulationError
+from planner.kernels.velocities import momentum_velocity
+from planner.simulation.model import Material
+from planner.simulation.mujoco import mujoco
+from planner.simulation.parameters import RobotParameters
+from planner.simulation.segments import Segments, State
+
+Array = NDArray[np.float64]
+STIFFER_WELDS: Final = 1e-6
+"""Factor of the welds' regularisation: they are not to give under servos whose inertia, as it is
+taken, is a thousand times a module's."""
+SLOW_RAD_S: Final = 2e-3
+"""Rate at which dry friction has three quarters of its strength: a hinge at rest is not stuck."""
+MOST_SATURATED: Final = 4
+"""Times that a step is worked out to find which motors are at their limit."""
+CONTACT_STEPS: Final = 2.0
+"""Time constant of contacts in steps, MuJoCo's limit of stability."""
+
+
+class Robot:
+    """A chain with servos and the faults of one robot. Holds a model and its data.
+
+    Args:
+        chain: The chain, as it was drawn.
+        parameters: What the robot is like.
+        geom_size: Size of the colliding modules as a fraction of the pitch.
+        step_s: Time step, at which the servos act too.
+        peak_torque: Largest torque of the plan, of which limits and friction are multiples.
+        seed: Whole numbers that say which robot of this kind it is.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        parameters: RobotParameters,
+        *,
+        geom_size: float,
+        step_s: float,
+        peak_torque: float,
+        seed: list[int],
+    ) -> None:
+        self.chain = chain
+        n, hinges = len(chain), len(chain.folded_rad)
+        rng = np.random.default_rng(seed)
+        self._rng = rng
+        self._step_s = step_s
+        self.limit = parameters.torque_limit * peak_torque
+        self._stiffness = self.limit / parameters.give_rad
+        self._damping = self._stiffness * parameters.damping_s
+        self.masses = 1.0 + parameters.mass_error * rng.standard_normal(n)
+        self._friction = parameters.friction * peak_torque * rng.uniform(0.5, 1.5, hinges)
+        self._encoder_rad = parameters.encoder_rad
+        self._noise_rad = parameters.noise_rad
+        self._offsets = self._encoder_rad * rng.uniform(-0.5, 0.5, hinges)
+        self._segments = Segments(
+            chain, Material(geom_size=geom_size, contact_time_constant=CONTACT_STEPS * step_s)
+        )
+        self._weigh()
+        self._forces = np.zeros((n, 3))
+        self._target = (np.zeros(hinges), np.zeros(hinges), np.zeros(hinges))
+        self.torques = np.zeros(hinges)
+        """(J,) of the motors in the last step."""
+        self.state = State.at_rest(np.zeros(hinges), np.zeros(3), np.eye(3))
+        self._centre = np.zeros(3)
+
+    def _weigh(self) -> None:
+        """Gives the modules of the model their masses, and its options those of a playback."""
+        model: Any = self._segments.model
+        for body in range(1, model.nbody):
+            mass = self.masses[int(model.body(body).name.rpartition("_")[2])]
+            model.body_mass[body] *= mass
+            model.body_inertia[body] *= mass
+        model.opt.timestep = self._step_s
+        model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
+        model.body_invweight0[:] *= STIFFER_WELDS
+
+    @property
+    def angles(self) -> Array:
+        """(J,) a copy of the hinge angles."""
+        return self.state.angles.copy()
+
+    @property
+    def rates(self) -> Array:
+        """(J,) a copy of the hinge velocities."""
+        return self.state.rates.copy()
+
+    @property
+    def centres(self) -> Array:
+        """(n, 3) a copy of the modules' centres, from their mean."""
+        centres = self._segments.positions
+        return centres - centres.mean(axis=0)
+
+    @property
+    def root_position(self) -> Array:
+        """(3,) a copy of the root's centre."""
+        return self.state.position.copy()
+
+    @property
+    def root_wxyz(self) -> Array:
+        """(4,) the root's orientation."""
+        return wxyz_from_matrix(self.state.rotation)
+
+    @property
+    def motor_torques(self) -> Array:
+        """(J,) what the motors did in the last step."""
+        return self.torques
+
+    def place(self, angles: Array, root_position: Array, root_wxyz: Array) -> None:
+        """Sets a configuration at rest."""
+        self.state = State.at_rest(angles, root_position, matrix_from_wxyz(root_wxyz))
+        self._segments.place(self.state)
+        self._centre = self._centre_of_mass()
+
+    def begin_step(self) -> None:
+        """Nothing: poses are those of the present state at any time."""
+
+    def follow(self, angles: Array, rates: Array, torques: Array) -> None:
+        """Tells the servos where hinges are to be after the coming step, how fast, and with what.
+
+        Args:
+            angles, rates: (J,) at the step's end.
+            torques: (J,) that a robot without faults needs for it.
+        """
+        self._target = (angles, rates, torques)
+
+    def end_step(self) -> None:
+        """One step.
+
+        Raises:
+            SimulationError: When the numbers are bad.
+        """
+        state, h = self.state, self._step_s
+        angles, rates, torques = self._target
+        seen = state.angles + self._noise_rad * self._rng.standard_normal(len(state.angles))
+        if self._encoder_rad:
+            step = self._encoder_rad
+            seen = np.rint((seen + self._offsets) / step) * step - self._offsets
+        speeds = np.abs(state.rates)
+        rubbing = self._friction * np.tanh(speeds / SLOW_RAD_S) / np.maximum(speeds, 1e-12)
+        wanted = self._stiffness * (angles - seen - h * state.rates)
+        wanted += self._damping * (rates - state.rates) + torques
+        inertia = h * h * self._stiffness + h * self._damping
+        model, data = self._segments.model, self._segments.data
+        dofs = self._segments.hinge_dofs
+        limited = np.zeros(len(state.angles))
+        left = MOST_SATURATED
+        while True:
+            free, left = limited == 0.0, left - 1
+            model.dof_armature[dofs] = np.where(free, inertia, 0.0) + h * rubbing
+            motors = np.where(free, wanted, self.limit * limited)
+            data.qfrc_applied[dofs] = motors - rubbing * state.rates
+            acceleration = self._segments.accelerations(state, self._forces)
+            given = np.where(free, wanted - inertia * acceleration.hinges, motors)
+            beyond = free & (np.abs(given) > self.limit)
+            if not left or not beyond.any():
+                break
+            limited[beyond] = np.sign(given[beyond])
+        self.torques = np.clip(given, -self.limit, self.limit)
+        state.accelerate(acceleration, h, 0.0)
+        state.advance(h)
+        if not np.isfinite(state.angles).all():
+            raise SimulationError("the state is no longer finite.")
+        self._segments.place(state)
+
+    def stop_drifting(self) -> None:
+        """Takes away the momentum that integration has added since the chain was at rest."""
+        segments, state = self._segments, self.state
+        velocity, spin = momentum_velocity(
+            self.masses,
+            self.chain.module.inertia,
+            segments.positions,
+            segments.rotations,
+            segments.velocities,
+            segments.spins,
+        )
+        centre = self._centre_of_mass()
+        arm = segments.positions[segments.root] - centre
+        state.velocity = state.velocity - velocity - np.array(np.cross(spin, arm), dtype=float)
+        state.spin = state.spin - state.rotation.T @ spin
+        state.position = state.position + self._centre - centre
+        segments.place(state)
+
+    def _centre_of_mass(self) -> Array:
+        return self.masses @ self._segments.positions / self.masses.sum()
