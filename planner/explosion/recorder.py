@@ -150,6 +150,8 @@ class FrameRecorder(Recorder[Step]):
         self._size = size
         self._sink = sink
         self._kept: list[Frames] = []
+        self.spacing = 1.0
+        """How many times as far apart snapshots may be now."""
 
     def __len__(self) -> int:
         """Snapshots so far."""
@@ -196,10 +198,10 @@ class FrameRecorder(Recorder[Step]):
         )
 
     def _far(self, a: Step, b: Step) -> bool:
-        if np.abs(a.angles - b.angles).max() >= self._snapshot_rad:
+        if np.abs(a.angles - b.angles).max() >= self.spacing * self._snapshot_rad:
             return True
         moved = ((a.centres - b.centres) ** 2).sum(axis=1).max()
-        return bool(moved >= self._snapshot_distance**2)
+        return bool(moved >= (self.spacing * self._snapshot_distance) ** 2)
 
     def _needs_more(self, a: Step, b: Step, *, more: bool) -> bool:
         if not more:

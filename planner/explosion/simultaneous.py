@@ -67,7 +67,7 @@ SHORT: Final = 512
 """Modules up to which ends go no faster than ``ExplosionParameters.body_cap``."""
 MOST_LONGER: Final = 2.5
 """Factor of that for longer chains, at most: a step goes no farther than pairs are looked for. What
-is between two snapshots grows with its square."""
+is between two snapshots grows with its square once the chain has come apart."""
 STUCK_RAD: Final = 1.0
 """Bend above which a hinge that has not moved counts as stuck."""
 LEAST_PROGRESS: Final = 0.005
@@ -116,12 +116,12 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
     ) -> None:
         room = 2.0 * chain.module.inner_radius * (parameters.geom_size - parameters.verify_size)
         longer = float(np.clip(len(chain) / SHORT, 1.0, MOST_LONGER))
-        self.snapshot_rad = longer**2 * parameters.snapshot_rad
-        self.snapshot_distance = longer**2 * parameters.snapshot_distance
+        self.spacing = longer**2
+        """How many times as far apart snapshots are once the chain has come apart."""
         self.frames = FrameRecorder(
             chain,
-            snapshot_rad=self.snapshot_rad,
-            snapshot_distance=self.snapshot_distance,
+            snapshot_rad=parameters.snapshot_rad,
+            snapshot_distance=parameters.snapshot_distance,
             size=parameters.verify_size,
             sink=sink,
         )
@@ -243,12 +243,17 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
         forces = gain * (WEAK_TENSION if weak or creeps else 1.0) * radial
         if creeps:
             forces += self._creep(positions)
-        low, high = COMING_APART
-        apart = float(np.clip((self.unfolded() - low) / (high - low), 0.0, 1.0))
+        apart = self.apart()
+        self.frames.spacing = 1.0 + (self.spacing - 1.0) * apart
         push = p.repulsion_gain * (1.0 + (p.loose_repulsion - 1.0) * apart)
         push *= STRONG_REPULSION if weak and not creeps else 1.0
         repulsion(positions, self.pairs, push, forces)
         return forces
+
+    def apart(self) -> float:
+        """0 while the chain is packed, 1 once it has come apart."""
+        low, high = COMING_APART
+        return float(np.clip((self.unfolded() - low) / (high - low), 0.0, 1.0))
 
     def _creep(self, positions: Array) -> Array:
         """(n, 3) forces along the chain, from the end that its sharpest bends are nearer to.
@@ -321,8 +326,8 @@ class Simultaneous(Explosion[Step, ExplosionParameters]):
             self.chain,
             self.state,
             start_s=self.time_s,
-            snapshot_rad=self.snapshot_rad,
-            snapshot_distance=self.snapshot_distance,
+            snapshot_rad=self.spacing * self.parameters.snapshot_rad,
+            snapshot_distance=self.spacing * self.parameters.snapshot_distance,
             size=self.parameters.verify_size,
         )
         if rest is None:

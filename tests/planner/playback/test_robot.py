@@ -1,0 +1,180 @@
+"""Robots with faults: what they are like, how they fold, and what the certificate says of them."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.certificate.certificate import Certificate, certify
+from planner.chain.chain import Chain
+from planner.motion.record import Record
+from planner.playback.playback import Playback, play_back
+from planner.simulation.model import Material, tree_spec
+from planner.simulation.parameters import Parameters, PlaybackParameters, RobotParameters
+from planner.simulation.robot import Robot
+from planner.verification.verify import verify
+from tests.planner.chains import coil, line
+
+Array = NDArray[np.float64]
+FAULTLESS = RobotParameters(mass_error=0.0, friction=0.0, encoder_rad=0.0, noise_rad=0.0, runs=1)
+
+
+@pytest.fixture(scope="module")
+def small(folded: Callable[..., Any]) -> tuple[Chain, Record, Playback]:
+    fold = folded("wrench-24")
+    return fold.chain, fold.record, fold.playback
+
+
+def of(robot: RobotParameters) -> PlaybackParameters:
+    return PlaybackParameters(robot=robot)
+
+
+def made(chain: Chain, robot: RobotParameters, seed: int = 0) -> Robot:
+    return Robot(chain, robot, geom_size=0.3, step_s=0.08, peak_torque=10.0, seed=[seed])
+
+
+@pytest.mark.parametrize("chain", [line(7), coil(40)], ids=len)
+def test_a_step_is_that_of_one_tree_of_mujoco_with_the_same_masses(chain: Chain) -> None:
+    robot = made(chain, replace(FAULTLESS, mass_error=0.1, torque_limit=100.0), seed=3)
+    assert robot.masses.std() > 0.05
+    hinges = len(chain.folded_rad)
+    rng = np.random.default_rng(5)
+    angles = 0.6 * chain.folded_rad + 0.1 * rng.normal(size=hinges)
+    robot.place(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    target, rates = angles + 0.001 * rng.normal(size=hinges), 0.01 * rng.normal(size=hinges)
+    torques = rng.normal(size=hinges)
+    robot.follow(target, rates, torques)
+    robot.end_step()
+    h, stiffness = 0.08, robot.limit / FAULTLESS.give_rad
+    damping = stiffness * FAULTLESS.damping_s
+    model: Any = tree_spec(chain, Material(geom_size=0.3)).compile()
+    for i, mass in enumerate(robot.masses):
+        body = model.body(f"module_{i}").id
+        model.body_mass[body] *= mass
+        model.body_inertia[body] *= mass
+    data: Any = mujoco.MjData(model)
+    dofs = [model.joint(name).dofadr[0] for name in chain.joint_names]
+    for name, angle in zip(chain.joint_names, angles, strict=True):
+        data.joint(name).qpos[0] = angle
+    model.dof_armature[dofs] = h * h * stiffness + h * damping
+    data.qfrc_applied[dofs] = stiffness * (target - angles) + damping * rates + torques
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 0
+    # But for what the welds between segments give.
+    wanted = h * data.qacc[dofs]
+    np.testing.assert_allclose(robot.rates, wanted, atol=3e-4 * np.abs(wanted).max())
+    # The servo is taken at the end of the step: what it gives there is what it asks for there.
+    given = stiffness * (target - robot.angles) + damping * (rates - robot.rates) + torques
+    np.testing.assert_allclose(robot.motor_torques, given, rtol=1e-6, atol=1e-6 * robot.limit)
+
+
+def test_a_robot_without_faults_is_off_by_what_its_welds_give(
+    small: tuple[Chain, Record, Playback],
+) -> None:
+    chain, record, _ = small
+    exact = play_back(chain, record, of(FAULTLESS))
+    assert exact.status == "folded"
+    assert exact.max_angle_error_rad is not None
+    assert exact.max_angle_error_rad < 1e-4
+    assert (exact.robots, exact.others_rad) == (None, None)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [{"mass_error": 0.1}, {"friction": 0.2}, {"encoder_rad": 2e-3}, {"noise_rad": 1e-3}],
+    ids=lambda fault: next(iter(fault)),
+)
+def test_each_fault_is_seen_in_the_joint_error(
+    small: tuple[Chain, Record, Playback], fault: dict[str, float]
+) -> None:
+    chain, record, _ = small
+    exact, faulty = (
+        play_back(chain, record, of(replace(FAULTLESS, **more)))
+        for more in ({}, fault)  # type: ignore[arg-type]
+    )
+    assert exact.max_angle_error_rad is not None and faulty.max_angle_error_rad is not None
+    assert faulty.status == "folded"
+    assert 2.0 * exact.max_angle_error_rad < faulty.max_angle_error_rad < 0.05
+
+
+def test_the_seed_decides_which_robots_there_are(small: tuple[Chain, Record, Playback]) -> None:
+    chain, record, first = small
+    again, other = (play_back(chain, record, PlaybackParameters(), seed=seed) for seed in (0, 1))
+    assert first.others_rad is not None and again.others_rad is not None
+    np.testing.assert_array_equal(again.others_rad, first.others_rad)
+    np.testing.assert_array_equal(again.frames.joint_angles_rad, first.frames.joint_angles_rad)
+    assert not np.array_equal(other.frames.joint_angles_rad, first.frames.joint_angles_rad)
+    np.testing.assert_array_equal(other.reference_rad, first.reference_rad)
+
+
+def test_the_robot_that_is_off_most_is_shown(small: tuple[Chain, Record, Playback]) -> None:
+    _, _, playback = small
+    reference = playback.reference_rad
+    assert playback.robots == RobotParameters().runs == 3
+    assert playback.others_rad is not None and reference is not None
+    assert playback.others_rad.shape == (2, *reference.shape)
+    shown = np.abs(playback.frames.joint_angles_rad - reference).max()
+    assert all(np.abs(other - reference).max() < shown + 1e-12 for other in playback.others_rad)
+    assert playback.max_angle_error_rad is not None and playback.max_angle_error_rad >= shown
+
+
+def test_motors_give_no_more_than_they_can(small: tuple[Chain, Record, Playback]) -> None:
+    chain, record, _ = small
+    need = play_back(chain, record, of(FAULTLESS)).peak_torque
+    weak = play_back(chain, record, of(replace(FAULTLESS, torque_limit=0.9)))
+    assert need is not None and weak.peak_torque is not None
+    assert weak.peak_torque <= 0.91 * need
+
+
+def test_the_certificate_holds_the_clearance_of_each(
+    small: tuple[Chain, Record, Playback],
+) -> None:
+    chain, record, playback = small
+    certificate = certify(chain, record, playback, Parameters())
+    assert certificate.verified and certificate.robots is not None
+    assert len(certificate.robots) == 3
+    assert certificate.robots[0]["min_clearance"] == certificate.min_clearance_playback
+    bounds = [robot["clearance_bound"] for robot in certificate.robots]
+    assert certificate.clearance_bound is not None
+    assert certificate.clearance_bound <= min(bounds)
+    assert Certificate.from_dict(certificate.as_dict()) == certificate
+
+
+def test_a_plan_that_one_of_them_collides_in_is_refused(
+    small: tuple[Chain, Record, Playback],
+) -> None:
+    chain, record, playback = small
+    assert playback.others_rad is not None
+    told = playback.others_rad.copy()
+    told[1, len(told[1]) // 2, ::2] = 0.5 * np.pi  # around and around in a square
+    found = certify(chain, record, replace(playback, others_rad=told), Parameters())
+    assert found.verdict.startswith("failed: in the simulated playback of robot 3, modules")
+    told = playback.others_rad.copy()
+    told[0, -1] *= 0.9
+    found = certify(chain, record, replace(playback, others_rad=told), Parameters())
+    assert found.verdict.startswith("failed: the playback of another robot ends")
+    for bad in (playback.others_rad[:, 1:], np.full_like(playback.others_rad, np.nan)):
+        found = certify(chain, record, replace(playback, others_rad=bad), Parameters())
+        assert found.verdict == (
+            "failed: the playbacks of other robots do not have the plan's frames"
+        )
+
+
+def test_without_the_other_robots_a_plan_is_verified_and_that_is_told(
+    folded: Callable[..., Any], tmp_path: FilePath
+) -> None:
+    place = tmp_path / "fold"
+    shutil.copytree(folded("wrench-24").directory, place)
+    assert verify(place).problems == ()
+    (place / "playback.npz").unlink()
+    found = verify(place)
+    assert any("playbacks of other robots were not swept" in note for note in found.notes)
+    assert not any("certificate" in problem for problem in found.problems)
