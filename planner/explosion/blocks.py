@@ -111,6 +111,7 @@ class _BlocksFirst(Simultaneous):
             seed,
             sink,
         )
+        self.spacing = 1.0  # its snapshots are far apart from the start
         self.afterwards = parameters
         self.bent = self._bent()
 

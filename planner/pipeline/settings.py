@@ -2,7 +2,7 @@
 
 They are written as one text, ``damping=0.05, radial_gain=0.2``, on the command line, in the API and
 on the page. ``SETTINGS`` are what the paper names, what it gives, and what is read into it
-(docs/decisions/0002); ``ROBOT_SETTINGS`` what robots are like (docs/decisions/0020).
+(docs/decisions/0002); ``ROBOT_SETTINGS`` what robots are like (docs/decisions/0001).
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ STIFFER_WELDS: Final = 1e-6
 taken, is a thousand times a module's."""
 SLOW_RAD_S: Final = 2e-3
 """Rate at which dry friction has three quarters of its strength: a hinge at rest is not stuck."""
-MOST_SATURATED: Final = 4
+MOST_SATURATED: Final = 8
 """Times that a step is worked out to find which motors are at their limit."""
 CONTACT_STEPS: Final = 2.0
 """Time constant of contacts in steps, MuJoCo's limit of stability."""
@@ -176,7 +176,7 @@ class Robot:
             if not left or not beyond.any():
                 break
             limited[beyond] = np.sign(given[beyond])
-        self.torques = np.clip(given, -self.limit, self.limit)
+        self.torques = given
         state.accelerate(acceleration, h, 0.0)
         state.advance(h)
         if not np.isfinite(state.angles).all():

@@ -436,7 +436,7 @@ def _properties(
             groups.append((f"{name.capitalize()} parameters", [*parameters_in_words(plain)]))
             if isinstance(robot, dict) and plain.get("controller") == "robot":
                 of_robot = parameters_in_words(cast("dict[str, object]", robot))
-                groups.append(("Robots", [*of_robot]))
+                groups.append(("Robots, torques as multiples of the largest planned", [*of_robot]))
     versions = plan.get("versions", {})
     groups.append(("Versions", [(VERSIONS.get(k, k), str(v)) for k, v in versions.items()]))
     shown = [(heading, _shown(rows)) for heading, rows in groups]

@@ -77,6 +77,28 @@ def test_nothing_is_closer_than_the_bound(seed: int, modules: int, step: float) 
         assert found.bound <= dense + 1e-9
 
 
+def test_nothing_is_missed_of_chains_whose_ends_swing_far() -> None:
+    chain = line(90)
+    outcomes = set()
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        start = rng.normal(0.0, 0.25, len(chain.folded_rad))
+        frames = np.stack([start, start + rng.normal(0.0, 0.3, len(start))])
+        poses = [forward_kinematics(chain.module, q, root=chain.root).positions for q in frames]
+        assert np.linalg.norm(poses[1] - poses[0], axis=1).max() > 2.0
+        if clearance_of(chain, frames[0], 0.95) < 0.0 or clearance_of(chain, frames[1], 0.95) < 0.0:
+            continue
+        found = sweep(chain, frames, size=0.95)
+        dense = densely(chain, frames, 0.95, 81)
+        assert found.unbounded is None or found.clearance <= 0.0
+        if dense < -1e-3:
+            assert found.clearance < 0.0
+        if found.clearance >= 0.0:
+            assert 0.0 < found.bound <= dense + 1e-9
+        outcomes.add(found.clearance < 0.0)
+    assert outcomes == {True, False}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", ["wrench-24", "mallet-64"])
 def test_the_bound_of_real_records_holds(shape: str, folded: Callable[..., Any]) -> None:

@@ -20,6 +20,7 @@ from planner.simulation.parameters import (
     ExplosionParameters,
     PaperExplosionParameters,
     PlaybackParameters,
+    RobotParameters,
     preset,
 )
 from server.api.schemas import Fold
@@ -64,8 +65,9 @@ def test_quantities_have_units() -> None:
 
 
 def test_every_parameter_has_words_of_its_own() -> None:
-    for kind in (ExplosionParameters, PaperExplosionParameters, PlaybackParameters):
-        names = [field.name for field in dataclasses.fields(kind)]
+    kinds = (ExplosionParameters, PaperExplosionParameters, PlaybackParameters, RobotParameters)
+    for kind in kinds:
+        names = [field.name for field in dataclasses.fields(kind) if field.name != "robot"]
         assert set(names) <= set(quantities.PARAMETERS)
         labels = [label for label, _ in parameters(dict.fromkeys(names, 1.5))]
         assert len(set(labels)) == len(labels)
@@ -257,7 +259,9 @@ def test_properties_of_a_real_fold_are_fit_to_read(
     }
     assert values["Fold: Preset"] == "Default"
     assert values["Explosion parameters: Time step"] == "0.004 to 0.1 s"
-    assert values["Playback parameters: Controller"] == "Computed torque"
+    assert values["Playback parameters: Controller"] == "Servos with feed-forward"
+    assert values["Robots, torques as multiples of the largest planned: Robots"] == "3"
+    assert values["Certificate: Robots"].startswith("3 with faults of their own")
     assert re.fullmatch(r"[\d.]+(×10\S+)? N·m", values["Certificate: Peak torque"])
     for row in rows:
         assert "_" not in row["label"]
