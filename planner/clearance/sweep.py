@@ -160,6 +160,31 @@ def _swept(
     )
 
 
+class Between:
+    """The least clearance on the way from one configuration of a chain to another, asked often.
+
+    Args:
+        chain: The chain.
+        size: Module size as a fraction of the pitch.
+    """
+
+    def __init__(self, chain: Chain, size: float) -> None:
+        self._shape = _shape(chain, size, None)
+
+    def clearance(self, start: Array, end: Array, enough: float) -> float:
+        """The least seen from ``start`` on, before ``end``; of ``enough`` and more only that."""
+        hinges = len(start)
+        angles = Angles(
+            first=np.zeros(2, np.int64),
+            offsets=np.array([0, hinges, 2 * hinges]),
+            shift=0,
+            values=np.concatenate([start, end]),
+        )
+        known, per_frame = np.full(2, enough), np.full(2, enough)
+        found = sweep_frames(self._shape, angles, 0, 1, enough, known, per_frame, 0.0)
+        return 0.0 if found.unbounded >= 0.0 else float(found.clearance)
+
+
 def clearance_at(
     chain: Chain, motion: Array | Windows, frame: float, modules: tuple[int, int], *, size: float
 ) -> float:

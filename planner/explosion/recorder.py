@@ -14,6 +14,7 @@ from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.rotations import wxyz_from_matrix
 from planner.clearance.clearance import closest
+from planner.clearance.sweep import Between
 from planner.motion.frames import Frames
 from planner.simulation.segments import State
 
@@ -151,7 +152,9 @@ class FrameRecorder(Recorder[Step]):
         self._sink = sink
         self._kept: list[Frames] = []
         self.spacing = 1.0
-        """How many times as far apart snapshots may be now."""
+        """How many times as far apart snapshots may be now. Above 1 all of the way between two is
+        looked at, and not its middle only."""
+        self._way = Between(chain, size)
 
     def __len__(self) -> int:
         """Snapshots so far."""
@@ -206,8 +209,11 @@ class FrameRecorder(Recorder[Step]):
     def _needs_more(self, a: Step, b: Step, *, more: bool) -> bool:
         if not more:
             return False
-        halfway = self._clearance(0.5 * (a.angles + b.angles))
-        return halfway < CLOSE and halfway < (
+        if self.spacing > 1.0:
+            between = self._way.clearance(a.angles, b.angles, CLOSE)
+        else:
+            between = self._clearance(0.5 * (a.angles + b.angles))
+        return between < CLOSE and between < (
             min(self._clearance(a.angles), self._clearance(b.angles)) - WORSE
         )
 

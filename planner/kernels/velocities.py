@@ -113,20 +113,22 @@ def chain_velocities(
 def momentum_velocity(
     masses: Array,
     inertia: Array,
+    root: int,
     positions: Array,
     rotations: Array,
     velocities: Array,
     spins: Array,
-) -> tuple[Array, Array]:
-    """Velocity of the centre of mass, and spin of a rigid body of the same angular momentum.
+) -> tuple[Array, Array, Array]:
+    """How a rigid body of the same shape, momentum and angular momentum would move.
 
     Args:
         masses: (n,) of the modules.
         inertia: (3,) of a module of mass 1 about its axes.
+        root: A module.
         positions, rotations, velocities, spins: (n, 3), (n, 3, 3), (n, 3), (n, 3) in the world.
 
     Returns:
-        (3,) and (3,), the spin about the centre of mass.
+        (3,) velocity of the root, (3,) spin, and (3,) the centre of mass.
     """
     total = masses.sum()
     centre = np.zeros(3)
@@ -157,4 +159,7 @@ def momentum_velocity(
                 whole[r, c] += masses[i] * (own - arm[r] * arm[c])
                 momentum[r] += masses[i] * own * spins[i, c]
     spin: Array = np.linalg.solve(whole, momentum)  # pyright: ignore[reportAssignmentType]
-    return velocity, spin
+    for r in range(3):
+        arm[r] = positions[root, r] - centre[r]
+    cross(spin, arm, work)
+    return velocity + work, spin, centre

@@ -130,7 +130,7 @@ class Robot:
         """Sets a configuration at rest."""
         self.state = State.at_rest(angles, root_position, matrix_from_wxyz(root_wxyz))
         self._segments.place(self.state)
-        self._centre = self._centre_of_mass()
+        self._centre = self._as_rigid_body()[2]
 
     def begin_step(self) -> None:
         """Nothing: poses are those of the present state at any time."""
@@ -185,21 +185,22 @@ class Robot:
 
     def stop_drifting(self) -> None:
         """Takes away the momentum that integration has added since the chain was at rest."""
-        segments, state = self._segments, self.state
-        velocity, spin = momentum_velocity(
+        velocity, spin, centre = self._as_rigid_body()
+        state = self.state
+        state.velocity = state.velocity - velocity
+        state.spin = state.spin - state.rotation.T @ spin
+        state.position = state.position + self._centre - centre
+        self._segments.place(state)
+
+    def _as_rigid_body(self) -> tuple[Array, Array, Array]:
+        """See ``momentum_velocity``."""
+        segments = self._segments
+        return momentum_velocity(
             self.masses,
             self.chain.module.inertia,
+            segments.root,
             segments.positions,
             segments.rotations,
             segments.velocities,
             segments.spins,
         )
-        centre = self._centre_of_mass()
-        arm = segments.positions[segments.root] - centre
-        state.velocity = state.velocity - velocity - np.array(np.cross(spin, arm), dtype=float)
-        state.spin = state.spin - state.rotation.T @ spin
-        state.position = state.position + self._centre - centre
-        segments.place(state)
-
-    def _centre_of_mass(self) -> Array:
-        return self.masses @ self._segments.positions / self.masses.sum()
