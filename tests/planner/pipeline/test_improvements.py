@@ -151,7 +151,7 @@ def test_what_has_one_plan_leaves_no_choice() -> None:
         Request(prefer=prefer, strategy="peel").check()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_quickest_is_taken_whatever_the_number_of_workers(tmp_path: FilePath) -> None:
     chain = snake((2, 2, 4))
     plans: list[Plan] = []

@@ -137,7 +137,8 @@ def test_it_floats_without_momentum(plan: Plan) -> None:
     """A chain that turned a little about its length would spin ever faster as it gets straight."""
     modules = plan.chain.poses(plan.joint_angles_rad, plan.root_position, plan.root_wxyz)
     centres = modules.positions.mean(axis=1)
-    np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=0.05)
+    # That of equal modules; those of a robot are not quite equal.
+    np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=0.15)
     # Where it waits straight, it moves no more than rubbing joints let a servo move it.
     k = straight(plan)
     for values in (plan.root_position, plan.root_wxyz):
