@@ -37,7 +37,7 @@ from planner.playback.time_law import TimeLaw, hinge_bounded_law, torque_bounded
 from planner.playback.unfolding import Unfolding
 from planner.simulation.model import Material
 from planner.simulation.parameters import PlaybackParameters
-from planner.simulation.robot import Robot
+from planner.simulation.robot import Robot, RobotBody
 from planner.simulation.tree import RateMotors, Servos, Tree
 
 Array = NDArray[np.float64]
@@ -93,6 +93,7 @@ class Course:
         self.module_size = module_size
         self.start_s = start_s
         self.unfolding = unfolding
+        self._body: RobotBody | None = None
         self.peak_torque = 0.0
         """Largest torque that a robot without faults needs; 0 where none is worked out."""
         self.parts = self._all_parts(record, unfolding)
@@ -117,14 +118,9 @@ class Course:
         """A chain to simulate, and what drives it towards a target in the coming step."""
         p, step_s = self.parameters, self.step_s
         if p.controller == "robot":
-            robot = Robot(
-                self.chain,
-                p.robot,
-                geom_size=self.module_size,
-                step_s=step_s,
-                peak_torque=self.peak_torque,
-                seed=seed,
-            )
+            if self._body is None:
+                self._body = RobotBody(self.chain, geom_size=self.module_size, step_s=step_s)
+            robot = Robot(self._body, p.robot, peak_torque=self.peak_torque, seed=seed)
             return robot, lambda target: drive_robot(robot, target, step_s)
         motors = _motors(p)
         material = Material(geom_size=self.module_size, friction=p.friction)

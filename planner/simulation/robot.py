@@ -38,29 +38,55 @@ CONTACT_STEPS: Final = 2.0
 """Time constant of contacts in steps, MuJoCo's limit of stability."""
 
 
-class Robot:
-    """A chain with servos and the faults of one robot. Holds a model and its data.
+class RobotBody:
+    """The model that robots of one chain are simulated with, one after the other.
 
     Args:
         chain: The chain, as it was drawn.
-        parameters: What the robot is like.
         geom_size: Size of the colliding modules as a fraction of the pitch.
         step_s: Time step, at which the servos act too.
+    """
+
+    def __init__(self, chain: Chain, *, geom_size: float, step_s: float) -> None:
+        self.segments = Segments(
+            chain, Material(geom_size=geom_size, contact_time_constant=CONTACT_STEPS * step_s)
+        )
+        model: Any = self.segments.model
+        model.opt.timestep = step_s
+        model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
+        model.body_invweight0[:] *= STIFFER_WELDS
+        names = [model.body(body).name for body in range(1, model.nbody)]
+        self._modules = np.array([int(name.rpartition("_")[2]) for name in names])
+        self._masses, self._inertias = model.body_mass.copy(), model.body_inertia.copy()
+
+    def weigh(self, masses: Array) -> None:
+        """Gives the modules (n,) masses, inertias in proportion, and forgets what was simulated."""
+        model, shares = self.segments.model, masses[self._modules]
+        model.body_mass[1:] = shares * self._masses[1:]
+        model.body_inertia[1:] = shares[:, None] * self._inertias[1:]
+        mujoco.mj_resetData(model, self.segments.data)
+
+
+class Robot:
+    """A chain with servos and the faults of one robot.
+
+    Args:
+        body: What it is simulated with, which it alone uses until the next robot is made of it.
+        parameters: What the robot is like.
         peak_torque: Largest torque of the plan, of which limits and friction are multiples.
         seed: Whole numbers that say which robot of this kind it is.
     """
 
     def __init__(
         self,
-        chain: Chain,
+        body: RobotBody,
         parameters: RobotParameters,
         *,
-        geom_size: float,
-        step_s: float,
         peak_torque: float,
         seed: list[int],
     ) -> None:
-        self.chain = chain
+        self.chain = chain = body.segments.chain
+        step_s = float(body.segments.model.opt.timestep)
         n, hinges = len(chain), len(chain.folded_rad)
         rng = np.random.default_rng(seed)
         self._rng = rng
@@ -73,27 +99,14 @@ class Robot:
         self._encoder_rad = parameters.encoder_rad
         self._noise_rad = parameters.noise_rad
         self._offsets = self._encoder_rad * rng.uniform(-0.5, 0.5, hinges)
-        self._segments = Segments(
-            chain, Material(geom_size=geom_size, contact_time_constant=CONTACT_STEPS * step_s)
-        )
-        self._weigh()
+        self._segments = body.segments
+        body.weigh(self.masses)
         self._forces = np.zeros((n, 3))
         self._target = (np.zeros(hinges), np.zeros(hinges), np.zeros(hinges))
         self.torques = np.zeros(hinges)
         """(J,) of the motors in the last step."""
         self.state = State.at_rest(np.zeros(hinges), np.zeros(3), np.eye(3))
         self._centre = np.zeros(3)
-
-    def _weigh(self) -> None:
-        """Gives the modules of the model their masses, and its options those of a playback."""
-        model: Any = self._segments.model
-        for body in range(1, model.nbody):
-            mass = self.masses[int(model.body(body).name.rpartition("_")[2])]
-            model.body_mass[body] *= mass
-            model.body_inertia[body] *= mass
-        model.opt.timestep = self._step_s
-        model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
-        model.body_invweight0[:] *= STIFFER_WELDS
 
     @property
     def angles(self) -> Array:

@@ -70,7 +70,7 @@ def test_colours_tell_any_figure(visit: Visit, wrench: str, figures: Figures) ->
     expect(page.locator("#legend-high")).to_have_text(re.compile(r"N·m$"))
     seen = picture(page)
     keep(page, "colour-torque")
-    assert np.abs(seen - before).max() > 40
+    assert np.abs(seen - before).max() > 20  # from some red to some of another colour
     assert (seen[..., 0] - seen[..., 1:].max(axis=-1)).max() < 60  # not what only some people see
     menu.select_option("chain")
     leave_view_out(page.context)

@@ -19,7 +19,7 @@ from planner.motion.record import Record
 from planner.playback.playback import Playback, play_back
 from planner.simulation.model import Material, tree_spec
 from planner.simulation.parameters import Parameters, PlaybackParameters, RobotParameters
-from planner.simulation.robot import Robot
+from planner.simulation.robot import Robot, RobotBody
 from planner.verification.verify import verify
 from tests.planner.chains import coil, line
 
@@ -38,7 +38,8 @@ def of(robot: RobotParameters) -> PlaybackParameters:
 
 
 def made(chain: Chain, robot: RobotParameters, seed: int = 0) -> Robot:
-    return Robot(chain, robot, geom_size=0.3, step_s=0.08, peak_torque=10.0, seed=[seed])
+    body = RobotBody(chain, geom_size=0.3, step_s=0.08)
+    return Robot(body, robot, peak_torque=10.0, seed=[seed])
 
 
 @pytest.mark.parametrize("chain", [line(7), coil(40)], ids=len)

@@ -49,7 +49,7 @@ def test_a_server_killed_in_mid_explosion(service_with) -> None:
     service = service_with()
     with ServiceHere(service.data_dir).start() as taking_in:
         # A smaller one may be over before its explosion has been seen.
-        fold_id = taking_in.fold(shape="wrench-160")["id"]
+        fold_id = taking_in.fold(shape="wrench-160", settings="robots=0")["id"]
         waiting = taking_in.fold(SNAKE)["id"]
     service.start()
     assert service.wait_exploding(fold_id)["status"] == "running"
