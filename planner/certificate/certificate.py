@@ -372,12 +372,16 @@ def _robots(
         found.append(
             RobotFigures(
                 max_angle_error_rad=float(np.abs(motion - plan).max()),
-                rms_position_error=float(np.sqrt((_off(chain, motion[-1]) ** 2).mean())),
+                rms_position_error=_rms(_off(chain, motion[-1])),
                 min_clearance=swept.clearance,
                 clearance_bound=swept.bound,
             )
         )
     return tuple(found)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt((values**2).mean()))
 
 
 def _off(chain: Chain, angles: Array) -> Array:
@@ -457,7 +461,7 @@ def _simulation_figures(chain: Chain, playback: Playback) -> dict[str, Any]:
     if not (isinstance(simulated, Windows) or isinstance(playback.reference, Windows)):
         off = max(off, float(np.abs(simulated - playback.reference).max()))
     return {
-        "rms_position_error": float(np.sqrt((distances**2).mean())),
+        "rms_position_error": _rms(distances),
         "max_position_error": float(distances.max()),
         "max_angle_error_rad": off,
     }
@@ -507,7 +511,7 @@ def _verdict(
             "folded shape"
         )
     for other in others(playback):
-        if (error := float(np.sqrt((_off(chain, other[-1]) ** 2).mean()))) > FOLDED_WITHIN:
+        if (error := _rms(_off(chain, other[-1]))) > FOLDED_WITHIN:
             return (
                 f"failed: the playback of another robot ends {error:.2g} pitch (RMS) from the "
                 "folded shape"
@@ -574,7 +578,7 @@ def _begins_otherwise(chain: Chain, start: Chain | None, playback: Playback) -> 
     still, identity = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     passed = chain.poses(simulated[straight], still, identity).positions
     line = chain.poses(np.zeros_like(plan[0]), still, identity).positions
-    off = float(np.sqrt((aligned_distances(passed, line) ** 2).mean()))
+    off = _rms(aligned_distances(passed, line))
     if off > FOLDED_WITHIN:
         return f"the playback passes {off:.2g} pitch (RMS) from straight"
     return ""
