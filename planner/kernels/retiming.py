@@ -1,9 +1,10 @@
-"""Time-optimal retiming of a path with bounds on every hinge, compiled.
+"""Time-optimal laws along a path with bounds on every hinge, compiled.
 
-Reachability analysis over x = ṡ² at the knots of a grid (Pham, Pham: A new approach to time-optimal
-path parameterization based on reachability analysis, 2018), with s̈ = (x₊ − x) / 2Δ constant from
-one knot to the next. The path is quadratic in s there, so every acceleration q' s̈ + q'' ṡ² is
-linear in s: bounds that hold at both knots hold between them.
+With bounds of speed and acceleration: reachability analysis over x = ṡ² at the knots of a grid
+(Pham, Pham: A new approach to time-optimal path parameterization based on reachability analysis,
+2018), with s̈ = (x₊ − x) / 2Δ constant from one knot to the next. The path is quadratic in s there,
+so every acceleration q' s̈ + q'' ṡ² is linear in s: bounds that hold at both knots hold between
+them. With bounds of torque: a forward and a backward pass.
 """
 # pyright: reportUntypedFunctionDecorator=false
 
@@ -17,6 +18,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 MOST_CUTS = 100
 ROUNDING = 1e-12
+LEAST_LEFT = 0.05
+"""Share of a torque's bound that is left for ü, at least."""
 STEEP = 1e-7
 """A row with |b| below this share of |a| bounds x alone; its line is too steep to intersect."""
 
@@ -124,3 +127,29 @@ def _controllable(
             break
         x = max(0.0, x - (high - low) / (high_slope - low_slope))
     return x
+
+
+@njit(cache=True)
+def torque_passes(a: Array, b: Array, ceiling: Array, step: float) -> Array:
+    """(U,) z = u̇² at even places of a path along which the torques are τ = a ü + b u̇².
+
+    It is never above the ceiling and 0 at both ends; ü = z' / 2 is what |τ| ≤ 1 leaves of it: a
+    forward and a backward pass (Bobrow, Dubowsky, Gibson: Time-optimal control, 1985).
+
+    Args:
+        a, b: (U, J).
+        ceiling: (U,).
+        step: From one place to the next.
+    """
+    z = ceiling.copy()
+    z[0] = z[-1] = 0.0
+    last = len(z) - 1
+    for forth in (True, False):
+        for k in range(last):
+            here, there = (k, k + 1) if forth else (last - k, last - k - 1)
+            most = np.inf
+            for j in range(a.shape[1]):
+                left = max(1.0 - abs(b[here, j]) * z[here], LEAST_LEFT)
+                most = min(most, left / max(abs(a[here, j]), 1e-12))
+            z[there] = min(z[there], z[here] + 2.0 * most * step)
+    return z

@@ -20,7 +20,7 @@ def wxyzs_of(rotations: Array, chosen: Ints, out: Array) -> None:
         quaternion(rotations[chosen[k]], out[k])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def write_state(
     angles: Array,
     rates: Array,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -50,7 +51,9 @@ MOST_FINER: Final = 4
 LOST_RAD: Final = 0.5
 """Joint error of a robot from which on it is lost: motors at their limit don't bring it back."""
 LAW_SAMPLES_A_RAD: Final = 180
-"""Samples of the time law for each radian of the reference's length."""
+"""Samples of the time law for each radian of the reference's length …"""
+MOST_LAW_TORQUES: Final = 2**23
+"""… or fewer, so that hinges times samples are no more: a quarter of a gigabyte."""
 
 
 def _motors(p: PlaybackParameters) -> Servos | RateMotors | None:
@@ -93,7 +96,6 @@ class Course:
         self.module_size = module_size
         self.start_s = start_s
         self.unfolding = unfolding
-        self._body: RobotBody | None = None
         self.peak_torque = 0.0
         """Largest torque that a robot without faults needs; 0 where none is worked out."""
         self.parts = self._all_parts(record, unfolding)
@@ -114,12 +116,15 @@ class Course:
         """Time of a step: what is recorded in more frames is simulated in as many more."""
         return self.parameters.step_s / self.finer
 
+    @cached_property
+    def _body(self) -> RobotBody:
+        """What the robots are made of."""
+        return RobotBody(self.chain, geom_size=self.module_size, step_s=self.step_s)
+
     def plant(self, seed: list[int]) -> tuple[Plant, Callable[[Target], None]]:
         """A chain to simulate, and what drives it towards a target in the coming step."""
         p, step_s = self.parameters, self.step_s
         if p.controller == "robot":
-            if self._body is None:
-                self._body = RobotBody(self.chain, geom_size=self.module_size, step_s=step_s)
             robot = Robot(self._body, p.robot, peak_torque=self.peak_torque, seed=seed)
             return robot, lambda target: drive_robot(robot, target, step_s)
         motors = _motors(p)
@@ -208,7 +213,13 @@ class Course:
     def _law(self, reference: Reference) -> TimeLaw:
         p = self.parameters
         steps = max(FEWEST_STEPS, int(self.finer * p.steps_per_rad * reference.length_rad))
-        samples = max(100, int(LAW_SAMPLES_A_RAD * reference.length_rad))
+        samples = max(
+            100,
+            min(
+                int(LAW_SAMPLES_A_RAD * reference.length_rad),
+                MOST_LAW_TORQUES // len(self.chain.folded_rad),
+            ),
+        )
         if p.paced_by == "speed":
             return hinge_bounded_law(
                 reference, steps=SPEED_STEPS * steps, step_s=self.step_s, samples=samples

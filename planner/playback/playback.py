@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
+from threading import Event, Lock
 from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from planner.cores import cores
 from planner.errors import InputError
 from planner.motion.angle_steps import packed_frames, snapped, unpacked_frames
 from planner.motion.frames import Frames
@@ -23,7 +26,7 @@ from planner.playback.course import Course
 from planner.playback.kinematic import kinematic_frames, windowed_frames
 from planner.playback.run import PlaybackStatus, Run
 from planner.playback.unfolding import Unfolding
-from planner.progress import Cancelled, Report, never, silent
+from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.parameters import PlaybackParameters
 
 Array = NDArray[np.float64]
@@ -199,14 +202,9 @@ def play_back(
     if recorded is not None and not simulates(chain, recorded, parameters.dynamic_up_to):
         return _followed(chain, recorded, parameters, module_size, sink, start_s, finer, unfolding)
     course = Course(chain, record, parameters, module_size, start_s, finer, unfolding)
-    runs: list[Run] = []
-    for number in range(course.robots):
-        runs.append(Run(course, [seed, number], kept_at=runs[0].kept_at if runs else None))
-        live = sink if course.robots == 1 else None
-        runs[-1].simulate(live, _part_of(progress, number, course.robots), cancelled)
-        if runs[-1].status != "folded":
-            break
-    run = max(runs, key=lambda one: (one.status != "folded", one.largest_error))
+    runs = _runs(course, seed, sink if course.robots == 1 else None, progress, cancelled)
+    failed = next((one for one in runs if one.status != "folded"), None)
+    run = failed or max(runs, key=lambda one: one.largest_error)
     others = [one.frames.joint_angles_rad for one in runs if one is not run]
     frames = run.frames
     if course.robots > 1 and sink is not None:
@@ -224,13 +222,46 @@ def play_back(
         peak_torque=max(one.peak_torque for one in runs),
         rms_torque=float(np.sqrt(run.square_torque / max(1, run.steps))),
         robots=len(runs) if course.robots > 1 else None,
-        others_rad=np.array(others) if others and run.status == "folded" else None,
+        others_rad=np.array(others) if others and failed is None else None,
     )
 
 
-def _part_of(progress: Report, number: int, parts: int) -> Report:
-    """Tells the progress of one part among several of a stage."""
-    return lambda told: progress(replace(told, fraction=(number + told.fraction) / parts))
+def _runs(
+    course: Course,
+    seed: int,
+    sink: Callable[[Motion], None] | None,
+    progress: Report,
+    cancelled: Cancelled,
+) -> list[Run]:
+    """All robots of a course that have folded, or have failed to; beside each other.
+
+    What comes of one does not depend on the others. Most of a step is MuJoCo's, which lets other
+    threads run meanwhile.
+    """
+    lock, stop = Lock(), Event()
+    fractions = [0.0] * course.robots
+
+    def one(number: int) -> Run:
+        def told(now: Progress) -> None:
+            with lock:
+                fractions[number] = now.fraction
+                progress(replace(now, fraction=sum(fractions) / course.robots))
+
+        def stopped() -> bool:
+            with lock:
+                if cancelled():
+                    stop.set()
+            return stop.is_set()
+
+        run = Run(course, [seed, number])
+        run.simulate(sink, told, stopped)
+        return run
+
+    numbers = range(course.robots)
+    if min(cores(), course.robots) == 1:
+        return [one(number) for number in numbers]
+    with ThreadPoolExecutor(min(cores(), course.robots)) as threads:
+        return list(threads.map(one, numbers))
 
 
 def simulates(chain: Chain, recorded: Motion, dynamic_up_to: int) -> bool:

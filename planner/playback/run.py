@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
@@ -32,18 +33,25 @@ CHECK_EVERY: Final = 25
 """Steps between two looks whether somebody wants it to stop."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Kept:
+    """What a frame was kept of."""
+
+    step: int
+    target: Target
+    angles: Array
+    centres: Array
+
+
 class Run:
     """One robot, or the ideal chain, that folds.
 
     Args:
         course: What it follows.
         seed: Which robot it is.
-        kept_at: Steps at which a frame is kept, those of another run; None to choose them.
     """
 
-    def __init__(
-        self, course: Course, seed: list[int], *, kept_at: frozenset[int] | None = None
-    ) -> None:
+    def __init__(self, course: Course, seed: list[int]) -> None:
         self.course = course
         self.chain = course.chain
         self.finer = course.finer
@@ -54,8 +62,6 @@ class Run:
         self.square_torque = 0.0
         self.kept: list[Frames] = []
         self.references: list[Array] = []
-        self._kept_steps: list[int] = []
-        self._keep_at = kept_at
         self.plant, self.drive = course.plant(seed)
         self.plant.place(*course.begins)
         self.at_rest = course.unfolding is not None or course.parameters.controller in (
@@ -63,13 +69,9 @@ class Run:
             "computed-torque",
         )
         """Whether what integration adds to the momentum is taken away: large steps add some."""
+        self._last: _Kept | None = None
         self.status: PlaybackStatus = "cancelled"
         self.reason = ""
-
-    @property
-    def kept_at(self) -> frozenset[int]:
-        """Steps at which a frame was kept."""
-        return frozenset(self._kept_steps)
 
     @property
     def frames(self) -> Frames:
@@ -97,9 +99,6 @@ class Run:
         parts: list[tuple[Phase, Setpoints]] = [(p, make()) for p, make in self.course.parts]
         most_steps = self.course.parameters.max_steps
         reported, reported_steps = time.perf_counter(), 0
-        last_angles = last_aim = np.full_like(self.chain.folded_rad, np.inf)
-        last_centres = np.full((len(self.chain), 3), np.inf)
-        last_step = 0
         target = None
         part, begun = 0, 0
         try:
@@ -113,7 +112,7 @@ class Run:
                     if part + 1 < len(parts):
                         # The first frame of the next part is here, where this one has ended.
                         part, begun = part + 1, self.steps
-                        last_angles = np.full_like(last_angles, np.inf)
+                        self._last = None
                         continue
                     self._keep(phase, angles, target, sink)
                     return "folded", ""
@@ -123,23 +122,8 @@ class Run:
                 if error > self.course.lost_rad:
                     self._keep(phase, angles, target, sink)
                     return "missed", self._lost(angles, target)
-                if self._keep_at is not None:
-                    keeps = self.steps in self._keep_at
-                else:
-                    keeps = (
-                        max(
-                            np.abs(angles - last_angles).max(),
-                            np.abs(target.angles - last_aim).max(),
-                        )
-                        >= STEP_RAD / self.finer
-                        or ((plant.centres - last_centres) ** 2).sum(axis=1).max()
-                        >= (FRAME_DISTANCE / self.finer) ** 2
-                        or self.steps - last_step >= FRAME_STEPS
-                    )
-                if keeps:
+                if self._is_due(angles, target):
                     self._keep(phase, angles, target, sink)
-                    last_angles, last_aim, last_step = angles, target.angles, self.steps
-                    last_centres = plant.centres
                 self.drive(target)
                 plant.end_step()
                 if self.at_rest:
@@ -174,6 +158,24 @@ class Run:
             "0.1 rad."
         )
 
+    def _is_due(self, angles: Array, target: Target) -> bool:
+        """Whether a frame is to be kept: the target has gone far enough, or the chain has.
+
+        Of several robots the target alone decides: they are kept at the same steps.
+        """
+        last, turn, way = self._last, STEP_RAD / self.finer, FRAME_DISTANCE / self.finer
+        if last is None or self.steps - last.step >= FRAME_STEPS:
+            return True
+        if np.abs(target.angles - last.target.angles).max() >= turn:
+            return True
+        if self.course.robots > 1:
+            gone = abs(target.gone_rad - last.target.gone_rad)
+            return gone >= way * self.course.parameters.distance_weight
+        moved = self.plant.centres - last.centres
+        return bool(np.abs(angles - last.angles).max() >= turn) or bool(
+            (moved**2).sum(axis=1).max() >= way * way
+        )
+
     def _lost(self, angles: Array, target: Target) -> str:
         """Which hinge a robot has lost."""
         worst = int(np.abs(target.angles - angles).argmax())
@@ -199,7 +201,7 @@ class Run:
             joint_error_rad=np.abs(target.angles - angles)[None],
         )
         self.kept.append(frame)
-        self._kept_steps.append(self.steps)
+        self._last = _Kept(self.steps, target, angles, self.plant.centres)
         self.references.append(target.angles.copy())
         if sink is not None:
             sink(frame)

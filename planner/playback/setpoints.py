@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
@@ -33,6 +33,7 @@ class Target:
     Attributes:
         angles, rates, accelerations: (J,).
         fraction: How far the playback is, 0 to 1.
+        gone_rad: Length of the reference up to there, see ``record_lengths``; 0 without one.
         torques: (J,) that a robot without faults needs for it; None where nobody asks for them.
     """
 
@@ -40,6 +41,7 @@ class Target:
     rates: Array
     accelerations: Array
     fraction: float
+    gone_rad: float = 0.0
     torques: Array | None = None
 
 
@@ -101,12 +103,14 @@ def _timed_targets(reference: Reference, law: TimeLaw, torques: Array | None) ->
                 rates=rates[k],
                 accelerations=accelerations[k],
                 fraction=at / len(law),
+                gone_rad=float(law.u[at]) * reference.length_rad,
                 torques=None if torques is None else torques[at],
             )
             at += 1
     end = reference.spline(np.rint(law.u[-1]))
+    gone_rad = float(law.u[-1]) * reference.length_rad
     for _ in range(SETTLE_STEPS):
-        yield _still(end, 1.0)
+        yield replace(_still(end, 1.0), gone_rad=gone_rad)
 
 
 class Snapshots(Protocol):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from planner.chain.dynamics import floating_torques
 from planner.chain.module import Module
+from planner.kernels.retiming import torque_passes
 from planner.playback.reference import Reference
 
 Array = NDArray[np.float64]
@@ -21,6 +22,8 @@ FASTEST_ALONG: Final = 4.0
 """Factor of its mean speed along the curve that a law for hinges may run at, where they rest."""
 LAW_STEPS: Final = 4096
 """Samples of the smooth time law along a kinematic playback."""
+CHUNK: Final = 512
+"""Places at which torques are worked out at once."""
 SMOOTHING: Final = 8.0
 """Width in samples of the filter that smooths the bounded law."""
 
@@ -71,11 +74,19 @@ def torque_bounded_law(
         samples: Places at which a and b are evaluated.
     """
     u = np.linspace(0.0, 1.0, samples)
-    where, first, second = reference.spline(u), reference.first(u), reference.second(u)
-    a = floating_torques(module, where, np.zeros_like(first), first)
-    b = floating_torques(module, where, first, second)
+    terms = [_torque_terms(reference, module, u[k : k + CHUNK]) for k in range(0, samples, CHUNK)]
+    a, b = (np.concatenate(parts) for parts in zip(*terms, strict=True))
     z = torque_bounded_profile(u, a, b)
     return _law_from_profile(u, z, steps, step_s)
+
+
+def _torque_terms(reference: Reference, module: Module, u: Array) -> tuple[Array, Array]:
+    """(U, J) a and (U, J) b of the torques a ü + b u̇² at some places of a reference."""
+    where, first, second = reference.spline(u), reference.first(u), reference.second(u)
+    return (
+        floating_torques(module, where, np.zeros_like(first), first),
+        floating_torques(module, where, first, second),
+    )
 
 
 def torque_bounded_profile(u: Array, a: Array, b: Array) -> Array:
@@ -91,27 +102,13 @@ def torque_bounded_profile(u: Array, a: Array, b: Array) -> Array:
     ceiling = 1.0 / np.maximum(np.abs(b).max(axis=1), 1e-12)
     z = ceiling
     for _ in range(8):
-        z = _passes(u, a, b, ceiling)
+        z = torque_passes(a, b, ceiling, u[1] - u[0])
         mean = 1.0 / duration(u, z)
         limit = (FASTEST * mean) ** 2
         if z.max() <= 1.02 * limit:
             break
         ceiling = np.minimum(ceiling, limit)
     return _smoothed(z)
-
-
-def _passes(u: Array, a: Array, b: Array, ceiling: Array) -> Array:
-    """The z at the samples: never above the ceiling, ü what the torques leave, 0 at the ends."""
-    step = u[1] - u[0]
-    z = ceiling.copy()
-    z[0] = z[-1] = 0.0
-    for order in (range(len(u) - 1), range(len(u) - 1, 0, -1)):
-        ahead = 1 if order.step > 0 else -1
-        for k in order:
-            left = 1.0 - np.abs(b[k]) * z[k]
-            most = float(np.min(np.maximum(left, 0.05) / np.maximum(np.abs(a[k]), 1e-12)))
-            z[k + ahead] = min(z[k + ahead], z[k] + 2.0 * most * step)
-    return z
 
 
 def _smoothed(z: Array) -> Array:

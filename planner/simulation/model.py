@@ -23,7 +23,11 @@ from planner.simulation.mujoco import mujoco
 Array = NDArray[np.float64]
 SEGMENT_MODULES: Final = 8
 """Modules of a segment: with 5 to 12 steps cost about the same, with 32 ten times as much."""
-
+OWN_MEMORY_FROM: Final = 1000
+"""Modules above which segments are told how much memory a step may take: MuJoCo asks for room in
+proportion to the square of their number, of which they need hardly any …"""
+MEMORY_A_MODULE: Final = 2**19
+"""… but so many bytes a module."""
 
 STIFF: Final = ([0.02, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0])
 """MuJoCo's ``solref`` and ``solimp`` of stops and welds that are to give hardly at all."""
@@ -306,6 +310,8 @@ def segment_spec(
     spec = base_spec()
     module = chain.module
     n = len(chain)
+    if n > OWN_MEMORY_FROM:
+        spec.memory = MEMORY_A_MODULE * n
     add_module_mesh(spec, module, material.geom_size)
     names = [f"module_{i}" for i in range(n)]
     if base is not None:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
 from planner.errors import SimulationError
-from planner.kernels.velocities import momentum_velocity
+from planner.kernels.robot import advance, servo_torques, stop_drifting
 from planner.simulation.model import Material
 from planner.simulation.mujoco import mujoco
 from planner.simulation.parameters import RobotParameters
@@ -30,8 +30,8 @@ Array = NDArray[np.float64]
 STIFFER_WELDS: Final = 1e-6
 """Factor of the welds' regularisation: they are not to give under servos whose inertia, as it is
 taken, is a thousand times a module's."""
-SLOW_RAD_S: Final = 2e-3
-"""Rate at which dry friction has three quarters of its strength: a hinge at rest is not stuck."""
+TOLERANCE: Final = 1e-9
+"""Of MuJoCo's solver: from 1e-7 on the welds' errors are seen in the joints."""
 MOST_SATURATED: Final = 8
 """Times that a step is worked out to find which motors are at their limit."""
 CONTACT_STEPS: Final = 2.0
@@ -39,7 +39,7 @@ CONTACT_STEPS: Final = 2.0
 
 
 class RobotBody:
-    """The model that robots of one chain are simulated with, one after the other.
+    """The model that all robots of one chain are made of.
 
     Args:
         chain: The chain, as it was drawn.
@@ -54,24 +54,28 @@ class RobotBody:
         model: Any = self.segments.model
         model.opt.timestep = step_s
         model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
+        # All of it hangs together, and the welds' forces follow from this step alone.
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
+        model.opt.tolerance = TOLERANCE
         model.body_invweight0[:] *= STIFFER_WELDS
         names = [model.body(body).name for body in range(1, model.nbody)]
         self._modules = np.array([int(name.rpartition("_")[2]) for name in names])
-        self._masses, self._inertias = model.body_mass.copy(), model.body_inertia.copy()
 
-    def weigh(self, masses: Array) -> None:
-        """Gives the modules (n,) masses, inertias in proportion, and forgets what was simulated."""
-        model, shares = self.segments.model, masses[self._modules]
-        model.body_mass[1:] = shares * self._masses[1:]
-        model.body_inertia[1:] = shares[:, None] * self._inertias[1:]
-        mujoco.mj_resetData(model, self.segments.data)
+    def of_masses(self, masses: Array) -> Segments:
+        """A body of its own for a robot of (n,) masses, inertias in proportion."""
+        segments = self.segments.copy()
+        shares = masses[self._modules]
+        segments.model.body_mass[1:] *= shares
+        segments.model.body_inertia[1:] *= shares[:, None]
+        return segments
 
 
 class Robot:
     """A chain with servos and the faults of one robot.
 
     Args:
-        body: What it is simulated with, which it alone uses until the next robot is made of it.
+        body: What it is made of.
         parameters: What the robot is like.
         peak_torque: Largest torque of the plan, of which limits and friction are multiples.
         seed: Whole numbers that say which robot of this kind it is.
@@ -99,9 +103,7 @@ class Robot:
         self._encoder_rad = parameters.encoder_rad
         self._noise_rad = parameters.noise_rad
         self._offsets = self._encoder_rad * rng.uniform(-0.5, 0.5, hinges)
-        self._segments = body.segments
-        body.weigh(self.masses)
-        self._forces = np.zeros((n, 3))
+        self._segments = body.of_masses(self.masses)
         self._target = (np.zeros(hinges), np.zeros(hinges), np.zeros(hinges))
         self.torques = np.zeros(hinges)
         """(J,) of the motors in the last step."""
@@ -143,7 +145,7 @@ class Robot:
         """Sets a configuration at rest."""
         self.state = State.at_rest(angles, root_position, matrix_from_wxyz(root_wxyz))
         self._segments.place(self.state)
-        self._centre = self._as_rigid_body()[2]
+        self._centre = self.masses @ self._segments.positions / self.masses.sum()
 
     def begin_step(self) -> None:
         """Nothing: poses are those of the present state at any time."""
@@ -163,57 +165,64 @@ class Robot:
         Raises:
             SimulationError: When the numbers are bad.
         """
-        state, h = self.state, self._step_s
-        angles, rates, torques = self._target
-        seen = state.angles + self._noise_rad * self._rng.standard_normal(len(state.angles))
-        if self._encoder_rad:
-            step = self._encoder_rad
-            seen = np.rint((seen + self._offsets) / step) * step - self._offsets
-        speeds = np.abs(state.rates)
-        rubbing = self._friction * np.tanh(speeds / SLOW_RAD_S) / np.maximum(speeds, 1e-12)
-        wanted = self._stiffness * (angles - seen - h * state.rates)
-        wanted += self._damping * (rates - state.rates) + torques
+        state, h, segments = self.state, self._step_s, self._segments
+        hinges = len(state.angles)
+        wanted, rubbing = np.empty(hinges), np.empty(hinges)
+        servo_torques(
+            state.angles,
+            state.rates,
+            *self._target,
+            self._noise_rad * self._rng.standard_normal(hinges),
+            self._offsets,
+            self._encoder_rad,
+            self._stiffness,
+            self._damping,
+            h,
+            self._friction,
+            wanted,
+            rubbing,
+        )
         inertia = h * h * self._stiffness + h * self._damping
-        model, data = self._segments.model, self._segments.data
-        dofs = self._segments.hinge_dofs
-        limited = np.zeros(len(state.angles))
+        model, data, dofs = segments.model, segments.data, segments.hinge_dofs
+        limited = np.zeros(hinges)
         left = MOST_SATURATED
         while True:
             free, left = limited == 0.0, left - 1
             model.dof_armature[dofs] = np.where(free, inertia, 0.0) + h * rubbing
             motors = np.where(free, wanted, self.limit * limited)
             data.qfrc_applied[dofs] = motors - rubbing * state.rates
-            acceleration = self._segments.accelerations(state, self._forces)
+            acceleration = segments.accelerations(state, None)
             given = np.where(free, wanted - inertia * acceleration.hinges, motors)
             beyond = free & (np.abs(given) > self.limit)
             if not left or not beyond.any():
                 break
             limited[beyond] = np.sign(given[beyond])
         self.torques = given
-        state.accelerate(acceleration, h, 0.0)
-        state.advance(h)
-        if not np.isfinite(state.angles).all():
+        if not advance(
+            *self._reduced,
+            acceleration.hinges,
+            acceleration.linear,
+            acceleration.angular,
+            h,
+            self.chain.module.joint,
+            segments.root,
+            *segments.motion,
+        ):
             raise SimulationError("the state is no longer finite.")
-        self._segments.place(state)
 
     def stop_drifting(self) -> None:
         """Takes away the momentum that integration has added since the chain was at rest."""
-        velocity, spin, centre = self._as_rigid_body()
-        state = self.state
-        state.velocity = state.velocity - velocity
-        state.spin = state.spin - state.rotation.T @ spin
-        state.position = state.position + self._centre - centre
-        self._segments.place(state)
-
-    def _as_rigid_body(self) -> tuple[Array, Array, Array]:
-        """See ``momentum_velocity``."""
-        segments = self._segments
-        return momentum_velocity(
+        stop_drifting(
             self.masses,
             self.chain.module.inertia,
-            segments.root,
-            segments.positions,
-            segments.rotations,
-            segments.velocities,
-            segments.spins,
+            self._segments.root,
+            self._centre,
+            *self._reduced[2:],
+            *self._segments.motion,
         )
+
+    @property
+    def _reduced(self) -> tuple[Array, Array, Array, Array, Array, Array]:
+        """The state's arrays, in the kernels' order."""
+        s = self.state
+        return s.angles, s.rates, s.position, s.rotation, s.velocity, s.spin

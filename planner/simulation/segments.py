@@ -15,6 +15,7 @@ own, in which the chain answers as one tree (``planner.kernels.articulated``).
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -191,19 +192,34 @@ class Segments:
         self._middle = int(np.flatnonzero(self.starts == self.root)[0]) if base is None else None
         self._hinge_ids = np.array([j.id for j in joints], dtype=np.int64)
         self._bodies = np.array([self.model.body(f"module_{i}").id for i in range(len(chain))])
-        n = len(chain)
-        self.positions = np.empty((n, 3))
-        self.rotations = np.empty((n, 3, 3))
-        self.velocities = np.empty((n, 3))
-        self.spins = np.empty((n, 3))
-        self._ahead = (np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3)))
-        self._bias = np.zeros(self.model.nv)
-        self._articulated = articulated(n, chain.module.hinges_per_joint)
+        self._make_room()
         geoms = np.full(self.model.ngeom, -1, dtype=np.int64)
-        of_body = dict(zip(self._bodies.tolist(), range(n), strict=True))
+        of_body = dict(zip(self._bodies.tolist(), range(len(chain)), strict=True))
         for geom, body in enumerate(self.model.geom_bodyid.tolist()):
             geoms[geom] = of_body.get(body, -1)
         self._module_of_geom = geoms
+
+    def copy(self) -> Segments:
+        """Segments of the same chain that share nothing that changes with these."""
+        twin = copy(self)
+        twin.model = copy(self.model)
+        twin.data = mujoco.MjData(twin.model)
+        twin._make_room()
+        return twin
+
+    @property
+    def motion(self) -> tuple[Array, Array, Array, Array]:
+        """Positions, rotations, velocities and spins of all modules, as placed last."""
+        return self.positions, self.rotations, self.velocities, self.spins
+
+    def _make_room(self) -> None:
+        """What is written to in every step."""
+        n = len(self.chain)
+        self.positions, self.velocities, self.spins = (np.empty((n, 3)) for _ in range(3))
+        self.rotations = np.empty((n, 3, 3))
+        self._ahead = (np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3)))
+        self._bias = np.zeros(self.model.nv)
+        self._articulated = articulated(n, self.chain.module.hinges_per_joint)
 
     def _set_options(self) -> None:
         option = self.model.opt
@@ -232,7 +248,7 @@ class Segments:
         self._move(state, self.positions, self.rotations, self.velocities, self.spins)
 
     def accelerations(
-        self, state: State, forces: Array, *, end_torque: Array | None = None
+        self, state: State, forces: Array | None, *, end_torque: Array | None = None
     ) -> Acceleration:
         """The acceleration of a state under forces on the modules.
 
@@ -240,7 +256,7 @@ class Segments:
 
         Args:
             state: The reduced state.
-            forces: (n, 3) at the modules' centres, in the world.
+            forces: (n, 3) at the modules' centres, in the world; None for none at any time.
             end_torque: (3,) on the last module, in the world; none by default.
 
         Raises:
@@ -248,7 +264,8 @@ class Segments:
         """
         model, data = self.model, self.data
         self._write(state)
-        data.xfrc_applied[self._bodies, :3] = forces
+        if forces is not None:
+            data.xfrc_applied[self._bodies, :3] = forces
         if end_torque is not None:
             data.xfrc_applied[self._bodies[-1], 3:] = end_torque
         mujoco.mj_fwdPosition(model, data)

@@ -11,6 +11,7 @@ import argparse
 import os
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -27,6 +28,7 @@ from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
+from planner.verification.plan_reasons import reason_of
 from tests.benchmarks.held_out import HELD_OUT, tube
 from tests.benchmarks.meshes import Mesh
 from tests.benchmarks.success_map.__main__ import path_of
@@ -95,6 +97,8 @@ BARS: Final = {
     "layered, 4096 in parallel": Bar(least=1, robot_s=40.0),
     "layered, 9600 in parallel": Bar(least=1, robot_s=90.0),
 }
+STRICT: Final = "strategies that stick"
+"""Folds that may try one strategy alone, and mostly are refused: are their reasons true?"""
 
 
 def cases() -> list[Case]:
@@ -102,6 +106,12 @@ def cases() -> list[Case]:
     found = [
         Case(group="layered, quickest for a robot", shape="snake", modules=n, prefer="time")
         for n in (144, 288, 512, 1152)
+    ]
+    found += [
+        Case(group=STRICT, shape=shape, modules=144, seed=seed, strategy=strategy)
+        for strategy in ("peel", "one-by-one", "blocks")
+        for shape in ("random", "exact")
+        for seed in range(3)
     ]
     found += [Case(group="random 288", shape="random", modules=288, seed=s) for s in range(10)]
     found += [Case(group="random 512", shape="random", modules=512, seed=s) for s in range(10)]
@@ -168,12 +178,15 @@ def run(case: Case) -> dict[str, Any]:
         except InputError as error:
             return {**asdict(case), "verdict": f"refused: {error.code}", "attempts": []}
         plan = Plan.load(directory / "plan.npz")
+        reason = reason_of(directory, plan, [])
     certificate = plan.certificate
     return {
         **asdict(case),
         "chain": len(plan.chain),
         "verdict": certificate.verdict,
         "reason": (summary.get("stuck") or {}).get("words", ""),
+        "kind": reason and reason.kind,
+        "confirmed": reason and reason.confirmed,
         "seconds": round(time.perf_counter() - begun, 1),
         "cpu_s": round(time.process_time() - spent, 1),
         "fold_time_s": certificate.fold_time_s,
@@ -225,6 +238,16 @@ def section_of(rows: list[dict[str, Any]], reference_seconds: float) -> Section:
             + ("" if bar.seconds is None else f", each within {bar.seconds:.0f} s")
             + ("" if bar.robot_s is None else f", folding in {bar.robot_s:.0f} s"),
             len(verified) >= bar.least and in_time and quick,
+        )
+    reasons = Counter(row["kind"] for row in rows if row.get("kind"))
+    if reasons:
+        confirmed = sum(bool(row.get("confirmed")) for row in rows)
+        section.add(
+            "reasons of refusals confirmed by other code",
+            f"{confirmed} of {reasons.total()}: "
+            + ", ".join(f"{count} {kind}" for kind, count in reasons.most_common()),
+            "all",
+            confirmed == reasons.total(),
         )
     return section
 

@@ -150,7 +150,8 @@ def test_a_cancelled_playback_keeps_its_frames(small: tuple[Chain, Record]) -> N
         return asked == 4
 
     playback = play_back(*small, DEFAULT, cancelled=cancelled)
-    assert (playback.status, playback.steps) == ("cancelled", 100)
+    assert playback.status == "cancelled"
+    assert 0 < playback.steps <= 100  # several robots are asked in turn
     assert len(playback.frames) > 1
 
 

@@ -124,7 +124,8 @@ def test_the_robot_that_is_off_most_is_shown(small: tuple[Chain, Record, Playbac
     assert playback.others_rad.shape == (2, *reference.shape)
     shown = np.abs(playback.frames.joint_angles_rad - reference).max()
     assert all(np.abs(other - reference).max() < shown + 1e-12 for other in playback.others_rad)
-    assert playback.max_angle_error_rad is not None and playback.max_angle_error_rad >= shown
+    assert playback.max_angle_error_rad is not None
+    assert playback.max_angle_error_rad >= shown - 1e-6  # angles are stored in steps of that
 
 
 def test_motors_give_no_more_than_they_can(small: tuple[Chain, Record, Playback]) -> None:
