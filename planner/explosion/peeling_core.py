@@ -6,7 +6,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
@@ -67,6 +66,8 @@ class Core:
 
     def distances(self, last: int) -> Array:
         """Distance of each cell of the grid, padded by ``PAD``, to the nearest of those folded."""
+        from scipy.ndimage import distance_transform_edt  # late: it takes a while
+
         there = np.pad((self.grid >= 0) & (self.grid <= last), PAD)
         return np.asarray(distance_transform_edt(~there), dtype=np.float64)
 

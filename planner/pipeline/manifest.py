@@ -8,7 +8,7 @@ worked out anew ``planner.verification.verify`` works out.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 from pathlib import Path as FilePath
@@ -24,6 +24,8 @@ from planner.robot import RECORDED_PLAN
 
 FILE: Final = "manifest.json"
 FORMAT: Final = "foldback-manifest/1"
+EXPORTED: Final = ("plan.npz", "plan.json", "model.xml", "figures.zarr")
+"""Files that are written last."""
 FILES: Final = (
     "input",
     "request.json",
@@ -37,10 +39,7 @@ FILES: Final = (
     "playback.npz",
     "certificate.json",
     "timeline.zarr",
-    "plan.npz",
-    "plan.json",
-    "model.xml",
-    "figures.zarr",
+    *EXPORTED,
 )
 """What a fold's directory may hold that says something of its plan."""
 WHOLE: Final = "content"
@@ -51,11 +50,15 @@ AT_ONCE: Final = 2
 Digests = dict[str, dict[str, str]]
 
 
-def digests_of(directory: FilePath) -> Digests:
+def digests_of(directory: FilePath, names: Sequence[str] = FILES) -> Digests:
     """The digest of each field of each file that is there; of one that can't be read, of its bytes.
 
     Fields of JSON files are their keys, of ``.npz`` and zarr files their arrays; ``plan.…`` are the
     keys of the text in a plan's ``.npz`` file, ``attributes.…`` those of a zarr group.
+
+    Args:
+        directory: Of the fold.
+        names: Of the files to look at.
     """
 
     def digests(name: str) -> dict[str, str]:
@@ -65,14 +68,23 @@ def digests_of(directory: FilePath) -> Digests:
         except UNREADABLE:
             return {WHOLE: _of_bytes(path)}
 
-    here = [name for name in FILES if (directory / name).exists()]
+    here = [name for name in names if (directory / name).exists()]
     with ThreadPoolExecutor(AT_ONCE) as pool:
         return dict(zip(here, pool.map(digests, here), strict=True))
 
 
-def write_manifest(directory: FilePath) -> None:
-    """Writes the manifest of a directory."""
-    write_json(directory / FILE, {"format": FORMAT, "sha256": digests_of(directory)})
+def write_manifest(directory: FilePath, earlier: Digests | None = None) -> None:
+    """Writes the manifest of a directory.
+
+    Args:
+        directory: Of the fold.
+        earlier: Digests of files that have not changed since, which need no second look.
+    """
+    known = earlier or {}
+    rest = digests_of(directory, [name for name in FILES if name not in known])
+    found = known | rest
+    in_order = {name: found[name] for name in FILES if name in found}
+    write_json(directory / FILE, {"format": FORMAT, "sha256": in_order})
 
 
 def changed_fields(directory: FilePath) -> list[str] | None:

@@ -290,13 +290,15 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
     )
     if is_smoothing(read_record(directory)):
         plan = replace(plan, smoothing=before_and_after(read_recorded(directory), plan))
-    with ThreadPoolExecutor(1) as beside:
+    before = [name for name in manifest.FILES if name not in manifest.EXPORTED]
+    with ThreadPoolExecutor(2) as beside:
         figures = beside.submit(work_out_figures, directory)
+        digests = beside.submit(manifest.digests_of, directory, before)
         write_whole(directory / "model.xml", mjcf.write(plan))
         plan.save_npz(directory / "plan.npz")
         plan.save_json(directory / "plan.json")
         figures.result()
-    manifest.write_manifest(directory)
+    manifest.write_manifest(directory, digests.result())
     return plan.summary()
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from planner.chain.dynamics import floating_torques
@@ -113,16 +114,28 @@ def torque_bounded_profile(u: Array, a: Array, b: Array) -> Array:
 
 def _smoothed(z: Array) -> Array:
     """A smooth profile that stays in the valleys of z and keeps its linear rise at both ends."""
-    from scipy.ndimage import gaussian_filter1d, minimum_filter1d  # late: not for who reads a plan
-
     width = int(2 * SMOOTHING) + 1
-    low = minimum_filter1d(z, width, mode="nearest")
+    low = -_largest_around(-z, width)
     rise = np.arange(len(z)) < width
     low = np.where(rise | rise[::-1], z, low)
     odd = np.concatenate([-low[:0:-1], low, -low[-2::-1]])
-    smooth = gaussian_filter1d(odd, SMOOTHING)[len(z) - 1 : 2 * len(z) - 1]
+    smooth = _blurred(odd)[len(z) - 1 : 2 * len(z) - 1]
     smooth[0] = smooth[-1] = 0.0
     return np.maximum(smooth, 0.0)
+
+
+def _largest_around(values: Array, width: int) -> Array:
+    """The largest of so many values around each, an odd number; the ends go on as they are."""
+    padded = np.pad(values, width // 2, mode="edge")
+    return sliding_window_view(padded, width).max(axis=1)
+
+
+def _blurred(values: Array) -> Array:
+    """Values weighted by a Gaussian of ``SMOOTHING`` samples around each; the ends go on."""
+    reach = int(4.0 * SMOOTHING)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / SMOOTHING) ** 2)
+    padded = np.pad(values, reach, mode="edge")
+    return np.convolve(padded, weights / weights.sum(), mode="valid")
 
 
 def duration(u: Array, z: Array) -> float:
@@ -179,13 +192,10 @@ def hinge_bounded_times(steps_rad: Array, seconds: float) -> Array:
     Returns:
         (F,) seconds from 0 on.
     """
-    from scipy.ndimage import gaussian_filter1d, maximum_filter1d  # late: not for who reads a plan
-
     if not len(steps_rad):
         return np.zeros(1)
     width = int(2 * SMOOTHING) + 1
-    around = maximum_filter1d(steps_rad, width, mode="nearest")
-    even = np.maximum(gaussian_filter1d(around, SMOOTHING, mode="nearest"), steps_rad)
+    even = np.maximum(_blurred(_largest_around(steps_rad, width)), steps_rad)
     even = np.maximum(even, even.mean() / FASTEST_ALONG)
     lengths = np.concatenate([[0.0], np.cumsum(even)])
     law = smooth_law(steps=LAW_STEPS, step_s=1.0 / LAW_STEPS)
