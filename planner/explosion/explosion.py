@@ -21,7 +21,7 @@ from planner.motion.motion import Motion
 from planner.motion.record import Record, RecordStatus
 from planner.progress import Cancelled, Progress, Report
 from planner.simulation.parameters import ExplosionParameters, PeelingParameters
-from planner.simulation.segments import Acceleration, State
+from planner.simulation.reduced import Acceleration, State
 
 COMMIT_EVERY: Final = 25
 """Steps between two states that a run may go back to."""

@@ -25,7 +25,8 @@ from planner.motion.record import Record, RecordStatus
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.model import Material
 from planner.simulation.parameters import PaperExplosionParameters
-from planner.simulation.segments import Segments, State
+from planner.simulation.reduced import State
+from planner.simulation.segments import Segments
 
 Array = NDArray[np.float64]
 LINKED: Final = 1

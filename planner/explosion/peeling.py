@@ -39,9 +39,10 @@ from planner.kernels.peeling import Caps, window_forces, window_haste
 from planner.motion.record import Record
 from planner.motion.windows import Windows
 from planner.progress import Cancelled, Report, never, silent
-from planner.simulation.model import Base, Material, Rod
+from planner.simulation.anchored import Anchored, ContactFinder
+from planner.simulation.model import Material
 from planner.simulation.parameters import PeelingParameters
-from planner.simulation.segments import Acceleration, Segments, State
+from planner.simulation.reduced import Acceleration, State
 
 Array = NDArray[np.float64]
 RELEASE_EVERY: Final = 5
@@ -140,6 +141,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
             armature=parameters.armature,
             stop_rad=chain.module.angle_limit_rad - STOP_GIVES_RAD,
         )
+        self.finder = ContactFinder(chain, self.material)
         # Folded neighbours are no farther apart than the module size leaves.
         self.least = min(LEAST_CLEARANCE, 0.5 * (1.0 - parameters.verify_size) - ROUNDING)
         self.caps = Caps(
@@ -169,7 +171,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         return self.parameters.most_steps(len(self.chain))
 
     def place(self) -> None:
-        self.segments.place(self.state)
+        self.window.place(self.state)
 
     def motion(self) -> Windows:
         return self.windows.motion()
@@ -177,7 +179,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
     def step(self) -> bool:
         moved = super().step()
         if moved:
-            self.state.stop_at(self.chain.module.angle_limit_rad)
+            self.state.stop_at(self.material.stop_of(self.chain.module))
         return moved
 
     def look(self) -> Ended | None:
@@ -202,6 +204,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         self.unit = self.first - first
         self.first = first
         self.field = self.core.distances(first)
+        self.finder.set_boxes(*self.core.boxes(first))
         self._build(np.concatenate([fresh, angles]), np.concatenate([0.0 * fresh, rates]))
         unit = self.core.cells[first + FIXED : first + FIXED + self.unit]
         if first:
@@ -219,26 +222,22 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         p = self.parameters
         self.modules = self.peelable.modules(angles)
         position, rotation = self.peelable.base(self.first)
-        centres, halves = self.core.boxes(self.first)
-        window = Chain(
+        chain = Chain(
             name=self.chain.name,
             module=self.chain.module,
             folded_rad=angles,
             folded_position=position,
             folded_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
         )
-        self.segments = Segments(
-            window,
-            self.material,
-            base=Base(position=position, rotation=rotation, centres=centres, halves=halves),
-            rod=Rod(modules=self.rod, most_modules=p.rod_modules) if self.rod else None,
+        self.window = Anchored(
+            chain, self.material, self.finder, rod=self.rod, heaviest_rod=p.rod_modules
         )
         self.state = State.at_rest(angles, position, rotation)
         self.state.rates = rates
         self.saved = (self.time_s, self.state.copy())
         self.retries = 0
-        self.segments.place(self.state)
-        self._stiffen(self.segments.positions)
+        self.window.place(self.state)
+        self._stiffen(self.window.positions)
 
     def _forces(self, positions: Array) -> Array:
         """(m, 3) forces: radial with the wanted tension, the pull at the end, and eq. 3."""
@@ -265,19 +264,19 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         heights = self.core.distance_at(self.field, positions)
         share = np.clip((heights[1:-1] - 2.0) / 6.0, 0.0, 1.0)
         stiffness = p.spring * (1.0 + (p.stiffening - 1.0) * share)
-        self.segments.set_stiffness(np.repeat(stiffness, self.peelable.hinges))
+        self.window.set_stiffness(np.repeat(stiffness, self.peelable.hinges))
 
     def accelerations(self) -> Acceleration | None:
         p = self.parameters
-        segments = self.segments
-        segments.set_contact_time_constant(self.contact_time_constant())
+        window = self.window
+        self.finder.set_contact_time_constant(self.contact_time_constant())
         self.aim = turned_towards(self.aim, self.target, p.turn_rad)
-        forces = self._forces(segments.positions)
+        forces = self._forces(window.positions)
         if self.steps % STIFFEN_EVERY == 0:
-            self._stiffen(segments.positions)
-        torque = p.alignment * p.spring * crossed(segments.rotations[-1][:, 0], self.aim)
+            self._stiffen(window.positions)
+        torque = p.alignment * p.spring * crossed(window.rotations[-1][:, 0], self.aim)
         try:
-            acceleration = segments.accelerations(self.state, forces, end_torque=torque)
+            acceleration = window.accelerations(self.state, forces, torque)
         except SimulationError:
             if self.pushes >= MOST_PUSHES[self.strategy]:
                 raise
@@ -291,15 +290,15 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
 
     def excess(self) -> float:
         p = self.parameters
-        state, segments = self.state, self.segments
-        segments.place_velocities(state)
+        state, window = self.state, self.window
+        window.place_velocities(state)
         loose = np.abs(state.angles).max() < p.loose_rad
         return window_haste(
             state.rates,
-            segments.positions,
-            segments.rotations,
-            segments.velocities,
-            segments.spins,
+            window.positions,
+            window.rotations,
+            window.velocities,
+            window.spins,
             self.first,
             self.rod,
             self.core.grid,
@@ -322,7 +321,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
             and self.contacts <= p.release_contacts
             and self.modules < max(p.window, 1.2 * p.unit)
             and unit.max(initial=0.0) < p.release_rad
-            and self.segments.rotations[-1][:, 0] @ self.aim > ALIGNED
+            and self.window.rotations[-1][:, 0] @ self.aim > ALIGNED
             and self.aim @ self.target > TURNED
         )
 
@@ -336,11 +335,11 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         hinges = self.peelable.hinges
         if self.depth >= self.allowed.back_off:
             return
-        self.segments.place(self.state)
+        self.window.place(self.state)
         bent = np.abs(self.state.angles).reshape(-1, hinges).max(axis=1)
         if bent[-FEWEST_RETIRED:].max() >= p.retire_rad:
             return
-        heights = self.core.distance_at(self.field, self.segments.positions)
+        heights = self.core.distance_at(self.field, self.window.positions)
         good = (bent < p.retire_rad) & (heights[1:-1] > p.retire_height)
         count = len(good) if good.all() else int(np.argmin(good[::-1]))
         count = min(count, len(good) - 4)
@@ -364,7 +363,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         angles = self.state.angles
         left = angles[: len(angles) - self.peelable.hinges * count]
         _, rotations = self.peelable.poses(self.first, left)
-        turned = float(rotations[-1][:, 0] @ self.segments.rotations[-1][:, 0])
+        turned = float(rotations[-1][:, 0] @ self.window.rotations[-1][:, 0])
         if turned < TURNED:
             return None
         bent = float(np.abs(angles[len(left) :]).max())
@@ -384,7 +383,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         Returns:
             False when the way to it touches something: then the run went back.
         """
-        self.segments.place(self.state)
+        self.window.place(self.state)
         self.recorder.add(self.snapshot())
         if not self.windows.commit(least=self.least):
             self._refused()
@@ -409,8 +408,8 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
             time_s=self.time_s,
             first=self.first,
             angles=self.state.angles.copy(),
-            centres=self.segments.positions.copy(),
-            along=self.segments.rotations[-1][:, 0].copy(),
+            centres=self.window.positions.copy(),
+            along=self.window.rotations[-1][:, 0].copy(),
         )
 
     def _bent(self, time_s: float, angles: Array) -> Bend:

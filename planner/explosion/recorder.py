@@ -16,7 +16,7 @@ from planner.chain.rotations import wxyz_from_matrix
 from planner.clearance.clearance import closest
 from planner.clearance.sweep import Between
 from planner.motion.frames import Frames
-from planner.simulation.segments import State
+from planner.simulation.reduced import State
 
 Array = NDArray[np.float64]
 CLOSE: Final = 0.06

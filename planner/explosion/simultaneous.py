@@ -36,8 +36,9 @@ from planner.pathfinding.knots import knot_of
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.model import Material
 from planner.simulation.parameters import ExplosionParameters
+from planner.simulation.reduced import Acceleration, State
 from planner.simulation.rigid_blocks import Blocks
-from planner.simulation.segments import Acceleration, Segments, State
+from planner.simulation.segments import Segments
 
 Array = NDArray[np.float64]
 Engine = Segments | Blocks

@@ -24,6 +24,9 @@ from planner.kernels.velocities import cross
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+HELD = 1e15
+"""Inertia of a module that is held."""
+NO_ROD: Array = np.zeros(4)
 MOST_ROUNDS = 100
 """Of exchanging the contacts that push."""
 PATIENCE = 3
@@ -116,6 +119,53 @@ def _alone(rotation: Array, inertia: Array, spin: Array, force: Array, a: Array,
 
 
 @njit(cache=True)
+def _add_rod(rotation: Array, rod: Array, spin: Array, torque: Array, a: Array, b: Array) -> None:
+    """Adds to A and b of the last module those of a rod fixed to it, and of a torque on it."""
+    for r in range(3):
+        b[r] -= torque[r]
+    mass = rod[0]
+    if mass == 0.0:
+        return
+    arm = np.empty(3)
+    own = np.zeros((3, 3))
+    for r in range(3):
+        arm[r] = rotation[r, 0] * rod[1]
+        for c in range(3):
+            for k in range(3):
+                own[r, c] += rotation[r, k] * rod[2 if k == 0 else 3] * rotation[c, k]
+    pull = np.zeros(3)
+    _centripetal(spin, arm, pull)
+    square = arm[0] ** 2 + arm[1] ** 2 + arm[2] ** 2
+    turning = own @ spin
+    work = np.empty(3)
+    cross(spin, turning, work)
+    for r in range(3):
+        b[r] += work[r]
+        b[3 + r] += mass * pull[r]
+        a[3 + r, 3 + r] += mass
+        a[r, r] += mass * square
+        for c in range(3):
+            a[r, c] += own[r, c] - mass * arm[r] * arm[c]
+    cross(arm, pull, work)
+    for r in range(3):
+        b[r] += mass * work[r]
+    x, y, z = mass * arm[0], mass * arm[1], mass * arm[2]
+    # The force that turning asks for is −m [r]× α, the torque that moving does m [r]× a.
+    a[0, 4] -= z
+    a[0, 5] += y
+    a[1, 3] += z
+    a[1, 5] -= x
+    a[2, 3] -= y
+    a[2, 4] += x
+    a[4, 0] -= z
+    a[5, 0] += y
+    a[3, 1] += z
+    a[5, 1] -= x
+    a[3, 2] -= y
+    a[4, 2] += x
+
+
+@njit(cache=True)
 def _centripetal(spin: Array, arm: Array, out: Array) -> None:
     """Adds ω × (ω × arm) to ``out``."""
     along = spin[0] * arm[0] + spin[1] * arm[1] + spin[2] * arm[2]
@@ -171,6 +221,9 @@ def free_accelerations(
     joint: Joint,
     inertia: Array,
     armature: Array,
+    rod: Array,
+    end_torque: Array,
+    fixed: bool,
     root: int,
     positions: Array,
     rotations: Array,
@@ -186,6 +239,10 @@ def free_accelerations(
         forces: (n, 3) at the centres, in the world.
         joint, inertia: Of the module, whose mass is 1.
         armature: (J,) rotor inertias of the hinges.
+        rod: (4,) of a rod along the last module's x axis, fixed to it: its mass, how far from the
+            module's centre its own is, and its inertia about that, along and across; ``NO_ROD``.
+        end_torque: (3,) on the last module, in the world.
+        fixed: Whether module 0 is held.
         root: The module whose acceleration is wanted.
         positions, rotations, spins: Of all modules, in the world.
         found: Where to write what the inertias are.
@@ -207,6 +264,7 @@ def free_accelerations(
     without = np.empty((6, 6))
     bias = np.empty(6)
     _alone(rotations[n - 1], inertia, spins[n - 1], forces[n - 1], a, b)
+    _add_rod(rotations[n - 1], rod, spins[n - 1], end_torque, a, b)
     for i in range(n - 1, 0, -1):
         j = (i - 1 - rigid_links) * hinges
         for r in range(3):
@@ -269,7 +327,11 @@ def free_accelerations(
     if not np.isfinite(b).all() or not np.isfinite(a).all():
         hinges_out[:] = np.nan
         return
-    moved: Array = np.linalg.solve(a, -b)  # pyright: ignore[reportAssignmentType]
+    moved = np.zeros(6)
+    if fixed:
+        a = HELD * np.eye(6)
+    else:
+        moved[:] = np.linalg.solve(a, -b)
     found.base[:] = a
     found.first[:] = moved
     if root == 0:

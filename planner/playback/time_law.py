@@ -135,7 +135,7 @@ def _blurred(values: Array) -> Array:
     reach = int(4.0 * SMOOTHING)
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / SMOOTHING) ** 2)
     padded = np.pad(values, reach, mode="edge")
-    return np.convolve(padded, weights / weights.sum(), mode="valid")
+    return sliding_window_view(padded, len(weights)) @ (weights / weights.sum())
 
 
 def duration(u: Array, z: Array) -> float:

@@ -29,6 +29,8 @@ proportion to the square of their number, of which they need hardly any …"""
 MEMORY_A_MODULE: Final = 2**19
 """… but so many bytes a module."""
 
+SOLIMP: Final = [0.95, 0.99, 0.005, 0.5, 2.0]
+"""MuJoCo's ``solimp`` of contacts."""
 STIFF: Final = ([0.02, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0])
 """MuJoCo's ``solref`` and ``solimp`` of stops and welds that are to give hardly at all."""
 
@@ -60,38 +62,6 @@ class Material:
     def stop_of(self, module: Module) -> float:
         """Where the stops of a module's hinges begin, in rad."""
         return module.angle_limit_rad if self.stop_rad is None else self.stop_rad
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Base:
-    """What a chain's first module is fixed to, in the world.
-
-    Attributes:
-        position: (3,) centre of module 0 in pitches.
-        rotation: (3, 3) its orientation.
-        centres: (B, 3) centres of boxes along the world's axes that the chain must not touch.
-            Module 0 lies in one of them.
-        halves: (B, 3) half their sides.
-    """
-
-    position: Array
-    rotation: Array
-    centres: Array
-    halves: Array
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Rod:
-    """Straight modules beyond the last one, as one rigid body.
-
-    Attributes:
-        modules: How many.
-        most_modules: Its mass and inertia are at most those of so many: what is far away shall
-            not slow the simulation down.
-    """
-
-    modules: int
-    most_modules: int = 16
 
 
 def base_spec() -> Any:
@@ -136,7 +106,7 @@ def add_module_geom(body: Any, module: Module, index: int, material: Material) -
         "condim": 3 if material.friction > 0 else 1,
         "friction": [max(material.friction, 1e-5), 0.0, 0.0],
         "solref": [material.contact_time_constant, 1.0],
-        "solimp": [0.95, 0.99, 0.005, 0.5, 2.0],
+        "solimp": SOLIMP,
         "margin": 0.0,
     }
     if module.geom == "box":
@@ -285,14 +255,7 @@ def segment_starts(
     return starts
 
 
-def segment_spec(
-    chain: Chain,
-    material: Material,
-    starts: list[int],
-    *,
-    base: Base | None = None,
-    rod: Rod | None = None,
-) -> Any:
+def segment_spec(chain: Chain, material: Material, starts: list[int]) -> Any:
     """The chain cut into free trees that are welded end to end.
 
     The last body of a segment, ``ghost_<i>``, is a half-mass copy without geometry of the next
@@ -304,8 +267,6 @@ def segment_spec(
         chain: The chain.
         material: Of its joints and surfaces.
         starts: First modules of the segments.
-        base: What module 0 is fixed to; None for a free chain.
-        rod: What is fixed to the last module; None for nothing.
     """
     spec = base_spec()
     module = chain.module
@@ -314,20 +275,14 @@ def segment_spec(
         spec.memory = MEMORY_A_MODULE * n
     add_module_mesh(spec, module, material.geom_size)
     names = [f"module_{i}" for i in range(n)]
-    if base is not None:
-        _add_boxes(spec, base, material)
     for k, start in enumerate(starts):
         stop = starts[k + 1] if k + 1 < len(starts) else n
         root = spec.worldbody.add_body()
         root.name = names[start]
         body = root
         set_inertia(root, module, 1.0 if k == 0 else 0.5)
-        if k == 0 and base is not None:
-            root.pos = base.position.tolist()
-            root.quat = wxyz_from_matrix(base.rotation).tolist()
-        else:
-            root.add_freejoint().name = f"root_{start}"
-            add_module_geom(root, module, start, material)
+        root.add_freejoint().name = f"root_{start}"
+        add_module_geom(root, module, start, material)
         for i in range(start + 1, stop):
             body = add_next_body(body, chain, i, names[i], material)
             set_inertia(body, module, 1.0)
@@ -342,50 +297,5 @@ def segment_spec(
             weld.name2 = names[stop]
             weld.data[:11] = [0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1]
             weld.solref, weld.solimp = STIFF
-        elif rod is not None:
-            _add_rod(body, rod, material)
     exclude(spec, names, pairwise(range(n)))
     return spec
-
-
-def _add_boxes(spec: Any, base: Base, material: Material) -> None:
-    """Adds the boxes of a base to the world, each as much smaller as a module's hull is."""
-    shrink = 0.5 * (1.0 - material.geom_size)
-    for centre, half in zip(base.centres, base.halves, strict=True):
-        spec.worldbody.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=centre.tolist(),
-            size=(half - shrink).tolist(),
-            condim=3 if material.friction > 0 else 1,
-            friction=[max(material.friction, 1e-5), 0.0, 0.0],
-            solref=[material.contact_time_constant, 1.0],
-            solimp=[0.95, 0.99, 0.005, 0.5, 2.0],
-            margin=0.0,
-        )
-
-
-def _add_rod(parent: Any, rod: Rod, material: Material) -> None:
-    """Adds a rod of cubes to the body of the last module, along its x axis."""
-    body = parent.add_body()
-    body.name = "rod"
-    mass = float(min(rod.modules, rod.most_modules))
-    body.pos = [0.5, 0.0, 0.0]
-    body.explicitinertial = True
-    body.mass = mass
-    body.ipos = [0.5 * mass, 0.0, 0.0]
-    across = mass * (1.0 + mass**2) / 12.0
-    body.inertia = [mass / 6.0, across, across]
-    half = 0.5 * material.geom_size
-    shrink = 0.5 * (1.0 - material.geom_size)
-    body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        name="rod",
-        pos=[0.5 * rod.modules, 0.0, 0.0],
-        size=[0.5 * rod.modules - shrink, half, half],
-        mass=0.0,
-        condim=3 if material.friction > 0 else 1,
-        friction=[max(material.friction, 1e-5), 0.0, 0.0],
-        solref=[material.contact_time_constant, 1.0],
-        solimp=[0.95, 0.99, 0.005, 0.5, 2.0],
-        margin=0.0,
-    )

@@ -20,7 +20,7 @@ from planner.kernels.kinematics import chain_poses
 from planner.kernels.velocities import chain_velocities
 from planner.simulation.model import Material, add_next_body, add_previous_body, base_spec, compiled
 from planner.simulation.mujoco import mujoco
-from planner.simulation.segments import Acceleration, State
+from planner.simulation.reduced import Acceleration, State
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

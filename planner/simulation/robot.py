@@ -24,7 +24,8 @@ from planner.kernels.robot import advance, servo_torques, stop_drifting
 from planner.simulation.model import Material
 from planner.simulation.mujoco import mujoco
 from planner.simulation.parameters import RobotParameters
-from planner.simulation.segments import Segments, State
+from planner.simulation.reduced import State
+from planner.simulation.segments import Segments
 
 Array = NDArray[np.float64]
 STIFFER_WELDS: Final = 1e-6

@@ -11,7 +11,7 @@ from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.path import Path
 from planner.motion.frames import Frames, Phase
-from planner.simulation.segments import State, turned
+from planner.simulation.reduced import State, turned
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,8 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
 from planner.simulation.model import Material
-from planner.simulation.segments import Segments, State
+from planner.simulation.reduced import State
+from planner.simulation.segments import Segments
 from tests.planner.chains import line, random_state
 
 STEP = 1e-6

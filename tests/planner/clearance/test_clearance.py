@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from planner.chain.module import CUBE
 from planner.clearance.clearance import closest
 from planner.kernels.clearance import pair_separation
-from planner.simulation.segments import turned
+from planner.simulation.reduced import turned
 from tests.planner.chains import coil, random_rotation
 
 Array = NDArray[np.float64]

@@ -15,8 +15,9 @@ from planner.explosion.simultaneous import Simultaneous
 from planner.pathfinding.assembly import assembly_path
 from planner.simulation.model import Material
 from planner.simulation.parameters import ExplosionParameters
+from planner.simulation.reduced import State
 from planner.simulation.rigid_blocks import Blocks
-from planner.simulation.segments import Segments, State
+from planner.simulation.segments import Segments
 from tests.planner.chains import coil
 
 DEFAULT = ExplosionParameters()

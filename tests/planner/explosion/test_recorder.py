@@ -5,7 +5,7 @@ import numpy as np
 from planner.chain.chain import Chain
 from planner.explosion.recorder import FrameRecorder, Step
 from planner.motion.frames import Frames
-from planner.simulation.segments import State
+from planner.simulation.reduced import State
 from tests.planner.chains import line
 
 

@@ -13,7 +13,8 @@ from planner.chain.module import TETRAHEDRON
 from planner.chain.rotations import wxyz_from_matrix
 from planner.errors import SimulationError
 from planner.simulation.model import Material, tree_spec
-from planner.simulation.segments import Acceleration, Segments, State, turned
+from planner.simulation.reduced import Acceleration, State, turned
+from planner.simulation.segments import Segments
 from tests.planner.chains import coil, line, random_state
 
 Array = NDArray[np.float64]
@@ -289,7 +290,7 @@ def test_many_contacts_push_as_few_do(modules: int, monkeypatch: pytest.MonkeyPa
     exact = segments.lean_accelerations(state, forces, near)
     assert exact.contacts > 2
     free = segments.free_accelerations(state, forces)
-    monkeypatch.setattr("planner.simulation.segments.MOST_PIVOTED", 0)
+    monkeypatch.setattr("planner.simulation.reduced.MOST_PIVOTED", 0)
     nearly = segments.lean_accelerations(state, forces, near)
     assert difference(free, exact) > 0.1
     # Not the same: the softness of a contact is that of two modules that are not linked.

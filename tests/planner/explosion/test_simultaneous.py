@@ -17,7 +17,7 @@ from planner.pathfinding.knots import knot_of
 from planner.progress import Progress
 from planner.readers import read
 from planner.simulation.parameters import ExplosionParameters
-from planner.simulation.segments import Acceleration
+from planner.simulation.reduced import Acceleration
 from tests.planner.chains import coil, knotted, line, overlapping
 from tests.planner.conftest import REAL, SHAPES
 

@@ -7,7 +7,7 @@ from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
 from planner.explosion.straightening import straightening
 from planner.motion.frames import Frames
-from planner.simulation.segments import State
+from planner.simulation.reduced import State
 from tests.planner.chains import coil, line, random_state
 
 

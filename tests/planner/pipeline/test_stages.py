@@ -25,7 +25,8 @@ from planner.pipeline.stages import STAGES, next_stage, run_stage, run_stages
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from planner.progress import Progress
-from planner.simulation.segments import Acceleration, Segments, State
+from planner.simulation.reduced import Acceleration, State
+from planner.simulation.segments import Segments
 from tests.planner.chains import COIL
 
 pytestmark = pytest.mark.slow

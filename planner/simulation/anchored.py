@@ -1,0 +1,190 @@
+"""Anchored: a window of a long chain, held at its first module, with a rod on its last.
+
+What peeling simulates. Boxes that don't move stand for what is still folded, the rod for what is
+straight already. Of MuJoCo it takes the contacts alone, which a model finds that knows nothing of
+joints: as many free cubes as the window ever has, those left over far away, and the boxes. It is
+compiled anew when the boxes change, and not when modules become part of the rod.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.kernels.articulated import NO_ROD
+from planner.kernels.roots import wxyzs_of
+from planner.simulation.model import (
+    SOLIMP,
+    Material,
+    add_module_geom,
+    base_spec,
+    compiled,
+    exclude,
+)
+from planner.simulation.mujoco import mujoco
+from planner.simulation.reduced import Acceleration, Found, ReducedChain, State
+
+Array = NDArray[np.float64]
+ROOM: Final = 32
+"""Cubes more than are wanted that a model is made with."""
+FAR: Final = 1e4
+"""Pitches between a window and the cubes that it does not need, which are so far apart too."""
+ROD: Final = "rod"
+
+
+class ContactFinder:
+    """Finds what touches among cubes, boxes and a rod.
+
+    Args:
+        chain: Of the kind of module that the cubes are.
+        material: Of their surfaces.
+    """
+
+    def __init__(self, chain: Chain, material: Material) -> None:
+        self._module = chain.module
+        self._material = material
+        self._count = 0
+        self._centres = self._halves = np.zeros((0, 3))
+        self._outdated = True
+        self.model: Any
+        self.data: Any
+
+    def set_boxes(self, centres: Array, halves: Array) -> None:
+        """Tells the (B, 3) centres and half sides of the boxes along the world's axes."""
+        self._centres, self._halves = centres, halves
+        self._outdated = True
+
+    def set_contact_time_constant(self, seconds: float) -> None:
+        """How fast contacts push back: ``solref[0]`` of every geom."""
+        self.model.geom_solref[:, 0] = seconds
+
+    def make_room(self, modules: int, rod: int) -> None:
+        """Sees to it that there are enough cubes, and a rod of so many."""
+        if modules > self._count:
+            self._count = modules + ROOM
+            self._outdated = True
+        if self._outdated:
+            self._compile()
+        half = 0.5 * np.array([rod or 1.0, 1.0, 1.0]) - self._shrink
+        model, geom = self.model, self._rod_geom
+        model.geom_size[geom] = half
+        model.geom_rbound[geom] = np.linalg.norm(half)
+        model.geom_aabb[geom, 3:] = half
+        model.bvh_aabb[model.body_bvhadr[model.geom_bodyid[geom]], 3:] = half
+        self._rod = rod
+        self._lay_aside(modules)
+
+    @property
+    def _shrink(self) -> float:
+        """How much smaller a box is on each side than what it stands for, as a module's hull is."""
+        return 0.5 * (1.0 - self._material.geom_size)
+
+    def _compile(self) -> None:
+        spec = base_spec()
+        names = [f"module_{i}" for i in range(self._count)]
+        for i, name in enumerate(names):
+            body = spec.worldbody.add_body()
+            body.name = name
+            body.add_freejoint()
+            add_module_geom(body, self._module, i, self._material)
+            _weigh(body)
+        body = spec.worldbody.add_body()
+        body.name = ROD
+        body.add_freejoint()
+        add_module_geom(body, self._module, self._count, self._material)
+        _weigh(body)
+        hull = self._material
+        for centre, half in zip(self._centres, self._halves, strict=True):
+            geom = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX)
+            geom.pos, geom.size = centre.tolist(), (half - self._shrink).tolist()
+            geom.condim = 1
+            geom.friction = [max(hull.friction, 1e-5), 0.0, 0.0]
+            geom.solref, geom.solimp = [hull.contact_time_constant, 1.0], SOLIMP
+        exclude(spec, names, pairwise(range(self._count)))
+        self.model = model = compiled(spec)
+        self.data = mujoco.MjData(model)
+        self._rod_geom = int(model.geom_bodyid.tolist().index(model.body(ROD).id))
+        # The boxes belong to the world: what they touch is as if it touched the held module 0.
+        self._of_geom = np.zeros(model.ngeom, dtype=np.int64)
+        self._of_geom[model.geom_bodyid > 0] = model.geom_bodyid[model.geom_bodyid > 0] - 1
+        self._outdated = False
+
+    def _lay_aside(self, modules: int) -> None:
+        """Puts away what a window of so many modules does not need; module 0 lies in a box."""
+        places = self.data.qpos.reshape(-1, 7)
+        places[:, 3:] = (1.0, 0.0, 0.0, 0.0)
+        places[:, :3] = 0.0
+        places[:, 2] = FAR * (2.0 + np.arange(len(places)))
+        self._modules = modules
+        self._of_geom[self._rod_geom] = modules - 1
+
+    def found(self, positions: Array, rotations: Array) -> Found | None:
+        """The contacts of (m, 3) centres and (m, 3, 3) orientations of a window's modules."""
+        count = self._modules
+        places = self.data.qpos.reshape(-1, 7)
+        places[1:count, :3] = positions[1:]
+        wxyzs = np.empty((count - 1, 4))
+        wxyzs_of(rotations, np.arange(1, count), wxyzs)
+        places[1:count, 3:] = wxyzs
+        if self._rod:
+            along = rotations[-1][:, 0]
+            places[-1, :3] = positions[-1] + 0.5 * (1.0 + self._rod) * along
+            places[-1, 3:] = wxyzs[-1]
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_collision(self.model, self.data)
+        return Found.of(self.model, self.data, self._of_geom)
+
+
+def _weigh(body: Any) -> None:
+    """A mass, which MuJoCo wants of all that is free."""
+    body.explicitinertial = True
+    body.mass = 1.0
+    body.inertia = [1.0, 1.0, 1.0]
+
+
+class Anchored(ReducedChain):
+    """A window: a chain whose module 0 is held.
+
+    Args:
+        chain: The window's modules.
+        material: Of their joints.
+        finder: Finds their contacts; its boxes are told.
+        rod: Modules of the rod on the last one; 0 for none.
+        heaviest_rod: Its mass and inertia are at most those of so many: what is far away shall not
+            slow the simulation down.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        material: Material,
+        finder: ContactFinder,
+        *,
+        rod: int,
+        heaviest_rod: int,
+    ) -> None:
+        super().__init__(chain, material, root=0, fixed=True)
+        self._finder = finder
+        finder.make_room(len(chain), rod)
+        mass = float(min(rod, heaviest_rod))
+        across = mass * (1.0 + mass**2) / 12.0
+        self._rod = np.array([mass, 0.5 + 0.5 * mass, mass / 6.0, across]) if rod else NO_ROD
+
+    def accelerations(self, state: State, forces: Array, end_torque: Array) -> Acceleration:
+        """The acceleration of a state; ``place`` must have been called for it.
+
+        Args:
+            state: The reduced state.
+            forces: (n, 3) at the modules' centres, in the world.
+            end_torque: (3,) on the last module, in the world.
+
+        Raises:
+            SimulationError: When the numbers are bad.
+        """
+        self._end_torque = end_torque
+        found = self._finder.found(self.positions, self.rotations)
+        return self._held_accelerations(state, forces, found)

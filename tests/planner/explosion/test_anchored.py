@@ -1,0 +1,153 @@
+"""The window of a peeling: what it does is what one MuJoCo tree does, boxes, rod and all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.simulation.anchored import Anchored, ContactFinder
+from planner.simulation.model import (
+    Material,
+    add_module_geom,
+    add_next_body,
+    base_spec,
+    exclude,
+    set_inertia,
+)
+from planner.simulation.reduced import State
+from tests.planner.chains import line
+
+Array = NDArray[np.float64]
+MATERIAL = Material(geom_size=0.98, stiffness=2.0, armature=3.0, stop_rad=1.6)
+HEAVIEST = 4
+BOX = (np.array([[0.0, 0.0, 0.0]]), np.array([[0.5, 0.5, 0.5]]))
+AWAY = (np.array([[0.0, 0.0, -50.0]]), np.array([[0.5, 0.5, 0.5]]))
+
+
+def random_state(chain: Chain, seed: int, most: float = 0.4) -> State:
+    rng = np.random.default_rng(seed)
+    state = State.at_rest(rng.uniform(-most, most, len(chain.folded_rad)), np.zeros(3), np.eye(3))
+    state.rates = 0.3 * rng.normal(size=len(state.angles))
+    return state
+
+
+def tree_of(chain: Chain, rod: int, boxes: tuple[Array, Array]) -> tuple[Any, Any]:
+    """One MuJoCo tree, held at module 0, with a rod as a body of its own."""
+    spec = base_spec()
+    names = [f"module_{i}" for i in range(len(chain))]
+    body = spec.worldbody.add_body()
+    body.name = names[0]
+    set_inertia(body, chain.module, 1.0)
+    for i in range(1, len(chain)):
+        body = add_next_body(body, chain, i, names[i], MATERIAL)
+        set_inertia(body, chain.module, 1.0)
+        add_module_geom(body, chain.module, i, MATERIAL)
+    for centre, half in zip(*boxes, strict=True):
+        geom = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX)
+        geom.pos, geom.size = centre.tolist(), (half - 0.01).tolist()
+        geom.condim = 1
+        geom.solref = [MATERIAL.contact_time_constant, 1.0]
+        geom.solimp = [0.95, 0.99, 0.005, 0.5, 2.0]
+    if rod:
+        end = body.add_body()
+        end.name = "rod"
+        mass = float(min(rod, HEAVIEST))
+        end.explicitinertial, end.mass = True, mass
+        end.pos, end.ipos = [0.5, 0.0, 0.0], [0.5 * mass, 0.0, 0.0]
+        end.inertia = [mass / 6.0, *[mass * (1.0 + mass**2) / 12.0] * 2]
+        geom = end.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX)
+        geom.pos, geom.size = [0.5 * rod, 0.0, 0.0], [0.5 * rod - 0.01, 0.49, 0.49]
+        geom.mass, geom.condim = 0.0, 1
+        geom.solref = [MATERIAL.contact_time_constant, 1.0]
+        geom.solimp = [0.95, 0.99, 0.005, 0.5, 2.0]
+    exclude(spec, names, [(i, i + 1) for i in range(len(chain) - 1)])
+    model: Any = spec.compile()
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
+    model.opt.iterations, model.opt.tolerance = 100, 1e-12
+    return model, mujoco.MjData(model)
+
+
+def both(
+    chain: Chain, state: State, rod: int, boxes: tuple[Array, Array] = AWAY
+) -> tuple[Array, Array, int, int]:
+    """Hinge accelerations of the window and of the tree, and how many contacts each has."""
+    rng = np.random.default_rng(7)
+    forces, torque = rng.normal(size=(len(chain), 3)), rng.normal(size=3)
+    finder = ContactFinder(chain, MATERIAL)
+    finder.set_boxes(*boxes)
+    window = Anchored(chain, MATERIAL, finder, rod=rod, heaviest_rod=HEAVIEST)
+    finder.set_contact_time_constant(MATERIAL.contact_time_constant)
+    window.place(state)
+    mine = window.accelerations(state, forces, torque)
+    model, data = tree_of(chain, rod, boxes)
+    for name, angle, rate in zip(chain.joint_names, state.angles, state.rates, strict=True):
+        data.joint(name).qpos[0], data.joint(name).qvel[0] = angle, rate
+    for i in range(len(chain)):
+        data.body(f"module_{i}").xfrc_applied[:3] = forces[i]
+    data.body(f"module_{len(chain) - 1}").xfrc_applied[3:] = torque
+    mujoco.mj_forward(model, data)
+    dofs = [model.joint(name).dofadr[0] for name in chain.joint_names]
+    return mine.hinges, data.qacc[dofs], mine.contacts, int(data.ncon)
+
+
+@pytest.mark.parametrize("rod", [0, 3, 200])
+@pytest.mark.parametrize("modules", [4, 12, 30])
+def test_where_nothing_touches_it_is_one_tree(modules: int, rod: int) -> None:
+    chain = line(modules)
+    mine, theirs, contacts, others = both(chain, random_state(chain, rod, 0.15), rod)
+    assert contacts == others == 0
+    np.testing.assert_allclose(mine, theirs, atol=1e-9 * np.abs(theirs).max())
+
+
+def test_it_is_pushed_by_boxes_by_itself_and_by_its_rod() -> None:
+    chain = line(14)
+    seen = set[int]()
+    for seed in range(20):
+        state = random_state(chain, seed, 1.5)
+        state.rates *= 0.0
+        mine, theirs, contacts, others = both(chain, state, 6, BOX)
+        assert contacts == others
+        seen.add(contacts)
+        np.testing.assert_allclose(mine, theirs, atol=1e-4 * np.abs(theirs).max())
+    assert len(seen) > 4
+
+
+def test_a_hinge_at_its_stop_goes_no_farther_and_comes_back() -> None:
+    chain = line(4)
+    state = random_state(chain, 0, 0.0)
+    state.rates[:] = 0.0
+    state.angles[0] = 1.6
+    finder = ContactFinder(chain, replace(MATERIAL, stiffness=0.0))
+    finder.set_boxes(*AWAY)
+    window = Anchored(chain, replace(MATERIAL, stiffness=0.0), finder, rod=0, heaviest_rod=HEAVIEST)
+    window.place(state)
+    axis = np.zeros(3)
+    forces = np.zeros((4, 3))
+    forces[-1] = 5.0 * (window.positions[-1] - window.positions[1])
+    turned = window.accelerations(state, np.cross(forces, [0.0, 0.0, 1.0]), axis).hinges[0]
+    back = window.accelerations(state, -np.cross(forces, [0.0, 0.0, 1.0]), axis).hinges[0]
+    assert sorted([abs(turned) < 1e-6, abs(back) < 1e-6]) == [False, True]
+
+
+def test_room_is_made_for_a_wider_window_and_another_rod() -> None:
+    small, large = line(5), line(60)
+    finder = ContactFinder(small, MATERIAL)
+    finder.set_boxes(*BOX)
+    for chain, rod in ((small, 40), (large, 7), (small, 0)):
+        window = Anchored(chain, MATERIAL, finder, rod=rod, heaviest_rod=HEAVIEST)
+        state = random_state(chain, 1, 1.2)
+        window.place(state)
+        mine = window.accelerations(state, np.zeros((len(chain), 3)), np.zeros(3))
+        fresh = ContactFinder(chain, MATERIAL)
+        fresh.set_boxes(*BOX)
+        other = Anchored(chain, MATERIAL, fresh, rod=rod, heaviest_rod=HEAVIEST)
+        other.place(state)
+        again = other.accelerations(state, np.zeros((len(chain), 3)), np.zeros(3))
+        assert mine.contacts == again.contacts
+        np.testing.assert_allclose(mine.hinges, again.hinges, rtol=1e-9, atol=1e-9)
