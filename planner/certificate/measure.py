@@ -34,6 +34,7 @@ from planner.kernels.clearance import module_clearances
 from planner.motion.frames import PHASES, Frames
 from planner.motion.inverse import inverse_dynamics
 from planner.motion.timeline import Timeline
+from planner.motion.windows import Windows
 from planner.simulation.parameters import Parameters
 
 Array = NDArray[np.float64]
@@ -141,10 +142,16 @@ def _curves(timeline: Timeline, parameters: Parameters, certificate: Certificate
     moving = np.zeros(len(windows), dtype=np.int32)
     unit = torque_unit_nm(chain, parameters)
     unit /= max(_slower(timeline, parameters, certificate), 1e-12) ** 2
+    seen: tuple[Windows, Floats] | None = None
     for phase in np.unique(windows.phase):
         numbers = np.flatnonzero(windows.phase == phase)
         part = windows[numbers]
-        clearance[numbers] = sweep(chain, part, size=parameters.module_size).per_frame
+        if seen is not None and seen[0].passes_as(part[::-1]):
+            # A kinematic playback passes through what was recorded.
+            clearance[numbers] = seen[1][::-1]
+        else:
+            clearance[numbers] = sweep(chain, part, size=parameters.module_size).per_frame
+        seen = part, clearance[numbers]
         steps = part.steps(chain, fraction=MOVING_FRACTION)[1]
         moving[numbers] = np.concatenate([steps[:1], steps]) if len(steps) else 0
         if phase != EXPLOSION:

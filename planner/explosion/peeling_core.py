@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.errors import InputError
-from planner.kernels.core import box_cover
+from planner.kernels.core import box_cover, distances_at
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -73,12 +73,10 @@ class Core:
 
     def distance_at(self, field: Array, points: Array) -> Array:
         """(...,) distance of (..., 3) points to the core, roughly; grows on outside the field."""
-        place = points - (self.low - PAD)
-        top = np.array(field.shape) - 1.0
-        inside = np.clip(place, 0.0, top)
-        index = np.rint(inside).astype(np.int64)
-        beyond = np.linalg.norm(place - inside, axis=-1)
-        return np.asarray(field[tuple(np.moveaxis(index, -1, 0))] + beyond)
+        found = np.empty(points.shape[:-1])
+        low = (self.low - PAD).astype(np.float64)
+        distances_at(field, low, points.reshape(-1, 3), found.reshape(-1))
+        return found
 
     def way_out(self, field: Array, start: Array, last: int, before: Array | None) -> Array:
         """(3,) unit vector: the free ray from a point that is nearest to radial.

@@ -87,3 +87,24 @@ def box_cover(grid: Grid, last: int, out: Ints) -> int:
                 out[count, 5] = c - z
                 count += 1
     return count
+
+
+@njit(cache=True)
+def distances_at(field: Array, low: Array, points: Array, out: Array) -> None:
+    """Writes the (k,) distances of (k, 3) points to what a field is of, roughly.
+
+    Args:
+        field: (X, Y, Z) distance of each cell, whose centres are whole numbers apart.
+        low: (3,) centre of the first one.
+        points: Where to look; outside the field the way to it is added.
+        out: Where to write.
+    """
+    at = np.empty(3, dtype=np.int64)
+    for i in range(points.shape[0]):
+        beyond = 0.0
+        for r in range(3):
+            place = points[i, r] - low[r]
+            inside = min(max(place, 0.0), field.shape[r] - 1.0)
+            at[r] = int(np.rint(inside))
+            beyond += (place - inside) ** 2
+        out[i] = field[at[0], at[1], at[2]] + np.sqrt(beyond)

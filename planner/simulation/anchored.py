@@ -50,6 +50,7 @@ class ContactFinder:
         self._count = 0
         self._centres = self._halves = np.zeros((0, 3))
         self._outdated = True
+        self._spec: Any
         self.model: Any
         self.data: Any
 
@@ -66,6 +67,7 @@ class ContactFinder:
         """Sees to it that there are enough cubes, and a rod of so many."""
         if modules > self._count:
             self._count = modules + ROOM
+            self._spec = self._spec_of(self._count)
             self._outdated = True
         if self._outdated:
             self._compile()
@@ -84,27 +86,15 @@ class ContactFinder:
         return 0.5 * (1.0 - self._material.geom_size)
 
     def _compile(self) -> None:
-        spec = base_spec()
-        names = [f"module_{i}" for i in range(self._count)]
-        for i, name in enumerate(names):
-            body = spec.worldbody.add_body()
-            body.name = name
-            body.add_freejoint()
-            add_module_geom(body, self._module, i, self._material)
-            _weigh(body)
-        body = spec.worldbody.add_body()
-        body.name = ROD
-        body.add_freejoint()
-        add_module_geom(body, self._module, self._count, self._material)
-        _weigh(body)
-        hull = self._material
+        hull, spec = self._material, self._spec
+        for geom in list(spec.worldbody.geoms):
+            spec.delete(geom)
         for centre, half in zip(self._centres, self._halves, strict=True):
             geom = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX)
             geom.pos, geom.size = centre.tolist(), (half - self._shrink).tolist()
             geom.condim = 1
             geom.friction = [max(hull.friction, 1e-5), 0.0, 0.0]
             geom.solref, geom.solimp = [hull.contact_time_constant, 1.0], SOLIMP
-        exclude(spec, names, pairwise(range(self._count)))
         self.model = model = compiled(spec)
         self.data = mujoco.MjData(model)
         self._rod_geom = int(model.geom_bodyid.tolist().index(model.body(ROD).id))
@@ -112,6 +102,20 @@ class ContactFinder:
         self._of_geom = np.zeros(model.ngeom, dtype=np.int64)
         self._of_geom[model.geom_bodyid > 0] = model.geom_bodyid[model.geom_bodyid > 0] - 1
         self._outdated = False
+
+    def _spec_of(self, count: int) -> Any:
+        """So many cubes and a rod, without boxes."""
+        spec = base_spec()
+        names = [*(f"module_{i}" for i in range(count)), ROD]
+        for i, name in enumerate(names):
+            body = spec.worldbody.add_body()
+            body.name = name
+            body.add_freejoint()
+            add_module_geom(body, self._module, i, self._material)
+            body.explicitinertial = True
+            body.mass, body.inertia = 1.0, [1.0, 1.0, 1.0]  # MuJoCo wants some of all that is free
+        exclude(spec, names, pairwise(range(count)))
+        return spec
 
     def _lay_aside(self, modules: int) -> None:
         """Puts away what a window of so many modules does not need; module 0 lies in a box."""
@@ -137,13 +141,6 @@ class ContactFinder:
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_collision(self.model, self.data)
         return Found.of(self.model, self.data, self._of_geom)
-
-
-def _weigh(body: Any) -> None:
-    """A mass, which MuJoCo wants of all that is free."""
-    body.explicitinertial = True
-    body.mass = 1.0
-    body.inertia = [1.0, 1.0, 1.0]
 
 
 class Anchored(ReducedChain):

@@ -25,7 +25,8 @@ from planner.pipeline.stages import STAGES, next_stage, run_stage, run_stages
 from planner.plan.formats import write_path
 from planner.plan.plan import Plan
 from planner.progress import Progress
-from planner.simulation.reduced import Acceleration, State
+from planner.simulation.anchored import Anchored
+from planner.simulation.reduced import Acceleration, ReducedChain, State
 from planner.simulation.segments import Segments
 from tests.planner.chains import COIL
 
@@ -160,17 +161,21 @@ def break_explosions(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
     calls = 0
 
     def breaking(original: Any) -> Any:
-        def broken(self: Segments, state: State, forces: Array, **more: Any) -> Acceleration:
+        def broken(self: ReducedChain, state: State, forces: Array, *more: Array) -> Acceleration:
             nonlocal calls
             calls += 1
             if calls > after:
                 raise SimulationError("it blew up.")
-            return original(self, state, forces, **more)
+            return original(self, state, forces, *more)
 
         return broken
 
-    for name in ("accelerations", "free_accelerations"):
-        monkeypatch.setattr(Segments, name, breaking(getattr(Segments, name)))
+    for kind, name in (
+        (Segments, "accelerations"),
+        (Segments, "free_accelerations"),
+        (Anchored, "accelerations"),
+    ):
+        monkeypatch.setattr(kind, name, breaking(getattr(kind, name)))
 
 
 @pytest.mark.parametrize("after", [0, 60])
