@@ -308,6 +308,17 @@ ROBOT_SETTINGS: Final = (
         most=0.01,
         robot="noise_rad",
     ),
+    Setting(
+        name="simulated_modules",
+        label="Simulated up to",
+        unit="modules",
+        source="ours",
+        meaning="Longer chains, and those that are peeled, are played back by kinematics alone.",
+        least=2,
+        most=20_000,
+        whole=True,
+        playback="dynamic_up_to",
+    ),
 )
 IDEAL: Final = "robots=0"
 """Settings of an ideal robot, whose encoders' steps are all that is off."""
@@ -374,7 +385,7 @@ def with_settings(parameters: Parameters, settings: Mapping[str, float | None]) 
         if setting.robot is not None and playback.controller == "robot":
             robot = replace(playback.robot, **{setting.robot: number})
             playback, used = replace(playback, robot=robot), True
-        elif explosion is not None and not isinstance(explosion, PaperExplosionParameters):
+        elif setting in SETTINGS and not isinstance(explosion, PaperExplosionParameters | None):
             used = False  # the published method's, which ours has nothing of
         if name == "density_kg_m3":
             density, used = value, explosion is None or used

@@ -20,6 +20,7 @@ from tests.benchmarks.plan_files import plan_files
 from tests.benchmarks.portfolio import portfolio
 from tests.benchmarks.scaling import scaling
 from tests.benchmarks.smoothing import smoothing
+from tests.benchmarks.speed import speed
 from tests.benchmarks.success_map.seeds import seeds
 from tests.benchmarks.sweeps import sweeps
 from tests.benchmarks.tables import write_sections
@@ -33,6 +34,7 @@ SECTIONS = {
     "paths": paths,
     "peeling": peeling,
     "scaling": scaling,
+    "speed": speed,
     "portfolio": portfolio,
     "hard": hard,
     "sweeps": sweeps,
