@@ -88,6 +88,14 @@ def test_a_preset_refuses_what_it_does_not_use() -> None:
     assert with_settings(preset("direct"), {"friction": 0.3}).playback.friction == 0.3
 
 
+@pytest.mark.parametrize("name", ["default", "paper"])
+def test_longer_chains_are_simulated_on_wish(name: str) -> None:
+    changed = with_settings(preset(name), read_settings("simulated_modules=5000"))
+    assert changed.playback.dynamic_up_to == 5000
+    with pytest.raises(InputError, match="expected a whole number from 2 to 20000"):
+        read_settings("simulated_modules=1e9")
+
+
 @pytest.mark.parametrize(
     ("name", "given", "kept"),
     [
