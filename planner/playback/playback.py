@@ -239,13 +239,20 @@ def _runs(
     threads run meanwhile.
     """
     lock, stop = Lock(), Event()
-    fractions = [0.0] * course.robots
+    last: dict[int, Progress] = {}
 
     def one(number: int) -> Run:
         def told(now: Progress) -> None:
             with lock:
-                fractions[number] = now.fraction
-                progress(replace(now, fraction=sum(fractions) / course.robots))
+                last[number] = now
+                progress(
+                    replace(
+                        now,
+                        fraction=sum(each.fraction for each in last.values()) / course.robots,
+                        steps=sum(each.steps for each in last.values()),
+                        steps_per_second=sum(each.steps_per_second for each in last.values()),
+                    )
+                )
 
         def stopped() -> bool:
             with lock:

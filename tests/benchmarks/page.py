@@ -137,10 +137,17 @@ def page(reference_seconds: float) -> Section:
         with _large(Path(folder) / "large") as address:
             rates = {size: _rates(launch(), address, size) for size in WINDOWS}
     section.rows += [{"first page": k, "in motion, s": s} for k, s in enumerate(heroes)]
-    section.rows += [{"drop": k, "first moving module, s": s} for k, s in enumerate(drops)]
-    hero, drop = _middle(heroes), _middle(drops)
+    section.rows += [
+        {"drop": k, "first moving module, s": moving, "verdict, s": over}
+        for k, (moving, over) in enumerate(drops)
+    ]
+    hero = _middle(heroes)
+    drop, over = (_middle(list(seconds)) for seconds in zip(*drops, strict=True))
     section.add("first page, cold, to a fold in motion", f"{hero:.2f} s", "≤ 2 s", hero <= 2)
-    section.add(f"dropped {SHAPE} to first moving module", f"{drop:.2f} s", "≤ 3 s", drop <= 3)
+    for what, seconds, bar in (("first moving module", drop, 0.6), ("verdict", over, 3.0)):
+        section.add(
+            f"dropped {SHAPE} to {what}", f"{seconds:.2f} s", f"≤ {bar:g} s", seconds <= bar
+        )
     for where, found in (("local", near), (f"with {FAR_MS} ms round trip added", far)):
         (handed, painted), (handed_50, painted_50) = (
             np.percentile(found, q, axis=0) for q in (95, 50)
@@ -194,7 +201,8 @@ def _hero(browser: Browser, service: Service) -> float:
     return found
 
 
-def _drop(browser: Browser, service: Service, k: int) -> float:
+def _drop(browser: Browser, service: Service, k: int) -> tuple[float, float]:
+    """Seconds from a drop to the first module that moves, and to the verdict."""
     shape = Gallery().shape(SHAPE)
     assert shape is not None
     # A path of its own each time, so that it is folded anew.
@@ -207,11 +215,11 @@ def _drop(browser: Browser, service: Service, k: int) -> float:
     page.evaluate(DROP, [json.dumps(content), f"wrench-{k}.json"])
     page.wait_for_url("**/folds/*", wait_until="commit")
     page.wait_for_function(MOVING, polling=20)
-    found = time.perf_counter() - begun
-    fold_id = page.url.rsplit("/", 1)[1].partition("#")[0]
+    moving = time.perf_counter() - begun
+    service.wait_over(page.url.rsplit("/", 1)[1].partition("#")[0])
+    over = time.perf_counter() - begun
     browser.close()
-    service.wait_over(fold_id)
-    return found
+    return moving, over
 
 
 def _opened(
