@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -102,6 +101,9 @@ class Course:
         folds_robots = parameters.controller == "robot"
         self.robots = parameters.robot.runs if folds_robots else 1
         self.lost_rad = LOST_RAD if folds_robots else np.inf
+        self._body: RobotBody | None = None
+        if folds_robots:
+            self._body = RobotBody(chain, geom_size=module_size, step_s=self.step_s)
         zero = np.zeros_like(chain.folded_rad)
         if unfolding is not None:
             self.begins = (unfolding.chain.folded_rad, *root_folded(unfolding.chain))
@@ -116,15 +118,10 @@ class Course:
         """Time of a step: what is recorded in more frames is simulated in as many more."""
         return self.parameters.step_s / self.finer
 
-    @cached_property
-    def _body(self) -> RobotBody:
-        """What the robots are made of."""
-        return RobotBody(self.chain, geom_size=self.module_size, step_s=self.step_s)
-
     def plant(self, seed: list[int]) -> tuple[Plant, Callable[[Target], None]]:
         """A chain to simulate, and what drives it towards a target in the coming step."""
         p, step_s = self.parameters, self.step_s
-        if p.controller == "robot":
+        if self._body is not None:
             robot = Robot(self._body, p.robot, peak_torque=self.peak_torque, seed=seed)
             return robot, lambda target: drive_robot(robot, target, step_s)
         motors = _motors(p)
