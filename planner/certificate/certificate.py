@@ -7,6 +7,7 @@ kinematics, collisions from separating axes.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any, Final, cast
@@ -165,6 +166,7 @@ def certify(
     start: Chain | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
+    sink: Callable[[Array], None] | None = None,
 ) -> Certificate:
     """Verifies a plan: the reference of a playback, and the playback and record themselves.
 
@@ -177,6 +179,7 @@ def certify(
         progress: Told which motion is being swept.
         cancelled: Asked now and then whether to stop; the verdict then is a failure, and no
             clearance is told.
+        sink: Gets the plan's clearance at each of its frames, see ``Sweep``.
 
     Raises:
         InputError: ``bad-module-size``.
@@ -209,6 +212,8 @@ def certify(
         with ThreadPoolExecutor(1) as beside:
             linked = beside.submit(exempt_pairs, chain, followed(playback), size=size)
             of_plan = swept(playback.reference, "plan", 0.35)
+            if sink is not None and not asked_to_stop:
+                sink(of_plan.per_frame)
             if playback.simulated:
                 of_playback = swept(_angles(playback.frames), "playback", 0.7)
                 of_others = [

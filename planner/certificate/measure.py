@@ -53,6 +53,7 @@ def write_figures(
     parameters: Parameters,
     *,
     certificate: Certificate | None = None,
+    clearances: Array | None = None,
 ) -> None:
     """Works the figures of a timeline out and saves them, some frames at a time.
 
@@ -66,6 +67,8 @@ def write_figures(
         parameters: For the module size and the physical units.
         certificate: What was verified of the fold: torques are then those of its fold time. Without
             it, that of the frames themselves under the joint speed limit.
+        clearances: Of windows that are played back: what the certificate found at each of them, so
+            that they are not swept again.
 
     Raises:
         TimelineError: When there is no timeline, or it is damaged.
@@ -73,7 +76,7 @@ def write_figures(
     read = Timeline.open(timeline)
     if read.windowed:
         # Of all modules in all frames there would be billions.
-        write([_curves(read, parameters, certificate)], len(read), str(path))
+        write([_curves(read, parameters, certificate, clearances)], len(read), str(path))
         return
     write(_parts(read, parameters, certificate), len(read), str(path))
 
@@ -134,7 +137,12 @@ def _parts(
             yield left.result()
 
 
-def _curves(timeline: Timeline, parameters: Parameters, certificate: Certificate | None) -> Curves:
+def _curves(
+    timeline: Timeline,
+    parameters: Parameters,
+    certificate: Certificate | None,
+    known: Array | None,
+) -> Curves:
     """The figures of a timeline of windows."""
     chain, windows = timeline.chain, timeline.windows()
     clearance = np.empty(len(windows), dtype=np.float32)
@@ -143,10 +151,12 @@ def _curves(timeline: Timeline, parameters: Parameters, certificate: Certificate
     unit = torque_unit_nm(chain, parameters)
     unit /= max(_slower(timeline, parameters, certificate), 1e-12) ** 2
     seen: tuple[Windows, Floats] | None = None
-    for phase in np.unique(windows.phase):
+    for phase in np.unique(windows.phase)[::-1]:
         numbers = np.flatnonzero(windows.phase == phase)
         part = windows[numbers]
-        if seen is not None and seen[0].passes_as(part[::-1]):
+        if phase != EXPLOSION and known is not None and len(known) == len(part):
+            clearance[numbers] = known
+        elif seen is not None and seen[0].passes_as(part[::-1]):
             # A kinematic playback passes through what was recorded.
             clearance[numbers] = seen[1][::-1]
         else:

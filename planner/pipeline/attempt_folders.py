@@ -28,7 +28,9 @@ FOLDER: Final = "attempts"
 CERTIFICATE: Final = "certificate.json"
 TIMELINE: Final = "timeline.zarr"
 CHAIN: Final = "chain.json"
-RESULTS: Final = (CHAIN, TIMELINE, "record.npz", "playback.npz", CERTIFICATE)
+CLEARANCES: Final = "clearances.npy"
+"""What the certificate of a peeled chain found at each frame, until its curves are written."""
+RESULTS: Final = (CHAIN, TIMELINE, "record.npz", "playback.npz", CERTIFICATE, CLEARANCES)
 """What an attempt makes; one that smooths another's plan holds that as well, ``RECORDED_PLAN``."""
 _EXPLOSION: Final = PHASES.index("explosion")
 _UNWANTED: Final = "unwanted-"

@@ -11,8 +11,11 @@ import json
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path as FilePath
 from typing import Any, Final
+
+import numpy as np
 
 from planner.certificate.certificate import Certificate, certify
 from planner.certificate.measure import write_figures
@@ -21,10 +24,12 @@ from planner.exports import mjcf
 from planner.files import write_json, write_whole
 from planner.motion.frames import PHASES
 from planner.motion.timeline import TimelineWriter
+from planner.motion.windows import Windows
 from planner.pathfinding.prepare import prepare
 from planner.pipeline import attempts, manifest
 from planner.pipeline.attempt_folders import (
     CERTIFICATE,
+    CLEARANCES,
     TIMELINE,
     clear,
     folder,
@@ -233,6 +238,9 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
     request, playback = read_request(directory), read_playback(directory)
     record = read_record(directory)
     parameters = request.parameters(smoothed=is_smoothing(record))
+    known_at = folder(directory) / CLEARANCES
+    known_at.unlink(missing_ok=True)
+    peeled = playback is not None and isinstance(playback.frames, Windows)
     certificate = certify(
         read_chain(directory),
         record,
@@ -241,6 +249,7 @@ def _certify(directory: FilePath, progress: Report, cancelled: Cancelled) -> dic
         start=read_start(directory, request),
         progress=progress,
         cancelled=cancelled,
+        sink=partial(np.save, known_at) if peeled else None,
     )
     again = None
     tried = attempts.load(directory)
@@ -314,12 +323,15 @@ def work_out_figures(directory: FilePath) -> FilePath:
     certificate = result(directory, CERTIFICATE)
     known = json.loads(certificate.read_bytes()) if certificate.exists() else None
     path = directory / "figures.zarr"
+    clearances = result(directory, CLEARANCES)
     write_figures(
         result(directory, TIMELINE),
         path,
         read_request(directory).parameters(),
         certificate=known and Certificate.from_dict(known),
+        clearances=np.load(clearances) if clearances.exists() else None,
     )
+    clearances.unlink(missing_ok=True)
     return path
 
 
