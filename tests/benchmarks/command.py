@@ -47,7 +47,9 @@ def fold(shape: str, *options: str, out: Path | None = None) -> Run:
             *("--out", str(out or Path(directory) / "fold"), "--json", *options),
         ]
         begun = time.perf_counter()
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=_environment()
+        )
         assert process.stdout is not None
         seen: list[int] = []
         watch = threading.Thread(target=_watch, args=(process.pid, seen))
@@ -63,6 +65,11 @@ def fold(shape: str, *options: str, out: Path | None = None) -> Run:
         wall_s=wall_s,
         peak_mb=max(usage.ru_maxrss * 1024, *seen, 0) / 2**20,
     )
+
+
+def _environment() -> dict[str, str]:
+    """As people have it, who keep what Python compiles of what it imports."""
+    return {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
 
 
 def _watch(pid: int, seen: list[int]) -> None:

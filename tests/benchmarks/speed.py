@@ -1,7 +1,7 @@
 """Speed: what a fold takes, as multiples of the reference; medians of three.
 
-``python -m tests.benchmarks.speed [CASE …]`` runs some of the commands, or 100 000 modules, which
-``make bench`` leaves out.
+``python -m tests.benchmarks.speed [CASE …]`` runs some of the commands, or 100 000 modules or the
+simulated playback of 4096, which ``make bench`` leaves out.
 """
 
 from __future__ import annotations
@@ -84,18 +84,25 @@ COMMANDS: Final = {
     "ball-10000": Bar(command=CASES["ball-10000"], references=110.0),
 }
 LONG: Final = {"box-100000": Bar(command=LONGER["box-100000"], references=3300.0)}
+SIMULATED: Final = {
+    "simulated-1000": ((10, 10, 10), 40.0),
+    "simulated-4096": ((16, 16, 16), 250.0),
+}
+"""Layered boxes whose playback is simulated, and the references that it may take."""
+USUAL: Final = (*COMMANDS, "simulated-1000")
 
 
-def speed(reference_seconds: float, names: tuple[str, ...] = tuple(COMMANDS)) -> Section:
-    """The commands of these names, then what their parts take."""
+def speed(reference_seconds: float, names: tuple[str, ...] = USUAL) -> Section:
+    """What these names stand for, then what the parts of a fold take."""
     warm_up()  # a fresh clone compiles for a minute
     section = Section(name="speed")
     for name in names:
-        _command(section, name, {**COMMANDS, **LONG}[name], reference_seconds)
+        if name in SIMULATED:
+            _simulated(section, *SIMULATED[name], reference_seconds)
+        else:
+            _command(section, name, {**COMMANDS, **LONG}[name], reference_seconds)
     _stages(section, reference_seconds)
     _steps(section)
-    for modules, sides, bar in ((1000, (10, 10, 10), 40.0), (4096, (16, 16, 16), 250.0)):
-        _simulated(section, modules, sides, bar, reference_seconds)
     return section
 
 
@@ -196,7 +203,6 @@ def _steps(section: Section) -> None:
 
 def _simulated(
     section: Section,
-    modules: int,
     sides: tuple[int, int, int],
     bar: float,
     reference_seconds: float,
@@ -205,7 +211,7 @@ def _simulated(
     chain = Chain.from_path(CellPath.from_cells(layered_snake(sides), name="box"))
     parameters = Parameters()
     record: Record
-    if modules > 2000:
+    if len(chain) > 2000:
         record = explode_blocks_first(chain, parameters.explosion)  # type: ignore[arg-type]
     else:
         record = explode(chain, parameters.explosion)  # type: ignore[arg-type]
@@ -219,7 +225,7 @@ def _simulated(
     error = playback.max_angle_error_rad
     each = 1e6 * playback.seconds / max(1, playback.steps) / len(chain)
     section.add(
-        f"playback simulated, {modules} modules, {parameters.playback.robot.runs} robots",
+        f"playback simulated, {len(chain)} modules, {parameters.playback.robot.runs} robots",
         f"{references:.0f} r ({playback.seconds:.1f} s), {playback.status}, "
         f"joint error {'–' if error is None else f'{1e3 * error:.2f} mrad'}, "
         f"{playback.steps} steps of {each:.1f} µs a module",
@@ -231,7 +237,7 @@ def _simulated(
 def main() -> None:
     """Prints the commands that are asked for."""
     about: dict[str, Any] = machine()
-    names = tuple(sys.argv[1:]) or tuple(COMMANDS)
+    names = tuple(sys.argv[1:]) or USUAL
     speed(about["reference_seconds"], names).show(Console(width=160))
 
 
