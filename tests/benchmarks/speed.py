@@ -71,6 +71,12 @@ def _own(kind: str) -> Callable[[], bytes]:
     return data
 
 
+def _larger(name: str) -> Command:
+    """A command of those that are about growing, for modules of 0.98."""
+    command = {**CASES, **LONGER}[name]
+    return replace(command, options=(*command.options, "--module-size", "0.98"))
+
+
 COMMANDS: Final = {
     WRENCH: Bar(command=CASES["wrench-160"], references=7.0),
     "simultaneous-512": Bar(command=CASES["simultaneous-512"], references=20.0),
@@ -80,10 +86,10 @@ COMMANDS: Final = {
     "own-block-1000": Bar(command=Command(shape="own.txt", data=_own("block")), references=80.0),
     "own-search-1000": Bar(command=Command(shape="own.txt", data=_own("exact")), references=80.0),
     "box-4096": Bar(command=CASES["box-4096"], references=40.0),
-    "box-9600": Bar(command=CASES["box-9600"], references=80.0),
-    "ball-10000": Bar(command=CASES["ball-10000"], references=110.0),
+    "box-9600": Bar(command=_larger("box-9600"), references=80.0),
+    "ball-10000": Bar(command=_larger("ball-10000"), references=110.0),
 }
-LONG: Final = {"box-100000": Bar(command=LONGER["box-100000"], references=3300.0)}
+LONG: Final = {"box-100000": Bar(command=_larger("box-100000"), references=3300.0)}
 SIMULATED: Final = {
     "simulated-1000": ((10, 10, 10), 40.0),
     "simulated-4096": ((16, 16, 16), 250.0),
