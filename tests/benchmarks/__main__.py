@@ -6,8 +6,7 @@ import argparse
 from pathlib import Path
 
 from tests.benchmarks.baselines import direct, paper
-from tests.benchmarks.folds import folds
-from tests.benchmarks.gallery import gallery
+from tests.benchmarks.folds import folds, gallery
 from tests.benchmarks.hard import hard
 from tests.benchmarks.long_folds import long_folds
 from tests.benchmarks.machine import machine
