@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels.kinematics import Matrix, axis_rotation, multiply, rodrigues
+from planner.kernels.kinematics import Matrix, axis_rotation, multiply, product, rodrigues
 from planner.kernels.module import Joint
 
 Array = NDArray[np.float64]
@@ -45,22 +45,6 @@ def _turned(rotation: Matrix, v: Array) -> Vector:
         rotation[0] * v[0] + rotation[1] * v[1] + rotation[2] * v[2],
         rotation[3] * v[0] + rotation[4] * v[1] + rotation[5] * v[2],
         rotation[6] * v[0] + rotation[7] * v[1] + rotation[8] * v[2],
-    )
-
-
-@njit(cache=True)
-def _product(a: Matrix, b: Matrix) -> Matrix:
-    """A B."""
-    return (
-        a[0] * b[0] + a[1] * b[3] + a[2] * b[6],
-        a[0] * b[1] + a[1] * b[4] + a[2] * b[7],
-        a[0] * b[2] + a[1] * b[5] + a[2] * b[8],
-        a[3] * b[0] + a[4] * b[3] + a[5] * b[6],
-        a[3] * b[1] + a[4] * b[4] + a[5] * b[7],
-        a[3] * b[2] + a[4] * b[5] + a[5] * b[8],
-        a[6] * b[0] + a[7] * b[3] + a[8] * b[6],
-        a[6] * b[1] + a[7] * b[4] + a[8] * b[7],
-        a[6] * b[2] + a[7] * b[5] + a[8] * b[8],
     )
 
 
@@ -165,8 +149,8 @@ def _placed(
                 axes[i, k, 0], axes[i, k, 1], axes[i, k, 2] = axis
                 rate = rates[j + k]
                 p, q, r = p + rate * axis[0], q + rate * axis[1], r + rate * axis[2]
-                rotation = _product(rotation, rodrigues(joint.axes[k], float(angles[j + k])))
-        rotation = _product(rotation, fixed)
+                rotation = product(rotation, rodrigues(joint.axes[k], float(angles[j + k])))
+        rotation = product(rotation, fixed)
         arm = _turned(rotation, joint.offset)
         moved = _cross((p, q, r), arm)
         u, v, w = u + moved[0], v + moved[1], w + moved[2]

@@ -37,6 +37,22 @@ def rodrigues(axis: Array, angle: float) -> Matrix:
 
 
 @njit(cache=True)
+def product(a: Matrix, b: Matrix) -> Matrix:
+    """The product of two matrices, row by row."""
+    return (
+        a[0] * b[0] + a[1] * b[3] + a[2] * b[6],
+        a[0] * b[1] + a[1] * b[4] + a[2] * b[7],
+        a[0] * b[2] + a[1] * b[5] + a[2] * b[8],
+        a[3] * b[0] + a[4] * b[3] + a[5] * b[6],
+        a[3] * b[1] + a[4] * b[4] + a[5] * b[7],
+        a[3] * b[2] + a[4] * b[5] + a[5] * b[8],
+        a[6] * b[0] + a[7] * b[3] + a[8] * b[6],
+        a[6] * b[1] + a[7] * b[4] + a[8] * b[7],
+        a[6] * b[2] + a[7] * b[5] + a[8] * b[8],
+    )
+
+
+@njit(cache=True)
 def axis_rotation(axis: Array, angle: float, out: Array) -> None:
     """Writes the rotation about a unit axis into ``out`` (3, 3)."""
     h = rodrigues(axis, angle)

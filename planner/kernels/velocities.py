@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels.kinematics import rodrigues
+from planner.kernels.kinematics import product, rodrigues
 from planner.kernels.module import Joint
 
 Array = NDArray[np.float64]
@@ -43,18 +43,7 @@ def relative_spin(rotation: Array, axes: Array, angles: Array, rates: Array, out
             out[2] += f[6 + c] * axes[k, c] * rates[k]
         if k + 1 == axes.shape[0]:
             return
-        h = rodrigues(axes[k], angles[k])
-        f = (
-            f[0] * h[0] + f[1] * h[3] + f[2] * h[6],
-            f[0] * h[1] + f[1] * h[4] + f[2] * h[7],
-            f[0] * h[2] + f[1] * h[5] + f[2] * h[8],
-            f[3] * h[0] + f[4] * h[3] + f[5] * h[6],
-            f[3] * h[1] + f[4] * h[4] + f[5] * h[7],
-            f[3] * h[2] + f[4] * h[5] + f[5] * h[8],
-            f[6] * h[0] + f[7] * h[3] + f[8] * h[6],
-            f[6] * h[1] + f[7] * h[4] + f[8] * h[7],
-            f[6] * h[2] + f[7] * h[5] + f[8] * h[8],
-        )
+        f = product(f, rodrigues(axes[k], angles[k]))
 
 
 @njit(cache=True)
