@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final, cast
 
 import numpy as np
@@ -298,21 +298,8 @@ def _unusable(
         motions["record"] = record.frames
     if playback is not None:
         motions["simulated playback" if playback.simulated else "playback"] = playback.frames
-        plan = playback.reference
-        if isinstance(plan, Windows):
-            pass  # the playback itself, which is looked at below
-        elif plan.shape != (len(playback.frames), joints):
-            return (
-                f"the plan has the shape {plan.shape}, expected {len(playback.frames)} frames of "
-                f"{joints} joint angles"
-            )
-        elif not np.isfinite(plan).all():
-            return "the plan holds numbers that are not finite"
-        told = playback.others_rad
-        if told is not None and (
-            told.shape[1:] != (len(playback.frames), joints) or not np.isfinite(told).all()
-        ):
-            return "the playbacks of other robots do not have the plan's frames"
+        if unusable := _unusable_angles(playback, joints):
+            return unusable
     for name, frames in motions.items():
         if not len(frames):
             return f"the {name} has no frames"
@@ -338,6 +325,29 @@ def _unusable(
     return ""
 
 
+def _unusable_angles(playback: Playback, joints: int) -> str:
+    """Why the plan or the playbacks of other robots cannot be looked at, or an empty string.
+
+    The frames of the playback itself are another matter.
+    """
+    frames, reference, told = playback.frames, playback.reference_rad, playback.others_rad
+    if isinstance(frames, Windows):
+        if reference is None:
+            return ""  # the plan is the playback itself
+        expected, of = frames.angles_rad.shape, "angles in windows"
+    else:
+        expected, of = (len(frames), joints), f"frames of {joints} joint angles"
+        if reference is None:
+            return "there is no plan beside the frames"
+    if reference.shape != expected:
+        return f"the plan has the shape {reference.shape}, expected {expected[0]} {of}"
+    if not np.isfinite(reference).all():
+        return "the plan holds numbers that are not finite"
+    if told is not None and (told.shape[1:] != expected or not np.isfinite(told).all()):
+        return "the playbacks of other robots do not have the plan's frames"
+    return ""
+
+
 def _angles(motion: Motion) -> Array | Windows:
     """What of a motion the sweep looks at."""
     return motion if isinstance(motion, Windows) else motion.joint_angles_rad
@@ -359,9 +369,14 @@ def followed(playback: Playback) -> tuple[Array | Windows, ...]:
     return (plan, _angles(playback.frames), *others(playback))
 
 
-def others(playback: Playback) -> tuple[Array, ...]:
-    """(F, J) hinge angles of each robot whose playback is not the one that is shown."""
-    return () if playback.others_rad is None else tuple(playback.others_rad)
+def others(playback: Playback) -> tuple[Array | Windows, ...]:
+    """Hinge angles of each robot whose playback is not the one that is shown, as of that one."""
+    if playback.others_rad is None:
+        return ()
+    if isinstance(playback.frames, Windows):
+        frames = replace(playback.frames, errors_rad=None)
+        return tuple(replace(frames, angles_rad=angles) for angles in playback.others_rad)
+    return tuple(playback.others_rad)
 
 
 def _robots(
@@ -372,17 +387,25 @@ def _robots(
         return None
     plan, found = playback.reference, []
     for motion, swept in zip(followed(playback)[1:], sweeps, strict=False):
-        if isinstance(motion, Windows) or isinstance(plan, Windows) or swept is None:
+        if swept is None:
             continue
         found.append(
             RobotFigures(
-                max_angle_error_rad=float(np.abs(motion - plan).max()),
-                rms_position_error=_rms(_off(chain, motion[-1])),
+                max_angle_error_rad=_largest_difference(motion, plan),
+                rms_position_error=_rms(_off(chain, _angles_at(chain, motion, -1))),
                 min_clearance=swept.clearance,
                 clearance_bound=swept.bound,
             )
         )
     return tuple(found)
+
+
+def _largest_difference(motion: Array | Windows, plan: Array | Windows) -> float:
+    """How far a robot's hinges are off the plan at most, at its frames."""
+    if isinstance(motion, Windows) and isinstance(plan, Windows):
+        return float(np.abs(motion.angles_rad - plan.angles_rad).max(initial=0.0))
+    assert not (isinstance(motion, Windows) or isinstance(plan, Windows))
+    return float(np.abs(motion - plan).max())
 
 
 def _rms(values: Array) -> float:
@@ -463,8 +486,7 @@ def _simulation_figures(chain: Chain, playback: Playback) -> dict[str, Any]:
     distances = _off(chain, last)
     # The playback says how far off its hinges were at any step; its frames must bear it out.
     off = playback.max_angle_error_rad or 0.0
-    if not (isinstance(simulated, Windows) or isinstance(playback.reference, Windows)):
-        off = max(off, float(np.abs(simulated - playback.reference).max()))
+    off = max(off, _largest_difference(simulated, playback.reference))
     return {
         "rms_position_error": _rms(distances),
         "max_position_error": float(distances.max()),
@@ -516,7 +538,7 @@ def _verdict(
             "folded shape"
         )
     for other in others(playback):
-        if (error := _rms(_off(chain, other[-1]))) > FOLDED_WITHIN:
+        if (error := _rms(_off(chain, _angles_at(chain, other, -1)))) > FOLDED_WITHIN:
             return (
                 f"failed: the playback of another robot ends {error:.2g} pitch (RMS) from the "
                 "folded shape"

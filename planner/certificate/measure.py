@@ -171,7 +171,7 @@ def _curves(
                     np.arange(len(numbers)), found.frames, found.largest
                 )
     return Curves(
-        max_error_rad=np.full(len(windows), np.nan, dtype=np.float32),
+        max_error_rad=windows.largest_errors.astype(np.float32),
         min_clearance=clearance,
         hinges_moving=moving,
         peak_torque_nm=torque,

@@ -47,6 +47,11 @@ class Frames:
         del chain
         return self[start:stop]
 
+    @property
+    def largest_errors(self) -> Array:
+        """(F,) the largest joint error of each snapshot, NaN where none is recorded."""
+        return self.joint_error_rad.max(axis=1)
+
     def angles(self, chain: Chain, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
         """(f, J) all angles of the snapshots ``start`` to ``stop``: as ``Windows.angles``."""
         del chain

@@ -31,10 +31,11 @@ def joined(parts: Sequence[Motion]) -> Motion:
 
 def motion_arrays(motion: Motion) -> dict[str, Any]:
     """Its columns by name, to be written."""
-    return {name: getattr(motion, name) for name in type(motion).__dataclass_fields__}
+    columns = {name: getattr(motion, name) for name in type(motion).__dataclass_fields__}
+    return {name: values for name, values in columns.items() if values is not None}
 
 
 def motion_from_arrays(arrays: Any) -> Motion:
     """From a mapping of its columns, whichever kind they are of."""
     kind = Windows if "offsets" in arrays else Frames
-    return kind(**{name: arrays[name] for name in kind.__dataclass_fields__})
+    return kind(**{name: arrays[name] for name in kind.__dataclass_fields__ if name in arrays})

@@ -66,6 +66,7 @@ def _window_columns() -> dict[str, tuple[tuple[int, ...], str, int]]:
         "base_position": ((3,), "float64", WINDOWS_A_CHUNK),
         "base_wxyz": ((4,), "float64", WINDOWS_A_CHUNK),
         "angles_rad": ((), "float32", ANGLES_A_CHUNK),
+        "errors_rad": ((), "float32", ANGLES_A_CHUNK),
     }
 
 
@@ -129,7 +130,12 @@ class TimelineWriter:
         columns = _window_columns() if windowed else _frame_columns(len(chain.folded_rad))
         for name, (tail, dtype, rows) in columns.items():
             group.create_array(
-                name, shape=(0, *tail), chunks=(rows, *tail), dtype=dtype, compressors=[codec]
+                name,
+                shape=(0, *tail),
+                chunks=(rows, *tail),
+                dtype=dtype,
+                compressors=[codec],
+                fill_value=np.nan if name == "errors_rad" else 0,
             )
         told = chain_attributes(chain)
         if windowed:
@@ -214,14 +220,18 @@ class TimelineWriter:
         self._waiting = []
         stop = self._frames + len(motion)
         if isinstance(motion, Windows):
-            angles = self._array("angles_rad")
             begins = int(cast("Any", self._array("ends")[self._frames - 1])) if self._frames else 0
             values = {
                 **{name: getattr(motion, name) for name in _WINDOW_ROWS},
                 "ends": begins + motion.offsets[1:],
             }
-            angles.resize((begins + len(motion.angles_rad),))
-            angles[begins:] = motion.angles_rad
+            for name in ("angles_rad", "errors_rad"):
+                flat = getattr(motion, name)
+                if name in self._group:  # earlier timelines have no errors
+                    array = self._array(name)
+                    array.resize((begins + len(motion.angles_rad),))
+                    if flat is not None:  # what is not written takes no room and is read as NaN
+                        array[begins:] = flat
         else:
             values = {name: getattr(motion, name) for name in _frame_columns(0)}
         for name, column in values.items():
@@ -249,6 +259,7 @@ class TimelineWriter:
         self._group.attrs.update({"frames": self._frames, "status": status})
 
 
+_WINDOW_ANGLES: Final = ("angles_rad", "errors_rad")
 _WINDOW_ROWS: Final = ("time_s", "phase", "first", "base_position", "base_wxyz")
 
 
@@ -348,16 +359,21 @@ class Timeline:
         ends = cast("NDArray[np.int64]", self._arrays["ends"][max(start - 1, 0) : end])
         ends = np.concatenate([[0], ends]) if start == 0 else ends
         begins, stops = ends[numbers - start], ends[numbers - start + 1]
-        flat = self._arrays["angles_rad"]
-        if stride == 1 or not len(numbers):
-            angles = flat[int(ends[0]) : int(ends[-1])]
-        else:
-            angles = np.concatenate(
-                [flat[a:b] for a, b in zip(begins.tolist(), stops.tolist(), strict=True)]
-            )
+        flat: dict[str, NDArray[np.float32]] = {}
+        for name in _WINDOW_ANGLES:
+            array = cast("Any", self._arrays.get(name))
+            if array is None:
+                continue
+            if stride == 1 or not len(numbers):
+                flat[name] = array[int(ends[0]) : int(ends[-1])]
+            else:
+                parts = zip(begins.tolist(), stops.tolist(), strict=True)
+                flat[name] = np.concatenate([array[a:b] for a, b in parts])
+        errors = flat.get("errors_rad")
         return Windows(
             offsets=np.concatenate([[0], np.cumsum(stops - begins)]),
-            angles_rad=cast("NDArray[np.float32]", angles),
+            angles_rad=flat["angles_rad"],
+            errors_rad=None if errors is None or np.isnan(errors).all() else errors,
             **{name: cast("Any", self._arrays[name][start:end])[::stride] for name in _WINDOW_ROWS},
         )
 
@@ -381,10 +397,14 @@ class Timeline:
             group = _opened(self.path)
             columns = _window_columns() if self.windowed else _frame_columns(0)
             try:
-                self._arrays = {n: cast("zarr.Array[Any]", group[n]) for n in columns}
+                self._arrays = {
+                    n: cast("zarr.Array[Any]", group[n])
+                    for n in columns
+                    if n != "errors_rad" or n in group  # earlier timelines have none
+                }
             except KeyError as error:
                 raise TimelineError(f"{self.path} is damaged: it lacks {error}.") from error
-            rows = [a.shape[0] for n, a in self._arrays.items() if n != "angles_rad"]
+            rows = [a.shape[0] for n, a in self._arrays.items() if n not in _WINDOW_ANGLES]
             if not 0 <= frames <= min(rows):
                 raise TimelineError(
                     f"{self.path} is damaged: it promises {frames} frames and holds {min(rows)}."

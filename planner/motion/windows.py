@@ -36,6 +36,8 @@ class Windows:
         angles_rad: (V,) float32.
         base_position: (F, 3) centre of module 0 in pitches.
         base_wxyz: (F, 4) its orientation.
+        errors_rad: (V,) float32 joint errors, those of the other hinges being 0; None where no
+            error is recorded.
     """
 
     time_s: Array
@@ -45,6 +47,7 @@ class Windows:
     angles_rad: NDArray[np.float32]
     base_position: Array
     base_wxyz: Array
+    errors_rad: NDArray[np.float32] | None = None
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -52,18 +55,24 @@ class Windows:
     def __getitem__(self, index: slice | NDArray[np.integer[Any]]) -> Windows:
         """Some of the snapshots."""
         numbers = np.arange(len(self))[index]
+        errors = self.errors_rad
         return Windows(
+            errors_rad=None if errors is None else self._of_frames(errors, numbers),
             time_s=self.time_s[numbers],
             phase=self.phase[numbers],
             first=self.first[numbers],
             offsets=np.concatenate([[0], np.cumsum(np.diff(self.offsets)[numbers])]),
-            angles_rad=np.concatenate(
-                [np.zeros(0, np.float32)]
-                + [self.angles_rad[self.offsets[k] : self.offsets[k + 1]] for k in numbers]
-            ),
+            angles_rad=self._of_frames(self.angles_rad, numbers),
             base_position=self.base_position[numbers],
             base_wxyz=self.base_wxyz[numbers],
         )
+
+    def _of_frames(
+        self, values: NDArray[np.float32], numbers: NDArray[np.integer[Any]]
+    ) -> NDArray[np.float32]:
+        """What of (V,) values belongs to some of the snapshots."""
+        parts = [values[self.offsets[k] : self.offsets[k + 1]] for k in numbers]
+        return np.concatenate([np.zeros(0, np.float32), *parts])
 
     @property
     def last(self) -> Ints:
@@ -75,10 +84,30 @@ class Windows:
         """One after the other."""
         lengths = np.concatenate([np.diff(part.offsets) for part in parts])
         plain = ("time_s", "phase", "first", "angles_rad", "base_position", "base_wxyz")
+        known = any(part.errors_rad is not None for part in parts)
         return cls(
             offsets=np.concatenate([[0], np.cumsum(lengths)]),
+            errors_rad=np.concatenate([part.errors for part in parts]) if known else None,
             **{name: np.concatenate([getattr(p, name) for p in parts]) for name in plain},
         )
+
+    @property
+    def errors(self) -> NDArray[np.float32]:
+        """(V,) joint errors of the windows, NaN where none is recorded."""
+        if self.errors_rad is None:
+            return np.full(len(self.angles_rad), np.nan, dtype=np.float32)
+        return self.errors_rad
+
+    @property
+    def largest_errors(self) -> Array:
+        """(F,) the largest joint error of each snapshot, NaN where none is recorded."""
+        if self.errors_rad is None:
+            return np.full(len(self), np.nan)
+        found = np.zeros(len(self))
+        some = np.flatnonzero(np.diff(self.offsets))
+        if len(some):
+            found[some] = np.maximum.reduceat(self.errors_rad, self.offsets[some])
+        return found
 
     @classmethod
     def of(cls, chain: Chain, frames: Frames) -> Windows:
@@ -116,6 +145,21 @@ class Windows:
             row[a : a + b] = self.angles_rad[self.offsets[k] : self.offsets[k + 1]]
         return found
 
+    def joint_errors(self, chain: Chain, start: int = 0, stop: int | None = None) -> Array:
+        """(f, J) joint errors of the snapshots ``start`` to ``stop``, NaN where none is recorded.
+
+        Where those of a window are, the other hinges are exactly as they should be.
+        """
+        numbers = range(len(self))[start:stop]
+        found = np.zeros((len(numbers), len(chain.folded_rad)))
+        errors = self.errors
+        for row, k in zip(found, numbers, strict=True):
+            part = errors[self.offsets[k] : self.offsets[k + 1]]
+            row[self.first[k] : self.first[k] + len(part)] = part
+            if self.errors_rad is None or np.isnan(part).any():
+                row[:] = np.nan
+        return found
+
     def passes_as(self, other: Windows) -> bool:
         """Whether both pass exactly the same angles, whenever and wherever that is."""
         return all(
@@ -149,7 +193,7 @@ class Windows:
         return largest, moving
 
     def dense(self, chain: Chain, start: int = 0, stop: int | None = None) -> Frames:
-        """The snapshots ``start`` to ``stop`` with all their angles; no error is recorded."""
+        """The snapshots ``start`` to ``stop`` with all their angles and errors."""
         part = slice(start, stop)
         angles = self.angles(chain, start, stop)
         poses = forward_kinematics(
@@ -165,5 +209,5 @@ class Windows:
             joint_angles_rad=angles,
             root_position=poses.positions[:, chain.root],
             root_wxyz=wxyz_from_matrix(poses.rotations[:, chain.root]),
-            joint_error_rad=np.full_like(angles, np.nan),
+            joint_error_rad=self.joint_errors(chain, start, stop),
         )

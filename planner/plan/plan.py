@@ -107,11 +107,13 @@ class Plan:
             motion = replace(
                 playback.frames, time_s=playback.frames.time_s - playback.frames.time_s[0]
             )
-            errors = np.full(len(motion), np.nan)
-        if isinstance(motion, Frames) and playback is not None:
-            errors = motion.joint_error_rad.max(axis=1)
-            assert playback.reference_rad is not None
-            motion = replace(motion, joint_angles_rad=playback.reference_rad)
+            errors = motion.largest_errors
+            reference = playback.reference
+            if isinstance(motion, Windows):
+                assert isinstance(reference, Windows)
+                motion = replace(motion, angles_rad=reference.angles_rad, errors_rad=None)
+            else:
+                motion = replace(motion, joint_angles_rad=reference)
         return cls(
             chain=chain,
             preset=parameters.preset,

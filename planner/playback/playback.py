@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from threading import Event, Lock
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ from planner.playback.course import Course
 from planner.playback.kinematic import kinematic_frames, windowed_frames
 from planner.playback.run import PlaybackStatus, Run
 from planner.playback.unfolding import Unfolding
+from planner.playback.window_course import WindowCourse
+from planner.playback.window_run import WindowRun
 from planner.progress import Cancelled, Progress, Report, never, silent
 from planner.simulation.parameters import PlaybackParameters
 
@@ -45,8 +47,8 @@ class Playback:
         reason: In plain words; empty when folded.
         frames: Simulated configurations with their joint errors: from straight on or, of a
             refold, from where it begins on, over straight.
-        reference_rad: (F, J) what the hinges should have been at those frames; None when the
-            frames are windows, which are that themselves.
+        reference_rad: (F, J) what the hinges should have been at those frames; of windows (V,), as
+            their angles; None when the frames are that themselves.
         steps: Simulation steps.
         seconds: Wall time.
         rms_position_error: Of the modules' centres at the end, in pitches, after alignment; None
@@ -61,14 +63,14 @@ class Playback:
             where an earlier version did not tell.
         robots: How many robots with faults folded it, of which this is the one that is off most;
             None for an ideal one, and where nothing was simulated.
-        others_rad: (robots − 1, F, J) hinge angles of the others at the same frames; None where
-            there are none.
+        others_rad: (robots − 1, F, J) hinge angles of the others at the same frames, of windows
+            (robots − 1, V); None where there are none.
     """
 
     status: PlaybackStatus
     reason: str
     frames: Motion
-    reference_rad: Array | None
+    reference_rad: Array | NDArray[np.float32] | None
     steps: int
     seconds: float
     rms_position_error: float | None
@@ -78,7 +80,7 @@ class Playback:
     kind: Literal["dynamic", "kinematic"] = "dynamic"
     torque_frames: int | None = None
     robots: int | None = None
-    others_rad: Array | None = None
+    others_rad: Array | NDArray[np.float32] | None = None
 
     @property
     def simulated(self) -> bool:
@@ -89,10 +91,12 @@ class Playback:
     def reference(self) -> Array | Windows:
         """What the plan is: (F, J) hinge angles, or windows."""
         if isinstance(self.frames, Windows):
-            return self.frames
+            if self.reference_rad is None:
+                return self.frames
+            return replace(self.frames, angles_rad=self.reference_rad, errors_rad=None)
         if self.reference_rad is None:
             raise ValueError("got frames of all angles without their reference")
-        return self.reference_rad
+        return np.asarray(self.reference_rad, dtype=np.float64)
 
     def summary(self) -> dict[str, Any]:
         """The figures without the frames."""
@@ -101,13 +105,19 @@ class Playback:
     def save(self, path: FilePath) -> None:
         """Writes an ``.npz`` that is either whole or not there."""
         frames, reference = motion_arrays(self.frames), self.reference_rad
-        if reference is not None and np.array_equal(reference, frames["joint_angles_rad"]):
-            del frames["joint_angles_rad"]  # of a kinematic playback they are the same
+        if reference is None:
+            packed = {}
+        elif isinstance(self.frames, Windows):
+            packed = {"window_reference_rad": reference}
+        else:
+            packed = packed_frames("reference_rad", np.asarray(reference, dtype=np.float64))
+            if np.array_equal(reference, frames["joint_angles_rad"]):
+                del frames["joint_angles_rad"]  # of a kinematic playback they are the same
         save_npz(
             path,
             {
                 **{name: _stored(getattr(self, name)) for name in _SCALARS},
-                **({} if reference is None else packed_frames("reference_rad", reference)),
+                **packed,
                 **({} if self.others_rad is None else {"others_rad": self.others_rad}),
                 **frames,
             },
@@ -118,7 +128,7 @@ class Playback:
         """Reads what ``save`` wrote."""
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)
-            reference = None
+            reference = arrays.get("window_reference_rad")
             if "offsets" not in arrays:
                 reference = unpacked_frames(arrays, "reference_rad")
                 arrays.setdefault("joint_angles_rad", reference)
@@ -198,8 +208,11 @@ def play_back(
                 "cannot-refold",
                 "a chain that is peeled cannot begin folded otherwise; fold it from straight.",
             )
-        return _reversed_windows(chain, recorded, parameters, sink, start_s)
-    if recorded is not None and not simulates(chain, recorded, parameters.dynamic_up_to):
+        if not simulates(chain, recorded, parameters):
+            return _reversed_windows(chain, recorded, parameters, sink, start_s)
+        followed = WindowCourse(chain, recorded, parameters, module_size, finer)
+        return _simulated_windows(followed, sink, progress, cancelled, start_s, seed)
+    if recorded is not None and not simulates(chain, recorded, parameters):
         return _followed(chain, recorded, parameters, module_size, sink, start_s, finer, unfolding)
     course = Course(chain, record, parameters, module_size, start_s, finer, unfolding)
     runs = _runs(course, seed, sink if course.robots == 1 else None, progress, cancelled)
@@ -233,22 +246,46 @@ def _runs(
     progress: Report,
     cancelled: Cancelled,
 ) -> list[Run]:
-    """All robots of a course that have folded, or have failed to; beside each other.
+    """All robots of a course that have folded, or have failed to."""
+
+    def one(number: int, told: Report, stopped: Cancelled) -> Run:
+        run = Run(course, [seed, number])
+        run.simulate(sink, told, stopped)
+        return run
+
+    return _beside(course.robots, one, progress, cancelled)
+
+
+R = TypeVar("R")
+
+
+def _beside(
+    robots: int,
+    fold: Callable[[int, Report, Cancelled], R],
+    progress: Report,
+    cancelled: Cancelled,
+) -> list[R]:
+    """What becomes of each robot; they fold beside each other.
 
     What comes of one does not depend on the others. Most of a step is MuJoCo's, which lets other
     threads run meanwhile.
+
+    Args:
+        robots: How many.
+        fold: Folds one, with its number, whom to tell and whom to ask.
+        progress, cancelled: Those of all together.
     """
     lock, stop = Lock(), Event()
     last: dict[int, Progress] = {}
 
-    def one(number: int) -> Run:
+    def one(number: int) -> R:
         def told(now: Progress) -> None:
             with lock:
                 last[number] = now
                 progress(
                     replace(
                         now,
-                        fraction=sum(each.fraction for each in last.values()) / course.robots,
+                        fraction=sum(each.fraction for each in last.values()) / robots,
                         steps=sum(each.steps for each in last.values()),
                         steps_per_second=sum(each.steps_per_second for each in last.values()),
                     )
@@ -260,26 +297,67 @@ def _runs(
                     stop.set()
             return stop.is_set()
 
-        run = Run(course, [seed, number])
-        run.simulate(sink, told, stopped)
-        return run
+        return fold(number, told, stopped)
 
-    numbers = range(course.robots)
-    if min(cores(), course.robots) == 1:
+    numbers = range(robots)
+    if min(cores(), robots) == 1:
         return [one(number) for number in numbers]
-    with ThreadPoolExecutor(min(cores(), course.robots)) as threads:
+    with ThreadPoolExecutor(min(cores(), robots)) as threads:
         return list(threads.map(one, numbers))
 
 
-def simulates(chain: Chain, recorded: Motion, dynamic_up_to: int) -> bool:
+def simulates(chain: Chain, recorded: Motion, parameters: PlaybackParameters) -> bool:
     """Whether the playback of a record is simulated; else it is kinematic.
 
     Args:
         chain: The chain.
         recorded: The explosion to play in reverse, or what came of it.
-        dynamic_up_to: As in ``PlaybackParameters``.
+        parameters: Of the playback. Of windows only robots are simulated.
     """
-    return isinstance(recorded, Frames) and len(chain) <= dynamic_up_to
+    able = isinstance(recorded, Frames) or parameters.controller == "robot"
+    return able and len(chain) <= parameters.dynamic_up_to
+
+
+def _simulated_windows(
+    course: WindowCourse,
+    sink: Callable[[Motion], None] | None,
+    progress: Report,
+    cancelled: Cancelled,
+    start_s: float,
+    seed: int,
+) -> Playback:
+    """A playback of windows by robots; the sink gets it at its end."""
+    begun = time.perf_counter()
+
+    def one(number: int, told: Report, stopped: Cancelled) -> WindowRun:
+        run = WindowRun(course, [seed, number])
+        run.simulate(told, stopped)
+        return run
+
+    runs = _beside(course.robots, one, progress, cancelled)
+    failed = next((one for one in runs if one.status != "folded"), None)
+    run = failed or max(runs, key=lambda one: one.largest_error)
+    frames = run.frames
+    frames = replace(frames, time_s=start_s + frames.time_s)
+    if sink is not None:
+        for start in range(0, len(frames), SUNK_AT_ONCE):
+            sink(frames[start : start + SUNK_AT_ONCE])
+    others = [one.frames.angles_rad for one in runs if one is not run]
+    return Playback(
+        status=run.status,
+        reason=run.reason,
+        frames=frames,
+        reference_rad=course.reference[: len(frames)].angles_rad,
+        steps=run.steps,
+        seconds=time.perf_counter() - begun,
+        rms_position_error=run.final_error(),
+        # In single precision, frames may tell a little more.
+        max_angle_error_rad=max(run.largest_error, float(frames.largest_errors.max())),
+        peak_torque=max(one.peak_torque for one in runs),
+        rms_torque=float(np.sqrt(run.square_torque / max(1, run.steps))),
+        robots=len(runs) if len(runs) > 1 else None,
+        others_rad=np.array(others) if others and failed is None else None,
+    )
 
 
 def _followed(

@@ -98,8 +98,8 @@ def add_module_mesh(spec: Any, module: Module, size: float) -> None:
         mesh.uservert = (module.vertices * size).ravel().tolist()
 
 
-def add_module_geom(body: Any, module: Module, index: int, material: Material) -> None:
-    """Gives a body the collision hull of module ``index``; its mass is set apart."""
+def add_module_geom(body: Any, module: Module, index: int, material: Material) -> Any:
+    """Gives a body the collision hull of module ``index``, which is told; its mass is set apart."""
     options: dict[str, Any] = {
         "name": f"module_{index}",
         "mass": 0.0,
@@ -111,9 +111,8 @@ def add_module_geom(body: Any, module: Module, index: int, material: Material) -
     }
     if module.geom == "box":
         half = float(np.abs(module.vertices).max()) * material.geom_size
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[half] * 3, **options)
-    else:
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="module", **options)
+        return body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[half] * 3, **options)
+    return body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="module", **options)
 
 
 def set_inertia(body: Any, module: Module, mass: float) -> None:

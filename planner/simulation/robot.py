@@ -72,6 +72,43 @@ class RobotBody:
         return segments
 
 
+class Faults:
+    """What is not ideal about one robot, drawn from its seed.
+
+    Attributes:
+        masses: (n,) of the modules.
+        friction: (J,) largest torque of dry friction in each hinge.
+        offsets: (J,) of the encoders, in radians.
+        encoder_rad: Their steps.
+        limit: Largest torque of a motor.
+        stiffness, damping: Of the servos.
+
+    Args:
+        chain: The chain.
+        parameters: What the robot is like.
+        peak_torque: Largest torque of the plan, of which limits and friction are multiples.
+        seed: Whole numbers that say which robot of this kind it is.
+    """
+
+    def __init__(
+        self, chain: Chain, parameters: RobotParameters, *, peak_torque: float, seed: list[int]
+    ) -> None:
+        n, hinges = len(chain), len(chain.folded_rad)
+        self._rng = rng = np.random.default_rng(seed)
+        self.limit = parameters.torque_limit * peak_torque
+        self.stiffness = self.limit / parameters.give_rad
+        self.damping = self.stiffness * parameters.damping_s
+        self.masses = 1.0 + parameters.mass_error * rng.standard_normal(n)
+        self.friction = parameters.friction * peak_torque * rng.uniform(0.5, 1.5, hinges)
+        self.encoder_rad = parameters.encoder_rad
+        self.offsets = self.encoder_rad * rng.uniform(-0.5, 0.5, hinges)
+        self._noise_rad = parameters.noise_rad
+
+    def noise(self, hinges: int) -> Array:
+        """(H,) of so many encoders in one step, in radians."""
+        return self._noise_rad * self._rng.standard_normal(hinges)
+
+
 class Robot:
     """A chain with servos and the faults of one robot.
 
@@ -91,20 +128,10 @@ class Robot:
         seed: list[int],
     ) -> None:
         self.chain = chain = body.segments.chain
-        step_s = float(body.segments.model.opt.timestep)
-        n, hinges = len(chain), len(chain.folded_rad)
-        rng = np.random.default_rng(seed)
-        self._rng = rng
-        self._step_s = step_s
-        self.limit = parameters.torque_limit * peak_torque
-        self._stiffness = self.limit / parameters.give_rad
-        self._damping = self._stiffness * parameters.damping_s
-        self.masses = 1.0 + parameters.mass_error * rng.standard_normal(n)
-        self._friction = parameters.friction * peak_torque * rng.uniform(0.5, 1.5, hinges)
-        self._encoder_rad = parameters.encoder_rad
-        self._noise_rad = parameters.noise_rad
-        self._offsets = self._encoder_rad * rng.uniform(-0.5, 0.5, hinges)
-        self._segments = body.of_masses(self.masses)
+        self._step_s = float(body.segments.model.opt.timestep)
+        self.faults = Faults(chain, parameters, peak_torque=peak_torque, seed=seed)
+        hinges = len(chain.folded_rad)
+        self._segments = body.of_masses(self.faults.masses)
         self._target = (np.zeros(hinges), np.zeros(hinges), np.zeros(hinges))
         self.torques = np.zeros(hinges)
         """(J,) of the motors in the last step."""
@@ -146,7 +173,7 @@ class Robot:
         """Sets a configuration at rest."""
         self.state = State.at_rest(angles, root_position, matrix_from_wxyz(root_wxyz))
         self._segments.place(self.state)
-        self._centre = self.masses @ self._segments.positions / self.masses.sum()
+        self._centre = self.faults.masses @ self._segments.positions / self.faults.masses.sum()
 
     def begin_step(self) -> None:
         """Nothing: poses are those of the present state at any time."""
@@ -166,35 +193,35 @@ class Robot:
         Raises:
             SimulationError: When the numbers are bad.
         """
-        state, h, segments = self.state, self._step_s, self._segments
+        state, h, segments, faults = self.state, self._step_s, self._segments, self.faults
         hinges = len(state.angles)
         wanted, rubbing = np.empty(hinges), np.empty(hinges)
         servo_torques(
             state.angles,
             state.rates,
             *self._target,
-            self._noise_rad * self._rng.standard_normal(hinges),
-            self._offsets,
-            self._encoder_rad,
-            self._stiffness,
-            self._damping,
+            faults.noise(hinges),
+            faults.offsets,
+            faults.encoder_rad,
+            faults.stiffness,
+            faults.damping,
             h,
-            self._friction,
+            faults.friction,
             wanted,
             rubbing,
         )
-        inertia = h * h * self._stiffness + h * self._damping
+        inertia = h * h * faults.stiffness + h * faults.damping
         model, data, dofs = segments.model, segments.data, segments.hinge_dofs
         limited = np.zeros(hinges)
         left = MOST_SATURATED
         while True:
             free, left = limited == 0.0, left - 1
             model.dof_armature[dofs] = np.where(free, inertia, 0.0) + h * rubbing
-            motors = np.where(free, wanted, self.limit * limited)
+            motors = np.where(free, wanted, faults.limit * limited)
             data.qfrc_applied[dofs] = motors - rubbing * state.rates
             acceleration = segments.accelerations(state, None)
             given = np.where(free, wanted - inertia * acceleration.hinges, motors)
-            beyond = free & (np.abs(given) > self.limit)
+            beyond = free & (np.abs(given) > faults.limit)
             if not left or not beyond.any():
                 break
             limited[beyond] = np.sign(given[beyond])
@@ -214,7 +241,7 @@ class Robot:
     def stop_drifting(self) -> None:
         """Takes away the momentum that integration has added since the chain was at rest."""
         stop_drifting(
-            self.masses,
+            self.faults.masses,
             self.chain.module.inertia,
             self._segments.root,
             self._centre,

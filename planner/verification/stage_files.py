@@ -111,7 +111,7 @@ def _same_playback(directory: FilePath, plan: Plan, playback: Playback | None) -
         if found.reference_rad is not None:
             yield from array_difference(
                 found.reference_rad,
-                playback.reference,
+                playback.reference_rad,
                 versus_plan("playback.npz", "joint_angles_rad"),
             )
 
@@ -161,6 +161,9 @@ def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:
     both = f"{name} and timeline.zarr differ in"
     for column, values in motion_arrays(got).items():
         single = SINGLE_WITHIN if column == "joint_error_rad" else 0.0
+        if column not in theirs:
+            yield f"{both} {column}: only {name} has it"
+            continue
         yield from array_difference(values, theirs[column], f"{both} {column}", atol=single)
 
 

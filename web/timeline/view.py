@@ -298,7 +298,7 @@ class TimelineView:
         if self.windowed:
             times, phases = self._timeline.clock()
             time_s, phase = times[start:stop], phases[start:stop]
-            largest = np.full(stop - start, np.nan)
+            largest = self._timeline.windows(start, stop).largest_errors
         else:
             parts = [
                 self._timeline.frames(at, min(at + 1024, stop)) for at in range(start, stop, 1024)

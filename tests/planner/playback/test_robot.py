@@ -45,7 +45,7 @@ def made(chain: Chain, robot: RobotParameters, seed: int = 0) -> Robot:
 @pytest.mark.parametrize("chain", [line(7), coil(40)], ids=len)
 def test_a_step_is_that_of_one_tree_of_mujoco_with_the_same_masses(chain: Chain) -> None:
     robot = made(chain, replace(FAULTLESS, mass_error=0.1, torque_limit=100.0), seed=3)
-    assert robot.masses.std() > 0.05
+    assert robot.faults.masses.std() > 0.05
     hinges = len(chain.folded_rad)
     rng = np.random.default_rng(5)
     angles = 0.6 * chain.folded_rad + 0.1 * rng.normal(size=hinges)
@@ -54,10 +54,10 @@ def test_a_step_is_that_of_one_tree_of_mujoco_with_the_same_masses(chain: Chain)
     torques = rng.normal(size=hinges)
     robot.follow(target, rates, torques)
     robot.end_step()
-    h, stiffness = 0.08, robot.limit / FAULTLESS.give_rad
+    h, stiffness = 0.08, robot.faults.limit / FAULTLESS.give_rad
     damping = stiffness * FAULTLESS.damping_s
     model: Any = tree_spec(chain, Material(geom_size=0.3)).compile()
-    for i, mass in enumerate(robot.masses):
+    for i, mass in enumerate(robot.faults.masses):
         body = model.body(f"module_{i}").id
         model.body_mass[body] *= mass
         model.body_inertia[body] *= mass
@@ -74,7 +74,9 @@ def test_a_step_is_that_of_one_tree_of_mujoco_with_the_same_masses(chain: Chain)
     np.testing.assert_allclose(robot.rates, wanted, atol=3e-4 * np.abs(wanted).max())
     # The servo is taken at the end of the step: what it gives there is what it asks for there.
     given = stiffness * (target - robot.angles) + damping * (rates - robot.rates) + torques
-    np.testing.assert_allclose(robot.motor_torques, given, rtol=1e-6, atol=1e-6 * robot.limit)
+    np.testing.assert_allclose(
+        robot.motor_torques, given, rtol=1e-6, atol=1e-6 * robot.faults.limit
+    )
 
 
 def test_a_robot_without_faults_is_off_by_what_its_welds_give(
