@@ -34,6 +34,7 @@ def servo_torques(
     damping: float,
     step_s: float,
     friction: Array,
+    expected_friction: float,
     wanted: Array,
     rubbing: Array,
 ) -> None:
@@ -47,6 +48,7 @@ def servo_torques(
         stiffness, damping: Of the servos.
         step_s: Time step.
         friction: (J,) largest torque of dry friction.
+        expected_friction: What servos take it to be, and give beside the rest.
         wanted: (J,) written: torques.
         rubbing: (J,) written: friction's torque for each rad/s.
     """
@@ -54,12 +56,14 @@ def servo_torques(
         seen = angles[j] + noise[j]
         if encoder_rad > 0.0:
             seen = np.rint((seen + offsets[j]) / encoder_rad) * encoder_rad - offsets[j]
-        speed = abs(rates[j])
+        # A hinge that sets out in this step is not held by what friction is at rest.
+        speed = max(abs(rates[j]), abs(target_rates[j]))
         rubbing[j] = friction[j] * np.tanh(speed / SLOW_RAD_S) / max(speed, 1e-12)
         wanted[j] = (
             stiffness * (target[j] - seen - step_s * rates[j])
             + damping * (target_rates[j] - rates[j])
             + ahead[j]
+            + expected_friction * np.tanh(target_rates[j] / SLOW_RAD_S)
         )
 
 

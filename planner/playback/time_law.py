@@ -78,7 +78,7 @@ def torque_bounded_law(
     terms = [_torque_terms(reference, module, u[k : k + CHUNK]) for k in range(0, samples, CHUNK)]
     a, b = (np.concatenate(parts) for parts in zip(*terms, strict=True))
     z = torque_bounded_profile(u, a, b)
-    return _law_from_profile(u, z, steps, step_s)
+    return law_from_profile(u, z, steps, step_s)
 
 
 def _torque_terms(reference: Reference, module: Module, u: Array) -> tuple[Array, Array]:
@@ -144,7 +144,15 @@ def duration(u: Array, z: Array) -> float:
     return float(np.sum(2.0 * np.diff(u) / np.maximum(root[1:] + root[:-1], 1e-12)))
 
 
-def _law_from_profile(u: Array, z: Array, steps: int, step_s: float) -> TimeLaw:
+def law_from_profile(u: Array, z: Array, steps: int, step_s: float) -> TimeLaw:
+    """The law of a profile, in so many steps.
+
+    Args:
+        u: (U,) places from 0 to 1.
+        z: (U,) u̇² there, in another unit of time.
+        steps: S.
+        step_s: Time of a step.
+    """
     root = np.sqrt(z)
     times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(u) / (root[1:] + root[:-1]))])
     return _law_from_times(u, times, steps, step_s)

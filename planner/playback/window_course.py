@@ -21,7 +21,7 @@ from planner.motion.frames import PHASES
 from planner.motion.windows import Windows
 from planner.playback.reference import ROOM, STOP_ROOM_RAD
 from planner.playback.setpoints import SETTLE_STEPS
-from planner.playback.time_law import smooth_law
+from planner.playback.time_law import TimeLaw, law_from_profile, torque_bounded_profile
 from planner.simulation.parameters import PlaybackParameters
 from planner.simulation.window_body import Lumps, WindowBody
 
@@ -29,6 +29,10 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 FEWEST_STEPS: Final = 100
 """Steps of a playback, at least."""
+SAMPLES_A_RAD: Final = 25
+"""Samples of the time law for each radian of the curve's length …"""
+MOST_SAMPLES: Final = 2**15
+"""… or fewer."""
 FRAME_RAD: Final = 0.04
 """Turn of the fastest hinge between two frames that are kept."""
 JOINTS_AT_ONCE: Final = 16
@@ -115,19 +119,20 @@ class WindowCurve:
         """(U,) the first of the control points that places depend on."""
         return np.clip(u.astype(np.int64), 0, len(self._after) - REACH)
 
-    def at(self, u: Array, hinges: slice) -> Array:
-        """(U, H) the angles of some hinges at (U,) places; of those it holds all that move."""
+    def at(self, u: Array, hinges: slice, derivative: int = 0) -> Array:
+        """(U, H) the angles of some hinges at (U,) places, or how those change with u.
+
+        Args:
+            u: Places from 0 to ``end``.
+            hinges: Of those it holds all that move there.
+            derivative: 0, 1 or 2.
+        """
         piece = self.piece(u)
         low, high = int(piece.min()), int(piece.max()) + REACH
         points = np.stack([self._point(k, hinges) for k in range(low, high)])
-        t = (u - piece)[:, None]
-        k = piece - low
-        return (
-            (1.0 - t) ** 3 * points[k]
-            + (3.0 * t**3 - 6.0 * t**2 + 4.0) * points[k + 1]
-            + (-3.0 * t**3 + 3.0 * t**2 + 3.0 * t + 1.0) * points[k + 2]
-            + t**3 * points[k + 3]
-        ) / 6.0
+        weights = _weights(u - piece, derivative)
+        parts = (weights[i][:, None] * points[piece - low + i] for i in range(REACH))
+        return np.asarray(sum(parts))
 
     def _point(self, k: int, hinges: slice) -> Array:
         after, part = int(self._after[k]), float(self._part[k])
@@ -147,6 +152,19 @@ class WindowCurve:
             at = int(windows.offsets[frame]) - first
             found[low - start : high - start] = windows.angles_rad[at + low : at + high]
         return found
+
+
+def _weights(t: Array, derivative: int) -> tuple[Array, Array, Array, Array]:
+    """What the four control points of a uniform cubic B-spline count in a piece, t from 0 to 1."""
+    if derivative == 0:
+        last = t**3 / 6.0
+        third = (-3.0 * t**3 + 3.0 * t**2 + 3.0 * t + 1.0) / 6.0
+        first = (1.0 - t) ** 3 / 6.0
+        return first, 1.0 - first - third - last, third, last
+    if derivative == 1:
+        last, third, first = 0.5 * t**2, -1.5 * t**2 + t + 0.5, -0.5 * (1.0 - t) ** 2
+        return first, -first - third - last, third, last
+    return 1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t
 
 
 class WindowCourse:
@@ -194,15 +212,37 @@ class WindowCourse:
         self.curve = WindowCurve(self.chain, backwards, p.spacing_rad / finer)
         length = self.curve.length_rad
         steps = max(FEWEST_STEPS, int(finer * p.steps_per_rad * length))
-        law = smooth_law(steps=steps, step_s=self.step_s)
+        law = self._law(steps)
         self._u = self.curve.end * law.u
         gone = np.floor(law.u * length * finer / FRAME_RAD)
         self.is_kept = np.concatenate([[True], np.diff(gone) > 0.0])
         """(S + 1,) whether a frame is kept before a step."""
         self.is_kept[-1] = True
-        self.stretches = tuple(self._stretches())
+        self.stretches = tuple(_stretches(self.chain, self.curve, self._u))
         self.reference = self._reference()
         """What the kept frames should be; the pose of module 0 is that at the beginning."""
+
+    def _law(self, steps: int) -> TimeLaw:
+        """How fast to run along the curve, so that the largest torque is about the least."""
+        count = max(FEWEST_STEPS, min(MOST_SAMPLES, int(SAMPLES_A_RAD * self.curve.length_rad)))
+        u = np.linspace(0.0, self.curve.end, count)
+        stretches = tuple(_stretches(self.chain, self.curve, u))
+        widest = max(stretch.joints for stretch in stretches) * self.chain.module.hinges_per_joint
+        a, b = np.zeros((count, widest)), np.zeros((count, widest))
+        lumps = Lumps(self.chain, np.ones(len(self.chain)))
+        for number, stretch in enumerate(stretches):
+            body = self.body(stretch.joints)
+            body.take(stretch.first, lumps)
+            stop = stretch.stop + (number == len(stretches) - 1)
+            places, hinges = u[stretch.start : stop], stretch.hinges(self.chain)
+            angles, first, second = (self.curve.at(places, hinges, k) for k in range(3))
+            still = np.zeros_like(first[0])
+            for k in range(len(places)):
+                row = stretch.start + k
+                a[row, : len(still)] = body.floating_torques(angles[k], still, first[k])
+                b[row, : len(still)] = body.floating_torques(angles[k], first[k], second[k])
+        share = u / self.curve.end
+        return law_from_profile(share, torque_bounded_profile(share, a, b), steps, self.step_s)
 
     def _reference(self) -> Windows:
         first, angles = [], []
@@ -254,29 +294,6 @@ class WindowCourse:
         """(S, H) that a robot without faults needs for the steps of a stretch."""
         return self._torques[number]
 
-    def _stretches(self) -> Iterator[Stretch]:
-        k = self.chain.module.hinges_per_joint
-        most = len(self.chain.folded_rad) // k
-        piece = self.curve.piece(self._u)
-        low = sliding_window_view(self.curve.first, REACH).min(axis=1)[piece] // k
-        high = -(-sliding_window_view(self.curve.last, REACH).max(axis=1)[piece] // k)
-        start = 0
-        while start < len(self):
-            # The step before a stretch and the one behind it belong to its finite differences.
-            begin = max(0, start - 1)
-            lows = np.minimum.accumulate(low[begin:])
-            highs = np.maximum.accumulate(high[begin:])
-            soon = min(start + FEWEST_TOGETHER, len(self)) - begin
-            needed = int(highs[soon] - lows[soon]) + SPARE_JOINTS
-            joints = min(most, JOINTS_AT_ONCE * -(-needed // JOINTS_AT_ONCE))
-            fits = highs - lows <= joints
-            last = begin + (len(fits) if fits.all() else int(fits.argmin())) - 1
-            stop = len(self) if last == len(self) else max(start + 1, last - 1)
-            within = slice(begin, min(stop + 1, len(self)) + 1)
-            first = min(int(low[within].min()), most - joints)
-            yield Stretch(first=first, joints=joints, start=start, stop=stop)
-            start = stop
-
     def _all_torques(self) -> list[NDArray[np.float32]]:
         """(S, H) of each stretch: torques that a robot without faults needs for its steps."""
         lumps = Lumps(self.chain, np.ones(len(self.chain)))
@@ -293,3 +310,29 @@ class WindowCourse:
                 torques[k] = body.floating_torques(angles, rates, accelerations)
             found.append(torques)
         return found
+
+
+def _stretches(chain: Chain, curve: WindowCurve, u: Array) -> Iterator[Stretch]:
+    """The stretches of steps from each of (S + 1,) places to the next."""
+    steps = len(u) - 1
+    k = chain.module.hinges_per_joint
+    most = len(chain.folded_rad) // k
+    piece = curve.piece(u)
+    low = sliding_window_view(curve.first, REACH).min(axis=1)[piece] // k
+    high = -(-sliding_window_view(curve.last, REACH).max(axis=1)[piece] // k)
+    start = 0
+    while start < steps:
+        # The step before a stretch and the one behind it belong to its finite differences.
+        begin = max(0, start - 1)
+        lows = np.minimum.accumulate(low[begin:])
+        highs = np.maximum.accumulate(high[begin:])
+        soon = min(start + FEWEST_TOGETHER, steps) - begin
+        needed = int(highs[soon] - lows[soon]) + SPARE_JOINTS
+        joints = min(most, JOINTS_AT_ONCE * -(-needed // JOINTS_AT_ONCE))
+        fits = highs - lows <= joints
+        last = begin + (len(fits) if fits.all() else int(fits.argmin())) - 1
+        stop = steps if last == steps else max(start + 1, last - 1)
+        within = slice(begin, min(stop + 1, steps) + 1)
+        first = min(int(low[within].min()), most - joints)
+        yield Stretch(first=first, joints=joints, start=start, stop=stop)
+        start = stop

@@ -206,7 +206,8 @@ class RobotParameters:
 
     Attributes:
         mass_error: Standard deviation of the modules' masses and inertias, as a share of them.
-        friction: Dry friction of a joint; each has from half to one and a half times that.
+        friction: Dry friction of a joint; each has from half to one and a half times that, and
+            its servo reckons with that.
         torque_limit: Largest torque of a motor.
         give_rad: Angle by which a hinge at rest is off when its servo gives its largest torque.
         damping_s: kv / kp of the servos.

@@ -78,6 +78,7 @@ class Faults:
     Attributes:
         masses: (n,) of the modules.
         friction: (J,) largest torque of dry friction in each hinge.
+        expected_friction: The mean of its kind, which servos reckon with.
         offsets: (J,) of the encoders, in radians.
         encoder_rad: Their steps.
         limit: Largest torque of a motor.
@@ -99,7 +100,8 @@ class Faults:
         self.stiffness = self.limit / parameters.give_rad
         self.damping = self.stiffness * parameters.damping_s
         self.masses = 1.0 + parameters.mass_error * rng.standard_normal(n)
-        self.friction = parameters.friction * peak_torque * rng.uniform(0.5, 1.5, hinges)
+        self.expected_friction = parameters.friction * peak_torque
+        self.friction = self.expected_friction * rng.uniform(0.5, 1.5, hinges)
         self.encoder_rad = parameters.encoder_rad
         self.offsets = self.encoder_rad * rng.uniform(-0.5, 0.5, hinges)
         self._noise_rad = parameters.noise_rad
@@ -207,6 +209,7 @@ class Robot:
             faults.damping,
             h,
             faults.friction,
+            faults.expected_friction,
             wanted,
             rubbing,
         )

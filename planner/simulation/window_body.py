@@ -70,6 +70,7 @@ class Lumps:
     """
 
     def __init__(self, chain: Chain, masses: Array) -> None:
+        self.masses = masses
         self._folded = forward_kinematics(chain.module, chain.folded_rad)
         self._straight = forward_kinematics(chain.module, np.zeros_like(chain.folded_rad))
         inertia = chain.module.inertia
@@ -144,6 +145,7 @@ class WindowBody:
         names = [name for joint in range(joints) for name in hinge_names(chain, joint + 1)]
         self.dofs = np.array([model.joint(name).dofadr[0] for name in names])
         """(H,) where the hinges' velocities are among the model's; angles are one place behind."""
+        self._cubes = np.array([model.body(_name(place)).id for place in range(1, joints)], int)
         self._core, self._core_shape = model.body(_name(0)).id, model.body(CORE_SHAPE).id
         self._rod, self._rod_shape = model.body(_name(joints)).id, model.body(ROD_SHAPE).id
         self._rod_geom = int(model.body_geomadr[self._rod_shape])
@@ -171,6 +173,12 @@ class WindowBody:
         model.body_quat[self._core_shape] = wxyz_from_matrix(rotation.T)
         self._set_lump(self._core, lumps.core(core))
         self._set_lump(self._rod, lumps.rod(rod))
+        masses = lumps.masses[core + 1 : rod]
+        model.body_mass[self._cubes] = masses
+        model.body_inertia[self._cubes] = masses[:, None] * chain.module.inertia
+        model.body_subtreemass[:] = model.body_mass
+        for body in range(model.nbody - 1, 0, -1):
+            model.body_subtreemass[model.body_parentid[body]] += model.body_subtreemass[body]
         bits = model.geom_contype[self._first_geom : self._first_geom + len(chain)]
         bits[:] = 0
         bits[:core] = IN_CORE
@@ -189,14 +197,10 @@ class WindowBody:
         if np.linalg.det(axes) < 0.0:
             axes[:, 0] *= -1.0
         model = self.model
-        gained = lump.mass - model.body_mass[body]
         model.body_mass[body] = lump.mass
         model.body_ipos[body] = lump.centre
         model.body_iquat[body] = wxyz_from_matrix(axes)
         model.body_inertia[body] = moments
-        while body:
-            model.body_subtreemass[body] += gained
-            body = int(model.body_parentid[body])
 
     def place(self, core: tuple[Array, Array], angles: Array) -> None:
         """Sets a configuration, at rest.

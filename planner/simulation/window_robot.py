@@ -112,6 +112,7 @@ class WindowRobot:
             faults.damping,
             h,
             faults.friction[self._hinges],
+            faults.expected_friction,
             wanted,
             rubbing,
         )

@@ -145,13 +145,14 @@ def playback_differs(plan: Plan, playback: Playback) -> Differences:
     if not playback.simulated:
         return
     if isinstance(played, Windows) and isinstance(motion, Windows):
-        errors, angles, reference = played.errors, played.angles_rad, motion.angles_rad
+        name, errors = "errors_rad", played.errors
+        angles, reference = played.angles_rad, motion.angles_rad
     else:
         assert isinstance(played, Frames)
-        errors, angles = played.joint_error_rad, played.joint_angles_rad
+        name, errors, angles = "joint_error_rad", played.joint_error_rad, played.joint_angles_rad
         reference = plan.joint_angles_rad
     yield from array_difference(
-        errors, np.abs(angles - reference), "timeline.zarr joint errors", atol=SINGLE_WITHIN
+        errors, np.abs(angles - reference), f"timeline.zarr {name}", atol=SINGLE_WITHIN
     )
 
 

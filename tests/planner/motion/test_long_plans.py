@@ -11,6 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+import zarr
 
 from planner.certificate.certificate import certify
 from planner.certificate.metrics import Curves, Figures
@@ -32,7 +33,7 @@ from planner.motion.windows import Windows
 from planner.pathfinding.assembly import layered_snake
 from planner.pathfinding.candidates import find_paths
 from planner.pathfinding.lattice import neighbours
-from planner.pipeline.fold_directory import write_request
+from planner.pipeline.fold_directory import read_request, write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stage, run_stages
 from planner.plan import plan as plan_module
@@ -55,7 +56,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     place = tmp_path_factory.mktemp("peeled")
     cells = [tuple(cell) for cell in layered_snake(BOX).tolist()]
     path = Path.from_cells(cells, name="box-96")
-    write_request(place, Request(strategy="peel"), write_path(path))
+    request = Request(strategy="peel", settings="simulated_modules=50")
+    write_request(place, request, write_path(path))
     run_stages(place)
     return place
 
@@ -63,6 +65,51 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
 @pytest.fixture(scope="module")
 def plan(made: FilePath) -> Plan:
     return Plan.load(made / "plan.npz")
+
+
+@pytest.fixture(scope="module")
+def simulated(made: FilePath, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """The same box, its playback simulated by two robots."""
+    place = tmp_path_factory.mktemp("simulated")
+    request = replace(read_request(made), settings="robots=2")
+    write_request(place, request, (made / "input").read_bytes())
+    run_stages(place)
+    return place
+
+
+@pytest.mark.slow
+def test_a_simulated_plan_of_windows_is_verified_with_its_robots(simulated: FilePath) -> None:
+    plan = Plan.load(simulated / "plan.npz")
+    assert plan.certificate.verdict == "verified (simulated)"
+    assert isinstance(plan.motion, Windows)
+    assert plan.certificate.robots is not None
+    assert len(plan.certificate.robots) == 2
+    most = plan.certificate.max_angle_error_rad
+    assert most is not None
+    assert 0.0 < np.nanmax(plan.max_error_rad) <= most < 1e-3
+    assert verify(simulated).problems == ()
+    curves = Curves.load(simulated / "figures.zarr")
+    np.testing.assert_allclose(curves.max_error_rad[-len(plan.motion) :], plan.max_error_rad)
+    assert np.isnan(curves.max_error_rad[: -len(plan.motion)]).all()  # of the explosion
+    timeline = Timeline.open(simulated / "timeline.zarr")
+    first = len(timeline) - len(plan.motion)
+    whole, some = timeline.windows(first), timeline.windows(first, stride=7)
+    assert whole.errors_rad is not None
+    np.testing.assert_array_equal(some.errors, whole[np.arange(0, len(whole), 7)].errors)
+    dense = timeline.frames(first + 40, first + 41)
+    off = np.abs(dense.joint_angles_rad - plan.part(40, 41).joint_angles_rad)
+    np.testing.assert_allclose(dense.joint_error_rad, off, atol=1e-7)
+
+
+@pytest.mark.slow
+def test_windows_without_errors_of_their_own_do_not_pass_for_simulated(
+    simulated: FilePath, tmp_path: FilePath
+) -> None:
+    place = tmp_path / "forged"
+    shutil.copytree(simulated, place)
+    array: Any = zarr.open_array(str(place / "timeline.zarr" / "errors_rad"), mode="r+")
+    array[-50:] = 0.5 * array[-50:]
+    assert "timeline.zarr errors_rad" in "\n".join(verify(place).problems)
 
 
 def windows_of(plan: Plan) -> Windows:

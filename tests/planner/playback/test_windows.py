@@ -1,0 +1,238 @@
+"""Robots that fold peeled chains: their core and rod rigid, the window simulated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.dynamics import floating_torques
+from planner.chain.kinematics import forward_kinematics
+from planner.motion.record import Record
+from planner.motion.windows import Windows
+from planner.playback.playback import Playback, play_back
+from planner.playback.window_course import FRAME_RAD, WindowCourse
+from planner.simulation.model import Material, tree_spec
+from planner.simulation.parameters import PlaybackParameters, RobotParameters
+from planner.simulation.window_body import Lumps, WindowBody
+from planner.simulation.window_robot import WindowRobot
+from tests.planner.peels import peel, snake
+
+Array = NDArray[np.float64]
+FAULTLESS = RobotParameters(mass_error=0.0, friction=0.0, encoder_rad=0.0, noise_rad=0.0, runs=1)
+SIZE = 0.3
+"""Of modules that touch nothing on a way that nobody has cleared."""
+UPRIGHT = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+FIRST, JOINTS = 30, 24
+HINGES = slice(2 * FIRST, 2 * (FIRST + JOINTS))
+
+
+@pytest.fixture(scope="module")
+def chain() -> Chain:
+    return snake((4, 4, 6))
+
+
+@pytest.fixture(scope="module")
+def peeled(chain: Chain) -> Windows:
+    return peel(chain, width=24, step=0.5)
+
+
+def bent(chain: Chain, angles: Array) -> Array:
+    """(J,) all angles of a chain that is folded before a window and straight behind."""
+    found = np.zeros(len(chain.folded_rad))
+    found[: HINGES.start] = chain.folded_rad[: HINGES.start]
+    found[HINGES] = angles
+    return found
+
+
+def some(chain: Chain, scale: float = 0.3) -> Array:
+    rng = np.random.default_rng(4)
+    angles = np.linspace(1.0, 0.0, 2 * JOINTS) * chain.folded_rad[HINGES]
+    return angles + scale * rng.normal(size=2 * JOINTS)
+
+
+def test_its_torques_are_those_of_the_whole_chain(chain: Chain) -> None:
+    rng = np.random.default_rng(1)
+    angles, rates, accelerations = some(chain), *rng.normal(size=(2, 2 * JOINTS))
+    body = WindowBody(chain, JOINTS, geom_size=SIZE, step_s=0.08)
+    body.take(FIRST, Lumps(chain, np.ones(len(chain))))
+    found = body.floating_torques(angles, rates, accelerations)
+    moving = np.zeros((2, len(chain.folded_rad)))
+    moving[:, HINGES] = rates, accelerations
+    whole = floating_torques(chain.module, bent(chain, angles)[None], moving[:1], moving[1:])[0]
+    np.testing.assert_allclose(found, whole[HINGES], atol=1e-9 * np.abs(whole).max())
+
+
+def test_a_step_is_that_of_one_tree_of_mujoco_that_holds_all_other_hinges(chain: Chain) -> None:
+    parameters = replace(FAULTLESS, mass_error=0.1, torque_limit=100.0)
+    robot = WindowRobot(chain, parameters, peak_torque=10.0, seed=[3], base=UPRIGHT)
+    body = WindowBody(chain, JOINTS, geom_size=SIZE, step_s=0.08)
+    robot.take(FIRST, body)
+    rng = np.random.default_rng(5)
+    angles = chain.folded_rad[HINGES] * 0.0
+    target, rates = 0.01 * rng.normal(size=(2, 2 * JOINTS))
+    torques = rng.normal(size=2 * JOINTS)
+    np.testing.assert_array_equal(robot.angles, angles)
+    given = robot.step(target, rates, torques)
+    h, faults = 0.08, robot.faults
+    inertia = h * h * faults.stiffness + h * faults.damping
+    model: Any = tree_spec(chain, Material(geom_size=SIZE)).compile()
+    for i, mass in enumerate(faults.masses):
+        module = model.body(f"module_{i}").id
+        model.body_mass[module] *= mass
+        model.body_inertia[module] *= mass
+    data: Any = mujoco.MjData(model)
+    dofs = np.array([model.joint(name).dofadr[0] for name in chain.joint_names])
+    for name, angle in zip(chain.joint_names, bent(chain, angles), strict=True):
+        data.joint(name).qpos[0] = angle
+    model.dof_armature[dofs] = 1e12
+    model.dof_armature[dofs[HINGES]] = inertia
+    data.qfrc_applied[dofs[HINGES]] = faults.stiffness * target + faults.damping * rates + torques
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 0
+    wanted = h * data.qacc[dofs[HINGES]]
+    np.testing.assert_allclose(robot.angles, h * wanted, atol=1e-7 * np.abs(h * wanted).max())
+    np.testing.assert_allclose(
+        given,
+        faults.stiffness * (target - robot.angles) + faults.damping * (rates - wanted) + torques,
+        atol=1e-6 * faults.limit,
+    )
+
+
+def test_the_window_touches_the_core_that_there_is_and_the_rod() -> None:
+    chain = snake((4, 4, 6))
+    body = WindowBody(chain, JOINTS, geom_size=0.95, step_s=0.08)
+    lumps = Lumps(chain, np.ones(len(chain)))
+    model, data = body.model, body.data
+
+    def touching(first: int, angles: Array) -> set[frozenset[str]]:
+        body.take(first, lumps)
+        body.place(UPRIGHT, angles)
+        mujoco.mj_forward(model, data)
+        names = [[model.body(model.geom_bodyid[g]).name for g in c.geom] for c in data.contact]
+        return {frozenset(pair) for pair in names}
+
+    straight = np.zeros(2 * JOINTS)
+    folded = chain.folded_rad[HINGES]
+    assert not touching(FIRST, folded)  # all in their cells, the rod leads away
+    backwards = folded.copy()
+    backwards[:8] = -folded[:8]
+    assert any("core" in pair for pair in touching(FIRST, backwards))
+    # What is not folded yet is not in the core, and the cube that it is linked to is no obstacle.
+    assert not touching(0, straight)
+    curled = straight.copy()
+    curled[-8:] = np.tile([np.pi / 2, 0.0], 4)  # the rod comes back along the window
+    assert any("rod" in pair and "core" not in pair for pair in touching(0, curled))
+
+
+def test_rigid_parts_are_where_the_chain_has_them(chain: Chain) -> None:
+    angles = some(chain)
+    body = WindowBody(chain, JOINTS, geom_size=SIZE, step_s=0.08)
+    masses = np.random.default_rng(2).uniform(0.5, 1.5, len(chain))
+    body.take(FIRST, Lumps(chain, masses))
+    body.place(UPRIGHT, angles)
+    mujoco.mj_forward(body.model, body.data)
+    poses = forward_kinematics(chain.module, bent(chain, angles))
+    np.testing.assert_allclose(
+        body.data.subtree_com[1], masses @ poses.positions / masses.sum(), atol=1e-9
+    )
+    for place in (0, 7, JOINTS):
+        found = body.data.xpos[body.model.body(f"module_{place + 1}").id]
+        np.testing.assert_allclose(found, poses.positions[FIRST + 1 + place], atol=1e-9)
+    rod = body.model.body("rod").id
+    np.testing.assert_allclose(
+        body.data.xpos[rod], poses.positions[FIRST + 1 + JOINTS :].mean(axis=0), atol=1e-9
+    )
+
+
+@pytest.fixture(scope="module")
+def course(chain: Chain, peeled: Windows) -> WindowCourse:
+    return WindowCourse(chain, peeled, PlaybackParameters(), SIZE, 1)
+
+
+def test_a_course_goes_from_straight_to_folded_without_a_jump(
+    chain: Chain, peeled: Windows, course: WindowCourse
+) -> None:
+    reference = course.reference
+    angles = reference.angles(chain)
+    np.testing.assert_array_equal(angles[0], 0.0)
+    np.testing.assert_allclose(angles[-1], chain.folded_rad, atol=1e-6)
+    assert np.abs(np.diff(angles, axis=0)).max() <= 3.0 * FRAME_RAD
+    # It cuts no more than the corners between neighbouring control points.
+    passed = peeled.angles(chain)
+    off = [np.abs(passed - row).max(axis=1).min() for row in angles]
+    assert max(off) <= 2.0 * course.parameters.spacing_rad
+    assert len(course.stretches) > 3
+    assert [s.start for s in course.stretches[1:]] == [s.stop for s in course.stretches[:-1]]
+    # From one stretch to the next nothing is left out.
+    for number in range(len(course.stretches) - 1):
+        here, there = course.stretches[number], course.stretches[number + 1]
+        whole = np.zeros((2, len(chain.folded_rad)))
+        for row, stretch, end in ((whole[0], here, -1), (whole[1], there, 0)):
+            hinges = stretch.hinges(chain)
+            row[: hinges.start] = chain.folded_rad[: hinges.start]
+            index = number if stretch is here else number + 1
+            row[hinges] = course.targets(index).angles[end]
+        np.testing.assert_allclose(whole[0], whole[1], atol=1e-12)
+
+
+def played(chain: Chain, peeled: Windows, robot: RobotParameters) -> Playback:
+    record = Record(
+        status="straight", reason="", frames=peeled, steps=len(peeled), seconds=0.0, strategy="peel"
+    )
+    return play_back(
+        chain, record, PlaybackParameters(robot=robot), module_size=SIZE, start_s=5.0, seed=2
+    )
+
+
+def test_a_robot_without_faults_is_off_by_nothing(chain: Chain, peeled: Windows) -> None:
+    playback = played(chain, peeled, FAULTLESS)
+    assert (playback.status, playback.kind, playback.robots) == ("folded", "dynamic", None)
+    assert playback.max_angle_error_rad is not None
+    assert playback.max_angle_error_rad < 2e-5  # what momentum is taken away at each step
+    assert playback.frames.time_s[0] == 5.0
+    positions = np.array(
+        [
+            forward_kinematics(
+                chain.module,
+                frame.joint_angles_rad,
+                root=chain.root,
+                root_position=frame.root_position,
+                root_wxyz=frame.root_wxyz,
+            )
+            .positions[0]
+            .mean(axis=0)
+            for frame in (playback.frames.dense(chain, k, k + 1) for k in (0, 40, 90))
+        ]
+    )
+    np.testing.assert_allclose(positions, positions[:1].repeat(3, axis=0), atol=5e-3)  # it floats
+
+
+def test_robots_with_faults_are_off_each_by_its_own(chain: Chain, peeled: Windows) -> None:
+    playback = played(chain, peeled, RobotParameters())
+    frames, reference = playback.frames, playback.reference_rad
+    assert isinstance(frames, Windows)
+    assert playback.status == "folded"
+    assert playback.robots == 3
+    assert playback.others_rad is not None
+    assert reference is not None
+    motions = [frames.angles_rad, *playback.others_rad]
+    errors = [float(np.abs(angles - reference).max()) for angles in motions]
+    assert len(set(errors)) == 3
+    assert errors[0] == max(errors)
+    assert 1e-6 < errors[0] < 2e-3
+    np.testing.assert_array_equal(frames.errors, np.abs(frames.angles_rad - reference))
+    again = played(chain, peeled, RobotParameters())
+    assert again.frames.passes_as(frames)  # type: ignore[union-attr]
+
+
+def test_a_robot_that_is_too_weak_loses_its_target(chain: Chain, peeled: Windows) -> None:
+    playback = played(chain, peeled, replace(RobotParameters(), torque_limit=0.01, runs=1))
+    assert playback.status == "missed"
+    assert "lost its target" in playback.reason
+    assert len(playback.frames) > 0
