@@ -77,6 +77,12 @@ def _larger(name: str) -> Command:
     return replace(command, options=(*command.options, "--module-size", "0.98"))
 
 
+def _folded_by_robots(name: str) -> Command:
+    """A command whose playback is simulated, however long its chain is."""
+    command = {**CASES, **LONGER}[name]
+    return replace(command, options=(*command.options, "--set", "simulated_modules=20000"))
+
+
 COMMANDS: Final = {
     WRENCH: Bar(command=CASES["wrench-160"], references=7.0),
     "simultaneous-512": Bar(command=CASES["simultaneous-512"], references=20.0),
@@ -88,6 +94,8 @@ COMMANDS: Final = {
     "box-4096": Bar(command=CASES["box-4096"], references=40.0),
     "box-9600": Bar(command=_larger("box-9600"), references=80.0),
     "ball-10000": Bar(command=_larger("ball-10000"), references=110.0),
+    "ball-1000-robots": Bar(command=_folded_by_robots("ball-1000"), references=40.0),
+    "box-4096-robots": Bar(command=_folded_by_robots("box-4096"), references=250.0),
 }
 LONG: Final = {"box-100000": Bar(command=_larger("box-100000"), references=3300.0)}
 SIMULATED: Final = {
