@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -172,6 +173,14 @@ def test_a_peeled_chain_shows_what_its_robot_is_off_by(peeled: Path) -> None:
     assert view.error_scale_rad >= largest.max()
     told = [error for error in view.outline()["errors"] if error is not None]
     assert max(told) == pytest.approx(largest.max(), rel=1e-2)
+
+
+def test_a_timeline_from_before_errors_were_told_is_shown(long_path: Path, tmp_path: Path) -> None:
+    path = shutil.copytree(long_path, tmp_path / "timeline.zarr")
+    shutil.rmtree(path / "errors_rad")
+    view = TimelineView(path)
+    assert np.isnan(view.snapshot(len(view) - 1).joint_error_rad).all()
+    assert set(view.outline()["errors"]) == {None}
 
 
 def test_a_camera_keeps_to_what_moves_in_a_long_fold(long_path: Path) -> None:
