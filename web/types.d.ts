@@ -129,6 +129,8 @@ interface WindowArrays {
   first: Numbers;
   counts: Numbers;
   steps: Int32Array;
+  errors_rad?: Float32Array<ArrayBuffer>; // of simulated frames, which are those that are recorded
+  recorded?: Numbers;
 }
 type Batch = Message<BatchHeader, WholeArrays | WindowArrays>;
 interface BatchAsked { from?: number; to?: number | null; stride?: number; wait?: number }
@@ -238,8 +240,9 @@ interface PlotHeader { frames: number; rows: number; torque_at_some_frames: bool
 type PlotName = "max_error_rad" | "min_clearance" | "hinges_moving" | "peak_torque_nm";
 type Curves = PlotHeader & Record<PlotName, Floats>;
 type FigureName = "clearance" | "nearest" | "torque" | "position_error";
-interface FigurePart extends Message<{ widths: Record<FigureName, number> }, Record<FigureName, Floats>> {}
-type FigureRow = Record<FigureName, Floats>;
+// Of peeled chains there are position errors alone.
+interface FigurePart extends Message<{ widths: Partial<Record<FigureName, number>> }, Partial<Record<FigureName, Floats>>> {}
+type FigureRow = Partial<Record<FigureName, Floats>>;
 
 // Facts: server/pages/facts.py.
 

@@ -171,6 +171,23 @@ def plan_angles(path: FilePath) -> Array:
         return frame_angles(file[PLANES], json.loads(str(file["plan"]))["angles"])
 
 
+def plan_window_angles(path: FilePath, folded_rad: Array) -> tuple[Ints, Ints, NDArray[np.float32]]:
+    """Where the windows in a plan's ``.npz`` file begin, their offsets and their angles.
+
+    Raises:
+        KeyError: For a plan of frames.
+        OSError, ValueError, BadZipFile: As for ``plan_angles``.
+    """
+    with np.load(path, allow_pickle=False) as file:
+        if "angles_rad" in file and PLANES in file:
+            raise ValueError(f"got both angles_rad and {PLANES}, expected one of them")
+        first, offsets = file["first"], file["offsets"]
+        if "angles_rad" in file:
+            return first, offsets, file["angles_rad"]
+        told = json.loads(str(file["plan"]))["angles"]
+        return first, offsets, window_angles(file[PLANES], told, first, offsets, folded_rad)
+
+
 def unpacked_bytes(path: FilePath) -> int:
     """Bytes of the arrays in a plan's ``.npz`` file with its angles in double precision.
 

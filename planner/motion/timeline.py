@@ -377,6 +377,28 @@ class Timeline:
             **{name: cast("Any", self._arrays[name][start:end])[::stride] for name in _WINDOW_ROWS},
         )
 
+    @property
+    def tells_errors(self) -> bool:
+        """Whether joint errors of any frame may be recorded; those of windows are not read."""
+        array = cast("Any", self._arrays.get("errors_rad"))
+        return not self.windowed or (array is not None and array.nchunks_initialized > 0)
+
+    def window_errors(self, start: int = 0, stop: int | None = None) -> Array:
+        """(f,) the largest joint error of each window, NaN where none is recorded.
+
+        Where none is at all, nothing is read.
+
+        Raises:
+            TimelineError: When the range is not within the timeline.
+        """
+        end, rows = self._end(start, stop, 1), WINDOWS_A_CHUNK
+        if not self.tells_errors:
+            return np.full(end - start, np.nan)
+        parts = [
+            self.windows(at, min(at + rows, end)).largest_errors for at in range(start, end, rows)
+        ]
+        return np.concatenate([np.zeros(0), *parts])
+
     def clock(self) -> tuple[Array, NDArray[np.uint8]]:
         """(F,) times and (F,) phases of all frames, without reading the rest of them."""
         time_s, phase = (self._arrays[name][: self._frames] for name in ("time_s", "phase"))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.rotations import wxyz_from_matrix
-from planner.motion.frames import Frames
+from planner.motion.frames import PHASES, Frames
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+EXPLOSION: Final = PHASES.index("explosion")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -99,13 +100,22 @@ class Windows:
         return self.errors_rad
 
     @property
+    def recorded(self) -> NDArray[np.bool_]:
+        """(F,) whether joint errors are; of an empty window, unless it is an explosion's."""
+        found = np.zeros(len(self), dtype=bool)
+        if self.errors_rad is not None:
+            known = np.isfinite(self.errors_rad)
+            some = np.diff(self.offsets) > 0
+            found[some] = np.logical_and.reduceat(known, self.offsets[:-1][some])
+            found[~some] = self.phase[~some] != EXPLOSION
+        return found
+
+    @property
     def largest_errors(self) -> Array:
         """(F,) the largest joint error of each snapshot, NaN where none is recorded."""
-        if self.errors_rad is None:
-            return np.full(len(self), np.nan)
-        found = np.zeros(len(self))
+        found = np.where(self.recorded, 0.0, np.nan)
         some = np.flatnonzero(np.diff(self.offsets))
-        if len(some):
+        if self.errors_rad is not None and len(some):
             found[some] = np.maximum.reduceat(self.errors_rad, self.offsets[some])
         return found
 
@@ -150,14 +160,12 @@ class Windows:
 
         Where those of a window are, the other hinges are exactly as they should be.
         """
-        numbers = range(len(self))[start:stop]
-        found = np.zeros((len(numbers), len(chain.folded_rad)))
-        errors = self.errors
-        for row, k in zip(found, numbers, strict=True):
-            part = errors[self.offsets[k] : self.offsets[k + 1]]
-            row[self.first[k] : self.first[k] + len(part)] = part
-            if self.errors_rad is None or np.isnan(part).any():
-                row[:] = np.nan
+        some = self[start:stop]
+        found = np.full((len(some), len(chain.folded_rad)), np.nan)
+        for k in np.flatnonzero(some.recorded):
+            part = some.errors[some.offsets[k] : some.offsets[k + 1]]
+            found[k] = 0.0
+            found[k, some.first[k] : some.first[k] + len(part)] = part
         return found
 
     def passes_as(self, other: Windows) -> bool:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,10 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.frames import Frames
 from planner.motion.timeline import TimelineWriter
+from planner.pathfinding.snake import snake_path
+from planner.pipeline.fold_directory import write_request
+from planner.pipeline.request import Request
+from planner.pipeline.stages import run_stages
 from tests.tools import OPENGL
 
 SNAKE = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
@@ -62,6 +67,16 @@ def timeline_path(chain: Chain, tmp_path_factory: pytest.TempPathFactory) -> Pat
         writer.append(unfolding(chain, 100))
         writer.append(folding(chain, 100))
     return path
+
+
+@pytest.fixture(scope="session")
+def peeled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Directory of a box that was peeled and that two robots with faults folded again."""
+    directory = tmp_path_factory.mktemp("peeled")
+    request = Request(strategy="peel", settings="robots=2")
+    write_request(directory, request, json.dumps(snake_path((3, 3, 4)).tolist()).encode())
+    run_stages(directory)
+    return directory
 
 
 @pytest.fixture

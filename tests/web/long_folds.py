@@ -14,8 +14,13 @@ from planner.motion.windows import Windows
 from tests.planner import peels
 
 
-def fold(chain: Chain, *, width: int, step: float, base_moves: bool = False) -> Windows:
-    """A chain straightened and folded again, at random a little beside the even way."""
+def fold(
+    chain: Chain, *, width: int, step: float, base_moves: bool = False, off: float = 0.0
+) -> Windows:
+    """A chain straightened and folded again, at random a little beside the even way.
+
+    With ``off`` its playback was simulated: that is the size of the joint errors.
+    """
     rng = np.random.default_rng(7)
     there = peels.peel(chain, width=width, step=step)
     noise = rng.normal(0.0, 0.01, len(there.angles_rad)).astype(np.float32)
@@ -32,6 +37,9 @@ def fold(chain: Chain, *, width: int, step: float, base_moves: bool = False) -> 
         time_s=there.time_s[-1] + 1.0 + there.time_s,
         phase=np.full(len(there), PHASES.index("playback"), np.uint8),
     )
+    if off:
+        errors = np.abs(rng.normal(0.0, off, len(back.angles_rad))).astype(np.float32)
+        back = dataclasses.replace(back, errors_rad=errors)
     return Windows.joined([there, back])
 
 

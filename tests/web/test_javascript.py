@@ -36,7 +36,7 @@ from web.static_files import STATIC, scripts_of
 from web.timeline.columns import encode
 from web.timeline.frame_batch import batch_of
 from web.timeline.view import TimelineView
-from web.timeline.window_columns import PLANES, window_columns, windows_of
+from web.timeline.window_columns import PLANES, SHORT, window_columns, windows_of
 from web.viser.scene_bundle import bundle_of
 
 ROOT = Path(__file__).parents[2]
@@ -132,12 +132,20 @@ def picking() -> list[Vectors]:
 def windows() -> list[Vectors]:
     found: list[Vectors] = []
     for name, chain in LONG_CHAINS.items():
-        windows = long_folds.fold(chain, width=31, step=3.7, base_moves=True)
+        off = 1e-3 if name == "cubes" else 0.0
+        windows = long_folds.fold(chain, width=31, step=3.7, base_moves=True, off=off)
         columns = window_columns(windows, chain.folded_rad)
         told = windows_of(columns, chain.folded_rad)
-        angles = told.angles(chain)
+        angles, errors = told.angles(chain), told.joint_errors(chain)
         frames: list[Vectors] = []
-        for frame in (0.0, 1.0, len(told) / 5, len(told) / 3 + 0.25, len(told) - 1.0):
+        for frame in (
+            0.0,
+            1.0,
+            len(told) / 5,
+            len(told) / 3 + 0.25,
+            0.75 * len(told),
+            len(told) - 1.0,
+        ):
             low, share = int(frame), frame % 1
             high = min(low + 1, len(told) - 1)
             q, at, turn = (
@@ -150,7 +158,9 @@ def windows() -> list[Vectors]:
             frames.append(
                 {
                     "frame": frame,
-                    "poses": packed(positions=poses.positions, wxyzs=poses.wxyzs, angles=q),
+                    "poses": packed(
+                        positions=poses.positions, wxyzs=poses.wxyzs, angles=q, errors=errors[low]
+                    ),
                 }
             )
         header = {"start": 0, "stop": len(windows), "stride": 1}
@@ -158,7 +168,7 @@ def windows() -> list[Vectors]:
             {
                 "name": name,
                 "bundle": text(bundle_of(chain, 40)),
-                "batch": text(encode(header, columns, planes=PLANES)),
+                "batch": text(encode(header, columns, planes=PLANES, short=SHORT)),
                 "frames": frames,
             }
         )
@@ -273,13 +283,15 @@ def timeline(path: Path) -> Vectors:
                 "colours": error_colours(errors[k], scale).ravel().tolist(),
                 "errors": [None if np.isnan(v) else float(v) for v in errors[k]],
             }
-            for k in (0, 120, len(timeline) - 1)
+            for k in (0, len(timeline) * 3 // 5, len(timeline) - 1)
         ],
     }
 
 
 @pytest.fixture(scope="module")
-def cases(timeline_path: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Case]:
+def cases(
+    timeline_path: Path, peeled: Path, tmp_path_factory: pytest.TempPathFactory
+) -> list[Case]:
     """What came out of every test under node: one run for all of them."""
     vectors = tmp_path_factory.mktemp("javascript") / "vectors.json"
     vectors.write_text(
@@ -293,6 +305,7 @@ def cases(timeline_path: Path, tmp_path_factory: pytest.TempPathFactory) -> list
                 "columns": columns(),
                 "colours": colours(),
                 "timeline": timeline(timeline_path),
+                "peeled": timeline(peeled / "timeline.zarr"),
             },
             allow_nan=False,
         ),

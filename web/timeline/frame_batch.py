@@ -23,12 +23,12 @@ from planner.motion.windows import Windows
 from web.timeline.cache import Cache
 from web.timeline.columns import encode
 from web.timeline.view import TimelineView
-from web.timeline.window_columns import ANGLE_STEP_RAD, PLANES, window_columns
+from web.timeline.window_columns import ANGLE_STEP_RAD, PLANES, SHORT, window_columns
 
 LARGEST_BATCH: Final = 2**20
 WHOLE: Final = 2**40
 WINDOW_FRAME: Final = 80
-"""Bytes of a windowed frame beside its angles."""
+"""Bytes of a windowed frame beside its angles and errors."""
 AT_ONCE: Final = 512
 """Windows that are read at once; their widths are not known before."""
 SAMPLES: Final = 64
@@ -87,7 +87,8 @@ def _batch(
     if timeline.windowed:
         windows, end = _windows(timeline, start, end, stride, largest)
         columns = window_columns(windows, timeline.chain.folded_rad)
-        return encode(_header(timeline, total, start, end, stride), columns, planes=PLANES)
+        header = _header(timeline, total, start, end, stride)
+        return encode(header, columns, planes=PLANES, short=SHORT)
     most = max(1, largest // (8 * len(timeline.chain.joint_names) + 40))
     end = min(end, start + most * stride)
     frames = timeline.frames(start, end, stride)
@@ -112,7 +113,12 @@ def unpacked_bytes(timeline: TimelineView) -> int:
     if not timeline.windowed:
         return len(timeline) * (8 * len(timeline.chain.joint_names) + 40)
     some = timeline.windows(0, len(timeline), max(1, len(timeline) // SAMPLES))
-    return len(timeline) * (WINDOW_FRAME + 4 * len(some.angles_rad) // max(1, len(some)))
+    return len(timeline) * (WINDOW_FRAME + _hinge(some) * len(some.angles_rad) // max(1, len(some)))
+
+
+def _hinge(windows: Windows) -> int:
+    """Bytes of an angle, and of its error where errors are told."""
+    return 4 if windows.errors_rad is None else 8
 
 
 def _header(
@@ -137,7 +143,7 @@ def _windows(
     room = largest
     for at in range(start, stop, AT_ONCE * stride):
         part = timeline.windows(at, min(at + AT_ONCE * stride, stop), stride)
-        sizes = 4 * part.offsets[1:] + WINDOW_FRAME * np.arange(1, len(part) + 1)
+        sizes = _hinge(part) * part.offsets[1:] + WINDOW_FRAME * np.arange(1, len(part) + 1)
         fitting = int(np.searchsorted(sizes, room, "right"))
         if fitting < len(part):
             fitting = max(fitting, int(at == start))

@@ -95,7 +95,9 @@ class _WindowChunk:
 
     @property
     def nbytes(self) -> int:
-        return self.windows.angles_rad.nbytes + 100 * len(self.windows)
+        windows, errors = self.windows, self.windows.errors_rad
+        told = 0 if errors is None else errors.nbytes
+        return windows.angles_rad.nbytes + told + 100 * len(windows)
 
 
 class TimelineView:
@@ -298,7 +300,7 @@ class TimelineView:
         if self.windowed:
             times, phases = self._timeline.clock()
             time_s, phase = times[start:stop], phases[start:stop]
-            largest = self._timeline.windows(start, stop).largest_errors
+            largest = self._timeline.window_errors(start, stop)
         else:
             parts = [
                 self._timeline.frames(at, min(at + 1024, stop)) for at in range(start, stop, 1024)
@@ -339,6 +341,7 @@ class TimelineView:
         chain, stretch = self.chain, self.stretch
         assert stretch is not None
         angles = windows.angles(chain, k, k + 1)[0]
+        errors = windows.joint_errors(chain, k, k + 1)[0]
         poses = forward_kinematics(
             chain.module,
             angles,
@@ -352,8 +355,8 @@ class TimelineView:
             positions=poses.positions.astype(np.float32),
             wxyzs=poses.wxyzs.astype(np.float32),
             joint_angles_rad=angles,
-            joint_error_rad=np.full(len(angles), np.nan),
-            module_error_rad=np.full(len(chain), np.nan),
+            joint_error_rad=errors,
+            module_error_rad=_module_errors(chain, errors),
             framed=modules_framed(chain, int(windows.last[k]), stretch),
         )
 
@@ -416,12 +419,7 @@ class TimelineView:
             frames,
             poses.positions.astype(np.float32),
             poses.wxyzs.astype(np.float32),
-            module_errors(
-                frames.joint_error_rad,
-                len(chain),
-                hinges=chain.module.hinges_per_joint,
-                rigid_links=chain.module.rigid_links,
-            ),
+            _module_errors(chain, frames.joint_error_rad),
         )
 
     def _forget(self, first: int) -> None:
@@ -431,6 +429,13 @@ class TimelineView:
 
 def _mix(a: Array, b: Array, share: float) -> Array:
     return a + (b - a) * share
+
+
+def _module_errors(chain: Chain, errors: Array) -> Array:
+    module = chain.module
+    return module_errors(
+        errors, len(chain), hinges=module.hinges_per_joint, rigid_links=module.rigid_links
+    )
 
 
 def _largest(errors: Array) -> Array:

@@ -4,6 +4,10 @@
 angles of all windows one after the other. An angle is a whole number of ``ANGLE_STEP_RAD``, told as
 its difference from what the same hinge had in the snapshot before: as it is folded where that one's
 window began later, 0 where it had ended; the first snapshot's are told whole.
+
+Where joint errors are recorded, ``errors_rad`` tells those of all windows and ``recorded`` which
+snapshots have some: all other hinges of these are off by nothing. Without them there are no such
+columns.
 """
 
 from __future__ import annotations
@@ -20,9 +24,11 @@ from planner.motion.windows import Windows
 Ints = NDArray[np.int64]
 ANGLE_STEP_RAD: Final = 2.0**-20
 PLANES: Final = frozenset(
-    {"time_s", "phase", "first", "counts", "steps", "base_position", "base_wxyz"}
+    {"time_s", "phase", "first", "counts", "steps", "base_position", "base_wxyz", "recorded"}
 )
 """Columns that are packed as planes of bytes: what rests or runs evenly takes next to nothing."""
+SHORT: Final = frozenset({"errors_rad"})
+"""Columns that are packed with a precision of 1 in 256."""
 
 
 def window_columns(windows: Windows, folded_rad: NDArray[np.floating[Any]]) -> dict[str, Any]:
@@ -31,6 +37,8 @@ def window_columns(windows: Windows, folded_rad: NDArray[np.floating[Any]]) -> d
     changes = window_differences(
         windows.first, windows.offsets, whole_steps(windows.angles_rad), whole_steps(folded_rad)
     )
+    recorded = windows.recorded
+    errors = {"errors_rad": windows.errors.astype("<f4"), "recorded": recorded.astype("|u1")}
     return {
         "time_s": windows.time_s.astype("<f8"),
         "phase": windows.phase.astype("|u1"),
@@ -39,11 +47,15 @@ def window_columns(windows: Windows, folded_rad: NDArray[np.floating[Any]]) -> d
         "steps": changes.astype("<i4"),
         "base_position": windows.base_position.astype("<f8"),
         "base_wxyz": windows.base_wxyz.astype("<f8"),
+        **(errors if recorded.any() else {}),
     }
 
 
 def windows_of(columns: Mapping[str, Any], folded_rad: NDArray[np.floating[Any]]) -> Windows:
-    """The snapshots that ``window_columns`` told, each angle to within half a step."""
+    """The snapshots that ``window_columns`` told.
+
+    Each angle is within half a step; errors are as they were told.
+    """
     offsets = np.concatenate([[0], np.cumsum(columns["counts"], dtype=np.int64)])
     first = columns["first"].astype(np.int64)
     steps = window_totals(first, offsets, columns["steps"], whole_steps(folded_rad))
@@ -55,6 +67,7 @@ def windows_of(columns: Mapping[str, Any], folded_rad: NDArray[np.floating[Any]]
         angles_rad=(steps * ANGLE_STEP_RAD).astype(np.float32),
         base_position=columns["base_position"],
         base_wxyz=columns["base_wxyz"],
+        errors_rad=columns.get("errors_rad"),
     )
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
-from planner.motion.frames import Frames
+from planner.motion.frames import PHASES, Frames
 from planner.motion.motion import motion_arrays, motion_from_arrays
 from planner.motion.windows import Windows
 
@@ -72,3 +74,28 @@ def test_some_of_them_and_all_in_a_row(chain: Chain) -> None:
     assert isinstance(motion_from_arrays(motion_arrays(windows)), Windows)
     assert len(windows[::-1]) == 5
     np.testing.assert_array_equal(windows[::-1].angles(chain), windows.angles(chain)[::-1])
+
+
+def test_joint_errors_are_those_of_the_windows(chain: Chain) -> None:
+    windows = Windows.of(chain, frames_of(chain))
+    rng = np.random.default_rng(2)
+    errors = rng.uniform(1e-4, 1e-3, len(windows.angles_rad)).astype(np.float32)
+    errors[: windows.offsets[2]] = np.nan  # of the first two, of which one is empty
+    off = dataclasses.replace(windows, errors_rad=errors)
+    assert np.diff(off.offsets)[0] == 0
+    assert off.recorded.tolist() == [False, False, True, True, bool(np.diff(off.offsets)[4])]
+    dense = off.dense(chain).joint_error_rad
+    assert np.isnan(dense[:2]).all()
+    assert (dense[2, : off.first[2]] == 0.0).all()
+    assert (dense[2, off.last[2] :] == 0.0).all()
+    np.testing.assert_array_equal(
+        dense[2, off.first[2] : off.last[2]], errors[off.offsets[2] : off.offsets[3]]
+    )
+    np.testing.assert_array_equal(off.largest_errors, dense.max(axis=1))
+    np.testing.assert_array_equal(off.joint_errors(chain, 2, 4), dense[2:4])
+    # Where all is folded or straight in a playback, nothing is off.
+    played = dataclasses.replace(off, phase=np.full(5, PHASES.index("playback"), np.uint8))
+    assert played.largest_errors[0] == 0.0
+    assert not windows.recorded.any()
+    assert np.isnan(windows.largest_errors).all()
+    assert np.isnan(windows.joint_errors(chain)).all()

@@ -10,8 +10,10 @@ for (const { name, bundle, batch, frames } of vectors.windows) {
     const { header, arrays } = await unpack(bundle);
     const foldedRad = arrays.folded_rad;
     const kinematics = new Kinematics(header.chain, foldedRad);
-    const rows = new Window(await unpack(batch), { foldedRad, noErrors: null });
-    let [straight, folded] = [0, 0];
+    const noErrors = foldedRad.map(() => NaN);
+    const rows = new Window(await unpack(batch), { foldedRad, noErrors });
+    assert.equal("errors_rad" in rows.arrays, name === "cubes"); // the others were not simulated
+    let [straight, folded, off] = [0, 0, 0];
     for (const { frame, poses } of frames) {
       const low = Math.floor(frame);
       let row = rows.row(low);
@@ -23,11 +25,16 @@ for (const { name, bundle, batch, frames } of vectors.windows) {
       close(positions, expected.positions, { atol: 1e-6 * length });
       closeTurns(wxyzs, expected.wxyzs);
       close(Float64Array.from(foldedRad, (_, j) => Window.angle(row, j)), expected.angles);
+      assert.deepEqual([...row.errors].map(Number.isNaN), [...expected.errors].map(Number.isNaN));
+      const known = expected.errors.some(Number.isNaN) ? [[], []] : [row.errors, expected.errors];
+      close(...known, { atol: 1e-12, rtol: 1 / 256 });
+      off = Math.max(off, ...known[1]);
       assert.ok(core >= 1 && core <= rod + 1 && rod + 1 <= header.chain.modules);
       straight = Math.max(straight, header.chain.modules - rod);
       folded = Math.max(folded, core);
     }
     assert.ok(straight > 100);
+    assert.equal(off > 1e-3, name === "cubes");
     assert.equal(folded, header.chain.modules);
   });
 }

@@ -26,8 +26,8 @@ function draw(pictures) {
   }
 }
 
-async function shown(options = {}) {
-  const { timeline } = await recorded();
+async function shown(options = {}, given = vectors.timeline) {
+  const { timeline } = await recorded(given);
   const player = new Player(timeline, options);
   const heard = {};
   for (const name of ["state", "module", "outline", "drawn"]) player.on(name, (detail) => { heard[name] = detail; });
@@ -101,12 +101,22 @@ test("who wants little to move sees no glide to a frame that is sought, but one 
   }
 });
 
-test("modules are as red as Python says, and blue when selected", async () => {
+for (const kind of ["timeline", "peeled"]) {
+  test(`modules are as red as Python says: ${kind}`, async () => {
+    const { player, heard } = await shown({}, vectors[kind]);
+    for (const { frame, colours, errors } of vectors[kind].frames) {
+      player.send({ do: "seek", frame });
+      close(player.colours(), colours, { atol: 2 }); // errors travel with a precision of 1 in 256
+      const known = errors.filter((error) => error !== null);
+      assert.equal(heard.state.error_rad === null, !known.length);
+      if (known.length) close([heard.state.error_rad], [Math.max(...known)], { rtol: 1 / 256 });
+    }
+  });
+}
+
+test("modules are blue when selected, and marked ones stand out", async () => {
   const { player, timeline } = await shown();
-  for (const { frame, colours } of vectors.timeline.frames) {
-    player.send({ do: "seek", frame });
-    close(player.colours(), colours, { atol: 2 }); // errors travel with a precision of 1 in 256
-  }
+  player.send({ do: "seek", frame: AT_END.frame });
   const { selected: blue, stuck } = timeline.bundle.header.colours;
   player.send({ do: "select", module: 5 });
   player.mark([2, 99]);
@@ -130,6 +140,17 @@ test("a selected module tells its cell and its joint", async () => {
   assert.equal(heard.module.index, 6);
   player.send({ do: "select", module: null });
   assert.equal(heard.module.index, null);
+});
+
+test("the joint of a peeled chain tells what it is off by, where it was simulated", async () => {
+  const { player, heard } = await shown({}, vectors.peeled);
+  const [explosion, middle] = vectors.peeled.frames;
+  const module = middle.errors.indexOf(Math.max(...middle.errors));
+  player.send({ do: "select", module });
+  player.send({ do: "seek", frame: middle.frame });
+  close([Math.max(...heard.module.joints.map(({ error_rad: error }) => error))], [middle.errors[module]], { rtol: 1 / 256 });
+  player.send({ do: "seek", frame: explosion.frame });
+  assert.ok(heard.module.joints.every(({ error_rad: error }) => error === null));
 });
 
 test("each module but the first and the last tells the hinges of the joint that it carries", () => {

@@ -31,12 +31,12 @@ export function closeTurns(found, expected, atol = 1e-6) {
 // Lets all that was promised happen.
 export const turnOfEvents = () => new Promise((done) => { setImmediate(done); });
 
-// The timeline of `vectors.timeline`, once all of it is there; `asked` counts what it asked for.
-export async function recorded() {
+// A timeline of these vectors, once all of it is there; `asked` counts what it asked for.
+export async function recorded(given = vectors.timeline) {
   const source = {
     asked: 0,
-    bundle() { this.asked++; return unpack(vectors.timeline.bundle); },
-    batch() { this.asked++; return unpack(vectors.timeline.batch); },
+    bundle() { this.asked++; return unpack(given.bundle); },
+    batch() { this.asked++; return unpack(given.batch); },
   };
   const timeline = new Timeline(source);
   while (!timeline.complete) await turnOfEvents();

@@ -11,11 +11,12 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.errors import TimelineError
+from planner.motion.frames import PHASES
 from planner.motion.timeline import Timeline, TimelineWriter
 from tests.planner import peels
 from tests.web import long_folds
 from web.timeline.columns import decode
-from web.timeline.frame_batch import batch_of, chosen, kept_batch, thinned
+from web.timeline.frame_batch import batch_of, chosen, kept_batch, thinned, unpacked_bytes
 from web.timeline.view import TimelineView
 from web.timeline.window_columns import windows_of
 
@@ -147,12 +148,21 @@ def test_a_batch_is_made_anew_when_its_film_goes_on(
 
 CHAIN = peels.snake((4, 4, 6))
 LONG = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True)
+OFF = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True, off=1e-3)
 
 
 @pytest.fixture(scope="module")
 def long_film(tmp_path_factory: pytest.TempPathFactory) -> TimelineView:
     return TimelineView(
         long_folds.write(tmp_path_factory.mktemp("long") / "timeline.zarr", CHAIN, LONG)
+    )
+
+
+@pytest.fixture(scope="module")
+def off_film(tmp_path_factory: pytest.TempPathFactory) -> TimelineView:
+    """The same, simulated."""
+    return TimelineView(
+        long_folds.write(tmp_path_factory.mktemp("off") / "timeline.zarr", CHAIN, OFF)
     )
 
 
@@ -168,24 +178,45 @@ def test_a_long_fold_is_told_by_windows(long_film: TimelineView) -> None:
     assert set(header["outline"]["errors"]) == {None}
 
 
+def test_what_a_simulated_long_fold_is_off_by_is_told(
+    off_film: TimelineView, long_film: TimelineView
+) -> None:
+    header, found = decode(batch_of(off_film))
+    told = windows_of(found, CHAIN.folded_rad)
+    assert np.array_equal(told.recorded, OFF.phase == PHASES.index("playback"))
+    assert np.allclose(told.errors, OFF.errors, rtol=1 / 256, atol=0.0, equal_nan=True)
+    errors = header["outline"]["errors"]
+    assert set(errors[: len(errors) // 2]) == {None}
+    assert max(errors[len(errors) // 2 :]) == pytest.approx(np.nanmax(OFF.errors), rel=1e-2)
+    kinematic = unpacked_bytes(long_film)
+    assert unpacked_bytes(off_film) == pytest.approx(kinematic + 4 * len(OFF.angles_rad), rel=0.1)
+
+
 @pytest.mark.parametrize("stride", [1, 3])
-def test_a_long_batch_is_never_longer_than_asked_for(long_film: TimelineView, stride: int) -> None:
+@pytest.mark.parametrize("film", ["long_film", "off_film"])
+def test_a_long_batch_is_never_longer_than_asked_for(
+    film: str, stride: int, request: pytest.FixtureRequest
+) -> None:
+    long_film: TimelineView = request.getfixturevalue(film)
     seen: list[float] = []
     start = 0
     while start < len(LONG):
         header, found = decode(batch_of(long_film, start, stride=stride, largest=3000))
         assert header["start"] == start < header["stop"]
-        assert 80 * len(found["time_s"]) + 4 * len(found["steps"]) <= 3000
+        held = 4 * len(found["steps"]) + 4 * len(found.get("errors_rad", ()))
+        assert 80 * len(found["time_s"]) + held <= 3000
         seen += found["time_s"].tolist()
         start = header["stop"] + -header["stop"] % stride
     assert seen == LONG.time_s[::stride].tolist()
     assert len(decode(batch_of(long_film, 10, largest=1))[1]["time_s"]) == 1
 
 
-def test_a_long_fold_is_thinned(long_film: TimelineView) -> None:
-    header, found = decode(thinned(long_film, 10))
+def test_a_long_fold_is_thinned(off_film: TimelineView) -> None:
+    header, found = decode(thinned(off_film, 10))
     assert header["total"] == len(found["time_s"]) == len(range(0, len(LONG), 10)) + 1
     assert found["time_s"][-1] == LONG.time_s[-1]
+    last = windows_of(found, CHAIN.folded_rad)[-1:]
+    assert np.allclose(last.errors, OFF[-1:].errors, rtol=1 / 256)
 
 
 def test_some_frames_of_a_film(timeline_path: Path) -> None:

@@ -57,15 +57,21 @@ def test_a_stretch_tells_of_every_module(fold: Path) -> None:
         assert np.array_equal(np.concatenate([f[name] for f in found]), whole)
 
 
-def test_position_errors_are_those_of_the_joint_errors(fold: Path) -> None:
+def position_errors(fold: Path) -> np.ndarray:
+    header, _ = decode(curves_of(fold))
+    parts = range(-(-header["frames"] // header["rows"]))
+    return np.concatenate([decode(stretch_of(fold, k))[1]["position_error"] for k in parts])
+
+
+@pytest.mark.parametrize("kind", ["fold", "peeled"])
+def test_position_errors_are_those_of_the_joint_errors(
+    kind: str, request: pytest.FixtureRequest
+) -> None:
+    fold: Path = request.getfixturevalue(kind)
     plan = Plan.load(fold / "plan.npz")
     timeline = Timeline.open(fold / "timeline.zarr")
     first = len(timeline) - len(plan.time_s)
-    header, _ = decode(curves_of(fold))
-    rows = header["rows"]
-    errors = np.concatenate(
-        [decode(stretch_of(fold, k))[1]["position_error"] for k in range(-(-len(timeline) // rows))]
-    )
+    errors = position_errors(fold)
     assert np.isnan(errors[:first]).all()
     frame = int(np.nanargmax(np.nanmax(errors[first:], axis=1)))
     played = timeline.frames(first + frame, first + frame + 1)
@@ -75,6 +81,29 @@ def test_position_errors_are_those_of_the_joint_errors(fold: Path) -> None:
     assert np.allclose(errors[first + frame], np.linalg.norm(there - meant, axis=1), atol=1e-6)
     assert errors[first + frame][plan.chain.root] == 0.0
     assert np.nanmax(errors) > 0.0
+    largest = decode(curves_of(fold))[0]["largest"]["position_error"]
+    assert 0.3 * np.nanmax(errors) < largest <= np.nanmax(errors) * (1 + 1e-6)
+
+
+def test_of_a_peeled_chain_there_are_errors_alone(peeled: Path) -> None:
+    header, arrays = decode(curves_of(peeled))
+    played = np.isfinite(arrays["max_error_rad"])
+    assert 0 < played.sum() < len(played)
+    assert arrays["max_error_rad"][played].max() > 1e-5
+    widths = decode(stretch_of(peeled, 0))[0]["widths"]
+    assert widths == {"position_error": len(Timeline.open(peeled / "timeline.zarr").chain)}
+    with pytest.raises(TimelineError):
+        stretch_of(peeled, header["frames"])
+
+
+def test_what_was_not_simulated_has_no_stretches(tmp_path: Path) -> None:
+    chain = peels.snake((2, 2, 3))
+    timeline = long_folds.write(
+        tmp_path / "timeline.zarr", chain, long_folds.fold(chain, width=8, step=0.5)
+    )
+    write_figures(timeline, tmp_path / "figures.zarr", Parameters())
+    with pytest.raises(TimelineError):
+        stretch_of(tmp_path, 0)
 
 
 def test_past_the_end_is_refused(fold: Path) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -153,6 +154,33 @@ def test_a_long_fold_is_shown_as_its_windows_say(long_path: Path) -> None:
         between.joint_angles_rad,
         0.75 * dense.joint_angles_rad[77] + 0.25 * dense.joint_angles_rad[78],
     )
+
+
+def test_a_peeled_chain_shows_what_its_robot_is_off_by(peeled: Path) -> None:
+    view = TimelineView(peeled / "timeline.zarr")
+    assert view.windowed
+    dense = Timeline.open(view.path).frames()
+    begin = view.outline()["phases"][1]["from"]
+    assert np.isnan(view.snapshot(begin - 1).module_error_rad).all()
+    assert np.isnan(view.snapshot(begin - 0.5).module_error_rad).all()
+    largest = np.nanmax(dense.joint_error_rad, axis=1, initial=0.0)
+    for frame in (begin, int(largest.argmax()), len(view) - 1):
+        shown = view.snapshot(frame)
+        assert np.array_equal(shown.joint_error_rad, dense.joint_error_rad[frame])
+        assert shown.module_error_rad.max() == largest[frame]
+        if frame + 1 < len(view):
+            assert np.array_equal(view.snapshot(frame + 0.5).joint_error_rad, shown.joint_error_rad)
+    assert view.error_scale_rad >= largest.max()
+    told = [error for error in view.outline()["errors"] if error is not None]
+    assert max(told) == pytest.approx(largest.max(), rel=1e-2)
+
+
+def test_a_timeline_from_before_errors_were_told_is_shown(long_path: Path, tmp_path: Path) -> None:
+    path = shutil.copytree(long_path, tmp_path / "timeline.zarr")
+    shutil.rmtree(path / "errors_rad")
+    view = TimelineView(path)
+    assert np.isnan(view.snapshot(len(view) - 1).joint_error_rad).all()
+    assert set(view.outline()["errors"]) == {None}
 
 
 def test_a_camera_keeps_to_what_moves_in_a_long_fold(long_path: Path) -> None:

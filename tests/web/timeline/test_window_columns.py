@@ -9,13 +9,13 @@ from planner.motion.windows import Windows
 from tests.planner import peels
 from tests.web import long_folds
 from web.timeline.columns import decode, encode
-from web.timeline.window_columns import ANGLE_STEP_RAD, PLANES, window_columns, windows_of
+from web.timeline.window_columns import ANGLE_STEP_RAD, PLANES, SHORT, window_columns, windows_of
 
 CHAIN = peels.snake((4, 4, 6))
 
 
 def there_and_back(windows: Windows) -> Windows:
-    message = encode({}, window_columns(windows, CHAIN.folded_rad), planes=PLANES)
+    message = encode({}, window_columns(windows, CHAIN.folded_rad), planes=PLANES, short=SHORT)
     return windows_of(decode(message)[1], CHAIN.folded_rad)
 
 
@@ -23,15 +23,19 @@ def assert_same(found: Windows, windows: Windows) -> None:
     for name in ("time_s", "phase", "first", "offsets", "base_position", "base_wxyz"):
         assert np.array_equal(getattr(found, name), getattr(windows, name)), name
     assert np.abs(found.angles_rad - windows.angles_rad).max(initial=0.0) <= 0.51 * ANGLE_STEP_RAD
+    assert np.allclose(found.errors, windows.errors, rtol=1 / 256, atol=0.0, equal_nan=True)
+    assert np.array_equal(found.recorded, windows.recorded)
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-3])
 @pytest.mark.parametrize("stride", [1, 7, 40])
-def test_what_is_told_is_what_was_recorded(stride: int) -> None:
-    windows = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True)
+def test_what_is_told_is_what_was_recorded(stride: int, off: float) -> None:
+    windows = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True, off=off)
     assert_same(there_and_back(windows[::stride]), windows[::stride])
 
 
-def test_windows_that_lie_anywhere() -> None:
+@pytest.mark.parametrize("off", [0.0, 1e-3])
+def test_windows_that_lie_anywhere(off: float) -> None:
     rng = np.random.default_rng(0)
     hinges = len(CHAIN.folded_rad)
     first = rng.integers(0, hinges + 1, 60)
@@ -39,7 +43,22 @@ def test_windows_that_lie_anywhere() -> None:
     windows = peels.windows_of(
         CHAIN, first.tolist(), [rng.uniform(-2.0, 2.0, length) for length in lengths]
     )
+    if off:
+        errors = rng.uniform(0.0, off, len(windows.angles_rad)).astype(np.float32)
+        windows = dataclasses.replace(windows, errors_rad=errors)
     assert_same(there_and_back(windows), windows)
+
+
+def test_what_was_not_simulated_has_no_errors_to_tell() -> None:
+    windows = long_folds.fold(CHAIN, width=20, step=1.3, off=1e-3)
+    explosion, playback = windows[: len(windows) // 2], windows[len(windows) // 2 :]
+    assert explosion.errors_rad is not None
+    kinematic = dataclasses.replace(explosion, errors_rad=None)
+    told = window_columns(explosion, CHAIN.folded_rad)
+    assert told.keys() == window_columns(kinematic, CHAIN.folded_rad).keys()
+    simulated = window_columns(playback, CHAIN.folded_rad)
+    assert simulated.keys() - told.keys() == {"errors_rad", "recorded"}
+    assert simulated["recorded"].all()
 
 
 def test_none_at_all() -> None:

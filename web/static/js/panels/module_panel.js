@@ -107,19 +107,23 @@ export class ModulePanel {
     const row = this.figures.row(this.shown.low);
     if (!row) return;
     for (const { name, column } of this.joints) {
-      const torque = row.torque[column];
+      const torque = row.torque?.[column] ?? NaN;
       this.put(`[data-motion="${name}"]`, "torque", Number.isFinite(torque) ? plain(torque) : "–");
     }
-    const nearest = row.nearest[this.index];
-    const clearance = row.clearance[this.index];
-    if (nearest < 0) this.near.replaceChildren("none within a pitch");
-    else {
-      const link = element("button", { class: "inline", type: "button" }, `Module ${nearest}`);
-      link.onclick = () => this.player.send({ do: "select", module: nearest });
-      this.near.replaceChildren(link, clearance < 0 ? `, overlaps by ${pitches(-clearance)}` : `, ${pitches(clearance)} away`);
-    }
-    const off = row.position_error[this.index];
+    if (row.nearest && row.clearance) this.showNearest(row.nearest[this.index], row.clearance[this.index]);
+    const off = row.position_error?.[this.index] ?? NaN;
     this.off.textContent = Number.isFinite(off) ? `${Number(off.toPrecision(2))} pitch` : "–";
+  }
+
+  /**
+   * @param {number} nearest
+   * @param {number} clearance
+   */
+  showNearest(nearest, clearance) {
+    if (nearest < 0) { this.near.replaceChildren("none within a pitch"); return; }
+    const link = element("button", { class: "inline", type: "button" }, `Module ${nearest}`);
+    link.onclick = () => this.player.send({ do: "select", module: nearest });
+    this.near.replaceChildren(link, clearance < 0 ? `, overlaps by ${pitches(-clearance)}` : `, ${pitches(clearance)} away`);
   }
 
   /**

@@ -42,7 +42,7 @@ export class Figures extends Emitter {
   /** @param {FigureName} name */
   largest(name) { return this.plots?.largest[name] ?? 0; }
 
-  // The figures of one frame; null until they are here, which `loaded` tells.
+  // The figures that there are of one frame; null until they are here, which `loaded` tells.
   /**
    * @param {number} frame
    * @returns {FigureRow | null}
@@ -55,7 +55,10 @@ export class Figures extends Emitter {
     if (!part) { this.load(index); return null; }
     const k = frame - index * rows;
     const { arrays, header: { widths } } = part;
-    const of = (/** @type {FigureName} */ name) => arrays[name].subarray(k * widths[name], (k + 1) * widths[name]);
+    const of = (/** @type {FigureName} */ name) => {
+      const width = widths[name] ?? 0;
+      return arrays[name]?.subarray(k * width, (k + 1) * width);
+    };
     return { clearance: of("clearance"), nearest: of("nearest"), torque: of("torque"), position_error: of("position_error") };
   }
 

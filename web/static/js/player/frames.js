@@ -119,13 +119,27 @@ export class Window {
    * @returns {WindowRow}
    */
   row(k) {
-    const { arrays, foldedRad, noErrors: errors } = this;
+    const { arrays, foldedRad } = this;
     const { angles, ends, first } = arrays;
     const begin = k ? ends[k - 1] : 0;
+    const errors = this.errors(k, begin);
     return {
       time_s: arrays.time_s[k], phase: arrays.phase[k], position: part(arrays.base_position, k, 3), wxyz: part(arrays.base_wxyz, k, 4),
       first: first[k], last: first[k] + ends[k] - begin, angles: angles.subarray(begin, ends[k]), errors, foldedRad,
     };
+  }
+
+  // Of all hinges, of which those outside of the window are as they should be.
+  /**
+   * @param {number} k
+   * @param {number} begin
+   */
+  errors(k, begin) {
+    const { ends, first, errors_rad: told, recorded } = this.arrays;
+    if (!told || !recorded?.[k]) return this.noErrors;
+    const found = new Float32Array(this.foldedRad.length);
+    found.set(told.subarray(begin, ends[k]), first[k]);
+    return found;
   }
 
   /**
