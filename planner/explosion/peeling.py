@@ -204,7 +204,11 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         self.unit = self.first - first
         self.first = first
         self.field = self.core.distances(first)
-        self.finder.set_boxes(*self.core.boxes(first))
+        centres, halves = self.core.boxes(first)
+        self.finder.set_boxes(centres, halves)
+        self.core_box = np.stack(
+            [(centres - halves).min(axis=0) + 0.5, (centres + halves).max(axis=0) - 0.5]
+        )
         self._build(np.concatenate([fresh, angles]), np.concatenate([0.0 * fresh, rates]))
         unit = self.core.cells[first + FIXED : first + FIXED + self.unit]
         if first:
@@ -303,6 +307,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
             self.rod,
             self.core.grid,
             self.core.low,
+            self.core_box,
             p.repulsion_cutoff,
             self.chain.module.radius,
             self.caps_loose if loose else self.caps,

@@ -231,6 +231,7 @@ def window_haste(
     rod: int,
     grid: Grid,
     low: Ints,
+    core_box: Array,
     cutoff: float,
     radius: float,
     caps: Caps,
@@ -243,6 +244,7 @@ def window_haste(
         first: Number of the window's first module in the chain.
         rod: Modules of the rod.
         grid, low: See ``window_forces``.
+        core_box: (2, 3) least and largest centre of the cells that are still folded.
         cutoff: Pairs farther apart are not looked at.
         radius: The module's.
         caps: What they may do.
@@ -264,11 +266,6 @@ def window_haste(
     if rod == 0:
         return worst
     end = positions.shape[0] - 1
-    corner_low = np.empty(3)
-    corner_high = np.empty(3)
-    for r in range(3):
-        corner_low[r] = low[r] - cutoff
-        corner_high[r] = low[r] + grid.shape[r] - 1.0 + cutoff
     spin = spins[end]
     speed = _rod_speed(
         positions[end],
@@ -277,8 +274,8 @@ def window_haste(
         velocities[end],
         spin,
         radius,
-        corner_low,
-        corner_high,
+        core_box[0] - cutoff,
+        core_box[1] + cutoff,
     )
     worst = max(worst, speed / caps.pair)
     # A rod that is outside may not come in within one step, so far out as it may reach.
