@@ -2,8 +2,8 @@
 
 What peeling simulates. Boxes that don't move stand for what is still folded, the rod for what is
 straight already. Of MuJoCo it takes the contacts alone, which a model finds that knows nothing of
-joints: as many free cubes as the window ever has, those left over far away, and the boxes. It is
-compiled anew when the boxes change, and not when modules become part of the rod.
+joints: as many free cubes as the window ever has, of which those left over touch nothing, and the
+boxes. It is compiled anew when the boxes change, and not when modules become part of the rod.
 """
 
 from __future__ import annotations
@@ -31,8 +31,6 @@ from planner.simulation.reduced import Acceleration, Found, ReducedChain, State
 Array = NDArray[np.float64]
 ROOM: Final = 32
 """Cubes more than are wanted that a model is made with."""
-FAR: Final = 1e4
-"""Pitches between a window and the cubes that it does not need, which are so far apart too."""
 ROD: Final = "rod"
 
 
@@ -118,11 +116,18 @@ class ContactFinder:
         return spec
 
     def _lay_aside(self, modules: int) -> None:
-        """Puts away what a window of so many modules does not need; module 0 lies in a box."""
-        places = self.data.qpos.reshape(-1, 7)
-        places[:, 3:] = (1.0, 0.0, 0.0, 0.0)
+        """Lets nothing touch what a window of so many modules does not need.
+
+        However far away it were put, a long rod might get there. Module 0 lies in a box.
+        """
+        places, model = self.data.qpos.reshape(-1, 7), self.model
         places[:, :3] = 0.0
-        places[:, 2] = FAR * (2.0 + np.arange(len(places)))
+        places[:, 3:] = (1.0, 0.0, 0.0, 0.0)
+        touching = np.zeros(model.nbody, dtype=bool)
+        touching[0] = touching[2 : modules + 1] = True
+        touching[-1] = self._rod > 0
+        model.body_contype[:] = model.body_conaffinity[:] = touching
+        model.geom_contype[:] = model.geom_conaffinity[:] = touching[model.geom_bodyid]
         self._modules = modules
         self._of_geom[self._rod_geom] = modules - 1
 

@@ -151,3 +151,15 @@ def test_room_is_made_for_a_wider_window_and_another_rod() -> None:
         again = other.accelerations(state, np.zeros((len(chain), 3)), np.zeros(3))
         assert mine.contacts == again.contacts
         np.testing.assert_allclose(mine.hinges, again.hinges, rtol=1e-9, atol=1e-9)
+
+
+def test_a_rod_however_long_meets_no_cube_that_is_left_over() -> None:
+    """They lay in one line, from 20 000 pitches on: a rod along it touched what was not there."""
+    small, large = line(5), line(60)
+    finder = ContactFinder(small, MATERIAL)
+    finder.set_boxes(*AWAY)
+    Anchored(large, MATERIAL, finder, rod=0, heaviest_rod=HEAVIEST)
+    window = Anchored(small, MATERIAL, finder, rod=500_000, heaviest_rod=HEAVIEST)
+    for rotation in (np.eye(3), np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])):
+        window.place(State.at_rest(np.zeros(len(small.folded_rad)), np.zeros(3), rotation))
+        assert finder.found(window.positions, window.rotations) is None
