@@ -204,11 +204,8 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         self.unit = self.first - first
         self.first = first
         self.field = self.core.distances(first)
-        centres, halves = self.core.boxes(first)
-        self.finder.set_boxes(centres, halves)
-        self.core_box = np.stack(
-            [(centres - halves).min(axis=0) + 0.5, (centres + halves).max(axis=0) - 0.5]
-        )
+        self.finder.set_boxes(*self.core.boxes(first))
+        self.core_box = self.core.extent(first + FIXED - 1)
         self._build(np.concatenate([fresh, angles]), np.concatenate([0.0 * fresh, rates]))
         unit = self.core.cells[first + FIXED : first + FIXED + self.unit]
         if first:
@@ -256,6 +253,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
             self.first,
             self.core.grid,
             self.core.low,
+            self.core_box,
             p.repulsion_cutoff,
             p.repulsion_gain * (STRONG_REPULSION if weak else 1.0),
             p.tension * scale,

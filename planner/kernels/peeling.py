@@ -39,6 +39,7 @@ def window_forces(
     first: int,
     grid: Grid,
     low: Ints,
+    core_box: Ints,
     cutoff: float,
     gain: float,
     tension: float,
@@ -54,6 +55,7 @@ def window_forces(
         first: Number of the window's first module in the chain.
         grid: (X, Y, Z) number of the module in each cell when folded, −1 for none.
         low: (3,) the cell that the grid begins with.
+        core_box: (2, 3) the least and the largest cell of what is still folded.
         cutoff: Modules and cells farther apart don't repel.
         gain: γ of eq. 3.
         tension: The largest radial force that adds up from the end to a hinge.
@@ -93,7 +95,7 @@ def window_forces(
             else:
                 # Consecutive centres are at most 1 apart.
                 j += max(1, int(np.floor(np.sqrt(square) - cutoff)))
-    _core_repulsion(positions, first, grid, low, cutoff, gain, out)
+    _core_repulsion(positions, first, grid, low, core_box, cutoff, gain, out)
     return out
 
 
@@ -103,6 +105,7 @@ def _core_repulsion(
     first: int,
     grid: Grid,
     low: Ints,
+    core_box: Ints,
     cutoff: float,
     gain: float,
     out: Array,
@@ -112,18 +115,18 @@ def _core_repulsion(
     last = first + FIXED - 1
     limit = cutoff * cutoff
     for k in range(FIXED, points.shape[0]):
-        cx = int(np.round(points[k, 0])) - low[0]
-        cy = int(np.round(points[k, 1])) - low[1]
-        cz = int(np.round(points[k, 2])) - low[2]
-        for x in range(max(cx - reach, 0), min(cx + reach + 1, grid.shape[0])):
-            dx = points[k, 0] - (x + low[0])
-            for y in range(max(cy - reach, 0), min(cy + reach + 1, grid.shape[1])):
-                dy = points[k, 1] - (y + low[1])
-                for z in range(max(cz - reach, 0), min(cz + reach + 1, grid.shape[2])):
-                    there = grid[x, y, z]
+        cx = int(np.round(points[k, 0]))
+        cy = int(np.round(points[k, 1]))
+        cz = int(np.round(points[k, 2]))
+        for x in range(max(cx - reach, core_box[0, 0]), min(cx + reach, core_box[1, 0]) + 1):
+            dx = points[k, 0] - x
+            for y in range(max(cy - reach, core_box[0, 1]), min(cy + reach, core_box[1, 1]) + 1):
+                dy = points[k, 1] - y
+                for z in range(max(cz - reach, core_box[0, 2]), min(cz + reach, core_box[1, 2]) + 1):
+                    there = grid[x - low[0], y - low[1], z - low[2]]
                     if there < 0 or there > last or first + k - there < 2:
                         continue
-                    dz = points[k, 2] - (z + low[2])
+                    dz = points[k, 2] - z
                     square = dx * dx + dy * dy + dz * dz
                     if square >= limit:
                         continue
@@ -167,6 +170,7 @@ def _haste_of_modules(
     first: int,
     grid: Grid,
     low: Ints,
+    core_box: Ints,
     cutoff: float,
     radius: float,
     cap: float,
@@ -187,18 +191,18 @@ def _haste_of_modules(
     touch = 2.0 * radius
     for k in range(FIXED, count):
         turning = radius * np.sqrt(spins[k, 0] ** 2 + spins[k, 1] ** 2 + spins[k, 2] ** 2)
-        cx = int(np.round(points[k, 0])) - low[0]
-        cy = int(np.round(points[k, 1])) - low[1]
-        cz = int(np.round(points[k, 2])) - low[2]
-        for x in range(max(cx - reach, 0), min(cx + reach + 1, grid.shape[0])):
-            gap[0] = points[k, 0] - (x + low[0])
-            for y in range(max(cy - reach, 0), min(cy + reach + 1, grid.shape[1])):
-                gap[1] = points[k, 1] - (y + low[1])
-                for z in range(max(cz - reach, 0), min(cz + reach + 1, grid.shape[2])):
-                    there = grid[x, y, z]
+        cx = int(np.round(points[k, 0]))
+        cy = int(np.round(points[k, 1]))
+        cz = int(np.round(points[k, 2]))
+        for x in range(max(cx - reach, core_box[0, 0]), min(cx + reach, core_box[1, 0]) + 1):
+            gap[0] = points[k, 0] - x
+            for y in range(max(cy - reach, core_box[0, 1]), min(cy + reach, core_box[1, 1]) + 1):
+                gap[1] = points[k, 1] - y
+                for z in range(max(cz - reach, core_box[0, 2]), min(cz + reach, core_box[1, 2]) + 1):
+                    there = grid[x - low[0], y - low[1], z - low[2]]
                     if there < 0 or there > last or first + k - there < 2:
                         continue
-                    gap[2] = points[k, 2] - (z + low[2])
+                    gap[2] = points[k, 2] - z
                     if gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2] < limit:
                         worst = max(worst, haste(gap, velocities[k], turning, cap, slide, touch))
     for i in range(FIXED, count):
@@ -231,7 +235,7 @@ def window_haste(
     rod: int,
     grid: Grid,
     low: Ints,
-    core_box: Array,
+    core_box: Ints,
     cutoff: float,
     radius: float,
     caps: Caps,
@@ -243,14 +247,23 @@ def window_haste(
         positions, rotations, velocities, spins: Of its modules, in the world's frame.
         first: Number of the window's first module in the chain.
         rod: Modules of the rod.
-        grid, low: See ``window_forces``.
-        core_box: (2, 3) least and largest centre of the cells that are still folded.
+        grid, low, core_box: See ``window_forces``.
         cutoff: Pairs farther apart are not looked at.
         radius: The module's.
         caps: What they may do.
     """
     worst = _haste_of_modules(
-        positions, velocities, spins, first, grid, low, cutoff, radius, caps.pair, caps.slide
+        positions,
+        velocities,
+        spins,
+        first,
+        grid,
+        low,
+        core_box,
+        cutoff,
+        radius,
+        caps.pair,
+        caps.slide,
     )
     fastest = 0.0
     for k in range(rates.shape[0]):
