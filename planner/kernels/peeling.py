@@ -100,6 +100,13 @@ def window_forces(
 
 
 @njit(cache=True)
+def _cells(place: float, reach: int, core_box: Ints, axis: int) -> tuple[int, int]:
+    """Along an axis, the cells of the core within reach of a place: the first, and one past."""
+    at = int(np.round(place))
+    return max(at - reach, core_box[0, axis]), min(at + reach, core_box[1, axis]) + 1
+
+
+@njit(cache=True)
 def _core_repulsion(
     points: Array,
     first: int,
@@ -115,14 +122,14 @@ def _core_repulsion(
     last = first + FIXED - 1
     limit = cutoff * cutoff
     for k in range(FIXED, points.shape[0]):
-        cx = int(np.round(points[k, 0]))
-        cy = int(np.round(points[k, 1]))
-        cz = int(np.round(points[k, 2]))
-        for x in range(max(cx - reach, core_box[0, 0]), min(cx + reach, core_box[1, 0]) + 1):
+        x_low, x_end = _cells(points[k, 0], reach, core_box, 0)
+        y_low, y_end = _cells(points[k, 1], reach, core_box, 1)
+        z_low, z_end = _cells(points[k, 2], reach, core_box, 2)
+        for x in range(x_low, x_end):
             dx = points[k, 0] - x
-            for y in range(max(cy - reach, core_box[0, 1]), min(cy + reach, core_box[1, 1]) + 1):
+            for y in range(y_low, y_end):
                 dy = points[k, 1] - y
-                for z in range(max(cz - reach, core_box[0, 2]), min(cz + reach, core_box[1, 2]) + 1):
+                for z in range(z_low, z_end):
                     there = grid[x - low[0], y - low[1], z - low[2]]
                     if there < 0 or there > last or first + k - there < 2:
                         continue
@@ -191,14 +198,14 @@ def _haste_of_modules(
     touch = 2.0 * radius
     for k in range(FIXED, count):
         turning = radius * np.sqrt(spins[k, 0] ** 2 + spins[k, 1] ** 2 + spins[k, 2] ** 2)
-        cx = int(np.round(points[k, 0]))
-        cy = int(np.round(points[k, 1]))
-        cz = int(np.round(points[k, 2]))
-        for x in range(max(cx - reach, core_box[0, 0]), min(cx + reach, core_box[1, 0]) + 1):
+        x_low, x_end = _cells(points[k, 0], reach, core_box, 0)
+        y_low, y_end = _cells(points[k, 1], reach, core_box, 1)
+        z_low, z_end = _cells(points[k, 2], reach, core_box, 2)
+        for x in range(x_low, x_end):
             gap[0] = points[k, 0] - x
-            for y in range(max(cy - reach, core_box[0, 1]), min(cy + reach, core_box[1, 1]) + 1):
+            for y in range(y_low, y_end):
                 gap[1] = points[k, 1] - y
-                for z in range(max(cz - reach, core_box[0, 2]), min(cz + reach, core_box[1, 2]) + 1):
+                for z in range(z_low, z_end):
                     there = grid[x - low[0], y - low[1], z - low[2]]
                     if there < 0 or there > last or first + k - there < 2:
                         continue
