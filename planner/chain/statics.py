@@ -26,15 +26,13 @@ def static_torque(chain: Chain, angles_rad: Array) -> float:
     axes, anchors = hinge_frames(chain, angles_rad, poses)
     n = len(chain)
     upto = np.concatenate([np.zeros((1, 3)), np.cumsum(poses.positions, axis=0)])
-    worst = 0.0
-    for k in range(len(anchors)):
-        joint = chain.module.rigid_links + k
-        if joint >= chain.root:
-            beyond = upto[n] - upto[joint + 1] - (n - joint - 1) * anchors[k]
-        else:
-            beyond = upto[joint + 1] - (joint + 1) * anchors[k]
-        worst = max(worst, float(np.linalg.norm(np.cross(axes[k], beyond), axis=1).max()))
-    return worst
+    joints = chain.module.rigid_links + np.arange(len(anchors))
+    outer = (joints >= chain.root)[:, None]  # what hangs on it comes after the joint
+    count = joints[:, None] + 1
+    sums = np.where(outer, upto[n] - upto[joints + 1], upto[joints + 1])
+    beyond = sums - np.where(outer, n - count, count) * anchors
+    torques = np.linalg.norm(np.cross(axes, beyond[:, None]), axis=2)
+    return float(torques.max(initial=0.0))
 
 
 def hinge_frames(chain: Chain, angles_rad: Array, poses: Poses) -> tuple[Array, Array]:

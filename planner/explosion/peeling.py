@@ -205,6 +205,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
         self.first = first
         self.field = self.core.distances(first)
         self.finder.set_boxes(*self.core.boxes(first))
+        self.core_box = self.core.extent(first + FIXED - 1)
         self._build(np.concatenate([fresh, angles]), np.concatenate([0.0 * fresh, rates]))
         unit = self.core.cells[first + FIXED : first + FIXED + self.unit]
         if first:
@@ -252,6 +253,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
             self.first,
             self.core.grid,
             self.core.low,
+            self.core_box,
             p.repulsion_cutoff,
             p.repulsion_gain * (STRONG_REPULSION if weak else 1.0),
             p.tension * scale,
@@ -303,6 +305,7 @@ class _Peeling(Explosion[Bend, PeelingParameters]):
             self.rod,
             self.core.grid,
             self.core.low,
+            self.core_box,
             p.repulsion_cutoff,
             self.chain.module.radius,
             self.caps_loose if loose else self.caps,

@@ -64,6 +64,11 @@ class Core:
         half = 0.5 * found[:, 3:]
         return found[:, :3] + self.low - 0.5 + half, half
 
+    def extent(self, last: int) -> Ints:
+        """(2, 3) the least and the largest cell of the modules 0 to ``last``."""
+        cells = self.cells[: last + 1]
+        return np.stack([cells.min(axis=0), cells.max(axis=0)]).astype(np.int64)
+
     def distances(self, last: int) -> Array:
         """Distance of each cell of the grid, padded by ``PAD``, to the nearest of those folded."""
         from scipy.ndimage import distance_transform_edt  # late: it takes a while

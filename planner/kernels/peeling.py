@@ -39,6 +39,7 @@ def window_forces(
     first: int,
     grid: Grid,
     low: Ints,
+    core_box: Ints,
     cutoff: float,
     gain: float,
     tension: float,
@@ -54,6 +55,7 @@ def window_forces(
         first: Number of the window's first module in the chain.
         grid: (X, Y, Z) number of the module in each cell when folded, −1 for none.
         low: (3,) the cell that the grid begins with.
+        core_box: (2, 3) the least and the largest cell of what is still folded.
         cutoff: Modules and cells farther apart don't repel.
         gain: γ of eq. 3.
         tension: The largest radial force that adds up from the end to a hinge.
@@ -93,8 +95,15 @@ def window_forces(
             else:
                 # Consecutive centres are at most 1 apart.
                 j += max(1, int(np.floor(np.sqrt(square) - cutoff)))
-    _core_repulsion(positions, first, grid, low, cutoff, gain, out)
+    _core_repulsion(positions, first, grid, low, core_box, cutoff, gain, out)
     return out
+
+
+@njit(cache=True)
+def _cells(place: float, reach: int, core_box: Ints, axis: int) -> tuple[int, int]:
+    """Along an axis, the cells of the core within reach of a place: the first, and one past."""
+    at = int(np.round(place))
+    return max(at - reach, core_box[0, axis]), min(at + reach, core_box[1, axis]) + 1
 
 
 @njit(cache=True)
@@ -103,6 +112,7 @@ def _core_repulsion(
     first: int,
     grid: Grid,
     low: Ints,
+    core_box: Ints,
     cutoff: float,
     gain: float,
     out: Array,
@@ -112,18 +122,18 @@ def _core_repulsion(
     last = first + FIXED - 1
     limit = cutoff * cutoff
     for k in range(FIXED, points.shape[0]):
-        cx = int(np.round(points[k, 0])) - low[0]
-        cy = int(np.round(points[k, 1])) - low[1]
-        cz = int(np.round(points[k, 2])) - low[2]
-        for x in range(max(cx - reach, 0), min(cx + reach + 1, grid.shape[0])):
-            dx = points[k, 0] - (x + low[0])
-            for y in range(max(cy - reach, 0), min(cy + reach + 1, grid.shape[1])):
-                dy = points[k, 1] - (y + low[1])
-                for z in range(max(cz - reach, 0), min(cz + reach + 1, grid.shape[2])):
-                    there = grid[x, y, z]
+        x_low, x_end = _cells(points[k, 0], reach, core_box, 0)
+        y_low, y_end = _cells(points[k, 1], reach, core_box, 1)
+        z_low, z_end = _cells(points[k, 2], reach, core_box, 2)
+        for x in range(x_low, x_end):
+            dx = points[k, 0] - x
+            for y in range(y_low, y_end):
+                dy = points[k, 1] - y
+                for z in range(z_low, z_end):
+                    there = grid[x - low[0], y - low[1], z - low[2]]
                     if there < 0 or there > last or first + k - there < 2:
                         continue
-                    dz = points[k, 2] - (z + low[2])
+                    dz = points[k, 2] - z
                     square = dx * dx + dy * dy + dz * dz
                     if square >= limit:
                         continue
@@ -167,6 +177,7 @@ def _haste_of_modules(
     first: int,
     grid: Grid,
     low: Ints,
+    core_box: Ints,
     cutoff: float,
     radius: float,
     cap: float,
@@ -187,18 +198,18 @@ def _haste_of_modules(
     touch = 2.0 * radius
     for k in range(FIXED, count):
         turning = radius * np.sqrt(spins[k, 0] ** 2 + spins[k, 1] ** 2 + spins[k, 2] ** 2)
-        cx = int(np.round(points[k, 0])) - low[0]
-        cy = int(np.round(points[k, 1])) - low[1]
-        cz = int(np.round(points[k, 2])) - low[2]
-        for x in range(max(cx - reach, 0), min(cx + reach + 1, grid.shape[0])):
-            gap[0] = points[k, 0] - (x + low[0])
-            for y in range(max(cy - reach, 0), min(cy + reach + 1, grid.shape[1])):
-                gap[1] = points[k, 1] - (y + low[1])
-                for z in range(max(cz - reach, 0), min(cz + reach + 1, grid.shape[2])):
-                    there = grid[x, y, z]
+        x_low, x_end = _cells(points[k, 0], reach, core_box, 0)
+        y_low, y_end = _cells(points[k, 1], reach, core_box, 1)
+        z_low, z_end = _cells(points[k, 2], reach, core_box, 2)
+        for x in range(x_low, x_end):
+            gap[0] = points[k, 0] - x
+            for y in range(y_low, y_end):
+                gap[1] = points[k, 1] - y
+                for z in range(z_low, z_end):
+                    there = grid[x - low[0], y - low[1], z - low[2]]
                     if there < 0 or there > last or first + k - there < 2:
                         continue
-                    gap[2] = points[k, 2] - (z + low[2])
+                    gap[2] = points[k, 2] - z
                     if gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2] < limit:
                         worst = max(worst, haste(gap, velocities[k], turning, cap, slide, touch))
     for i in range(FIXED, count):
@@ -231,6 +242,7 @@ def window_haste(
     rod: int,
     grid: Grid,
     low: Ints,
+    core_box: Ints,
     cutoff: float,
     radius: float,
     caps: Caps,
@@ -242,13 +254,23 @@ def window_haste(
         positions, rotations, velocities, spins: Of its modules, in the world's frame.
         first: Number of the window's first module in the chain.
         rod: Modules of the rod.
-        grid, low: See ``window_forces``.
+        grid, low, core_box: See ``window_forces``.
         cutoff: Pairs farther apart are not looked at.
         radius: The module's.
         caps: What they may do.
     """
     worst = _haste_of_modules(
-        positions, velocities, spins, first, grid, low, cutoff, radius, caps.pair, caps.slide
+        positions,
+        velocities,
+        spins,
+        first,
+        grid,
+        low,
+        core_box,
+        cutoff,
+        radius,
+        caps.pair,
+        caps.slide,
     )
     fastest = 0.0
     for k in range(rates.shape[0]):
@@ -264,11 +286,6 @@ def window_haste(
     if rod == 0:
         return worst
     end = positions.shape[0] - 1
-    corner_low = np.empty(3)
-    corner_high = np.empty(3)
-    for r in range(3):
-        corner_low[r] = low[r] - cutoff
-        corner_high[r] = low[r] + grid.shape[r] - 1.0 + cutoff
     spin = spins[end]
     speed = _rod_speed(
         positions[end],
@@ -277,8 +294,8 @@ def window_haste(
         velocities[end],
         spin,
         radius,
-        corner_low,
-        corner_high,
+        core_box[0] - cutoff,
+        core_box[1] + cutoff,
     )
     worst = max(worst, speed / caps.pair)
     # A rod that is outside may not come in within one step, so far out as it may reach.

@@ -2,8 +2,8 @@
 
 What peeling simulates. Boxes that don't move stand for what is still folded, the rod for what is
 straight already. Of MuJoCo it takes the contacts alone, which a model finds that knows nothing of
-joints: as many free cubes as the window ever has, those left over far away, and the boxes. It is
-compiled anew when the boxes change, and not when modules become part of the rod.
+joints: as many free cubes and as many boxes as there ever are, of which those left over touch
+nothing. It is compiled anew when more of them are wanted, and not when boxes or the rod change.
 """
 
 from __future__ import annotations
@@ -30,9 +30,7 @@ from planner.simulation.reduced import Acceleration, Found, ReducedChain, State
 
 Array = NDArray[np.float64]
 ROOM: Final = 32
-"""Cubes more than are wanted that a model is made with."""
-FAR: Final = 1e4
-"""Pitches between a window and the cubes that it does not need, which are so far apart too."""
+"""Cubes and boxes more than are wanted that a model is made with."""
 ROD: Final = "rod"
 
 
@@ -47,17 +45,14 @@ class ContactFinder:
     def __init__(self, chain: Chain, material: Material) -> None:
         self._module = chain.module
         self._material = material
-        self._count = 0
+        self._cubes = self._boxes = 0
         self._centres = self._halves = np.zeros((0, 3))
-        self._outdated = True
-        self._spec: Any
         self.model: Any
         self.data: Any
 
     def set_boxes(self, centres: Array, halves: Array) -> None:
         """Tells the (B, 3) centres and half sides of the boxes along the world's axes."""
         self._centres, self._halves = centres, halves
-        self._outdated = True
 
     def set_contact_time_constant(self, seconds: float) -> None:
         """How fast contacts push back: ``solref[0]`` of every geom."""
@@ -65,20 +60,25 @@ class ContactFinder:
 
     def make_room(self, modules: int, rod: int) -> None:
         """Sees to it that there are enough cubes, and a rod of so many."""
-        if modules > self._count:
-            self._count = modules + ROOM
-            self._spec = self._spec_of(self._count)
-            self._outdated = True
-        if self._outdated:
+        if modules > self._cubes or len(self._centres) > self._boxes:
+            self._cubes = max(self._cubes, modules + ROOM)
+            self._boxes = max(self._boxes, len(self._centres) + ROOM)
             self._compile()
-        half = 0.5 * np.array([rod or 1.0, 1.0, 1.0]) - self._shrink
-        model, geom = self.model, self._rod_geom
-        model.geom_size[geom] = half
-        model.geom_rbound[geom] = np.linalg.norm(half)
-        model.geom_aabb[geom, 3:] = half
-        model.bvh_aabb[model.body_bvhadr[model.geom_bodyid[geom]], 3:] = half
+        model, boxes = self.model, len(self._centres)
+        model.body_pos[1 : boxes + 1] = self._centres
+        self._set_halves(slice(1, boxes + 1), self._halves - self._shrink)
+        self._set_halves(slice(-1, None), 0.5 * np.array([[rod or 1.0, 1.0, 1.0]]) - self._shrink)
         self._rod = rod
         self._lay_aside(modules)
+
+    def _set_halves(self, bodies: slice, halves: Array) -> None:
+        """Makes bodies boxes with (B, 3) half sides, for all that MuJoCo derives from them."""
+        model = self.model
+        geoms = model.body_geomadr[bodies]
+        model.geom_size[geoms] = halves
+        model.geom_rbound[geoms] = np.linalg.norm(halves, axis=1)
+        model.geom_aabb[geoms, 3:] = halves
+        model.bvh_aabb[model.body_bvhadr[bodies], 3:] = halves
 
     @property
     def _shrink(self) -> float:
@@ -86,45 +86,42 @@ class ContactFinder:
         return 0.5 * (1.0 - self._material.geom_size)
 
     def _compile(self) -> None:
-        hull, spec = self._material, self._spec
-        for geom in list(spec.worldbody.geoms):
-            spec.delete(geom)
-        for centre, half in zip(self._centres, self._halves, strict=True):
-            geom = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX)
-            geom.pos, geom.size = centre.tolist(), (half - self._shrink).tolist()
+        hull, spec = self._material, base_spec()
+        for _ in range(self._boxes):
+            body = spec.worldbody.add_body()
+            geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.5, 0.5, 0.5])
             geom.condim = 1
             geom.friction = [max(hull.friction, 1e-5), 0.0, 0.0]
             geom.solref, geom.solimp = [hull.contact_time_constant, 1.0], SOLIMP
-        self.model = model = compiled(spec)
-        self.data = mujoco.MjData(model)
-        self._rod_geom = int(model.geom_bodyid.tolist().index(model.body(ROD).id))
-        # The boxes belong to the world: what they touch is as if it touched the held module 0.
-        self._of_geom = np.zeros(model.ngeom, dtype=np.int64)
-        self._of_geom[model.geom_bodyid > 0] = model.geom_bodyid[model.geom_bodyid > 0] - 1
-        self._outdated = False
-
-    def _spec_of(self, count: int) -> Any:
-        """So many cubes and a rod, without boxes."""
-        spec = base_spec()
-        names = [*(f"module_{i}" for i in range(count)), ROD]
+        names = [*(f"module_{i}" for i in range(self._cubes)), ROD]
         for i, name in enumerate(names):
             body = spec.worldbody.add_body()
             body.name = name
             body.add_freejoint()
-            add_module_geom(body, self._module, i, self._material)
+            add_module_geom(body, self._module, i, hull)
             body.explicitinertial = True
             body.mass, body.inertia = 1.0, [1.0, 1.0, 1.0]  # MuJoCo wants some of all that is free
-        exclude(spec, names, pairwise(range(count)))
-        return spec
+        exclude(spec, names, pairwise(range(self._cubes)))
+        self.model = model = compiled(spec)
+        self.data = mujoco.MjData(model)
+        # What touches a box is as if it touched the held module 0.
+        self._of_geom = np.maximum(model.geom_bodyid - 1 - self._boxes, 0).astype(np.int64)
 
     def _lay_aside(self, modules: int) -> None:
-        """Puts away what a window of so many modules does not need; module 0 lies in a box."""
-        places = self.data.qpos.reshape(-1, 7)
-        places[:, 3:] = (1.0, 0.0, 0.0, 0.0)
+        """Lets nothing touch what a window of so many modules does not need.
+
+        However far away it were put, a long rod might get there. Module 0 lies in a box.
+        """
+        places, model, first = self.data.qpos.reshape(-1, 7), self.model, self._boxes + 1
         places[:, :3] = 0.0
-        places[:, 2] = FAR * (2.0 + np.arange(len(places)))
+        places[:, 3:] = (1.0, 0.0, 0.0, 0.0)
+        touching = np.zeros(model.nbody, dtype=bool)
+        touching[1 : len(self._centres) + 1] = touching[first + 1 : first + modules] = True
+        touching[-1] = self._rod > 0
+        model.body_contype[:] = model.body_conaffinity[:] = touching
+        model.geom_contype[:] = model.geom_conaffinity[:] = touching[model.geom_bodyid]
         self._modules = modules
-        self._of_geom[self._rod_geom] = modules - 1
+        self._of_geom[-1] = modules - 1
 
     def found(self, positions: Array, rotations: Array) -> Found | None:
         """The contacts of (m, 3) centres and (m, 3, 3) orientations of a window's modules."""

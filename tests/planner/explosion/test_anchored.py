@@ -151,3 +151,38 @@ def test_room_is_made_for_a_wider_window_and_another_rod() -> None:
         again = other.accelerations(state, np.zeros((len(chain), 3)), np.zeros(3))
         assert mine.contacts == again.contacts
         np.testing.assert_allclose(mine.hinges, again.hinges, rtol=1e-9, atol=1e-9)
+
+
+def test_boxes_may_be_moved_resized_added_and_taken_away() -> None:
+    chain = line(5)
+    finder = ContactFinder(chain, MATERIAL)
+    state = random_state(chain, 0, 0.0)
+    many = np.array([[100.0 + i, 0.0, 0.0] for i in range(80)])
+    cases = [
+        (AWAY, 0),
+        ((np.array([[4.9, 0.0, 0.0]]), np.array([[0.5, 0.5, 0.5]])), 4),
+        ((np.array([[6.0, 0.0, 0.0]]), np.array([[0.5, 0.5, 0.5]])), 0),
+        ((np.array([[6.0, 0.0, 0.0]]), np.array([[1.6, 0.5, 0.5]])), 4),
+        ((np.array([[4.0, 9.0, 0.0], [4.0, 0.9, 0.0]]), np.full((2, 3), 0.5)), 4),
+        ((np.array([[4.0, 9.0, 0.0]]), np.full((1, 3), 0.5)), 0),
+        ((np.concatenate([[[4.9, 0.0, 0.0]], many]), np.full((81, 3), 0.5)), 4),
+        ((many, np.full((80, 3), 0.5)), 0),
+    ]
+    for boxes, contacts in cases:
+        finder.set_boxes(*boxes)
+        window = Anchored(chain, MATERIAL, finder, rod=0, heaviest_rod=HEAVIEST)
+        window.place(state)
+        found = finder.found(window.positions, window.rotations)
+        assert (0 if found is None else len(found.depths)) == contacts
+
+
+def test_a_rod_however_long_meets_no_cube_that_is_left_over() -> None:
+    """They lay in one line, from 20 000 pitches on: a rod along it touched what was not there."""
+    small, large = line(5), line(60)
+    finder = ContactFinder(small, MATERIAL)
+    finder.set_boxes(*AWAY)
+    Anchored(large, MATERIAL, finder, rod=0, heaviest_rod=HEAVIEST)
+    window = Anchored(small, MATERIAL, finder, rod=500_000, heaviest_rod=HEAVIEST)
+    for rotation in (np.eye(3), np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])):
+        window.place(State.at_rest(np.zeros(len(small.folded_rad)), np.zeros(3), rotation))
+        assert finder.found(window.positions, window.rotations) is None

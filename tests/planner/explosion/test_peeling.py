@@ -17,6 +17,7 @@ from planner.explosion.explosion import ContactDepth
 from planner.explosion.peeling import _Peeling, peel, turned_towards
 from planner.explosion.peeling_proof import Proof
 from planner.explosion.peeling_window import Bend, Peelable
+from planner.kernels.peeling import Caps, window_haste
 from planner.motion.motion import motion_arrays
 from planner.motion.record import Record
 from planner.motion.windows import Windows
@@ -143,6 +144,34 @@ def test_a_knot_stalls_with_a_reason() -> None:
     assert "stuck" in record.reason and "may" not in record.reason
     assert len(record.frames) > 1
     np.testing.assert_allclose(record.frames.angles(chain, 0, 1)[0], chain.folded_rad, atol=1e-6)
+
+
+def test_a_rod_turns_as_fast_where_the_core_has_gone_as_where_none_ever_was() -> None:
+    """Of a box of 100 000 the last layers never came off: a rod crept through all that was gone."""
+    count, rod, turn = 6, 100, 0.01
+    positions = np.array([[0.0, 0.0, z] for z in range(count)])
+    along_z = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    spins = np.tile([0.0, turn, 0.0], (count, 1))
+    core_box = np.array([[0, 0, 0], [0, 0, 1]])
+    found = [
+        window_haste(
+            np.zeros(2 * (count - 2)),
+            positions,
+            np.tile(along_z, (count, 1, 1)),
+            np.cross(spins, positions),
+            spins,
+            0,
+            rod,
+            np.arange(height, dtype=np.int32).reshape(1, 1, height),
+            np.zeros(3, dtype=np.int64),
+            core_box,
+            DEFAULT.repulsion_cutoff,
+            1.0,
+            Caps(joint_rad=0.03, pair=0.03, slide=0.1, body=0.4, turn_rad=0.03),
+        )
+        for height in (2, 60)
+    ]
+    assert found[0] == found[1] < 2.0
 
 
 def test_a_run_goes_on_from_contacts_that_were_too_deep_when_it_went_back() -> None:
