@@ -73,6 +73,15 @@ def digests_of(directory: FilePath, names: Sequence[str] = FILES) -> Digests:
         return dict(zip(here, pool.map(digests, here), strict=True))
 
 
+def digests_of_texts(texts: dict[str, str]) -> dict[str, str]:
+    """As ``digests_of`` a JSON file whose fields have been written as these texts."""
+    return {
+        # Nothing has keys to be sorted in a text without braces.
+        key: next(_of_values({key: json.loads(text)}))[1] if "{" in text else _of_text(text)
+        for key, text in texts.items()
+    }
+
+
 def write_manifest(directory: FilePath, earlier: Digests | None = None) -> None:
     """Writes the manifest of a directory.
 
@@ -142,8 +151,11 @@ def _of_values(values: Any) -> Iterator[tuple[str, str]]:
     if not isinstance(values, dict):
         values = {WHOLE: values}
     for key, value in cast("dict[str, Any]", values).items():
-        text = json.dumps(value, sort_keys=True, separators=(",", ":"))
-        yield key, sha256(text.encode()).hexdigest()
+        yield key, _of_text(json.dumps(value, sort_keys=True, separators=(",", ":")))
+
+
+def _of_text(text: str) -> str:
+    return sha256(text.encode()).hexdigest()
 
 
 def _of_array(array: Any) -> str:

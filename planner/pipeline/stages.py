@@ -305,9 +305,11 @@ def _export(directory: FilePath, progress: Report, cancelled: Cancelled) -> dict
         digests = beside.submit(manifest.digests_of, directory, before)
         write_whole(directory / "model.xml", mjcf.write(plan))
         plan.save_npz(directory / "plan.npz")
-        plan.save_json(directory / "plan.json")
+        texts = plan.save_json(directory / "plan.json")
         figures.result()
-    manifest.write_manifest(directory, digests.result())
+    # Of a thousand numbers that were just written as text, it is not asked for once more.
+    written = {"plan.json": manifest.digests_of_texts(texts)}
+    manifest.write_manifest(directory, digests.result() | written)
     return plan.summary()
 
 

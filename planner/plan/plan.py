@@ -299,13 +299,24 @@ class Plan:
             del columns[angles]
         return columns, planes
 
-    def save_json(self, path: FilePath) -> None:
-        """Writes the JSON form; the file is either whole or not there."""
-        write_whole(path, self.json_bytes())
+    def save_json(self, path: FilePath) -> dict[str, str]:
+        """Writes the JSON form; the file is either whole or not there.
+
+        Returns:
+            The text of each of its values, by key.
+        """
+        texts = self._json_texts()
+        write_whole(path, _json_of(texts))
+        return texts
 
     def json_bytes(self) -> bytes:
         """The JSON form as text."""
-        return json.dumps(self.as_dict(), separators=(",", ":")).encode()
+        return _json_of(self._json_texts())
+
+    def _json_texts(self) -> dict[str, str]:
+        return {
+            key: json.dumps(value, separators=(",", ":")) for key, value in self.as_dict().items()
+        }
 
     def save_npz(self, path: FilePath) -> None:
         """Writes the arrays, with all else as JSON text in ``plan``; needs no pickle to read."""
@@ -491,6 +502,11 @@ def _versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[package] = "unknown"
     return found
+
+
+def _json_of(texts: dict[str, str]) -> bytes:
+    """The object whose values have these texts."""
+    return f"{{{','.join(f'{json.dumps(key)}:{text}' for key, text in texts.items())}}}".encode()
 
 
 def _listed(array: NDArray[Any]) -> Any:
