@@ -13,12 +13,16 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any, Final
 
 import psutil
 
-LOOK_S: Final = 0.2
+LOOK_S: Final = 0.02
+PEAK: Final = re.compile(r"VmHWM:\s*(\d+) kB")
+LOOKS: Final = 10
+"""Looks at the process alone for one at those that it has started, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,8 +33,8 @@ class Run:
         summary: Its JSON object.
         code: Its exit code.
         wall_s: From start to end of the process, imports included.
-        peak_mb: Most memory that was resident, of it and the processes that it starts; what they
-            share counts for each.
+        peak_mb: Most memory that was resident, of it, and now and then of it and the processes
+            that it has started; what they share counts for each.
     """
 
     summary: dict[str, Any]
@@ -51,19 +55,15 @@ def fold(shape: str, *options: str, out: Path | None = None) -> Run:
             command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=_environment()
         )
         assert process.stdout is not None
-        seen: list[int] = []
-        watch = threading.Thread(target=_watch, args=(process.pid, seen))
-        watch.start()
-        output = process.stdout.read()
-        _, status, usage = os.wait4(process.pid, 0)
-        wall_s = time.perf_counter() - begun
-        process.returncode = os.waitstatus_to_exitcode(status)
-        watch.join()
+        with watched(process.pid) as seen:
+            output = process.stdout.read()
+            code = process.wait()
+            wall_s = time.perf_counter() - begun
     return Run(
         summary=json.loads(output.splitlines()[-1]),
-        code=process.returncode,
+        code=code,
         wall_s=wall_s,
-        peak_mb=max(usage.ru_maxrss * 1024, *seen, 0) / 2**20,
+        peak_mb=max(seen) / 2**20,
     )
 
 
@@ -72,13 +72,33 @@ def _environment() -> dict[str, str]:
     return {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
 
 
+@contextmanager
+def watched(pid: int) -> Iterator[list[int]]:
+    """Bytes that a process, or it and those that it has started, have held until it ends.
+
+    ``ru_maxrss`` will not do: it counts what the process that has started it held by then.
+    """
+    seen = [0]
+    watch = threading.Thread(target=_watch, args=(pid, seen))
+    watch.start()
+    try:
+        yield seen
+    finally:
+        watch.join()
+
+
 def _watch(pid: int, seen: list[int]) -> None:
-    """Bytes that a process and those that it has started hold, until it ends."""
-    with suppress(psutil.Error):
+    status = Path(f"/proc/{pid}/status")
+    with suppress(psutil.Error, OSError):
         process = psutil.Process(pid)
-        while process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
-            every = [process, *process.children(recursive=True)]
-            seen.append(sum(one.memory_info().rss for one in every))
+        for look in count():
+            # It has no such line any more when it has ended.
+            if (found := PEAK.search(status.read_text())) is None:
+                return
+            seen.append(1024 * int(found.group(1)))
+            if look % LOOKS == 0:
+                every = [process, *process.children(recursive=True)]
+                seen.append(sum(one.memory_info().rss for one in every))
             time.sleep(LOOK_S)
 
 
