@@ -302,7 +302,8 @@ def _beside(
     numbers = range(robots)
     if min(cores(), robots) == 1:
         return [one(number) for number in numbers]
-    with ThreadPoolExecutor(min(cores(), robots)) as threads:
+    # More than there are cores: of three on two cores, two first would take as long as four.
+    with ThreadPoolExecutor(min(2 * cores(), robots)) as threads:
         return list(threads.map(one, numbers))
 
 
