@@ -37,6 +37,7 @@ from server.http.security import (
 from server.http.uploads import LARGEST_FIELD_BYTES, MOST_FIELDS, MOST_FILES, UploadsAtOnce
 from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
+from server.jobs.remaining import Remaining
 from server.limits.quota import Quota
 from server.ops.metrics import Metrics
 from server.ops.readiness import Readiness
@@ -200,6 +201,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     )
     motions = Scratch(settings.motions_dir)
     motions.sweep()
+    remaining = Remaining(store, leases)
     return Context(
         settings=settings,
         store=store,
@@ -251,7 +253,8 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         exports=Exports(store, artifacts),
         movies=Movies(settings, store, jobs),
         gallery=Gallery(),
-        fold_states=FoldStates(store, leases),
+        fold_states=FoldStates(store, remaining),
+        remaining=remaining,
         metrics=metrics,
         leases=leases,
         secret=store.secret("visitors", secrets.token_bytes(32)),

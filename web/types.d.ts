@@ -296,6 +296,7 @@ interface ProgressTold {
   simulated_s?: number;
   queue_position?: number;
   wait_s?: number | null;
+  remaining_s?: number | null; // 0 when it takes longer than usual
 }
 interface Movie {
   status: "queued" | "running" | "done" | "failed";

@@ -248,7 +248,7 @@ def get_folds(context: Here, credentials: Bearer) -> Folds:
     if (token := token_of(credentials)) is not None:
         rows.update({row.id: row for row in context.store.list_owned(token)})
     newest_first = sorted(rows.values(), key=lambda row: row.created_at, reverse=True)
-    return Folds(folds=[Fold.of(row, context.store, context.leases) for row in newest_first])
+    return Folds(folds=[Fold.of(row, context.remaining) for row in newest_first])
 
 
 @router.get("/{fold_id}", summary="The state of a fold", responses=problems(404))
@@ -257,7 +257,7 @@ def get_fold(request: Request, fold_id: str, context: Here) -> Fold:
     row = context.store.fold(fold_id)
     context.store.looked(row)
     mark(request, row)
-    return Fold.of(row, context.store, context.leases)
+    return Fold.of(row, context.remaining)
 
 
 async def follower(request: Request, fold_id: str, context: Here) -> AsyncIterator[None]:
@@ -312,7 +312,7 @@ def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
     if not before.over:
         context.jobs.forget(fold_id)
         sweep_cancelled(store, time.time(), visitor=row.visitor)
-    return Fold.of(row, store, context.leases)
+    return Fold.of(row, context.remaining)
 
 
 @router.delete(
