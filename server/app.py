@@ -43,6 +43,7 @@ from server.ops.metrics import Metrics
 from server.ops.readiness import Readiness
 from server.pages import (
     api_docs,
+    benchmarks,
     fold,
     gallery,
     landing,
@@ -52,7 +53,6 @@ from server.pages import (
     shape_drawings,
     share,
     static,
-    what_folds,
 )
 from server.pages.problem_page import problem_page
 from server.processes.children import Pool, Reader
@@ -78,7 +78,7 @@ ROUTERS: Final = (
     shapes,
     health,
     landing,
-    what_folds,
+    benchmarks,
     shape_drawings,
     fold,
     static,

@@ -178,7 +178,7 @@ class Settings(BaseSettings):
         default=4.0, gt=0, description="Of it, for searching a path through exact cells."
     )
     files_waiting: int = Field(
-        default=8, ge=1, description="Files to take away and pictures that may be made at once."
+        default=8, ge=1, description="Exports and pictures that may be made at once."
     )
     files_waiting_of_visitor: int = Field(default=3, ge=1, description="Of them, of one.")
     answers_waiting: int = Field(

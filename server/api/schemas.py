@@ -63,7 +63,7 @@ class Links(BaseModel):
 
 
 class ExportBody(BaseModel):
-    """A file that a finished fold can be taken away in."""
+    """A file that a finished fold can be downloaded as."""
 
     name: str
     label: str

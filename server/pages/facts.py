@@ -105,7 +105,7 @@ class Properties(TypedDict):
 
 
 class Download(TypedDict):
-    """A file to take away."""
+    """A file to download."""
 
     label: str
     hint: str

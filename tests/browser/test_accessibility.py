@@ -50,7 +50,7 @@ def findings(page: Page) -> dict[str, list[str]]:
         "/gallery",
         "/gallery?q=nothing-is-called-this",
         "/shapes/new",
-        "/what-folds",
+        "/benchmarks",
         "/paper",
         "/folds/nosuchfold",
         "/previews/nosuchpreview",

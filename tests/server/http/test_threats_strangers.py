@@ -68,7 +68,7 @@ def test_a_hostile_name_stays_a_name(desk: Service, number: int) -> None:
     assert "a=b" not in desk.log.read_text() and "\x00" not in desk.log.read_text()
 
 
-def test_what_is_taken_away_of_a_hostile_name_is_harmless(service: Service) -> None:
+def test_what_is_downloaded_of_a_hostile_name_is_harmless(service: Service) -> None:
     name = '=1+1"</script><script>alert(1)</script>&\r\nX: y'
     path = {**json.loads(path_file(name, 0)), "cells": SNAKE}
     answer = service.http.post("/api/folds", files={"file": ("a.json", json.dumps(path))})
@@ -163,7 +163,7 @@ def test_search_engines_are_told_no_secret_link(desk: Service) -> None:
             f"/folds/{public['id']}",
             "/",
             "/gallery",
-            "/what-folds",
+            "/benchmarks",
             "/paper",
             "/shapes/mallet-64.svg",
         ),

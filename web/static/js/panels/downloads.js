@@ -1,4 +1,4 @@
-// What can be taken away from a fold: files, a movie, and what a robot needs.
+// What can be downloaded of a fold: files, a movie, and what a robot needs.
 import { proof, tokenOf } from "../lib/fold_request.js";
 import { element, wordsOf } from "../lib/text.js";
 
@@ -45,7 +45,7 @@ function number(label, name, value) {
  */
 const fieldsOf = (form) => Object.fromEntries(Array.from(new FormData(form), ([name, value]) => [name, String(value)]));
 
-export class TakeAway {
+export class Downloads {
   /** @param {HTMLElement} panel */
   constructor(panel) {
     this.panel = panel;
