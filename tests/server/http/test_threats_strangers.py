@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.robotparser import RobotFileParser
 from xml.etree import ElementTree
 
 import pytest
@@ -145,19 +146,21 @@ def test_search_engines_are_told_no_secret_link(desk: Service) -> None:
         data={"full": "false"},
     ).json()
     for listed, paths in {
-        "noindex": (
+        "noindex, nofollow": (
             f"/folds/{secret['id']}",
             f"/folds/{secret['id']}/facts",
             f"/folds/{secret['id']}/picture.png",
             f"/folds/{secret['id']}/standalone.html",
             f"/api/folds/{secret['id']}",
             f"/api/folds/{secret['id']}/plan.json",
+            f"/api/folds/{secret['id']}/movies/abc",
             f"/embed/{secret['id']}",
             f"/compare?a={secret['id']}&b={public['id']}",
             told["links"]["page"],
             "/shapes/new",
             "/view",
             "/embed/view",
+            "/docs",
         ),
         "all": (
             f"/folds/{public['id']}",
@@ -169,9 +172,15 @@ def test_search_engines_are_told_no_secret_link(desk: Service) -> None:
         ),
     }.items():
         for path in paths:
-            assert desk.http.get(path).headers["x-robots-tag"] == listed, path
+            headers = desk.http.get(path).headers
+            assert headers["x-robots-tag"] == listed, path
+            assert headers["referrer-policy"] == "same-origin", path  # no other site learns a link
+    rules = RobotFileParser()
+    rules.parse(desk.http.get("/robots.txt").text.splitlines())
     # Who may not come in does not read what is said there.
-    assert desk.http.get("/robots.txt").status_code == 404
+    for path in (f"/folds/{secret['id']}", told["links"]["page"], "/gallery", "/"):
+        assert rules.can_fetch("anybody", path), path
+    assert not rules.can_fetch("anybody", f"/api/folds/{public['id']}")
 
 
 BAD_IDS = ("..", "%2e%2e", "..%2f..%2fsecret", "a%00b", "%0d%0aX:y", "~root", "%ff%fe", "a" * 5000)
