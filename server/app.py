@@ -50,6 +50,7 @@ from server.pages import (
     paper,
     pictures,
     preview,
+    privacy,
     shape_drawings,
     share,
     static,
@@ -89,6 +90,7 @@ ROUTERS: Final = (
     share,
     pictures,
     preview,
+    privacy,
     robot,
 )
 

@@ -275,6 +275,7 @@ interface Facts {
   smoothing: Smoothing | null;
   compare: Way[];
   embed: string | null;
+  kept: string | null;
   movies: boolean;
   robot: boolean;
   files: FileTold[];

@@ -69,7 +69,8 @@ export class Downloads {
     this.panel.replaceChildren(
       element("h3", {}, "Files"), element("ul", { class: "downloads" }, ...facts.downloads.map(file)),
       ...(facts.movies ? [element("h3", {}, "Movie"), this.movie()] : []),
-      ...(facts.robot ? [element("h3", {}, "For a robot"), this.robot()] : []));
+      ...(facts.robot ? [element("h3", {}, "For a robot"), this.robot()] : []),
+      ...(facts.kept ? [element("p", { class: "hint kept" }, facts.kept, " ", element("a", { href: "/privacy" }, "Privacy"))] : []));
   }
 
   movie() {
