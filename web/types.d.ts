@@ -305,6 +305,7 @@ interface Movie {
   frames_done: number;
   frames_total: number;
   problem?: { detail: string } | null;
+  token?: string | null; // told once, to who has asked first
   links: { self: string; file: string };
 }
 interface Repair { add: number[][]; drop: number[][]; detail: string; doubled: boolean; modules: number }

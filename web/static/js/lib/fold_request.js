@@ -1,5 +1,6 @@
 // Asking for a fold.
 import { refusal, wordsOf } from "./text.js";
+import { STOPPED, posted } from "./upload.js";
 
 const OWN = "foldback:token";
 export const UNREACHABLE = "The server cannot be reached. Check the connection and try again.";
@@ -36,20 +37,21 @@ export function tokenOf(id) {
 // Throws an Error with words for people when it was refused.
 /**
  * @param {FormData | Form} body
+ * @param {import("./upload.js").Sending} how
  * @returns {Promise<{ id: string }>}
  */
-export async function foldAsked(body) {
+export async function foldAsked(body, how = {}) {
   const form = body instanceof FormData ? body : new FormData();
   if (!(body instanceof FormData)) {
     for (const [key, value] of Object.entries(body)) form.set(key, value instanceof Blob ? value : String(value));
   }
   let answer;
   try {
-    answer = await fetch("/api/folds", { method: "POST", body: form, headers: proof(ownToken()) });
-  } catch {
-    throw new Error(UNREACHABLE);
+    answer = await posted("/api/folds", form, { ...how, headers: proof(ownToken()) });
+  } catch (error) {
+    throw new Error(wordsOf(error) === STOPPED ? STOPPED : UNREACHABLE, { cause: error });
   }
-  const told = await answer.json().catch(() => ({}));
+  const { told } = answer;
   if (!answer.ok) throw new Error(refusal(told, answer.status));
   keepToken(told);
   return told;

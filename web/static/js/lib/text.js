@@ -75,6 +75,11 @@ export function remaining(value) {
   return value < FEW_S ? "a few seconds left" : `${duration(value < 20 ? value : 5 * Math.round(value / 5))} left`;
 }
 
+/** @param {number} value in bytes */
+export function megabytes(value) {
+  return `${(value / 1e6).toFixed(value < 1e7 ? 1 : 0)} MB`;
+}
+
 /** @param {number} value */
 export function seconds(value) {
   return `${value.toFixed(2)} s`;
