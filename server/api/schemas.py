@@ -360,7 +360,8 @@ class FramesBody(BaseModel):
 
 def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
     """The progress of a fold, as its events tell it."""
-    told = row.progress
+    # What the stage before has said is not of the one that begins.
+    told = row.progress if row.progress.get("stage") in (None, row.stage) else {}
     outlook = remaining.of(row)
     return {
         "status": row.status,
@@ -372,7 +373,7 @@ def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
         "message": str(told.get("message", "")),
         "modules": row.modules,
         "queue_position": outlook.place,
-        "frames": int(told.get("frames", 0)),
+        "frames": int(row.progress.get("frames", 0)),
         "wait_s": outlook.wait_s,
         "remaining_s": outlook.remaining_s,
     }

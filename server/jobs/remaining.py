@@ -1,8 +1,8 @@
 """Remaining: how long a fold is likely to take from now on, by what was measured here.
 
 What each stage took of earlier folds is known from their rows. The stage that runs also tells which
-part of it is done: the farther it is, the more its own pace counts. Where neither says anything,
-nothing is said.
+part of it is done: the farther it is, the more its own pace counts, and it is that of the stages
+after it, too. Where nothing like it was folded, nothing is said.
 """
 
 from __future__ import annotations
@@ -27,8 +27,12 @@ from server.store.tables import FoldRow
 MEASURED_KEPT_S: Final = 5.0
 TOLD_KEPT_S: Final = 60.0
 MOST_KEPT: Final = 1024
-SETTLING_S: Final = 3.0
-"""Time in which what is told follows what is estimated."""
+SETTLING_S: Final = (0.5, 3.0)
+"""Time in which what is told follows what is estimated: a quarter of it, within these bounds."""
+PACE_AFTER: Final = 0.2
+"""Part of a fold's usual time that counts against the pace that was seen of it so far."""
+LEAST_S: Final = 0.1
+"""What is left at least of a fold that runs."""
 OVERRUN: Final = 2.0
 """Factor of the usual time of a stage from which on nobody knows how long it still takes."""
 OVERRUN_S: Final = 3.0
@@ -93,12 +97,14 @@ class Remaining:
             return None
         if row.status == "queued":
             return None if wait is None else wait + sum(usual.values())
+        told, now = row.progress, self._clock()
+        begun = told.get("stage") == row.stage  # else it is still what the stage before has said
         return left_s(
             usual,
             stage=row.stage or STAGES[0],
-            fraction=float(row.progress.get("fraction", 0.0)),
-            spent_s=row.progress.get("stage_s", {}),
-            elapsed_s=max(0.0, self._clock() - float(row.progress.get("began_at", self._clock()))),
+            fraction=float(told.get("fraction", 0.0)) if begun else 0.0,
+            spent_s=told.get("stage_s", {}),
+            elapsed_s=max(0.0, now - float(told.get("began_at", now))) if begun else 0.0,
             chooses=row.prefer != COMPUTING,
         )
 
@@ -124,7 +130,8 @@ class Remaining:
             if before is not None:
                 at, told = before
                 down = max(0.0, told - (now - at))
-                left = down + (left - down) * (1.0 - math.exp(-(now - at) / SETTLING_S))
+                settling_s = min(max(SETTLING_S[0], down / 4.0), SETTLING_S[1])
+                left = down + (left - down) * (1.0 - math.exp(-(now - at) / settling_s))
             self._told[fold_id] = (now, left)
         return max(1, round(left))
 
@@ -148,16 +155,25 @@ def left_s(
         elapsed_s: What it has taken this time.
         chooses: Whether several plans are computed: then stages come again.
     """
+    place = STAGES.index(stage)
+    # The first stage says nothing of the machine's pace: it may have waited for compiled loops.
+    before = STAGES[1:place]
+    least = PACE_AFTER * sum(usual.values())
+    known = least + sum(usual.get(other, 0.0) for other in before)
+    took = least + sum(spent_s.get(other, 0.0) for other in before)
+    typical = usual.get(stage, 0.0) * (1.0 if chooses else took / known)
     taken = spent_s.get(stage, 0.0) + elapsed_s
-    typical = usual.get(stage, 0.0)
     if taken > OVERRUN * typical + OVERRUN_S:
         return 0.0
     left = max(typical - taken, LEAST_LEFT * typical)
-    if fraction > 0.0 and not chooses:
-        left += fraction * (elapsed_s * (1.0 - fraction) / fraction - left)
-    for other in STAGES[STAGES.index(stage) + 1 :]:
-        left += max(0.0, usual.get(other, 0.0) - spent_s.get(other, 0.0) * chooses)
-    if chooses and stage in TRYING:
-        for other in TRYING[: TRYING.index(stage)]:
-            left += max(0.0, usual.get(other, 0.0) - spent_s.get(other, 0.0))
-    return max(left, 0.1)
+    if chooses:
+        others = TRYING if stage in TRYING else ()
+        later = {other for other in (*others, *STAGES[place + 1 :]) if other != stage}
+        left += sum(max(0.0, usual.get(s, 0.0) - spent_s.get(s, 0.0)) for s in later)
+    else:
+        if fraction > 0.0:
+            left += fraction * (elapsed_s * (1.0 - fraction) / fraction - left)
+        done = max(fraction, elapsed_s / (elapsed_s + left)) if elapsed_s else fraction
+        pace = (took + elapsed_s) / (known + done * usual.get(stage, 0.0))
+        left += pace * sum(usual.get(other, 0.0) for other in STAGES[place + 1 :])
+    return max(left, LEAST_S)

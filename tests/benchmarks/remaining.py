@@ -48,8 +48,8 @@ def remaining(reference_seconds: float) -> Section:
         parts = [abs(each["error_s"]) / each["whole_s"] for each in errors]
         middle, worst = statistics.median(parts), max(parts)
         what = f"error of the time left after {at:.0%} of {len(errors)} folds, of the whole time"
-        judged = {"bar": f"median < {BAR:.0%}", "met": middle < BAR}
-        section.add(what, f"median {middle:.0%}, largest {worst:.0%}", **judged)
+        found = f"median {middle:.0%}, largest {worst:.0%}"
+        section.add(what, found, bar=f"median < {BAR:.0%}", met=middle < BAR)
         seconds = statistics.median(abs(each["error_s"]) for each in errors)
         section.add(f"the same in seconds after {at:.0%}", f"median {seconds:.1f} s")
     return section

@@ -51,6 +51,7 @@ def findings(page: Page) -> dict[str, list[str]]:
         "/gallery?q=nothing-is-called-this",
         "/shapes/new",
         "/benchmarks",
+        "/privacy",
         "/paper",
         "/folds/nosuchfold",
         "/previews/nosuchpreview",

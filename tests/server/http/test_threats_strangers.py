@@ -167,6 +167,7 @@ def test_search_engines_are_told_no_secret_link(desk: Service) -> None:
             "/",
             "/gallery",
             "/benchmarks",
+            "/privacy",
             "/paper",
             "/shapes/mallet-64.svg",
         ),

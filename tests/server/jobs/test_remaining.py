@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from server.api.schemas import progress_of
 from server.jobs.remaining import Remaining, left_s
 from server.settings import Settings
 from server.store.durations import Duration, typical_s
@@ -57,7 +58,13 @@ def ended(store: Store, name: str, *, modules: int = 160, times: float = 1.0, **
 
 
 def running(store: Store, stage: str, fraction: float, *, began_at: float, **how: Any) -> str:
-    told = {"fraction": fraction, "stage_s": {}, "began_at": began_at}
+    before = list(USUAL)[: list(USUAL).index(stage)]
+    told = {
+        "stage": stage,
+        "fraction": fraction,
+        "stage_s": {name: USUAL[name] for name in before},
+        "began_at": began_at,
+    }
     row = a_fold("now", status="running", stage=stage, modules=160, progress=told, **how)
     store.add(row, "a token of somebody")
     return row.id
@@ -100,7 +107,7 @@ def test_it_runs_down_like_a_clock_and_follows_what_is_seen_bit_by_bit(
     assert told == sorted(told, key=lambda s: -(s or 0)), "it does not rise"
     assert told[-1] == 4
     # Now it says that it is hardly anywhere: what is told rises, and not at once.
-    progress = {"fraction": 0.3, "stage_s": {}, "began_at": NOW - 7.0}
+    progress = store.fold(fold).progress | {"fraction": 0.3, "began_at": NOW - 7.0}
     store.report(fold, 0, progress)
     after = [remaining.of(store.fold(fold)).remaining_s or 0]
     for _ in range(8):
@@ -146,9 +153,32 @@ def test_the_middle_of_folds_of_its_size_counts() -> None:
     assert typical_s(known, a_fold("now", modules=0)) is None
 
 
+def test_what_the_stage_before_has_said_is_not_of_the_next(
+    store: Store, remaining: Remaining
+) -> None:
+    ended(store, "another")
+    fold = running(store, "explode", 1.0, began_at=NOW - 8.0)
+    told = store.fold(fold).progress
+    store.report(fold, 0, told | {"stage_s": {"read": 0.5, "explode": 8.0}})
+    store.begin(fold, "play_back", "one")
+    row = store.fold(fold)
+    assert progress_of(row, remaining)["fraction"] == 0.0
+    assert 6 <= (remaining.of(row).remaining_s or 0) <= 7
+
+
+def test_a_slow_machine_is_slow_in_the_next_stage_too() -> None:
+    spent = {"read": 0.5, "explode": 24.0}
+    left = left_s(USUAL, stage="play_back", fraction=0.0, spent_s=spent, elapsed_s=0.0)
+    assert left == pytest.approx(6.5 * (3.0 + 24.0) / (3.0 + 8.0))
+    # That the loops were compiled first says nothing.
+    late = {"read": 90.0, "explode": 8.0}
+    left = left_s(USUAL, stage="play_back", fraction=0.0, spent_s=late, elapsed_s=0.0)
+    assert left == pytest.approx(6.5)
+
+
 def test_a_fold_that_chooses_goes_through_stages_again() -> None:
     spent = {"explode": 3.0, "play_back": 4.0}
     once = left_s(USUAL, stage="certify", fraction=0.0, spent_s=spent, elapsed_s=0.0)
     again = left_s(USUAL, stage="certify", fraction=0.0, spent_s=spent, elapsed_s=0.0, chooses=True)
-    assert once == pytest.approx(2.5)
+    assert once == pytest.approx(2.5 * (3.0 + 7.0) / (3.0 + 12.0)), "it was quicker so far"
     assert again == pytest.approx(2.5 + 5.0)
