@@ -11,14 +11,14 @@ from tests.benchmarks.hard import hard
 from tests.benchmarks.long_folds import long_folds
 from tests.benchmarks.machine import machine
 from tests.benchmarks.meshes import meshes
-from tests.benchmarks.movies import movies
 from tests.benchmarks.page import page
 from tests.benchmarks.paths import paths
 from tests.benchmarks.peeling import peeling
 from tests.benchmarks.plan_files import plan_files
 from tests.benchmarks.portfolio import portfolio
-from tests.benchmarks.remaining import remaining
 from tests.benchmarks.scaling import scaling
+from tests.benchmarks.service.movies import movies
+from tests.benchmarks.service.remaining import remaining
 from tests.benchmarks.smoothing import smoothing
 from tests.benchmarks.speed import speed
 from tests.benchmarks.success_map.seeds import seeds
