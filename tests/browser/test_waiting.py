@@ -9,11 +9,12 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.browser.conftest import keep
+from tests.browser.test_accessibility import findings
 from tests.server.service import Service, owner
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
-SLOW = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 300_000}
+SLOW = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 80_000}
 """Of a network, in bytes a second."""
 HEARD = """addEventListener("DOMContentLoaded", () => {
   window.heard = [];
@@ -37,6 +38,7 @@ def test_an_upload_is_told_and_stopped(visit: Visit, service: Service) -> None:
     bar = sending.get_by_role("progressbar", name="Sending large.stl")
     assert 0.0 < float(bar.get_attribute("value") or 0.0) < 1.0
     keep(page, "waiting-upload")
+    assert findings(page) == {}
     sending.get_by_role("button", name="Stop").click()
     expect(page.locator("#drop-message")).to_have_text("Stopped")
     expect(sending).to_have_count(0)
@@ -77,6 +79,7 @@ def test_what_is_left_and_a_movie_that_is_stopped(visit: Visit, service: Service
     expect(state).to_have_text(re.compile("Picture [0-9]+ of 600"))
     stop = page.locator("#panel-downloads").get_by_role("button", name="Stop")
     keep(page, "waiting-movie")
+    assert findings(page) == {}
     stop.click()
     expect(state).to_have_text("Stopped")
     expect(stop).to_be_hidden()
