@@ -13,7 +13,7 @@ from typing import Final
 
 from fastapi import FastAPI
 
-from server.api import artifacts, folds, frames, health, movies, robot, shapes
+from server.api import artifacts, folds, frames, health, mine, movies, robot, shapes
 from server.api.context import Context
 from server.api.fold_states import FoldStates
 from server.files.artifacts import Artifacts
@@ -38,6 +38,7 @@ from server.http.uploads import LARGEST_FIELD_BYTES, MOST_FIELDS, MOST_FILES, Up
 from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
 from server.limits.quota import Quota
+from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics
 from server.ops.readiness import Readiness
 from server.pages import (
@@ -45,6 +46,7 @@ from server.pages import (
     fold,
     gallery,
     landing,
+    my_folds,
     paper,
     pictures,
     preview,
@@ -74,6 +76,7 @@ ROUTERS: Final = (
     folds,
     artifacts,
     movies,
+    mine,
     shapes,
     health,
     landing,
@@ -84,6 +87,7 @@ ROUTERS: Final = (
     api_docs,
     paper,
     gallery,
+    my_folds,
     frames,
     share,
     pictures,
@@ -230,6 +234,9 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
             at_once=2,
             total=settings.answers_waiting,
             per_visitor=settings.answers_waiting_of_visitor,
+        ),
+        lists=TokenBuckets(
+            settings.lists_per_second_of_visitor, 20 * settings.lists_per_second_of_visitor
         ),
         uploads=Uploads(settings),
         fork_server=fork_server,

@@ -298,13 +298,34 @@ interface ProgressTold {
   wait_s?: number | null;
 }
 interface Movie {
-  status: "queued" | "running" | "done" | "failed";
+  status: "queued" | "running" | "ready" | "failed";
   format: string;
+  width: number;
+  height: number;
+  seconds: number;
   frames_done: number;
   frames_total: number;
   problem?: { detail: string } | null;
-  links: { self: string; file: string };
+  links: { self: string; file: string; fold: string };
 }
+interface FoldMade {
+  id: string;
+  title: string;
+  status: "queued" | "running" | "verified" | "failed" | "cancelled";
+  stage: string | null;
+  created_at: string;
+  expires_at: string | null;
+  public: boolean;
+  modules: number;
+  module: string;
+  progress: ProgressTold;
+  summary: { certificate?: { verdict?: string }; reason?: string };
+  error: { detail: string } | null;
+  links: { self: string; page: string; drawing: string };
+}
+interface FoldsMade { folds: FoldMade[]; next: string | null; total: number }
+interface PreviewMade { id: string; title: string; module: string; modules: number; created_at: string; expires_at: string; page: string; drawing: string }
+interface MovieMade { title: string; created_at: string; movie: Movie }
 interface Repair { add: number[][]; drop: number[][]; detail: string; doubled: boolean; modules: number }
 interface Report {
   id: string;
@@ -343,6 +364,7 @@ interface Elements {
   "compare-dialog": HTMLDialogElement;
   "compare-form": HTMLFormElement;
   "compare-link": HTMLInputElement;
+  confirm: HTMLDialogElement;
   "cover-button": HTMLButtonElement;
   down: HTMLButtonElement;
   drawing: HTMLImageElement;
@@ -353,10 +375,14 @@ interface Elements {
   follow: HTMLButtonElement;
   forward: HTMLButtonElement;
   jump: HTMLSelectElement;
+  key: HTMLInputElement;
+  "key-form": HTMLFormElement;
+  "key-paste": HTMLInputElement;
   live: HTMLButtonElement;
   loop: HTMLButtonElement;
   model: SVGSVGElement;
   modules: HTMLInputElement;
+  more: HTMLButtonElement;
   "modules-number": HTMLInputElement;
   name: HTMLInputElement;
   "paper-settings": HTMLDetailsElement;

@@ -13,9 +13,9 @@ from fastapi.responses import HTMLResponse, Response
 from server.api.context import context_of
 from server.files.previews import KEY, NoSuchPreviewError, Previews, read_report
 from server.http.client_address import address_of
-from server.pages.facts import shown_name
 from server.pages.page import page, script_json
 from server.pages.problem_page import not_found_page
+from server.store.shown import shown_name
 from web.pictures.preview_drawing import preview_svg
 
 router = APIRouter(include_in_schema=False)

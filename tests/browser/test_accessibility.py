@@ -52,6 +52,7 @@ def findings(page: Page) -> dict[str, list[str]]:
         "/shapes/new",
         "/what-folds",
         "/paper",
+        "/my-folds",
         "/folds/nosuchfold",
         "/previews/nosuchpreview",
     ],

@@ -66,6 +66,14 @@ export function duration(value) {
   return `about ${Math.round(value / 3600)} h`;
 }
 
+// How long ago or from now, in whole minutes, hours or days.
+/** @param {number} value in seconds */
+export function span(value) {
+  if (value < 90 * 60) return `${Math.max(1, Math.round(value / 60))} min`;
+  if (value < 36 * 3600) return `${Math.round(value / 3600)} h`;
+  return `${Math.round(value / 86400)} days`;
+}
+
 /** @param {number} value */
 export function seconds(value) {
   return `${value.toFixed(2)} s`;

@@ -1,5 +1,6 @@
 // The editor: a grid for one layer, the painting behind it, and the way to a preview or a fold.
 import { UNREACHABLE, askForFold } from "../lib/fold_request.js";
+import { ownKey, proof } from "../lib/keys.js";
 import { draw } from "../viewer/isometric.js";
 import { LETTERS, letterCells } from "../viewer/letters.js";
 import { Painting, SIZE, cellOf, keyOf } from "../viewer/painting.js";
@@ -186,7 +187,7 @@ async function send(ask) {
  */
 async function look(form) {
   try {
-    const answer = await fetch("/api/shapes/preview", { method: "POST", body: form });
+    const answer = await fetch("/api/shapes/preview", { method: "POST", body: form, headers: proof(ownKey()) });
     const told = await answer.json().catch(() => ({}));
     if (!answer.ok) return refusal(told, answer.status);
     location.href = told.links.page;

@@ -1,5 +1,6 @@
 // The landing page: takes files and shapes, and keeps the featured fold in motion.
 import { UNREACHABLE, askForFold } from "../lib/fold_request.js";
+import { ownKey, proof } from "../lib/keys.js";
 import { playHero } from "../player/hero.js";
 import { changed, follow, refused } from "../panels/paper_settings.js";
 import { get, refusal } from "../lib/text.js";
@@ -50,7 +51,7 @@ async function send(file, asVoxels = false) {
   form.set("full", "false");
   if (asVoxels) form.set("as_voxels", "true");
   try {
-    const answer = await fetch("/api/shapes/preview", { method: "POST", body: form });
+    const answer = await fetch("/api/shapes/preview", { method: "POST", body: form, headers: proof(ownKey()) });
     const body = await answer.json().catch(() => ({}));
     if (!answer.ok) {
       say(refusal(body, answer.status), "bad");

@@ -1,5 +1,5 @@
 // What can be taken away from a fold: files, a movie, and what a robot needs.
-import { proof, tokenOf } from "../lib/fold_request.js";
+import { ownKey, proof, tokenOf } from "../lib/keys.js";
 import { element, wordsOf } from "../lib/text.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -118,7 +118,7 @@ export class TakeAway {
    * @returns {Promise<Told>}
    */
   async ask(address, body = null) {
-    const headers = { "Content-Type": "application/json", ...proof(tokenOf(this.id)) };
+    const headers = { "Content-Type": "application/json", ...proof(tokenOf(this.id) ?? ownKey()) };
     const answer = await fetch(address, body === null ? {} : { method: "POST", headers, body: JSON.stringify(body) })
       .catch(() => { throw new Error("The server cannot be reached. Try again in a moment."); });
     const told = await answer.json().catch(() => ({}));
