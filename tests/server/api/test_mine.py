@@ -65,10 +65,10 @@ def test_the_same_moment_breaks_no_list(store: Store) -> None:
 
 def test_a_shape_of_the_gallery_stays_in_the_list_of_who_had_it_folded(desk: Service) -> None:
     first, second = new_token(), new_token()
-    fold = desk.fold(shape="wrench-24", token=first)
-    assert desk.fold(shape="wrench-24", token=second)["id"] == fold["id"]
+    fold = desk.fold(shape="torus", token=first)
+    assert desk.fold(shape="torus", token=second)["id"] == fold["id"]
     (listed,) = made(desk, first)["folds"]
-    assert (listed["id"], listed["public"], listed["title"]) == (fold["id"], True, "Wrench")
+    assert (listed["id"], listed["public"], listed["title"]) == (fold["id"], True, "Torus")
     assert made(desk, second)["folds"] == []
     answer = desk.http.patch(
         f"/api/folds/{fold['id']}", json={"name": "Mine"}, headers=bearer(first)

@@ -5,6 +5,7 @@ import { refusal } from "./text.js";
 
 const FOLDS = "/api/mine/folds";
 const GONE = new Set([403, 404]);
+const BUSY = 429;
 
 export class Refusal extends Error {
   /**
@@ -15,6 +16,9 @@ export class Refusal extends Error {
     super(words);
     this.status = status;
   }
+
+  // Whether the same, asked again, is refused again.
+  get final() { return this.status >= 400 && this.status < 500 && this.status !== BUSY; }
 
   // Whether what was asked for is not there, or not with this key.
   get gone() { return GONE.has(this.status); }

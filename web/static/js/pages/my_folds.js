@@ -59,8 +59,8 @@ async function carryOver() {
       await asked("PATCH", `/api/folds/${encodeURIComponent(id)}`, token, { owner_token: own });
       keepToken(id, own);
     } catch (error) {
-      if (error instanceof Refusal && error.gone) keepToken(id, null);
-      else if (error instanceof Refusal && !error.status) return;
+      if (!(error instanceof Refusal) || !error.final) return;
+      keepToken(id, null);
     }
   }
 }

@@ -94,7 +94,7 @@ export class FoldCard {
   async refresh() {
     try {
       this.fold = await asked("GET", this.fold.links.self);
-      if (!this.title.querySelector("form")) this.show();
+      if (!this.title.hidden) this.show();
     } catch (error) {
       if (error instanceof Refusal && error.gone) this.away();
     }
@@ -109,7 +109,12 @@ export class FoldCard {
     const input = element("input", { type: "text", maxlength: LONGEST_NAME, value: this.fold.title, "aria-label": "New name", required: true, autocomplete: "off" });
     const form = element("form", { class: "renaming" }, input,
       element("button", { class: "button primary", type: "submit" }, "Save"));
-    const back = () => { this.show(); /** @type {HTMLElement | null} */ (this.ways.children[1])?.focus(); };
+    const back = () => {
+      form.remove();
+      this.title.hidden = false;
+      this.show();
+      /** @type {HTMLElement | null} */ (this.ways.children[1])?.focus();
+    };
     input.onkeydown = (event) => { if (event.key === "Escape") back(); };
     form.onsubmit = async (event) => {
       event.preventDefault();
@@ -124,7 +129,8 @@ export class FoldCard {
     };
     const cancel = element("button", { class: "way", type: "button" }, "Cancel");
     cancel.onclick = back;
-    this.title.replaceChildren(form);
+    this.title.hidden = true;
+    this.title.after(form);
     this.ways.replaceChildren(cancel);
     input.select();
   }
