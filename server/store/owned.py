@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
 import sqlalchemy as sa
+from sqlalchemy.exc import SQLAlchemyError
 
 from server.store.folds import Store, hash_of, rows_of
 from server.store.tables import FoldRow, PreviewRow
@@ -91,6 +93,8 @@ def change_fold(
 def note_preview(store: Store, preview: PreviewRow, *, sent: bool, keep_s: float) -> None:
     """Notes what an owner looks at; nobody becomes one of what another has sent.
 
+    No harm is done when it fails: the preview is there all the same.
+
     Args:
         store: The rows.
         preview: As it is now.
@@ -99,7 +103,7 @@ def note_preview(store: Store, preview: PreviewRow, *, sent: bool, keep_s: float
     """
     old = sa.delete(PreviewRow).where(PreviewRow.seen_at < time.time() - keep_s)
     names = ("name", "modules", "module", "key", "query", "seen_at")
-    with store.changing() as session:
+    with suppress(SQLAlchemyError), store.changing() as session:
         session.execute(old)
         if sent:
             session.add(preview)
