@@ -68,7 +68,7 @@ def test_a_fold_is_named_taken_to_another_browser_and_deleted_there(
 
     assert key_of(page) not in page.content()
     page.get_by_role("button", name="Show the key").click()
-    key = page.get_by_label("Key of this browser").input_value()
+    key = page.get_by_role("textbox", name="Key of this browser").input_value()
     assert key == key_of(page)
     keep(page, "my-folds")
 

@@ -63,7 +63,8 @@ export class FoldList {
    */
   constructor(keys, ask = (address, key) => asked("GET", address, key)) {
     this.ask = ask;
-    this.ways = keys.map((key) => ({ key, /** @type {string | null} */ address: FOLDS, /** @type {FoldMade[]} */ folds: [], total: 0 }));
+    /** @type {{ key: string, address: string | null, folds: FoldMade[], total: number }[]} */
+    this.ways = keys.map((key) => ({ key, address: FOLDS, folds: [], total: 0 }));
   }
 
   // How many there are in all, once some were asked for.

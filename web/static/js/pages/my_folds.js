@@ -28,7 +28,9 @@ function counted() {
   get("more").hidden = list.done;
   const parts = [get("folds"), get("previews"), get("movies")];
   for (const part of parts) /** @type {HTMLElement} */ (part.closest("section")).hidden = !part.children.length;
-  get("nothing").hidden = parts.some((part) => part.children.length);
+  const some = parts.some((part) => part.children.length);
+  get("nothing").hidden = some;
+  get("delete-all").hidden = !some;
   get("found").textContent = !total ? "" : total === count ? `${count} ${count === 1 ? "fold" : "folds"}` : `${count} of ${total} folds`;
 }
 

@@ -12,7 +12,7 @@ export class KeyPanel {
   /** @param {() => Promise<void>} changed */
   constructor(changed) {
     this.changed = changed;
-    get("key-show").onclick = () => this.show(get("key-shown").hidden);
+    get("key-show").onclick = () => this.show(Boolean(get("key-shown").hidden));
     get("key-copy").onclick = () => copyText(get("key").value, () => toast("Key copied"), () => get("key").select());
     get("key-form").onsubmit = (event) => { event.preventDefault(); this.add(get("key-paste").value.trim()); };
     get("delete-all").onclick = () => this.deleteAll();
