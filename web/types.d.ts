@@ -319,8 +319,7 @@ interface FoldMade {
   modules: number;
   module: string;
   progress: ProgressTold;
-  summary: { certificate?: { verdict?: string }; reason?: string };
-  error: { detail: string } | null;
+  summary: { certificate?: { verdict?: string } };
   links: { self: string; page: string; drawing: string };
 }
 interface FoldsMade { folds: FoldMade[]; next: string | null; total: number }

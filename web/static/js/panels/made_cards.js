@@ -12,11 +12,11 @@ const PLURALS = { cube: "modules", tetrahedron: "tetrahedra" };
 /** @param {string} moment */
 const ago = (moment) => {
   const age = (Date.now() - Date.parse(moment)) / S;
-  return age < 60 ? "just now" : `${span(age)} ago`;
+  return age < 60 ? "just now" : `${span(age)}\u00a0ago`;
 };
 
 /** @param {string} moment */
-const keptFor = (moment) => `kept ${span(Math.max(0, Date.parse(moment) - Date.now()) / S)} more`;
+const keptFor = (moment) => `kept\u00a0${span(Math.max(0, Date.parse(moment) - Date.now()) / S)}\u00a0more`;
 
 /**
  * @param {string} text
@@ -29,14 +29,14 @@ function way(text, of, press) {
   return button;
 }
 
-// What has come of a fold: its tone, the words, and more words where it failed.
+// What has come of a fold, and how that is coloured; its page tells why.
 /** @param {FoldMade} fold */
-export function verdictOf({ status, stage, progress, summary, error }) {
-  if (status === "verified") return { tone: "verified", text: sentence(summary.certificate?.verdict ?? "verified"), more: "" };
-  if (status === "failed") return { tone: "failed", text: "Not verified", more: sentence(error?.detail ?? summary.reason ?? "") };
-  if (status === "cancelled") return { tone: "off", text: "Cancelled", more: "" };
-  if (status === "queued") return { tone: "running", text: "In the queue", more: "" };
-  return { tone: "running", text: `${STAGES[stage ?? ""] ?? "Computing"} ${Math.floor(100 * (progress.fraction ?? 0))} %`, more: "" };
+function verdictOf({ status, stage, progress, summary }) {
+  if (status === "verified") return { tone: "verified", text: sentence(summary.certificate?.verdict ?? "verified") };
+  if (status === "failed") return { tone: "failed", text: "Not verified" };
+  if (status === "cancelled") return { tone: "off", text: "Cancelled" };
+  if (status === "queued") return { tone: "running", text: "In the queue" };
+  return { tone: "running", text: `${STAGES[stage ?? ""] ?? "Computing"} ${Math.floor(100 * (progress.fraction ?? 0))} %` };
 }
 
 // A picture that leads to a page, for who sees; the title says the same to all.
@@ -66,11 +66,10 @@ export class FoldCard {
     this.gone = gone;
     this.title = element("h3", { class: "card-title" });
     this.verdict = element("p", { class: "card-status" });
-    this.more = element("p", { class: "card-more" });
     this.facts = element("p", { class: "card-count" });
     this.ways = element("div", { class: "ways" });
     this.item = element("li", { class: "made", "data-id": fold.id },
-      art(fold.links.page, fold.links.drawing, `${fold.links.page}/picture.png`), this.title, this.verdict, this.more, this.facts, this.ways);
+      art(fold.links.page, fold.links.drawing, `${fold.links.page}/picture.png`), this.title, this.verdict, this.facts, this.ways);
     this.show();
   }
 
@@ -78,12 +77,10 @@ export class FoldCard {
 
   show() {
     const { fold } = this;
-    const { tone, text, more } = verdictOf(fold);
+    const { tone, text } = verdictOf(fold);
     this.title.replaceChildren(element("a", { href: fold.links.page }, fold.title));
     this.verdict.textContent = text;
     this.verdict.dataset.status = tone;
-    this.more.textContent = more;
-    this.more.hidden = !more;
     const kept = fold.public ? "in the gallery" : fold.expires_at && keptFor(fold.expires_at);
     this.facts.textContent = [`${whole(fold.modules)} ${PLURALS[fold.module] ?? "modules"}`, ago(fold.created_at), kept].filter(Boolean).join(" · ");
     this.ways.replaceChildren(
