@@ -99,7 +99,7 @@ deploy-check: $(STAMP) ## Build the image's steps for real (root, Debian, minute
 bench: $(STAMP) ## The figures: a table, and JSON in out/
 	@$(BIN)/python -m tests.benchmarks
 
-success-map: $(STAMP) ## What folds and what does not: runs what is missing, draws the map
+success-map: $(STAMP) ## The map of the page /benchmarks: runs what is missing, draws it
 	@$(BIN)/python -m tests.benchmarks.success_map
 
 reproduction: $(STAMP) ## The paper's experiments: runs what is missing, tells all (ARGS="--only ID …")

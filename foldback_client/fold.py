@@ -1,4 +1,4 @@
-"""Fold: one fold of the service, to follow and to take away."""
+"""Fold: one fold of the service, to follow and to download."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ class Fold:
             path = page["next"]
 
     def exports(self) -> list[dict[str, Any]]:
-        """What a finished fold can be taken away as, by ``name``.
+        """The formats that a finished fold can be downloaded in, by ``name``.
 
         Raises:
             Problem: When it is not finished.

@@ -26,6 +26,8 @@ class Progress:
         modules: Of the chain.
         queue_position: 1 is next; 0 when it does not wait.
         frames: Frames that can be seen so far.
+        remaining_s: About how long until it is over, by what like folds took there; 0 when it takes
+            longer, None when nobody knows.
         told: All that the service said.
     """
 
@@ -39,6 +41,7 @@ class Progress:
     modules: int = 0
     queue_position: int = 0
     frames: int = 0
+    remaining_s: float | None = None
     told: Mapping[str, Any] = field(default_factory=dict[str, Any], repr=False)
 
     @classmethod

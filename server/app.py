@@ -37,12 +37,14 @@ from server.http.security import (
 from server.http.uploads import LARGEST_FIELD_BYTES, MOST_FIELDS, MOST_FILES, UploadsAtOnce
 from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
+from server.jobs.remaining import Remaining
 from server.limits.quota import Quota
 from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics
 from server.ops.readiness import Readiness
 from server.pages import (
     api_docs,
+    benchmarks,
     fold,
     gallery,
     landing,
@@ -50,10 +52,10 @@ from server.pages import (
     paper,
     pictures,
     preview,
+    privacy,
     shape_drawings,
     share,
     static,
-    what_folds,
 )
 from server.pages.problem_page import problem_page
 from server.processes.children import Pool, Reader
@@ -80,7 +82,7 @@ ROUTERS: Final = (
     shapes,
     health,
     landing,
-    what_folds,
+    benchmarks,
     shape_drawings,
     fold,
     static,
@@ -92,6 +94,7 @@ ROUTERS: Final = (
     share,
     pictures,
     preview,
+    privacy,
     robot,
 )
 
@@ -204,6 +207,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     )
     motions = Scratch(settings.motions_dir)
     motions.sweep()
+    remaining = Remaining(store, leases)
     return Context(
         settings=settings,
         store=store,
@@ -258,7 +262,8 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         exports=Exports(store, artifacts),
         movies=Movies(settings, store, jobs),
         gallery=Gallery(),
-        fold_states=FoldStates(store, leases),
+        fold_states=FoldStates(store, remaining),
+        remaining=remaining,
         metrics=metrics,
         leases=leases,
         secret=store.secret("visitors", secrets.token_bytes(32)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 from functools import cached_property
@@ -64,6 +65,10 @@ class Settings(BaseSettings):
         gt=0,
         description="Days after which a fold that nobody looks at is forgotten; never if not set. "
         "Folds of the gallery and pinned ones stay.",
+    )
+    imprint_url: str | None = Field(
+        default=None,
+        description="Where it stands who runs the service, as https://…; linked on `/privacy`.",
     )
     origins: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
@@ -184,7 +189,7 @@ class Settings(BaseSettings):
         default=4.0, gt=0, description="Of it, for searching a path through exact cells."
     )
     files_waiting: int = Field(
-        default=8, ge=1, description="Files to take away and pictures that may be made at once."
+        default=8, ge=1, description="Exports and pictures that may be made at once."
     )
     files_waiting_of_visitor: int = Field(default=3, ge=1, description="Of them, of one.")
     answers_waiting: int = Field(
@@ -289,6 +294,15 @@ class Settings(BaseSettings):
         if value and not _is_database(value):
             raise ValueError("got another, expected an address like postgresql://user@host/name.")
         return value
+
+    @field_validator("imprint_url")
+    @classmethod
+    def _web_address(cls, value: str | None) -> str | None:
+        if value and not re.fullmatch(r"https?://[^\s\"'<>]+", value):
+            raise ValueError(
+                f"got {value!r}, expected an address like https://example.org/imprint."
+            )
+        return value or None
 
     @field_validator("trusted_proxies")
     @classmethod

@@ -275,6 +275,7 @@ interface Facts {
   smoothing: Smoothing | null;
   compare: Way[];
   embed: string | null;
+  kept: string | null;
   movies: boolean;
   robot: boolean;
   files: FileTold[];
@@ -296,6 +297,7 @@ interface ProgressTold {
   simulated_s?: number;
   queue_position?: number;
   wait_s?: number | null;
+  remaining_s?: number | null; // 0 when it takes longer than usual
 }
 interface Movie {
   status: "queued" | "running" | "ready" | "failed";
@@ -306,6 +308,7 @@ interface Movie {
   frames_done: number;
   frames_total: number;
   problem?: { detail: string } | null;
+  token?: string | null; // told once, to who has asked first
   links: { self: string; file: string; fold: string };
 }
 interface FoldMade {

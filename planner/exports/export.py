@@ -1,4 +1,4 @@
-"""Export: one format that plans are taken away in, and what several of them need."""
+"""Export: one format that plans are exported to, and what several of them need."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LONGEST: Final = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Export:
-    """One format that a plan can be taken away in.
+    """One format that a plan can be exported to.
 
     Attributes:
         name: Short stable word for programs and addresses.

@@ -34,6 +34,6 @@ def hull_of(module: Module, size: float) -> Trimesh:
         module: The kind of module.
         size: Scale about the module's centre; 1 for the full hull, a pitch long.
     """
-    from trimesh.convex import convex_hull  # only who takes a mesh away needs it
+    from trimesh.convex import convex_hull  # only who exports a mesh needs it
 
     return convex_hull(module.vertices).apply_scale(size)

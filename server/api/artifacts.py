@@ -1,4 +1,4 @@
-"""Routes of what comes out of a fold: frames of its timeline, and files to take away."""
+"""Routes of what comes out of a fold: frames of its timeline, and files to download."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def get_frames(
 
 @router.get(
     "/exports",
-    summary="What a finished fold can be taken away as",
+    summary="Formats that a finished fold can be downloaded in",
     responses=problems(404, 409),
 )
 def get_exports(fold_id: str, context: Here) -> ExportList:
@@ -120,7 +120,7 @@ def get_exports(fold_id: str, context: Here) -> ExportList:
 
 @router.get(
     "/exports/{name}",
-    summary="Take it away in one of these formats",
+    summary="Download it in one of these formats",
     response_class=FileResponse,
     responses={
         200: {
@@ -148,7 +148,7 @@ async def get_export(request: Request, fold_id: str, name: str, context: Here) -
 def _file(name: str) -> None:
     @router.get(
         f"/{name}",
-        summary=f"Take away {name}",
+        summary=f"Download {name}",
         response_class=FileResponse,
         responses={
             200: {"description": "The file", "content": {MEDIA_TYPES[name]: {}}},

@@ -19,6 +19,7 @@ from server.files.uploads import Uploads
 from server.http.client_address import address_of
 from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
+from server.jobs.remaining import Remaining
 from server.limits.quota import Quota
 from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics
@@ -59,6 +60,7 @@ class Context:
     uploads: Uploads
     metrics: Metrics
     leases: Leases
+    remaining: Remaining
     secret: bytes
 
     def visitor(self, request: Request) -> str:

@@ -11,8 +11,8 @@ from cachetools import TTLCache
 from fastapi.sse import ServerSentEvent
 
 from server.api.schemas import progress_of
+from server.jobs.remaining import Remaining
 from server.store.folds import NoSuchFoldError, Store
-from server.store.leases import Leases
 
 LOOK_EVERY_S: Final = 0.15
 MOST_KEPT: Final = 1024
@@ -21,9 +21,9 @@ MOST_KEPT: Final = 1024
 class FoldStates:
     """Keeps each looked-at state for a moment."""
 
-    def __init__(self, store: Store, leases: Leases) -> None:
+    def __init__(self, store: Store, remaining: Remaining) -> None:
         self._store = store
-        self._leases = leases
+        self._remaining = remaining
         self._looks: TTLCache[str, asyncio.Task[dict[str, Any]]] = TTLCache(MOST_KEPT, LOOK_EVERY_S)
         self._ending = asyncio.Event()
 
@@ -62,4 +62,4 @@ class FoldStates:
                 await asyncio.wait_for(self._ending.wait(), LOOK_EVERY_S)
 
     def _look(self, fold_id: str) -> dict[str, Any]:
-        return progress_of(self._store.fold(fold_id), self._store, self._leases)
+        return progress_of(self._store.fold(fold_id), self._remaining)

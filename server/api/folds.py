@@ -259,7 +259,7 @@ def get_folds(context: Here, credentials: Bearer) -> Folds:
     if (token := token_of(credentials)) is not None:
         rows.update({row.id: row for row in context.store.list_owned(token)})
     newest_first = sorted(rows.values(), key=lambda row: row.created_at, reverse=True)
-    return Folds(folds=[Fold.of(row, context.store, context.leases) for row in newest_first])
+    return Folds(folds=[Fold.of(row, context.store, context.remaining) for row in newest_first])
 
 
 @router.get("/{fold_id}", summary="The state of a fold", responses=problems(404))
@@ -268,7 +268,7 @@ def get_fold(request: Request, fold_id: str, context: Here) -> Fold:
     row = context.store.fold(fold_id)
     context.store.looked(row)
     mark(request, row)
-    return Fold.of(row, context.store, context.leases)
+    return Fold.of(row, context.store, context.remaining)
 
 
 async def follower(request: Request, fold_id: str, context: Here) -> AsyncIterator[None]:
@@ -323,7 +323,7 @@ def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
     if not before.over:
         context.jobs.forget(fold_id)
         sweep_cancelled(store, time.time(), visitor=row.visitor)
-    return Fold.of(row, store, context.leases)
+    return Fold.of(row, context.store, context.remaining)
 
 
 @router.patch(
@@ -349,7 +349,7 @@ def patch_fold(fold_id: str, changes: FoldChanges, context: Here, credentials: B
         )
     if not change_fold(store, fold_id, token, name=name, new_token=changes.owner_token):
         raise _not_owner()
-    return Fold.of(store.fold(fold_id), store, context.leases)
+    return Fold.of(store.fold(fold_id), store, context.remaining)
 
 
 @router.delete(

@@ -70,7 +70,7 @@ def get_my_folds(
     found = folds_made(context.store, token, before=before, limit=limit)
     query = urlencode({"before": found.next, "limit": limit}, safe=",")
     return FoldsMade(
-        folds=[Fold.of(row, context.store, context.leases) for row in found.rows],
+        folds=[Fold.of(row, context.store, context.remaining) for row in found.rows],
         next=f"{router.prefix}/folds?{query}" if found.next else None,
         total=found.total,
     )

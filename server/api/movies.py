@@ -1,4 +1,4 @@
-"""Routes of movies: ask for one, see how far it is, take it away, stop it."""
+"""Routes of movies: ask for one, see how far it is, download it, stop it."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def get_movie(response: Response, fold_id: str, movie_id: str, context: Here) ->
 
 @router.get(
     "/{movie_id}/file",
-    summary="Take a movie away",
+    summary="Download a movie",
     response_class=FileResponse,
     responses={
         200: {"description": "The file", "content": {kind: {} for kind in MEDIA_TYPES.values()}},

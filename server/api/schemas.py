@@ -11,10 +11,9 @@ from planner.certificate.figures import FoldSummary
 from planner.certificate.verdict import summary_told_honestly
 from planner.exports import Export
 from planner.pathfinding.duration import expected_seconds
-from server.limits.fair_queue import wait_s
+from server.jobs.remaining import Remaining
 from server.store.folds import FoldRow, Store
 from server.store.gallery import GalleryShape
-from server.store.leases import Leases
 from server.store.shown import ShownFold
 
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
@@ -68,7 +67,7 @@ class Links(BaseModel):
 
 
 class ExportBody(BaseModel):
-    """A file that a finished fold can be taken away in."""
+    """A file that a finished fold can be downloaded as."""
 
     name: str
     label: str
@@ -130,6 +129,10 @@ class Progress(BaseModel):
     wait_s: float | None = Field(
         description="About how long it will wait; null when it does not, or when no worker runs."
     )
+    remaining_s: int | None = Field(
+        description="About how long until it is over, with the wait, by what like folds took here; "
+        "0 when it takes longer than those, null when none is known or it is over."
+    )
 
 
 class Fault(BaseModel):
@@ -182,7 +185,7 @@ class Fold(BaseModel):
     links: Links
 
     @classmethod
-    def of(cls, row: FoldRow, store: Store, leases: Leases) -> Fold:
+    def of(cls, row: FoldRow, store: Store, remaining: Remaining) -> Fold:
         """What the API shows of a row."""
         return cls(
             id=row.id,
@@ -204,7 +207,7 @@ class Fold(BaseModel):
             module_size=row.module_size,
             strategy=row.strategy,
             prefer=row.prefer,
-            progress=Progress.model_validate(progress_of(row, store, leases)),
+            progress=Progress.model_validate(progress_of(row, remaining)),
             summary={**summary_told_honestly(cast(FoldSummary, row.summary or {}))},
             error=Fault.model_validate(row.error) if row.error else None,
             links=Links.of(row.id),
@@ -423,14 +426,11 @@ def moment(seconds: float | None) -> datetime | None:
     return None if seconds is None else datetime.fromtimestamp(seconds, UTC)
 
 
-def progress_of(row: FoldRow, store: Store, leases: Leases) -> dict[str, Any]:
+def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:
     """The progress of a fold, as its events tell it."""
-    told = row.progress
-    place, wait = 0, None
-    if row.status == "queued":
-        place, ahead_s, running_s = store.ahead(row)
-        wait = wait_s(ahead_s=ahead_s, running_s=running_s, at_once=leases.at_once())
-        wait = None if wait is None else round(wait, 1)
+    # What the stage before has said is not of the one that begins.
+    told = row.progress if row.progress.get("stage") in (None, row.stage) else {}
+    outlook = remaining.of(row)
     return {
         "status": row.status,
         "stage": row.stage,
@@ -440,7 +440,8 @@ def progress_of(row: FoldRow, store: Store, leases: Leases) -> dict[str, Any]:
         "simulated_s": float(told.get("simulated_s", 0.0)),
         "message": str(told.get("message", "")),
         "modules": row.modules,
-        "queue_position": place,
-        "frames": int(told.get("frames", 0)),
-        "wait_s": wait,
+        "queue_position": outlook.place,
+        "frames": int(row.progress.get("frames", 0)),
+        "wait_s": outlook.wait_s,
+        "remaining_s": outlook.remaining_s,
     }

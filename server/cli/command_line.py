@@ -28,7 +28,7 @@ COMMANDS: Final = {
     "shape": "Find a path through a shape.",
     "verify": "Check a plan anew: its files against each other, its figures, and by plain MuJoCo.",
     "play": "Look at a fold's directory in the browser.",
-    "export": "Take a finished fold away as URDF, MCAP, an animated scene and more.",
+    "export": "Export a finished fold as URDF, MCAP, an animated scene and more.",
     "movie": "Make a movie of a fold: the straight chain folds into its shape.",
     "retime": "Give a plan time stamps within a robot's limits.",
     "doctor": "Check what the service needs.",

@@ -32,7 +32,7 @@ def export(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Take a finished fold away as URDF, MCAP, an animated scene and more."""
+    """Export a finished fold as URDF, MCAP, an animated scene and more."""
     try:
         chosen = None if formats is None else _chosen(formats)
         plan = Plan.load(directory / "plan.npz")

@@ -70,7 +70,7 @@ class Wanted:
             raise TooLarge(
                 "too-large",
                 f"got a plan of {megabytes(found.st_size)}, expected at most "
-                f"{megabytes(LARGEST_PLAN)}; take plan.npz away and use `foldback retime`.",
+                f"{megabytes(LARGEST_PLAN)}; download plan.npz and use `foldback retime`.",
             )
         return cls(
             plan=plan,
@@ -291,7 +291,7 @@ def _loaded(directory: Path, most: int) -> Trajectory:
 def _too_large() -> TooLarge:
     return TooLarge(
         "too-large",
-        "This motion takes more time or memory than it may here; take plan.npz away and use "
+        "This motion takes more time or memory than it may here; download plan.npz and use "
         "`foldback retime`.",
     )
 

@@ -158,7 +158,7 @@ def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
 
     async def on_no_such(request: Request, error: Exception) -> Response:
         assert isinstance(error, NoSuch)
-        return response_of(error)  # pages say it themselves; what else asks takes files away
+        return response_of(error)  # pages say it themselves; what else asks downloads files
 
     async def on_storage(request: Request, error: Exception) -> Response:
         log.error("%s", error)

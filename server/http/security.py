@@ -33,12 +33,13 @@ PAGE_POLICY: Final = "; ".join(
 HEADERS: Final = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "SAMEORIGIN",
+    # Nor does a site that a page leads to learn its link.
     "Referrer-Policy": "same-origin",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
     # Links are secrets: no search engine tells them.
-    "X-Robots-Tag": "noindex",
+    "X-Robots-Tag": "noindex, nofollow",
 }
 LISTED: Final = {"X-Robots-Tag": "all"}
 """Headers of answers that search engines may show: what is in the gallery, and no secret."""

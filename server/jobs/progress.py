@@ -10,6 +10,9 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from server.store.tables import passes
 
+STAGES: Final = ("read", "explode", "play_back", "certify", "export")
+TRYING: Final = ("explode", "play_back", "certify")
+"""Stages that a fold may go through again, for a better plan."""
 REPORT_EVERY_S: Final = 0.2
 
 

@@ -17,7 +17,7 @@ from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline.attempt_folders import TIMELINE, any_verified, result
 from planner.playback.unfolding import START_CHAIN
 from server.files.cancelled import sweep_cancelled
-from server.jobs.progress import JobProgress
+from server.jobs.progress import STAGES, TRYING, JobProgress
 from server.jobs.retry import Answer, patiently
 from server.processes.children import Child, ChildError, Children
 from server.processes.fork_server import ForkServer
@@ -28,9 +28,6 @@ from server.store.folds import NoSuchFoldError, Store
 from server.store.gallery import Gallery
 from server.store.object_store import StorageError
 
-STAGES: Final = ("read", "explode", "play_back", "certify", "export")
-TRYING: Final = ("explode", "play_back", "certify")
-"""Stages that a fold may go through again, for a better plan."""
 KEEP_EVERY_S: Final = 0.7
 """Seconds between two copies of a growing timeline to the object store."""
 log = logging.getLogger("foldback.worker")
@@ -265,7 +262,8 @@ class Runner:
         directory = self._patiently_for(
             fold_id, epoch, lambda: self._store.folders.bring(fold_id, known, epoch)
         )
-        done = _Progress(self._store, fold_id, stage, epoch)
+        spent_s = self.patiently(lambda: self._store.stage_s(fold_id))
+        done = _Progress(self._store, fold_id, stage, epoch, spent_s)
         progress = JobProgress(done.report)
         with _keeping(self._store, fold_id, epoch):
             result = child.call(
@@ -382,8 +380,12 @@ def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
 class _Progress:
     """How far a stage is, as its row shall have it."""
 
-    def __init__(self, store: Store, fold_id: str, stage: str, epoch: int) -> None:
+    def __init__(
+        self, store: Store, fold_id: str, stage: str, epoch: int, spent_s: dict[str, float]
+    ) -> None:
         self._store = store
+        self._spent_s = spent_s
+        self._began_at = time.time()
         self._fold_id = fold_id
         self._epoch = epoch
         self._place = store.folders.place(fold_id)
@@ -403,12 +405,21 @@ class _Progress:
         self._waits = True
 
     def take_end(self) -> None:
-        """The child is done: what it has made is reported once more."""
+        """The child is done: what it has made, and how long it took, is reported once more."""
+        stage = self._progress["stage"]
+        took_s = time.time() - self._began_at
+        self._spent_s[stage] = round(self._spent_s.get(stage, 0.0) + took_s, 3)
+        self._began_at = time.time()
         self._waits = True
 
     def report(self) -> bool:
         """Reports what waits; False when the fold is not wanted any more."""
-        progress = {**self._progress, "frames": frames_promised(self._place)}
+        progress = {
+            **self._progress,
+            "frames": frames_promised(self._place),
+            "stage_s": self._spent_s,
+            "began_at": self._began_at,
+        }
         going = self._store.report(self._fold_id, self._epoch, progress if self._waits else None)
         self._waits = False
         return going

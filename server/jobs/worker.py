@@ -26,8 +26,9 @@ from dbos import error as dbos_errors
 from server.jobs.dbos_private import hand_back, hand_back_all, take_nothing_new
 from server.jobs.janitor import Janitor
 from server.jobs.movie_runner import MovieJobs
+from server.jobs.progress import STAGES
 from server.jobs.queue import APPLICATION, APPLICATION_VERSION, MOVIE_WORKFLOW, WORKFLOW, Jobs
-from server.jobs.runner import STAGES, Outcome, Runner, TakenOverError
+from server.jobs.runner import Outcome, Runner, TakenOverError
 from server.ops.logs import about, set_up_logs
 from server.ops.starting import settings_of, starting, warn_of_unknown_names
 from server.ops.tracing import send_rest, tracing

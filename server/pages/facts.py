@@ -105,7 +105,7 @@ class Properties(TypedDict):
 
 
 class Download(TypedDict):
-    """A file to take away."""
+    """A file to download."""
 
     label: str
     hint: str
@@ -134,6 +134,7 @@ class FoldFacts(TypedDict):
     smoothing: Smoothing | None
     compare: list[Suggestion]
     embed: str | None
+    kept: str | None
     movies: bool
     robot: bool
     files: list[Download]
@@ -142,13 +143,16 @@ class FoldFacts(TypedDict):
     downloads_hint: str
 
 
-def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> FoldFacts:
+def fold_facts(
+    found: Found, *, api: bool = True, embed: bool = False, kept: str | None = None
+) -> FoldFacts:
     """Everything that the page shows besides the timeline, as JSON.
 
     Args:
         found: The fold.
         api: Whether the service's API is there for downloads and news.
         embed: Whether other sites may show folds in a frame.
+        kept: Who sees it and for how long, in words.
     """
     row, directory = found.row, found.directory
     summary = summary_told_honestly(row.summary)
@@ -185,6 +189,7 @@ def fold_facts(found: Found, *, api: bool = True, embed: bool = False) -> FoldFa
         "smoothing": _smoothing(found if api else None, summary),
         "compare": _compare(found) if api and not running else [],
         "embed": f"/embed/{row.id}" if embed else None,
+        "kept": kept,
         "movies": api and not running and frames_promised(directory) > 0,
         "robot": api and row.status == "verified",
         "files": [

@@ -187,7 +187,7 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
 
 
 def attempts(directory: Path) -> list[AttemptWords]:
-    """What was tried of a fold, in its order: how the chain was let go, and how it ended."""
+    """The attempts of a fold, in their order: how the chain was let go, and how it ended."""
     try:
         found = json.loads((directory / "attempts.json").read_bytes())
     except (OSError, ValueError):

@@ -19,6 +19,7 @@ from server.api.finding import find_now, viewing_of
 from server.http.response_cache import mark
 from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import origin_of, page, script_json
+from server.pages.privacy import who_and_how_long
 from server.pages.problem_page import not_found_page
 from server.store.shown import Found
 from web.pictures.isometric import isometric_svg
@@ -93,4 +94,5 @@ def _facts(request: Request, found: Found) -> FoldFacts:
     viewing = viewing_of(request)
     settings = viewing.settings
     embed = settings is not None and bool(settings.embed_origins)
-    return fold_facts(found, api=viewing.jobs is not None, embed=embed)
+    kept = None if settings is None else who_and_how_long(settings, found.row)
+    return fold_facts(found, api=viewing.jobs is not None, embed=embed, kept=kept)

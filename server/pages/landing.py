@@ -14,6 +14,7 @@ from server.api.context import context_of
 from server.pages.cards import cards, selected
 from server.pages.page import origin_of, page, templates
 from server.pages.pictures import picture_answer
+from server.pages.privacy import who_and_how_long
 from server.pages.problem_page import PAWN
 from server.pages.shape_drawings import chain_of, drawing_of
 from server.pages.static import etag_response
@@ -43,6 +44,7 @@ async def landing(request: Request) -> Response:
         shapes=selected(context.gallery),
         count=len(cards(context.gallery)),
         featured=featured,
+        kept=who_and_how_long(context.settings),
         origin=origin_of(request),
         still=still or isometric_svg(PAWN),
     )

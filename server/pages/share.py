@@ -151,7 +151,7 @@ async def _finished(request: Request, fold_id: str) -> Found:
     if found.row.status in RUNNING or timeline is None or not len(timeline):
         raise Conflict(
             "not-ready",
-            f"There is nothing to take away yet: the fold is {found.row.status}.",
+            f"There is nothing to download yet: the fold is {found.row.status}.",
             retry_after_s=2,
         )
     return found

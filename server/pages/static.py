@@ -21,6 +21,20 @@ SWAGGER: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
 """Files of the package ``fastapi_offline``, served from here."""
 
 
+ROBOTS: Final = """\
+# Links of folds and previews are secrets: their answers say "noindex, nofollow" to all
+# who may read them. Kept out here, engines would show links that stand on other sites.
+User-agent: *
+Disallow: /api/
+"""
+
+
+@router.get("/robots.txt")
+async def robots() -> Response:
+    """What search engines need not look at; no secret stands in it."""
+    return Response(ROBOTS, media_type="text/plain", headers={"Cache-Control": "no-cache"})
+
+
 @router.get("/static/{name:path}")
 async def static_file(request: Request, name: str) -> Response:
     """A style sheet, a script or a picture."""

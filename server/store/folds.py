@@ -423,6 +423,12 @@ class Store:
         shown = sa.case((unnamed, name[:200]), else_=FoldRow.name)
         self._change(fold_id, modules=modules, module=module, name=shown)
 
+    def stage_s(self, fold_id: str) -> dict[str, float]:
+        """Seconds that the stages of a fold have taken so far; none when it was deleted."""
+        with suppress(NoSuchFoldError):
+            return dict(self.fold(fold_id).progress.get("stage_s", {}))
+        return {}
+
     def report(self, fold_id: str, epoch: int, progress: dict[str, Any] | None = None) -> bool:
         """Notes progress, when there is news; False when the fold shall not go on here."""
         going = (

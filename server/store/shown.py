@@ -31,6 +31,7 @@ class ShownFold:
     stage: str | None = None
     module: str = CUBE.name
     public: bool = False
+    pinned: bool = False
     settings: str = ""
     module_size: float | None = None
     strategy: str = AUTO

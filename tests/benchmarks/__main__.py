@@ -17,6 +17,7 @@ from tests.benchmarks.paths import paths
 from tests.benchmarks.peeling import peeling
 from tests.benchmarks.plan_files import plan_files
 from tests.benchmarks.portfolio import portfolio
+from tests.benchmarks.remaining import remaining
 from tests.benchmarks.scaling import scaling
 from tests.benchmarks.smoothing import smoothing
 from tests.benchmarks.speed import speed
@@ -43,6 +44,7 @@ SECTIONS = {
     "page": page,
     "long-folds": long_folds,
     "movies": movies,
+    "remaining": remaining,
     "direct": direct,
     "paper": paper,
 }

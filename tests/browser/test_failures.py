@@ -122,7 +122,7 @@ def test_a_time_limit_on_a_phone(visit: Visit, hasty: Service) -> None:
     keep(page, "failure-time-phone")
     page.locator("#stuck-fold").click()
     expect(page.locator("#stuck-text")).to_contain_text("Exploding took longer than the 8 s")
-    expect(page.locator("#stuck-attempts")).to_have_text("What was tried")
+    expect(page.locator("#stuck-attempts")).to_have_text("The attempt")
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     found = looked_at(page, "failure-time-phone-where")
     assert found == state["summary"]["stuck"]["modules"] and len(found) > 10

@@ -1,4 +1,4 @@
-"""Sending a fold on: links, frames, one file, two folds, another shape, take away."""
+"""Sending a fold on: links, frames, one file, two folds, another shape, downloads."""
 
 from __future__ import annotations
 
@@ -178,7 +178,7 @@ def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
     expect(page.locator("#side-1")).to_contain_text("smoothed")
 
 
-def test_everything_on_offer_can_be_taken_away(offered: Page, service: Service) -> None:
+def test_everything_on_offer_can_be_downloaded(offered: Page, service: Service) -> None:
     links = offered.locator("#panel-downloads .downloads a")
     expect(links.first).to_be_visible()
     names = links.evaluate_all("(all) => all.map((one) => [one.textContent, one.href])")

@@ -136,14 +136,14 @@ def test_cancelling_is_said_until_it_is_done(visit: Visit, service: Service) -> 
 
 
 @pytest.mark.parametrize("width", [390, 1280])
-def test_what_folds_is_shown(visit: Visit, width: int) -> None:
+def test_benchmarks_are_shown(visit: Visit, width: int) -> None:
     page = visit("/", width=width, height=844)
-    page.locator(".foot a[href='/what-folds']").click()
-    expect(page.locator("h1")).to_have_text("What folds, and what does not")
+    page.locator(".foot a[href='/benchmarks']").click()
+    expect(page.locator("h1")).to_have_text("Benchmarks")
     shown = page.locator(".telling-picture img")
     page.wait_for_function("() => document.querySelector('.telling-picture img').complete")
     assert shown.evaluate("(image) => image.naturalWidth") > 700
     box = shown.bounding_box()
     assert box and box["width"] >= 780  # its words are large enough; a phone scrolls it
     assert page.evaluate("document.documentElement.scrollWidth") <= width
-    keep(page, f"what-folds-{width}")
+    keep(page, f"benchmarks-{width}")

@@ -207,9 +207,7 @@ def test_a_directory_that_is_played(visit: Visit, service: Service, wrench: str)
         harmless(framed(page), said)
 
 
-def test_a_page_that_was_taken_away(
-    visit: Visit, service: Service, wrench: str, tmp_path: Path
-) -> None:
+def test_a_downloaded_page(visit: Visit, service: Service, wrench: str, tmp_path: Path) -> None:
     path = tmp_path / "fold.html"
     path.write_bytes(service.http.get(f"/folds/{wrench}/standalone.html").content)
     page = visit("about:blank", **SMALL)

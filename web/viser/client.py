@@ -46,7 +46,7 @@ class Client:
 
     Attributes:
         html: The page. It says itself what it may do, as far as a page can, for where it is not
-            served: in a page that was taken away.
+            served: in a page that was downloaded.
         policy: Its Content-Security-Policy. The page has an origin of its own (``sandbox``): its
             scripts reach nothing of ours.
         etag: Changes with it.

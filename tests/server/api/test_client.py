@@ -28,7 +28,7 @@ def client_of(service: Service, **options: Any) -> Client:
     return Client(str(service.http.base_url), **{"retries": QUICK, **options})
 
 
-def test_a_fold_is_asked_for_followed_and_taken_away(service: Service, tmp_path: Path) -> None:
+def test_a_fold_is_asked_for_followed_and_downloaded(service: Service, tmp_path: Path) -> None:
     told: list[Progress] = []
     with client_of(service) as client:
         fold = client.fold(SNAKE, seed=41).wait(PATIENCE_S, told.append)

@@ -53,7 +53,7 @@ def test_events_of_a_finished_fold_end_at_once(service: Service, finished: dict[
     assert [name for name, _ in service.events(finished["id"])] == ["progress", "done"]
 
 
-def test_the_plan_can_be_taken_away(service: Service, finished: dict[str, Any]) -> None:
+def test_the_plan_can_be_downloaded(service: Service, finished: dict[str, Any]) -> None:
     answer = get(service, finished, "plan.json")
     plan = answer.json()
     assert answer.headers["content-disposition"].startswith("attachment")

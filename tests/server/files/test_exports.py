@@ -53,7 +53,7 @@ def test_a_finished_fold_lists_all_of_them(service: Service, finished: dict[str,
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_each_can_be_taken_away(service: Service, finished: dict[str, Any], name: str) -> None:
+def test_each_can_be_downloaded(service: Service, finished: dict[str, Any], name: str) -> None:
     export = export_named(name)
     href = f"/api/folds/{finished['id']}/exports/{name}"
     answer = service.http.get(href)
@@ -138,7 +138,7 @@ def exports_in(store: Store, free: int = 0) -> Exports:
 
 
 def test_a_model_that_the_fold_wrote_itself_is_kept(store: Store, fold: FoldRow) -> None:
-    """One without keys on the way, as older folds have, is taken away as it is."""
+    """One without keys on the way, as older folds have, is exported as it is."""
     directory = store.directory(fold.id)
     made = asyncio.run(exports_in(store).file(fold.id, export_named("mjcf")))
     assert made == directory / EXPORTS_DIR / "model.xml"

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.robotparser import RobotFileParser
 from xml.etree import ElementTree
 
 import pytest
@@ -68,7 +69,7 @@ def test_a_hostile_name_stays_a_name(desk: Service, number: int) -> None:
     assert "a=b" not in desk.log.read_text() and "\x00" not in desk.log.read_text()
 
 
-def test_what_is_taken_away_of_a_hostile_name_is_harmless(service: Service) -> None:
+def test_what_is_downloaded_of_a_hostile_name_is_harmless(service: Service) -> None:
     name = '=1+1"</script><script>alert(1)</script>&\r\nX: y'
     path = {**json.loads(path_file(name, 0)), "cells": SNAKE}
     answer = service.http.post("/api/folds", files={"file": ("a.json", json.dumps(path))})
@@ -145,33 +146,42 @@ def test_search_engines_are_told_no_secret_link(desk: Service) -> None:
         data={"full": "false"},
     ).json()
     for listed, paths in {
-        "noindex": (
+        "noindex, nofollow": (
             f"/folds/{secret['id']}",
             f"/folds/{secret['id']}/facts",
             f"/folds/{secret['id']}/picture.png",
             f"/folds/{secret['id']}/standalone.html",
             f"/api/folds/{secret['id']}",
             f"/api/folds/{secret['id']}/plan.json",
+            f"/api/folds/{secret['id']}/movies/abc",
             f"/embed/{secret['id']}",
             f"/compare?a={secret['id']}&b={public['id']}",
             told["links"]["page"],
             "/shapes/new",
             "/view",
             "/embed/view",
+            "/docs",
         ),
         "all": (
             f"/folds/{public['id']}",
             "/",
             "/gallery",
-            "/what-folds",
+            "/benchmarks",
+            "/privacy",
             "/paper",
             "/shapes/mallet-64.svg",
         ),
     }.items():
         for path in paths:
-            assert desk.http.get(path).headers["x-robots-tag"] == listed, path
+            headers = desk.http.get(path).headers
+            assert headers["x-robots-tag"] == listed, path
+            assert headers["referrer-policy"] == "same-origin", path  # no other site learns a link
+    rules = RobotFileParser()
+    rules.parse(desk.http.get("/robots.txt").text.splitlines())
     # Who may not come in does not read what is said there.
-    assert desk.http.get("/robots.txt").status_code == 404
+    for path in (f"/folds/{secret['id']}", told["links"]["page"], "/gallery", "/"):
+        assert rules.can_fetch("anybody", path), path
+    assert not rules.can_fetch("anybody", f"/api/folds/{public['id']}")
 
 
 BAD_IDS = ("..", "%2e%2e", "..%2f..%2fsecret", "a%00b", "%0d%0aX:y", "~root", "%ff%fe", "a" * 5000)

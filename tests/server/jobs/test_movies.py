@@ -155,6 +155,9 @@ def test_deleted_while_it_is_made_it_stops_within_a_second(
     _, alive = psutil.wait_procs(making, timeout=30)
     assert not alive
     assert time.monotonic() - begun < 10  # a second, where the machine has nothing else to do
+    # Who comes next has its place.
+    following = ask(service, finished["id"], **SMALL, theme="dark")
+    assert wait(service, following, over)["status"] == "ready"
     scratch = service.data_dir / "scratch"
     deadline = time.monotonic() + PATIENCE_S
     while list(scratch.iterdir()):

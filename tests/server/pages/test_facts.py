@@ -24,6 +24,7 @@ from planner.simulation.parameters import (
     preset,
 )
 from server.api.schemas import Fold
+from server.jobs.remaining import Remaining
 from server.pages import quantities
 from server.pages.facts import fold_facts
 from server.pages.quantities import length_m, number, parameters, quantity
@@ -165,9 +166,8 @@ def test_a_fold_of_an_earlier_version_is_told_by_what_it_bears_out(tmp_path: Pat
     settings = Settings(data_dir=tmp_path)
     with closing(Store(settings)) as store:
         store.add(a_fold("earlier", summary=summary), "a token")
-        state = Fold.of(
-            store.fold("earlier"), store, Leases(store, WorkerIdentities(settings), 1.0)
-        ).summary
+        leases = Leases(store, WorkerIdentities(settings), 1.0)
+        state = Fold.of(store.fold("earlier"), Remaining(store, leases)).summary
     assert state["certificate"]["verdict"] == "verified (kinematics only)"
     assert state["certificate"]["rms_position_error"] is None
     assert state["playback"] == {

@@ -8,12 +8,12 @@ import re
 import httpx
 from fastapi import FastAPI
 
-from server.pages import static, what_folds
+from server.pages import benchmarks, static
 
 
 def get(path: str) -> httpx.Response:
     app = FastAPI()
-    app.include_router(what_folds.router)
+    app.include_router(benchmarks.router)
     app.include_router(static.router)
 
     async def ask() -> httpx.Response:
@@ -24,8 +24,13 @@ def get(path: str) -> httpx.Response:
     return asyncio.run(ask())
 
 
+def test_the_earlier_address_of_the_benchmarks_leads_to_them() -> None:
+    moved = get("/what-folds")
+    assert (moved.status_code, moved.headers["location"]) == (301, "/benchmarks")
+
+
 def test_the_success_map_is_on_a_page_and_there() -> None:
-    page = get("/what-folds")
+    page = get("/benchmarks")
     assert page.status_code == 200
     assert 'aria-current="page"' in page.text
     (source,) = re.findall(r'<img src="([^"]+)"', page.text)

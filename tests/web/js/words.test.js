@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { placeIn } from "../../../web/static/js/player/address.js";
-import { degrees, duration, newtonMetres, radians, refusal, whole } from "../../../web/static/js/lib/text.js";
+import { degrees, duration, newtonMetres, radians, refusal, remaining, whole } from "../../../web/static/js/lib/text.js";
 
 test("numbers are told with two figures, and nothing as nothing", () => {
   assert.equal(whole(1234567.4), "1\u2009234\u2009567");
@@ -9,6 +9,12 @@ test("numbers are told with two figures, and nothing as nothing", () => {
   assert.deepEqual([Math.PI / 2, -0.5, -1e-9].map((v) => degrees(v)), ["90.0°", "−28.6°", "0.0°"]);
   assert.equal(newtonMetres(1.234), "1.2 N·m");
   assert.deepEqual([0.2, 89, 90, 5399, 7200].map(duration), ["about 1 s", "about 89 s", "about 2 min", "about 90 min", "about 2 h"]);
+});
+
+test("what is left is told as nobody knows it better", () => {
+  assert.deepEqual([0, 1, 4.4, 12, 23, 400].map(remaining), [
+    "longer than usual", "a few seconds left", "a few seconds left", "about 12 s left", "about 25 s left", "about 7 min left",
+  ]);
 });
 
 test("a refusal says what and where", () => {

@@ -1,6 +1,7 @@
 // Asking for a fold.
 import { keepToken, ownKey, proof } from "./keys.js";
 import { refusal, wordsOf } from "./text.js";
+import { STOPPED, posted } from "./upload.js";
 
 export const UNREACHABLE = "The server cannot be reached. Check the connection and try again.";
 
@@ -8,20 +9,21 @@ export const UNREACHABLE = "The server cannot be reached. Check the connection a
 // Throws an Error with words for people when it was refused.
 /**
  * @param {FormData | Form} body
+ * @param {import("./upload.js").Sending} how
  * @returns {Promise<{ id: string }>}
  */
-export async function foldAsked(body) {
+export async function foldAsked(body, how = {}) {
   const form = body instanceof FormData ? body : new FormData();
   if (!(body instanceof FormData)) {
     for (const [key, value] of Object.entries(body)) form.set(key, value instanceof Blob ? value : String(value));
   }
   let answer;
   try {
-    answer = await fetch("/api/folds", { method: "POST", body: form, headers: proof(ownKey()) });
-  } catch {
-    throw new Error(UNREACHABLE);
+    answer = await posted("/api/folds", form, { ...how, headers: proof(ownKey()) });
+  } catch (error) {
+    throw new Error(wordsOf(error) === STOPPED ? STOPPED : UNREACHABLE, { cause: error });
   }
-  const told = await answer.json().catch(() => ({}));
+  const { told } = answer;
   if (!answer.ok) throw new Error(refusal(told, answer.status));
   if (told.owner_token) keepToken(told.id, told.owner_token); // another's comes without
   return told;

@@ -74,6 +74,20 @@ export function span(value) {
   return `${Math.round(value / 86400)}\u00a0days`;
 }
 
+const FEW_S = 5;
+
+// What is left of something, as the service estimates it.
+/** @param {number} value in seconds; 0 when it takes longer than usual */
+export function remaining(value) {
+  if (value <= 0) return "longer than usual";
+  return value < FEW_S ? "a few seconds left" : `${duration(value < 20 ? value : 5 * Math.round(value / 5))} left`;
+}
+
+/** @param {number} value in bytes */
+export function megabytes(value) {
+  return `${(value / 1e6).toFixed(value < 1e7 ? 1 : 0)} MB`;
+}
+
 /** @param {number} value */
 export function seconds(value) {
   return `${value.toFixed(2)} s`;

@@ -8,7 +8,7 @@ import { Figures } from "../player/figures.js";
 import { Source } from "../player/timeline.js";
 import { Progress } from "../panels/progress.js";
 import { Share } from "../panels/share.js";
-import { TakeAway } from "../panels/downloads.js";
+import { Downloads } from "../panels/downloads.js";
 import { toast } from "../panels/toast.js";
 import { view } from "../viewer/fold_view.js";
 import { get } from "../lib/text.js";
@@ -21,7 +21,7 @@ const { timeline, player, place, bar } = view({
   over: !facts.running,
   source: new Source(`/folds/${facts.id}`), figures, drawer, load: (frame) => { frame.src = "/view"; },
 });
-const takeAway = new TakeAway(get("panel-downloads"));
+const downloads = new Downloads(get("panel-downloads"));
 const failure = new Failure({ player, bar, drawer });
 const companions = new Companions(toast);
 
@@ -46,7 +46,7 @@ function show(now) {
   get("verdict").dataset.tone = now.verdict.tone;
   drawer.facts(now);
   companions.facts(now);
-  takeAway.facts(now);
+  downloads.facts(now);
   share.facts(now);
   failure.facts(now);
   showChoice(now.choice, drawer);

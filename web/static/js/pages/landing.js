@@ -1,9 +1,11 @@
 // The landing page: takes files and shapes, and keeps the featured fold in motion.
 import { UNREACHABLE, askForFold } from "../lib/fold_request.js";
 import { ownKey, proof } from "../lib/keys.js";
+import { STOPPED, posted } from "../lib/upload.js";
 import { playHero } from "../player/hero.js";
 import { changed, follow, refused } from "../panels/paper_settings.js";
-import { get, refusal } from "../lib/text.js";
+import { Sending } from "../panels/sending.js";
+import { get, refusal, wordsOf } from "../lib/text.js";
 
 const drop = get("drop");
 const message = get("drop-message");
@@ -11,6 +13,7 @@ const hero = get("hero");
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 const player = playHero(hero, get("sketch"), { calm });
 
+const sending = new Sending(get("sending"));
 const NO_PATH = new Set(["repeated-cell"]);
 
 /**
@@ -51,18 +54,18 @@ async function send(file, asVoxels = false) {
   form.set("full", "false");
   if (asVoxels) form.set("as_voxels", "true");
   try {
-    const answer = await fetch("/api/shapes/preview", { method: "POST", body: form, headers: proof(ownKey()) });
-    const body = await answer.json().catch(() => ({}));
-    if (!answer.ok) {
-      say(refusal(body, answer.status), "bad");
+    const { ok, status, told: body } = await sending.during(file.name, (how) => posted("/api/shapes/preview", form, { ...how, headers: proof(ownKey()) }));
+    if (!ok) {
+      say(refusal(body, status), "bad");
       if (NO_PATH.has(body.code)) offer(file);
       return;
     }
     const straight = (body.kind === "path" || body.kind === "chain") && body.knot?.verdict !== "knotted";
     if (straight) await start({ preview: body.id }, file.name);
     else location.href = `${body.links.page}${asVoxels ? "?as_voxels=true" : ""}`;
-  } catch {
-    say(UNREACHABLE, "bad");
+  } catch (error) {
+    if (wordsOf(error) !== STOPPED) say(UNREACHABLE, "bad");
+    else if (!sending.control) say(STOPPED); // and no other file instead
   }
 }
 

@@ -1,6 +1,7 @@
 // Where one goes from a fold: beside another one, or on into another shape.
 import { UNREACHABLE, askForFold, foldAsked } from "../lib/fold_request.js";
 import { changed, open, refused } from "./paper_settings.js";
+import { Sending } from "./sending.js";
 import { element, get, wordsOf } from "../lib/text.js";
 
 
@@ -12,6 +13,7 @@ export class Companions {
     get("refold").onclick = () => { this.fillRefold(); get("refold-dialog").showModal(); };
     get("smooth").onclick = () => this.smooth();
     get("refold-file").onchange = () => this.refoldInto(get("refold-file"));
+    this.sending = new Sending(get("refold-sending"));
     this.id = "";
     /** @type {Way[]} */
     this.others = [];
@@ -104,7 +106,8 @@ export class Companions {
     if (!file) return;
     get("refold-message").textContent = "";
     try {
-      location.href = `/folds/${(await foldAsked({ refold: this.id, file, ...this.published })).id}`;
+      const { id } = await this.sending.during(file.name, (how) => foldAsked({ refold: this.id, file, ...this.published }, how));
+      location.href = `/folds/${id}`;
     } catch (error) {
       get("refold-message").textContent = wordsOf(error);
     }

@@ -1,9 +1,10 @@
-// What can be taken away from a fold: files, a movie, and what a robot needs.
+// What can be downloaded of a fold: files, a movie, and what a robot needs.
 import { ownKey, proof, tokenOf } from "../lib/keys.js";
 import { element, wordsOf } from "../lib/text.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const LOOK_MS = 1000;
+const GONE = 404;
 
 /** @param {string} name */
 function icon(name) {
@@ -45,7 +46,7 @@ function number(label, name, value) {
  */
 const fieldsOf = (form) => Object.fromEntries(Array.from(new FormData(form), ([name, value]) => [name, String(value)]));
 
-export class TakeAway {
+export class Downloads {
   /** @param {HTMLElement} panel */
   constructor(panel) {
     this.panel = panel;
@@ -69,7 +70,8 @@ export class TakeAway {
     this.panel.replaceChildren(
       element("h3", {}, "Files"), element("ul", { class: "downloads" }, ...facts.downloads.map(file)),
       ...(facts.movies ? [element("h3", {}, "Movie"), this.movie()] : []),
-      ...(facts.robot ? [element("h3", {}, "For a robot"), this.robot()] : []));
+      ...(facts.robot ? [element("h3", {}, "For a robot"), this.robot()] : []),
+      ...(facts.kept ? [element("p", { class: "hint kept" }, facts.kept, " ", element("a", { href: "/privacy" }, "Privacy"))] : []));
   }
 
   movie() {
@@ -81,6 +83,7 @@ export class TakeAway {
       choice("Camera", "turn", [["30", "Turns a little"], ["0", "Stands still"], ["360", "Goes around once"]]),
       choice("Ground", "theme", [["light", "Light"], ["dark", "Dark"]]),
       element("div", { class: "wide" }, element("button", { class: "button", type: "submit" }, "Make the movie")));
+    const stop = element("button", { class: "button quiet", type: "button", hidden: true }, "Stop");
     const state = element("p", { class: "movie-state", role: "status" });
     const bar = element("progress", { max: "1", value: "0", hidden: true, "aria-label": "Movie" });
     const chosen = (/** @type {string} */ name) => /** @type {HTMLSelectElement} */ (form.elements.namedItem(name));
@@ -101,14 +104,15 @@ export class TakeAway {
         const movie = await this.ask(`${this.api}/movies`, {
           format, width, height, seconds: Number(seconds), turn_deg: Number(turn), theme, ...(part === "all" ? { first_frame: 0 } : {}),
         });
-        await this.follow(movie, state, bar);
+        await this.follow(movie, state, bar, stop);
       } catch (error) {
         state.replaceChildren(wordsOf(error));
       }
       bar.hidden = true;
+      stop.hidden = true;
       button.disabled = false;
     };
-    return element("div", {}, form, bar, state);
+    return element("div", {}, form, bar, state, stop);
   }
 
   /**
@@ -130,18 +134,45 @@ export class TakeAway {
    * @param {Movie} movie
    * @param {HTMLElement} state
    * @param {HTMLProgressElement} bar
+   * @param {HTMLButtonElement} stop for who may
    */
-  async follow(movie, state, bar) {
+  async follow(movie, state, bar, stop) {
     let now = movie;
+    // Who has asked first is told a token; the owner of the fold has that of the fold.
+    const token = movie.token ?? tokenOf(this.id) ?? ownKey();
+    /** @type {Promise<Response> | null} */
+    let stopping = null;
+    stop.hidden = !token;
+    stop.disabled = false;
+    const pressed = new Promise((done) => {
+      stop.onclick = () => {
+        stop.disabled = true;
+        stopping = fetch(movie.links.self, { method: "DELETE", headers: proof(token) });
+        done(null);
+      };
+    });
     while (now.status === "queued" || now.status === "running") {
       bar.hidden = false;
       bar.value = now.frames_done / now.frames_total;
       state.replaceChildren(now.status === "queued" ? "Waiting for its turn" : `Picture ${now.frames_done} of ${now.frames_total}`);
-      await new Promise((done) => { setTimeout(done, LOOK_MS); });
+      await Promise.race([pressed, new Promise((done) => { setTimeout(done, LOOK_MS); })]);
+      if (stopping) {
+        state.replaceChildren(await this.stopped(stopping));
+        return;
+      }
       now = await this.ask(now.links.self);
     }
     if (now.status === "failed") throw new Error(now.problem?.detail ?? "The movie could not be made.");
     state.replaceChildren(element("a", { href: now.links.file, download: true, class: "button primary" }, `Download the ${now.format === "gif" ? "GIF" : "MP4"}`));
+  }
+
+  // What came of asking for the end of a movie, in words.
+  /** @param {Promise<Response>} asked */
+  async stopped(asked) {
+    const answer = await asked.catch(() => null);
+    if (!answer) throw new Error("The server cannot be reached; the movie goes on.");
+    if (answer.ok || answer.status === GONE) return "Stopped";
+    throw new Error(answer.status === 403 ? "Others want it too: it goes on" : "It could not be stopped");
   }
 
   robot() {

@@ -1,4 +1,4 @@
-// Details at the side: the selected module, plots, properties, what can be taken away.
+// Details at the side: the selected module, plots, properties, downloads.
 import { copyText, element, get } from "../lib/text.js";
 
 const LONG = 28; // characters; beside their label they would stand in a narrow column

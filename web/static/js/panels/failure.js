@@ -1,4 +1,4 @@
-// Why a fold is not verified: a card over the view, the modules where it sticks, what was tried.
+// Why a fold is not verified: a card over the view, the modules where it sticks, and all attempts.
 import { element, get } from "../lib/text.js";
 
 const NAMED = 4; // modules that are named one by one
@@ -31,8 +31,8 @@ export class Failure {
     this.bar.sticksAt(this.found);
     get("tab-attempts").hidden = attempts.length < (failure ? 1 : 2);
     get("stuck-attempts").hidden = !attempts.length;
-    get("stuck-attempts").textContent = attempts.length === 1 ? "What was tried" : `All ${attempts.length} attempts`;
-    get("tried").replaceChildren(...this.panel(failure, attempts));
+    get("stuck-attempts").textContent = attempts.length === 1 ? "The attempt" : `All ${attempts.length} attempts`;
+    get("attempts").replaceChildren(...this.panel(failure, attempts));
     if (!this.found) return;
     const { heading, text, modules, knot } = this.found;
     get("stuck-heading").textContent = heading;
@@ -87,7 +87,7 @@ export class Failure {
     }
     const tried = attempts.map(({ strategy, how, end, tone }, k) => element("li", { "data-tone": tone },
       element("b", {}, `${k + 1}. ${strategy}`), element("small", {}, how), element("p", {}, end)));
-    if (tried.length) parts.push(element("h3", {}, "What was tried"), element("ol", { class: "attempts" }, ...tried));
+    if (tried.length) parts.push(element("h3", {}, "Attempts"), element("ol", { class: "attempts" }, ...tried));
     return parts;
   }
 }

@@ -1,6 +1,6 @@
 // A fold while it is computed: stage, share, steps a second, place in the queue.
 import { proof, tokenOf } from "../lib/keys.js";
-import { STAGES, duration, get, whole } from "../lib/text.js";
+import { STAGES, get, remaining, whole } from "../lib/text.js";
 
 const ASK_MS = 1000; // between two questions where no stream tells, at first
 const LONGEST_ASK_MS = 10000;
@@ -72,15 +72,16 @@ export class Progress {
     if (OVER.includes(now.status)) return; // the verdict follows
     const queue = now.queue_position ?? 0;
     let text = now.message === SMOOTHING ? "Smoothing" : STAGES[now.stage] ?? "Waiting";
+    const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s)}`;
     if (this.cancelling) text = "Cancelling…";
     else if (now.status === "queued") {
       text = queue > 0 ? `In the queue, place ${queue}` : "In the queue";
-      if (now.wait_s != null) text += ` · ${duration(now.wait_s)}`;
+      if (now.wait_s != null) text += left;
       else if (queue > 0) text += " · no worker is running just now";
     } else if (now.message === READY) text = "Getting ready";
     else if (now.message === COMPILING) text = "Compiling the solvers, once: takes up to a minute";
     else {
-      const parts = [`${text} ${Math.floor(100 * (now.fraction ?? 0))} %`];
+      const parts = [`${text} ${Math.floor(100 * (now.fraction ?? 0))} %${left}`];
       if (now.steps) parts.push(`${whole(now.steps)} steps`);
       if (now.simulated_s) parts.push(`${whole(now.simulated_s)} s simulated`);
       else if (now.steps_per_second) parts.push(`${whole(now.steps_per_second)} steps/s`);

@@ -1,0 +1,64 @@
+"""Privacy: what is stored, for how long, who sees it; as the settings have it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse, Response
+
+from server.api.context import context_of
+from server.files.cancelled import KEPT_S
+from server.jobs.janitor import FRESH_S
+from server.pages.page import page
+from server.settings import Settings
+from server.store.shown import ShownFold
+
+router = APIRouter(include_in_schema=False)
+
+UNITS: Final = ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute"), (1.0, "second"))
+WHO: Final = "Only who has the link sees it."
+FOR_ALL: Final = "A fold of the gallery: everybody sees it, and it stays."
+
+
+@router.get("/privacy", response_class=HTMLResponse)
+async def privacy(request: Request) -> Response:
+    """What the service keeps of its visitors, in plain words."""
+    settings = context_of(request).settings
+    return page(
+        "privacy.html",
+        listed=True,
+        kept=kept_words(settings),
+        room=settings.storage_bytes is not None or settings.storage_of_visitor_bytes is not None,
+        fresh=time_words(FRESH_S),
+        preview=time_words(settings.preview_keep_s),
+        cancelled=time_words(KEPT_S),
+        movies=settings.movies_of_fold,
+        imprint=settings.imprint_url,
+    )
+
+
+def kept_words(settings: Settings) -> str:
+    """For how long a fold is kept, as a sentence."""
+    if settings.keep_days is not None:
+        return f"Kept for {time_words(86400.0 * settings.keep_days)} after it was last looked at."
+    if settings.storage_bytes is not None or settings.storage_of_visitor_bytes is not None:
+        return "Kept as long as there is room; what nobody looks at goes first."
+    return "Kept until it is deleted."
+
+
+def who_and_how_long(settings: Settings, fold: ShownFold | None = None) -> str:
+    """Who sees a fold and for how long it is kept: of one that is there, or of the next one."""
+    if fold is not None and fold.public:
+        return FOR_ALL
+    kept = "Kept for good." if fold is not None and fold.pinned else kept_words(settings)
+    return f"{kept} {WHO}"
+
+
+def time_words(seconds: float) -> str:
+    """A time in its largest unit that leaves no rest of more than a tenth: ``30 days``."""
+    for length, name in UNITS:
+        count = round(seconds / length)
+        if count and abs(count * length - seconds) <= 0.1 * seconds:
+            return f"{count} {name}{'' if count == 1 else 's'}"
+    return f"{seconds:g} seconds"

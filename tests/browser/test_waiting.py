@@ -1,0 +1,84 @@
+"""Waiting: what is left of a fold, and uploads and movies that are stopped."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.conftest import keep
+from tests.server.service import Service, owner
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+Visit = Callable[..., Page]
+SLOW = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 300_000}
+"""Of a network, in bytes a second."""
+HEARD = """addEventListener("DOMContentLoaded", () => {
+  window.heard = [];
+  const verdict = document.getElementById("verdict");
+  const note = () => window.heard.push(verdict.textContent);
+  new MutationObserver(note).observe(verdict, { childList: true });
+});"""
+
+
+def test_an_upload_is_told_and_stopped(visit: Visit, service: Service) -> None:
+    page = visit("/")
+    expect(page.locator(".drop-kept")).to_have_text(
+        "Kept until it is deleted. Only who has the link sees it. Privacy"
+    )
+    page.context.new_cdp_session(page).send("Network.emulateNetworkConditions", SLOW)
+    page.locator("#file").set_input_files(
+        {"name": "large.stl", "mimeType": "model/stl", "buffer": bytes(8_000_000)}
+    )
+    sending = page.locator(".sending")
+    expect(sending).to_contain_text(re.compile(r"Sending large\.stl: \d+ %, \d\.\d MB of 8\.0 MB"))
+    bar = sending.get_by_role("progressbar", name="Sending large.stl")
+    assert 0.0 < float(bar.get_attribute("value") or 0.0) < 1.0
+    keep(page, "waiting-upload")
+    sending.get_by_role("button", name="Stop").click()
+    expect(page.locator("#drop-message")).to_have_text("Stopped")
+    expect(sending).to_have_count(0)
+    left = {path.name for path in service.data_dir.glob("uploads/*/*")} - {"lock"}
+    deadline = 100
+    while left and deadline:
+        page.wait_for_timeout(50)
+        deadline -= 1
+        left = {path.name for path in service.data_dir.glob("uploads/*/*")} - {"lock"}
+    assert not left
+    page.locator(".foot a[href='/privacy']").click()
+    expect(page.locator("h1")).to_have_text("Privacy")
+    keep(page, "privacy")
+
+
+def test_what_is_left_and_a_movie_that_is_stopped(visit: Visit, service: Service) -> None:
+    for seed in ("31", "32"):  # what like folds take is known then
+        service.wait_over(service.fold(shape="wrench-24", seed=seed)["id"])
+    ahead = service.fold(shape="mallet-80", seed="31")
+    fold = service.fold(shape="wrench-80", seed="31")
+    page = visit("/shapes/new", view=False)
+    page.add_init_script(HEARD)
+    page.goto(f"/folds/{fold['id']}")
+    expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
+    heard = page.evaluate("window.heard")
+    left = re.compile("· (about [0-9]+ (s|min) left|a few seconds left|longer than usual)")
+    assert any(left.search(text) for text in heard), heard
+    assert not any("NaN" in text or "undefined" in text for text in heard)
+    service.wait_over(ahead["id"])
+
+    page.locator("#details").click()
+    page.locator("#tab-downloads", has_text="Download").click()
+    expect(page.locator("#panel-downloads .kept")).to_contain_text("Only who has the link sees it.")
+    page.locator("[name=size]").select_option("1920x1080")
+    page.locator("[name=seconds]").select_option("20")
+    page.get_by_role("button", name="Make the movie").click()
+    state = page.locator(".movie-state").first
+    expect(state).to_have_text(re.compile("Picture [0-9]+ of 600"))
+    stop = page.locator("#panel-downloads").get_by_role("button", name="Stop")
+    keep(page, "waiting-movie")
+    stop.click()
+    expect(state).to_have_text("Stopped")
+    expect(stop).to_be_hidden()
+    expect(page.get_by_role("button", name="Make the movie")).to_be_enabled()
+    assert service.http.delete(f"/api/folds/{fold['id']}", headers=owner(fold)).status_code == 204

@@ -1,0 +1,184 @@
+"""How long folds still take: by what is measured here, or nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from server.api.schemas import progress_of
+from server.jobs.remaining import Remaining, left_s
+from server.settings import Settings
+from server.store.durations import Duration, typical_s
+from server.store.folds import Store
+from server.store.leases import Leases
+from server.store.worker_identity import WorkerIdentities
+from tests.server.rows import a_fold
+
+USUAL = {"read": 0.5, "explode": 8.0, "play_back": 4.0, "certify": 2.0, "export": 0.5}
+NOW = 1_000_000.0
+
+
+class Clock:
+    """A clock that stands still until it is moved on."""
+
+    def __init__(self) -> None:
+        self.now = NOW
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    with closing(Store(Settings(data_dir=tmp_path))) as store:
+        yield store
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def remaining(tmp_path: Path, store: Store, clock: Clock) -> Remaining:
+    leases = Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), 1000.0)
+    leases.beat("one", host="here", pid=1, folds_at_once=1)
+    return Remaining(store, leases, clock=clock)
+
+
+def ended(store: Store, name: str, *, modules: int = 160, times: float = 1.0, **how: Any) -> None:
+    stage_s = {stage: times * seconds for stage, seconds in USUAL.items()}
+    took = {"started_at": NOW - 100.0, "ended_at": NOW - 100.0 + sum(stage_s.values())}
+    row = a_fold(name, modules=modules, progress={"stage_s": stage_s}, **took, **how)
+    store.add(row, "a token of somebody")
+
+
+def running(store: Store, stage: str, fraction: float, *, began_at: float, **how: Any) -> str:
+    before = list(USUAL)[: list(USUAL).index(stage)]
+    told = {
+        "stage": stage,
+        "fraction": fraction,
+        "stage_s": {name: USUAL[name] for name in before},
+        "began_at": began_at,
+    }
+    row = a_fold("now", status="running", stage=stage, modules=160, progress=told, **how)
+    store.add(row, "a token of somebody")
+    return row.id
+
+
+def test_where_nothing_like_it_was_measured_nothing_is_said(
+    store: Store, remaining: Remaining, clock: Clock
+) -> None:
+    fold = running(store, "explode", 0.5, began_at=NOW - 4.0)
+    assert remaining.of(store.fold(fold)).remaining_s is None
+    ended(store, "much longer", modules=1600)
+    ended(store, "another preset", preset="paper")
+    ended(store, "one that failed", status="failed")
+    clock.now += 10.0
+    assert remaining.of(store.fold(fold)).remaining_s is None
+    ended(store, "one like it")
+    clock.now += 10.0
+    assert remaining.of(store.fold(fold)).remaining_s is not None
+
+
+def test_what_is_left_of_the_stage_and_the_stages_after_it(
+    store: Store, remaining: Remaining
+) -> None:
+    for name in ("first", "second", "third"):
+        ended(store, name)
+    fold = running(store, "explode", 0.5, began_at=NOW - 4.0)
+    assert remaining.of(store.fold(fold)).remaining_s == round(4.0 + 4.0 + 2.0 + 0.5)
+
+
+def test_it_runs_down_like_a_clock_and_follows_what_is_seen_bit_by_bit(
+    store: Store, remaining: Remaining, clock: Clock
+) -> None:
+    ended(store, "another")
+    fold = running(store, "play_back", 0.0, began_at=NOW)
+    told: list[int | None] = []
+    for _ in range(12):
+        told.append(remaining.of(store.fold(fold)).remaining_s)
+        clock.now += 0.25
+    assert told[0] == round(4.0 + 2.0 + 0.5)
+    assert told == sorted(told, key=lambda s: -(s or 0)), "it does not rise"
+    assert told[-1] == 4
+    # Now it says that it is hardly anywhere: what is told rises, and not at once.
+    progress = store.fold(fold).progress | {"fraction": 0.3, "began_at": NOW - 7.0}
+    store.report(fold, 0, progress)
+    after = [remaining.of(store.fold(fold)).remaining_s or 0]
+    for _ in range(8):
+        clock.now += 1.0
+        after.append(remaining.of(store.fold(fold)).remaining_s or 0)
+    assert after[0] - (told[-1] or 0) <= 2
+    assert max(after) > after[0]
+
+
+def test_longer_than_usual_is_said_and_never_less_than_nothing(
+    store: Store, remaining: Remaining, clock: Clock
+) -> None:
+    ended(store, "another")
+    fold = running(store, "certify", 0.4, began_at=NOW)
+    for _ in range(7):
+        assert (remaining.of(store.fold(fold)).remaining_s or 0) >= 1
+        clock.now += 1.0
+    clock.now += 1.0
+    assert remaining.of(store.fold(fold)).remaining_s == 0
+
+
+def test_in_the_queue_it_is_the_wait_and_the_fold(store: Store, remaining: Remaining) -> None:
+    ended(store, "another")
+    first = a_fold("first", status="queued", modules=160)
+    second = a_fold("second", status="queued", modules=160)
+    for row in (first, second):
+        store.add(row, "a token of somebody")
+    one, two = remaining.of(store.fold("first")), remaining.of(store.fold("second"))
+    assert (one.place, two.place) == (1, 2)
+    assert one.remaining_s == sum(USUAL.values())
+    assert two.remaining_s == 2 * sum(USUAL.values())
+
+
+def test_the_middle_of_folds_of_its_size_counts() -> None:
+    row = a_fold("now", modules=160)
+    known = [Duration(modules=160, stage_s={"explode": s}) for s in (1.0, 2.0, 30.0)]
+    assert typical_s(known, row) == {"explode": 2.0}
+    # Twice as many modules take longer, and a fold of the same size counts most.
+    larger = typical_s(known, a_fold("now", modules=320))
+    assert larger is not None and larger["explode"] > 4.0
+    both = [*known, *[Duration(modules=500, stage_s={"explode": 9.0})] * 4]
+    assert typical_s(both, row) == {"explode": 2.0}
+    assert typical_s(known, a_fold("now", modules=0)) is None
+
+
+def test_what_the_stage_before_has_said_is_not_of_the_next(
+    store: Store, remaining: Remaining
+) -> None:
+    ended(store, "another")
+    fold = running(store, "explode", 1.0, began_at=NOW - 8.0)
+    told = store.fold(fold).progress
+    store.report(fold, 0, told | {"stage_s": {"read": 0.5, "explode": 8.0}})
+    store.begin(fold, "play_back", "one")
+    row = store.fold(fold)
+    assert progress_of(row, remaining)["fraction"] == 0.0
+    assert 6 <= (remaining.of(row).remaining_s or 0) <= 7
+
+
+def test_a_slow_machine_is_slow_in_the_next_stage_too() -> None:
+    spent = {"read": 0.5, "explode": 24.0}
+    left = left_s(USUAL, stage="play_back", fraction=0.0, spent_s=spent, elapsed_s=0.0)
+    assert left == pytest.approx(6.5 * (3.0 + 24.0) / (3.0 + 8.0))
+    # That the loops were compiled first says nothing.
+    late = {"read": 90.0, "explode": 8.0}
+    left = left_s(USUAL, stage="play_back", fraction=0.0, spent_s=late, elapsed_s=0.0)
+    assert left == pytest.approx(6.5)
+
+
+def test_a_fold_that_chooses_goes_through_stages_again() -> None:
+    spent = {"explode": 3.0, "play_back": 4.0}
+    once = left_s(USUAL, stage="certify", fraction=0.0, spent_s=spent, elapsed_s=0.0)
+    again = left_s(USUAL, stage="certify", fraction=0.0, spent_s=spent, elapsed_s=0.0, chooses=True)
+    assert once == pytest.approx(2.5 * (3.0 + 7.0) / (3.0 + 12.0)), "it was quicker so far"
+    assert again == pytest.approx(2.5 + 5.0)

@@ -1,0 +1,79 @@
+"""What pages say of how long folds are kept and who sees them: as the settings have it."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from types import SimpleNamespace
+
+import httpx
+import pytest
+from fastapi import FastAPI
+from pydantic import ValidationError
+
+from server.pages import privacy
+from server.pages.privacy import time_words, who_and_how_long
+from server.settings import MIB, Settings
+from server.store.shown import ShownFold
+from tests.server.rows import a_fold
+
+
+def words(**settings: object) -> str:
+    """The page, as one line."""
+    app = FastAPI()
+    app.state.context = SimpleNamespace(settings=Settings.model_validate(settings))
+    app.include_router(privacy.router)
+
+    async def ask() -> httpx.Response:
+        transport = httpx.ASGITransport(app=app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://here") as client:
+            return await client.get("/privacy")
+
+    answer = asyncio.run(ask())
+    assert (answer.status_code, answer.headers["x-robots-tag"]) == (200, "all")
+    return re.sub(r"\s+", " ", answer.text)
+
+
+def test_the_page_says_what_the_settings_are() -> None:
+    plain = words()
+    assert "Kept until it is deleted." in plain and "room gets short, those go" not in plain
+    assert "Who runs this service" not in plain
+    bounded = words(
+        keep_days=30, storage_bytes=64 * MIB, preview_keep_s=7200, movies_of_fold=3,
+        imprint_url="https://example.org/imprint?a=1&b=2",
+    )  # fmt: skip
+    assert "Kept for 30 days after it was last looked at." in bounded
+    assert "never within 1 hour of a look" in bounded
+    assert "nobody has touched it for 2 hours" in bounded and "at most 3 movies" in bounded
+    assert 'href="https://example.org/imprint?a=1&amp;b=2"' in bounded
+
+
+def test_each_fold_says_what_becomes_of_it() -> None:
+    settings = Settings(keep_days=1)
+    mine, shared, pinned = (
+        ShownFold.of(a_fold("a", public=public, pinned=pinned))
+        for public, pinned in ((False, False), (True, False), (False, True))
+    )
+    who = "Only who has the link sees it."
+    assert who_and_how_long(settings) == who_and_how_long(settings, mine)
+    assert who_and_how_long(settings, mine) == (
+        f"Kept for 1 day after it was last looked at. {who}"
+    )
+    assert who_and_how_long(settings, shared) == privacy.FOR_ALL
+    assert who_and_how_long(settings, pinned) == f"Kept for good. {who}"
+    for bound in ("storage_bytes", "storage_of_visitor_bytes"):
+        told = who_and_how_long(Settings.model_validate({bound: MIB}))
+        assert told.startswith("Kept as long as there is room;")
+
+
+def test_times_have_their_largest_unit() -> None:
+    times = (30 * 86400.0, 43200.0, 3600.0, 90.0, 5400.0, 0.5 * 86400.0, 1.5 * 86400.0)
+    assert [time_words(s) for s in times] == [
+        *("30 days", "12 hours", "1 hour", "90 seconds", "90 minutes", "12 hours", "36 hours"),
+    ]
+
+
+@pytest.mark.parametrize("url", ["javascript:alert(1)", "example.org", 'https://a"b', "//x"])
+def test_an_imprint_is_an_address_of_the_web(url: str) -> None:
+    with pytest.raises(ValidationError, match=r"expected an address like https"):
+        Settings(imprint_url=url)

@@ -1,0 +1,49 @@
+// How far an upload is, and a button that stops it, for what takes longer than a moment.
+import { element, megabytes } from "../lib/text.js";
+
+const SOON_MS = 500;
+
+export class Sending {
+  /** @param {HTMLElement} host what it stands in, empty until then */
+  constructor(host) {
+    this.host = host;
+    /** @type {AbortController | null} */
+    this.control = null;
+  }
+
+  // Does something that takes a signal and tells how much is sent; what was going on is stopped before.
+  /**
+   * @template Done
+   * @param {string} name
+   * @param {(how: { signal: AbortSignal, onSent: (sent: number, all: number) => void }) => Promise<Done>} send
+   * @returns {Promise<Done>}
+   */
+  async during(name, send) {
+    this.control?.abort();
+    const control = new AbortController();
+    this.control = control;
+    const bar = element("progress", { max: "1", "aria-label": `Sending ${name}` });
+    const text = element("span", { class: "sending-text" }, `Sending ${name}`);
+    const stop = element("button", { class: "button quiet", type: "button" }, "Stop");
+    stop.onclick = () => control.abort();
+    const soon = setTimeout(() => this.host.replaceChildren(element("div", { class: "sending" }, bar, text, stop)), SOON_MS);
+    const onSent = (/** @type {number} */ sent, /** @type {number} */ all) => {
+      if (sent < all) {
+        bar.value = sent / all;
+        text.textContent = `Sending ${name}: ${Math.floor((100 * sent) / all)} %, ${megabytes(sent)} of ${megabytes(all)}`;
+      } else {
+        bar.removeAttribute("value"); // all is there, and being read
+        text.textContent = `Reading ${name}…`;
+      }
+    };
+    try {
+      return await send({ signal: control.signal, onSent });
+    } finally {
+      clearTimeout(soon);
+      if (this.control === control) {
+        this.control = null;
+        this.host.replaceChildren();
+      }
+    }
+  }
+}
