@@ -352,6 +352,7 @@ interface Elements {
   folded: HTMLInputElement;
   follow: HTMLButtonElement;
   forward: HTMLButtonElement;
+  frame: HTMLInputElement;
   jump: HTMLSelectElement;
   live: HTMLButtonElement;
   loop: HTMLButtonElement;

@@ -1,5 +1,6 @@
 // The timeline bar: phases as two tints, the error as a small area in it, and the playhead.
-import { PHASES, get, radians, seconds, whole } from "../lib/text.js";
+import { FrameField } from "./frame_field.js";
+import { PHASES, get, radians, seconds } from "../lib/text.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -21,6 +22,7 @@ export class Bar {
     this.onStuck = () => {};
     this.scrubbing = false;
     this.scrub = get("scrub");
+    this.frame = new FrameField(player);
     const send = (/** @type {Command} */ message) => () => player.send(message);
     get("play").onclick = send({ do: "toggle" });
     get("back").onclick = send({ do: "step", by: -1 });
@@ -156,7 +158,7 @@ export class Bar {
     const speed = get("speed");
     if (document.activeElement !== speed) speed.value = String(state.speed);
     get("r-phase").textContent = PHASES[state.phase] ?? "";
-    get("r-frame").textContent = `Frame ${whole(state.frame + 1)} of ${whole(state.frames)}`;
+    this.frame.show(state);
     get("r-time").textContent = state.time_s === null ? "" : seconds(state.time_s);
     get("r-error").textContent = state.error_rad === null ? "" : `Error ${radians(state.error_rad)}`;
     this.scrub.setAttribute("aria-valuetext",
