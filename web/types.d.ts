@@ -185,6 +185,8 @@ type Command =
   | { do: "seek"; frame: number }
   | { do: "seek"; percent: number }
   | { do: "step"; by: number }
+  | { do: "pass"; seconds: number }
+  | { do: "change"; way: 1 | -1 }
   | ({ do: "set" } & Partial<Omit<Switches, "playing">>)
   | { do: "select"; module: number | null };
 interface State extends Switches {
@@ -354,6 +356,8 @@ interface Elements {
   forward: HTMLButtonElement;
   frame: HTMLInputElement;
   jump: HTMLSelectElement;
+  "keys-dialog": HTMLDialogElement;
+  "keys-off": HTMLInputElement;
   live: HTMLButtonElement;
   loop: HTMLButtonElement;
   model: SVGSVGElement;

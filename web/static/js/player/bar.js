@@ -28,7 +28,7 @@ export class Bar {
     get("back").onclick = send({ do: "step", by: -1 });
     get("forward").onclick = send({ do: "step", by: 1 });
     for (const name of PRESSED) {
-      get(name).onclick = () => player.send({ do: "set", [name]: get(name).getAttribute("aria-pressed") !== "true" });
+      get(name).onclick = () => this.press(name);
     }
     get("speed").onchange = () => player.send({ do: "set", speed: Number(get("speed").value) });
     this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
@@ -80,27 +80,17 @@ export class Bar {
     if (frame !== null) this.player.send({ do: "seek", frame });
   }
 
-  /** @param {KeyboardEvent} event */
-  key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
-    const target = event.target instanceof Element ? event.target : null;
-    const inField = target?.closest("select, textarea, input:not([type=range])");
-    const onButton = target?.closest("button, a, summary, [role=tab]");
-    if (inField) return;
-    if (target?.closest("[role=tablist]") && event.key.startsWith("Arrow")) return;
-    /** @type {Record<string, Command | null>} */
-    const messages = {
-      ArrowLeft: { do: "step", by: event.shiftKey ? -10 : -1 },
-      ArrowRight: { do: "step", by: event.shiftKey ? 10 : 1 },
-      Home: { do: "seek", percent: 0 },
-      End: { do: "seek", percent: 100 },
-      " ": onButton ? null : { do: "toggle" },
-    };
-    const message = messages[event.key];
-    if (!message) return;
-    event.preventDefault();
-    event.stopImmediatePropagation();
-    this.player.send(message);
+  // Presses one of the buttons that stay pressed.
+  /** @param {typeof PRESSED[number]} name */
+  press(name) { this.player.send({ do: "set", [name]: get(name).getAttribute("aria-pressed") !== "true" }); }
+
+  // The next of the speeds that are on offer, faster or, with -1, slower.
+  /** @param {number} by */
+  hurry(by) {
+    const speeds = [...get("speed").options].map(({ value }) => Number(value));
+    const now = this.state?.speed ?? 1;
+    const next = by > 0 ? speeds.find((speed) => speed > now) : speeds.findLast((speed) => speed < now);
+    if (next) this.player.send({ do: "set", speed: next });
   }
 
   /** @param {BarOutline} outline */
@@ -148,8 +138,7 @@ export class Bar {
   show(state) {
     this.state = state;
     if (!this.scrubbing) this.place(state.frame);
-    const press = (/** @type {string} */ id, /** @type {boolean} */ on) => get(id).setAttribute("aria-pressed", String(on));
-    for (const name of PRESSED) press(name, state[name]);
+    for (const name of PRESSED) get(name).setAttribute("aria-pressed", String(state[name]));
     get("live").hidden = !state.growing;
     this.showFolded(state);
     const running = state.playing;

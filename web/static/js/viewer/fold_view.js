@@ -2,6 +2,7 @@
 // it, the timeline, the legend and, where there are panels for them, module and plots.
 import { Bar } from "../player/bar.js";
 import { Timeline } from "../player/timeline.js";
+import { Keys } from "../player/keys.js";
 import { Legend } from "../panels/legend.js";
 import { ModulePanel } from "../panels/module_panel.js";
 import { Place } from "../player/address.js";
@@ -54,7 +55,7 @@ export function view({ source, figures, load, over = true, drawer = null, play =
     stage.seeThrough(on);
   };
   new ResizeObserver(() => player.show(true)).observe(frame);
-  addEventListener("keydown", (event) => bar.key(event));
+  new Keys(player, bar, { alone: true });
 
   let started = false;
   function start3d() {

@@ -1,0 +1,93 @@
+// The keys of a page that plays: one table says what each does, and fills the dialog that shows them.
+import { element, get } from "../lib/text.js";
+
+const KEPT = "foldback:single-keys";
+
+/**
+ * @typedef {object} Row
+ * @property {string[]} shown
+ * @property {string} text
+ * @property {Record<string, (it: Keys) => void>} does by the key, with "Shift+" before it where it has no sign of its own
+ * @property {boolean} [held] whether a key that is held does it again
+ * @property {(it: Keys) => unknown} [there] whether a page has it
+ */
+
+const send = (/** @type {Command} */ command) => (/** @type {Keys} */ { player }) => { player.send(command); };
+const alone = (/** @type {Keys} */ { options }) => options.alone;
+
+/** @type {Row[]} */
+const TABLE = [
+  { shown: ["Space"], text: "Play or pause", does: { " ": send({ do: "toggle" }) } },
+  { shown: ["←", "→"], text: "One frame back, forward", held: true, does: { ArrowLeft: send({ do: "step", by: -1 }), ArrowRight: send({ do: "step", by: 1 }) } },
+  { shown: ["Shift ←", "Shift →"], text: "0.1 s back, forward", held: true, there: alone, does: { "Shift+ArrowLeft": send({ do: "pass", seconds: -0.1 }), "Shift+ArrowRight": send({ do: "pass", seconds: 0.1 }) } },
+  { shown: [",", "."], text: "1 s back, forward", held: true, there: alone, does: { ",": send({ do: "pass", seconds: -1 }), ".": send({ do: "pass", seconds: 1 }) } },
+  { shown: ["P", "N"], text: "Visible change before, after", held: true, there: alone, does: { p: send({ do: "change", way: -1 }), n: send({ do: "change", way: 1 }) } },
+  { shown: ["Home", "End"], text: "First frame, last frame", does: { Home: send({ do: "seek", percent: 0 }), End: send({ do: "seek", percent: 100 }) } },
+  { shown: ["G"], text: "Type a frame", does: { g: ({ bar }) => bar.frame.open() } },
+  { shown: ["<", ">"], text: "Slower, faster; [ and ] as well", does: Object.fromEntries([["<", -1], [">", 1], ["[", -1], ["]", 1]].map(([key, by]) => [key, ({ bar }) => bar.hurry(Number(by))])) },
+  { shown: ["R"], text: "Play in reverse", does: { r: ({ bar }) => bar.press("reverse") } },
+  { shown: ["L"], text: "Loop", does: { l: ({ bar }) => bar.press("loop") } },
+  { shown: ["M"], text: "Choose a module by number", there: ({ options }) => options.module, does: { m: ({ options }) => options.module?.() } },
+  { shown: ["?"], text: "Show these keys", does: { "?": (it) => it.open() } },
+];
+
+const plain = (/** @type {string} */ key) => key.replace("Shift+", "");
+
+// All keys that do something, also with Caps Lock.
+export const KEYS = [...new Set(TABLE.flatMap(({ does }) => Object.keys(does)).map(plain).flatMap((key) => (key.length > 1 ? [key] : [key, key.toUpperCase()])))];
+
+// What a key is called in the table; signs have their Shift in them.
+/** @param {Pick<KeyboardEvent, "key" | "shiftKey">} event */
+export const nameOf = ({ key, shiftKey }) => (key.length === 1 ? key.toLowerCase() : shiftKey ? `Shift+${key}` : key);
+
+export class Keys {
+  // `alone` says that one fold is played, with times of its own; `module` leads to the choice of a module.
+  /**
+   * @param {Playing} player
+   * @param {import("./bar.js").Bar} bar
+   * @param {{ alone?: boolean, module?: (() => void) | null }} options
+   */
+  constructor(player, bar, options = {}) {
+    this.player = player;
+    this.bar = bar;
+    this.options = options;
+    this.rows = TABLE.filter(({ there }) => there?.(this) ?? true);
+    this.dialog = get("keys-dialog");
+    this.off = get("keys-off");
+    this.off.checked = recall() === "off";
+    this.off.onchange = () => keep(this.off.checked ? "off" : null);
+    get("keys").onclick = () => this.open();
+    get("keys-table").replaceChildren(...this.rows.map(({ shown, text }) => element("tr", {},
+      element("th", { scope: "row" }, ...shown.map((key) => element("kbd", {}, key))), element("td", {}, text))));
+    addEventListener("keydown", (event) => this.press(event));
+  }
+
+  open() { this.dialog.showModal(); }
+
+  /** @param {KeyboardEvent} event */
+  press(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.isComposing || document.querySelector("dialog[open]")) return;
+    const target = event.target instanceof Element ? event.target : null;
+    if (target?.closest("select, textarea, input:not([type=range])")) return;
+    if (target?.closest("[role=tablist]") && event.key.startsWith("Arrow")) return;
+    if (event.key === " " && target?.closest("button, a, summary, [role=tab]")) return;
+    const name = nameOf(event);
+    if (name.length === 1 && name !== " " && this.off.checked) return;
+    const row = this.rows.find(({ does }) => Object.hasOwn(does, name));
+    if (!row) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    if (row.held || !event.repeat) row.does[name](this);
+  }
+}
+
+function recall() {
+  try { return localStorage.getItem(KEPT); } catch { return null; }
+}
+
+/** @param {string | null} value */
+function keep(value) {
+  try {
+    if (value === null) localStorage.removeItem(KEPT); else localStorage.setItem(KEPT, value);
+  } catch { /* not kept, then */ }
+}
