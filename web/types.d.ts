@@ -179,6 +179,8 @@ interface Switches {
   follow: boolean;
   turn: boolean;
   live: boolean;
+  from: number | null; // frames that are looped over; null for those of the timeline
+  to: number | null;
 }
 type Command =
   | { do: "play" | "pause" | "toggle" }

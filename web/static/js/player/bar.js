@@ -1,5 +1,6 @@
 // The timeline bar: phases as two tints, the error as a small area in it, and the playhead.
 import { FrameField } from "./frame_field.js";
+import { LoopRange } from "./loop_range.js";
 import { PHASES, get, radians, seconds } from "../lib/text.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -23,6 +24,7 @@ export class Bar {
     this.scrubbing = false;
     this.scrub = get("scrub");
     this.frame = new FrameField(player);
+    this.range = new LoopRange(player);
     const send = (/** @type {Command} */ message) => () => player.send(message);
     get("play").onclick = send({ do: "toggle" });
     get("back").onclick = send({ do: "step", by: -1 });
@@ -148,6 +150,7 @@ export class Bar {
     if (document.activeElement !== speed) speed.value = String(state.speed);
     get("r-phase").textContent = PHASES[state.phase] ?? "";
     this.frame.show(state);
+    this.range.show(state);
     get("r-time").textContent = state.time_s === null ? "" : seconds(state.time_s);
     get("r-error").textContent = state.error_rad === null ? "" : `Error ${radians(state.error_rad)}`;
     this.scrub.setAttribute("aria-valuetext",

@@ -27,6 +27,8 @@ const TABLE = [
   { shown: ["<", ">"], text: "Slower, faster; [ and ] as well", does: Object.fromEntries([["<", -1], [">", 1], ["[", -1], ["]", 1]].map(([key, by]) => [key, ({ bar }) => bar.hurry(Number(by))])) },
   { shown: ["R"], text: "Play in reverse", does: { r: ({ bar }) => bar.press("reverse") } },
   { shown: ["L"], text: "Loop", does: { l: ({ bar }) => bar.press("loop") } },
+  { shown: ["I", "O"], text: "Loop from this frame, up to it", does: { i: ({ player, bar }) => { player.send({ do: "set", from: bar.frame.frame }); }, o: ({ player, bar }) => { player.send({ do: "set", to: bar.frame.frame }); } } },
+  { shown: ["X"], text: "Loop over everything again", does: { x: send({ do: "set", from: null, to: null }) } },
   { shown: ["M"], text: "Choose a module by number", there: ({ options }) => options.module, does: { m: ({ options }) => options.module?.() } },
   { shown: ["?"], text: "Show these keys", does: { "?": (it) => it.open() } },
 ];
