@@ -44,6 +44,9 @@ export class Bar {
       get("jump").value = "";
       if (where) this.jump(where);
     };
+    get("full").hidden = !document.fullscreenEnabled;
+    get("full").onclick = () => this.fullScreen();
+    document.addEventListener("fullscreenchange", () => get("full").setAttribute("aria-pressed", String(Boolean(document.fullscreenElement))));
     this.enable(false);
     player.on("waiting", () => this.enable(false));
     player.on("outline", (outline) => this.draw(outline));
@@ -85,6 +88,11 @@ export class Bar {
   // Presses one of the buttons that stay pressed.
   /** @param {typeof PRESSED[number]} name */
   press(name) { this.player.send({ do: "set", [name]: get(name).getAttribute("aria-pressed") !== "true" }); }
+
+  fullScreen() {
+    if (document.fullscreenElement) document.exitFullscreen();
+    else document.documentElement.requestFullscreen().catch(() => {}); // a browser may have its reasons
+  }
 
   // The next of the speeds that are on offer, faster or, with -1, slower.
   /** @param {number} by */
