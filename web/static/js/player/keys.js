@@ -30,6 +30,8 @@ const TABLE = [
   { shown: ["I", "O"], text: "Loop from this frame, up to it", does: { i: ({ player, bar }) => { player.send({ do: "set", from: bar.frame.frame }); }, o: ({ player, bar }) => { player.send({ do: "set", to: bar.frame.frame }); } } },
   { shown: ["X"], text: "Loop over everything again", does: { x: send({ do: "set", from: null, to: null }) } },
   { shown: ["M"], text: "Choose a module by number", there: ({ options }) => options.module, does: { m: ({ options }) => options.module?.() } },
+  { shown: ["↑", "↓"], text: "Next module, previous, in its panel", there: ({ options }) => options.module, does: {} },
+  { shown: ["Page Up", "Page Down"], text: "Ten frames on, back, in a plot", there: ({ options }) => options.module, does: {} },
   { shown: ["F"], text: "Full screen", there: () => document.fullscreenEnabled, does: { f: ({ bar }) => bar.fullScreen() } },
   { shown: ["T"], text: "Light, dark, or as the system", does: { t: ({ dialog }) => { /** @type {HTMLElement | null} */ (dialog.querySelector("[data-theme-switch]"))?.click(); } } },
   { shown: ["?"], text: "Show these keys", does: { "?": (it) => it.open() } },
