@@ -33,7 +33,7 @@ const TABLE = [
   { shown: ["↑", "↓"], text: "Next module, previous, in its panel", there: ({ options }) => options.module, does: {} },
   { shown: ["Page Up", "Page Down"], text: "Ten frames on, back, in a plot", there: ({ options }) => options.module, does: {} },
   { shown: ["F"], text: "Full screen", there: () => document.fullscreenEnabled, does: { f: ({ bar }) => bar.fullScreen() } },
-  { shown: ["T"], text: "Light, dark, or as the system", does: { t: ({ dialog }) => { /** @type {HTMLElement | null} */ (dialog.querySelector("[data-theme-switch]"))?.click(); } } },
+  { shown: ["T"], text: "Light, dark, or as the system", does: { t: () => { /** @type {HTMLElement | null} */ (document.querySelector("[data-theme-switch]"))?.click(); } } },
   { shown: ["?"], text: "Show these keys", does: { "?": (it) => it.open() } },
 ];
 
