@@ -91,7 +91,7 @@ def test_all_keys_are_shown_and_single_ones_can_be_turned_off(page: Page) -> Non
     page.keyboard.press("?")
     dialog = page.locator("#keys-dialog")
     expect(dialog).to_be_visible()
-    assert dialog.locator("tr").count() >= 15
+    assert dialog.locator("dt").count() >= 15
     page.keyboard.press("ArrowRight")  # nothing behind it moves
     at(page, 30)
     page.keyboard.press("Escape")

@@ -31,7 +31,7 @@ const TABLE = [
   { shown: ["X"], text: "Loop over everything again", does: { x: send({ do: "set", from: null, to: null }) } },
   { shown: ["M"], text: "Choose a module by number", there: ({ options }) => options.module, does: { m: ({ options }) => options.module?.() } },
   { shown: ["↑", "↓"], text: "Next module, previous, in its panel", there: ({ options }) => options.module, does: {} },
-  { shown: ["Page Up", "Page Down"], text: "Ten frames on, back, in a plot", there: ({ options }) => options.module, does: {} },
+  { shown: ["PgUp", "PgDn"], text: "Ten frames on, back, in a plot", there: ({ options }) => options.module, does: {} },
   { shown: ["F"], text: "Full screen", there: () => document.fullscreenEnabled, does: { f: ({ bar }) => bar.fullScreen() } },
   { shown: ["T"], text: "Light, dark, or as the system", does: { t: () => { /** @type {HTMLElement | null} */ (document.querySelector("[data-theme-switch]"))?.click(); } } },
   { shown: ["?"], text: "Show these keys", does: { "?": (it) => it.open() } },
@@ -63,8 +63,8 @@ export class Keys {
     this.off.checked = recall() === "off";
     this.off.onchange = () => keep(this.off.checked ? "off" : null);
     get("keys").onclick = () => this.open();
-    get("keys-table").replaceChildren(...this.rows.map(({ shown, text }) => element("tr", {},
-      element("th", { scope: "row" }, ...shown.map((key) => element("kbd", {}, key))), element("td", {}, text))));
+    get("keys-table").replaceChildren(...this.rows.map(({ shown, text }) => element("div", {},
+      element("dt", {}, ...shown.map((key) => element("kbd", {}, key))), element("dd", {}, text))));
     addEventListener("keydown", (event) => this.press(event));
   }
 
