@@ -80,6 +80,7 @@ def test_keys_step_by_time_and_to_what_one_sees(page: Page, frames: Frames) -> N
     page.keyboard.press("p")
     before = np.flatnonzero(changed[:30])
     at(page, int(before[-1]) if len(before) else 0)
+    expect(page.locator("#keys-said")).to_have_text(page.locator("#r-frame").inner_text())
     page.keyboard.press(">")
     expect(page.locator("#speed")).to_have_value("2")
     page.keyboard.press("[")

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { KEYS, nameOf } from "../../../web/static/js/player/keys.js";
 import { after, nextChange } from "../../../web/static/js/player/steps.js";
-import { close } from "./vectors.js";
+import { close, recorded, vectors } from "./vectors.js";
 
 // Frames at these times, of one hinge; a time of null is a frame that is not here yet.
 function timeline(times, angles = times.map(() => 0), phases = times.map(() => 0)) {
@@ -29,6 +29,21 @@ test("the next change is where a hinge has turned by what one sees, or another p
   assert.deepEqual([6, 4.5, 3, 1, 0].map((frame) => nextChange(turns, frame, -1)), [4, 4, 0, 0, 0]);
   const partly = timeline([0, 1, null, 3, 4]);
   assert.deepEqual([nextChange(partly, 0, 1), nextChange(partly, 2, 1), nextChange(partly, 4, -1)], [2, 3, 2]);
+});
+
+test("of windows the hinges outside of them are looked at as well", async () => {
+  const { timeline: peeled } = await recorded(vectors.peeled);
+  assert.ok(peeled.windowed);
+  const angles = (frame) => { const row = peeled.row(frame); return Array.from({ length: peeled.joints }, (_, j) => peeled.how.angle(row, j)); };
+  for (const frame of [0, Math.round(peeled.last / 3), peeled.last]) {
+    const from = angles(frame);
+    const turned = (k) => peeled.row(k).phase !== peeled.row(frame).phase || angles(k).some((angle, j) => Math.abs(angle - from[j]) > 0.05);
+    for (const way of [1, -1]) {
+      let k = frame;
+      do k += way; while (k > 0 && k < peeled.last && !turned(k));
+      assert.equal(nextChange(peeled, frame, way), Math.min(Math.max(k, 0), peeled.last));
+    }
+  }
 });
 
 test("keys have one name each, with Caps Lock too, and the 3D view hands on all of them", () => {

@@ -31,8 +31,10 @@ export class FrameField {
     this.frame = Math.round(frame);
     this.frames = frames;
     this.button.hidden = !this.field.hidden;
-    this.button.textContent = `Frame ${whole(frame + 1)} of ${whole(frames)}`;
+    this.button.textContent = this.words;
   }
+
+  get words() { return `Frame ${whole(this.frame + 1)} of ${whole(this.frames)}`; }
 
   open() {
     if (!this.frames) return;

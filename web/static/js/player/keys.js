@@ -9,26 +9,31 @@ const KEPT = "foldback:single-keys";
  * @property {string} text
  * @property {Record<string, (it: Keys) => void>} does by the key, with "Shift+" before it where it has no sign of its own
  * @property {boolean} [held] whether a key that is held does it again
+ * @property {(bar: import("./bar.js").Bar) => string} [says] what it has led to, for who does not see it
  * @property {(it: Keys) => unknown} [there] whether a page has it
  */
 
 const send = (/** @type {Command} */ command) => (/** @type {Keys} */ { player }) => { player.send(command); };
 const alone = (/** @type {Keys} */ { options }) => options.alone;
 
+const frame = (/** @type {import("./bar.js").Bar} */ bar) => bar.frame.words;
+const looped = (/** @type {import("./bar.js").Bar} */ bar) => bar.range.words;
+const switched = (/** @type {"reverse" | "loop"} */ name, /** @type {string} */ words) => (/** @type {import("./bar.js").Bar} */ { state }) => `${words} ${state?.[name] ? "on" : "off"}`;
+
 /** @type {Row[]} */
 const TABLE = [
   { shown: ["Space"], text: "Play or pause", does: { " ": send({ do: "toggle" }) } },
-  { shown: ["←", "→"], text: "One frame back, forward", held: true, does: { ArrowLeft: send({ do: "step", by: -1 }), ArrowRight: send({ do: "step", by: 1 }) } },
-  { shown: ["Shift ←", "Shift →"], text: "0.1 s back, forward", held: true, there: alone, does: { "Shift+ArrowLeft": send({ do: "pass", seconds: -0.1 }), "Shift+ArrowRight": send({ do: "pass", seconds: 0.1 }) } },
-  { shown: [",", "."], text: "1 s back, forward", held: true, there: alone, does: { ",": send({ do: "pass", seconds: -1 }), ".": send({ do: "pass", seconds: 1 }) } },
-  { shown: ["P", "N"], text: "Visible change before, after", held: true, there: alone, does: { p: send({ do: "change", way: -1 }), n: send({ do: "change", way: 1 }) } },
-  { shown: ["Home", "End"], text: "First frame, last frame", does: { Home: send({ do: "seek", percent: 0 }), End: send({ do: "seek", percent: 100 }) } },
+  { shown: ["←", "→"], text: "One frame back, forward", held: true, says: frame, does: { ArrowLeft: send({ do: "step", by: -1 }), ArrowRight: send({ do: "step", by: 1 }) } },
+  { shown: ["Shift ←", "Shift →"], text: "0.1 s back, forward", held: true, says: frame, there: alone, does: { "Shift+ArrowLeft": send({ do: "pass", seconds: -0.1 }), "Shift+ArrowRight": send({ do: "pass", seconds: 0.1 }) } },
+  { shown: [",", "."], text: "1 s back, forward", held: true, says: frame, there: alone, does: { ",": send({ do: "pass", seconds: -1 }), ".": send({ do: "pass", seconds: 1 }) } },
+  { shown: ["P", "N"], text: "Visible change before, after", held: true, says: frame, there: alone, does: { p: send({ do: "change", way: -1 }), n: send({ do: "change", way: 1 }) } },
+  { shown: ["Home", "End"], text: "First frame, last frame", says: frame, does: { Home: send({ do: "seek", percent: 0 }), End: send({ do: "seek", percent: 100 }) } },
   { shown: ["G"], text: "Type a frame", does: { g: ({ bar }) => bar.frame.open() } },
-  { shown: ["<", ">"], text: "Slower, faster; [ and ] as well", does: Object.fromEntries([["<", -1], [">", 1], ["[", -1], ["]", 1]].map(([key, by]) => [key, ({ bar }) => bar.hurry(Number(by))])) },
-  { shown: ["R"], text: "Play in reverse", does: { r: ({ bar }) => bar.press("reverse") } },
-  { shown: ["L"], text: "Loop", does: { l: ({ bar }) => bar.press("loop") } },
-  { shown: ["I", "O"], text: "Loop from this frame, up to it", does: { i: ({ player, bar }) => { player.send({ do: "set", from: bar.frame.frame }); }, o: ({ player, bar }) => { player.send({ do: "set", to: bar.frame.frame }); } } },
-  { shown: ["X"], text: "Loop over everything again", does: { x: send({ do: "set", from: null, to: null }) } },
+  { shown: ["<", ">"], text: "Slower, faster; [ and ] as well", says: ({ state }) => `Speed ${state?.speed ?? 1}`, does: Object.fromEntries([["<", -1], [">", 1], ["[", -1], ["]", 1]].map(([key, by]) => [key, ({ bar }) => bar.hurry(Number(by))])) },
+  { shown: ["R"], text: "Play in reverse", says: switched("reverse", "Reverse"), does: { r: ({ bar }) => bar.press("reverse") } },
+  { shown: ["L"], text: "Loop", says: switched("loop", "Loop"), does: { l: ({ bar }) => bar.press("loop") } },
+  { shown: ["I", "O"], text: "Loop from this frame, up to it", says: looped, does: { i: ({ player, bar }) => { player.send({ do: "set", from: bar.frame.frame }); }, o: ({ player, bar }) => { player.send({ do: "set", to: bar.frame.frame }); } } },
+  { shown: ["X"], text: "Loop over everything again", says: looped, does: { x: send({ do: "set", from: null, to: null }) } },
   { shown: ["M"], text: "Choose a module by number", there: ({ options }) => options.module, does: { m: ({ options }) => options.module?.() } },
   { shown: ["↑", "↓"], text: "Next module, previous, in its panel", there: ({ options }) => options.module, does: {} },
   { shown: ["PgUp", "PgDn"], text: "Ten frames on, back, in a plot", there: ({ options }) => options.module, does: {} },
@@ -83,7 +88,9 @@ export class Keys {
     if (!row) return;
     event.preventDefault();
     event.stopImmediatePropagation();
-    if (row.held || !event.repeat) row.does[name](this);
+    if (event.repeat && !row.held) return;
+    row.does[name](this);
+    if (row.says) get("keys-said").textContent = row.says(this.bar);
   }
 }
 

@@ -42,6 +42,8 @@ export class LoopRange {
     }
   }
 
+  get words() { return get("range").hidden ? "No loop" : `Loop from frame ${Math.round(this.at.from) + 1} to ${Math.round(this.at.to) + 1}`; }
+
   // An end goes to a frame, and stays a frame away from the other one.
   /**
    * @param {End} end
