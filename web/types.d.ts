@@ -179,12 +179,16 @@ interface Switches {
   follow: boolean;
   turn: boolean;
   live: boolean;
+  from: number | null; // frames that are looped over; null for those of the timeline
+  to: number | null;
 }
 type Command =
   | { do: "play" | "pause" | "toggle" }
   | { do: "seek"; frame: number }
   | { do: "seek"; percent: number }
   | { do: "step"; by: number }
+  | { do: "pass"; seconds: number }
+  | { do: "change"; way: 1 | -1 }
   | ({ do: "set" } & Partial<Omit<Switches, "playing">>)
   | { do: "select"; module: number | null };
 interface State extends Switches {
@@ -376,10 +380,13 @@ interface Elements {
   folded: HTMLInputElement;
   follow: HTMLButtonElement;
   forward: HTMLButtonElement;
+  frame: HTMLInputElement;
   jump: HTMLSelectElement;
   key: HTMLInputElement;
   "key-form": HTMLFormElement;
   "key-paste": HTMLInputElement;
+  "keys-dialog": HTMLDialogElement;
+  "keys-off": HTMLInputElement;
   live: HTMLButtonElement;
   loop: HTMLButtonElement;
   model: SVGSVGElement;

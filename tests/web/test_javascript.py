@@ -346,8 +346,9 @@ def test_no_script_is_left_unused() -> None:
     scripts = {path.relative_to(STATIC).as_posix() for path in STATIC.rglob("*.js")}
     pages = {name for name in scripts if name.startswith("js/pages/")}
     used = {script for page in pages for script in scripts_of(page)}
-    # What runs in the 3D view's frame, and in a worker, is named and not imported.
-    assert scripts - used == {"js/viewer/bridge.js", "js/viewer/sketch_worker.js"}
+    # What runs in the 3D view's frame, in a worker, and before a page is painted is named alone.
+    named_alone = {"js/viewer/bridge.js", "js/viewer/sketch_worker.js", "js/theme.js"}
+    assert scripts - used == named_alone
     templates = "".join(path.read_text() for path in (ROOT / "web" / "templates").glob("*.html"))
     named = {*re.findall(r'entry\("(\w+)"\)', templates), "api", "standalone"}
     assert pages == {f"js/pages/{name}.js" for name in named}
