@@ -51,7 +51,12 @@ def who_and_how_long(settings: Settings, fold: ShownFold | None = None) -> str:
     """Who sees a fold and for how long it is kept: of one that is there, or of the next one."""
     if fold is not None and fold.public:
         return FOR_ALL
-    kept = "Kept for good." if fold is not None and fold.pinned else kept_words(settings)
+    if fold is not None and fold.pinned:
+        kept = "Kept for good."
+    elif fold is not None and fold.status == "cancelled":
+        kept = f"Cancelled: its files are kept for {time_words(KEPT_S)} at most."
+    else:
+        kept = kept_words(settings)
     return f"{kept} {WHO}"
 
 

@@ -77,9 +77,4 @@ def _followed(service: Service, shape: str) -> dict[str, Any]:
         "modules": told[-1][1]["modules"],
         "whole_s": last - first,
         "errors": errors,
-        "told": [
-            {"at_s": moment - first}
-            | {key: data[key] for key in ("status", "stage", "fraction", "remaining_s")}
-            for moment, data in told
-        ],
     }

@@ -61,6 +61,10 @@ def test_each_fold_says_what_becomes_of_it() -> None:
     )
     assert who_and_how_long(settings, shared) == privacy.FOR_ALL
     assert who_and_how_long(settings, pinned) == f"Kept for good. {who}"
+    cancelled = ShownFold.of(a_fold("a", status="cancelled"))
+    assert who_and_how_long(settings, cancelled) == (
+        f"Cancelled: its files are kept for 1 hour at most. {who}"
+    )
     for bound in ("storage_bytes", "storage_of_visitor_bytes"):
         told = who_and_how_long(Settings.model_validate({bound: MIB}))
         assert told.startswith("Kept as long as there is room;")

@@ -10,6 +10,7 @@ const CANCEL_MS = 10000;
 const READY = "getting ready";
 const COMPILING = "compiling"; // as planner/progress.py says
 const SMOOTHING = "smoothing"; // in place of an explosion
+const NARROW = "(max-width: 640px)"; // there all of it would take a second line
 const OVER = ["verified", "failed", "cancelled"];
 
 export class Progress {
@@ -83,8 +84,9 @@ export class Progress {
     else {
       const parts = [`${text} ${Math.floor(100 * (now.fraction ?? 0))} %${left}`];
       if (now.steps) parts.push(`${whole(now.steps)} steps`);
-      if (now.simulated_s) parts.push(`${whole(now.simulated_s)} s simulated`);
-      else if (now.steps_per_second) parts.push(`${whole(now.steps_per_second)} steps/s`);
+      const room = !left || !matchMedia(NARROW).matches;
+      if (room && now.simulated_s) parts.push(`${whole(now.simulated_s)} s simulated`);
+      else if (room && now.steps_per_second) parts.push(`${whole(now.steps_per_second)} steps/s`);
       text = parts.join(" · ");
     }
     this.say(text);

@@ -26,7 +26,10 @@ export class Sending {
     const text = element("span", { class: "sending-text" }, `Sending ${name}`);
     const stop = element("button", { class: "button quiet", type: "button" }, "Stop");
     stop.onclick = () => control.abort();
-    const soon = setTimeout(() => this.host.replaceChildren(element("div", { class: "sending" }, bar, text, stop)), SOON_MS);
+    const soon = setTimeout(() => {
+      this.host.replaceChildren(element("div", { class: "sending" }, bar, text, stop));
+      this.host.scrollIntoView({ block: "nearest" });
+    }, SOON_MS);
     const onSent = (/** @type {number} */ sent, /** @type {number} */ all) => {
       if (sent < all) {
         bar.value = sent / all;
