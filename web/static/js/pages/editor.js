@@ -20,6 +20,7 @@ const HOW = {
   path: "Each cell becomes one module, in the order that you draw.",
 };
 const CHECK_MS = 600;
+const DRAW_MS = 150;
 /** @type {Record<string, import("../editor/hand.js").Tool>} */
 const KEYS = { p: "paint", f: "fill", b: "box", m: "move", d: "path" };
 
@@ -28,6 +29,7 @@ const hand = new Hand(painting);
 let layer = 0;
 let sending = false;
 let due = false;
+let drawnAt = 0;
 const sheet = new Sheet(get("grid"), {
   press: (key) => { hand.press(key); soon(); },
   drag: (keys) => { hand.drag(keys); soon(); },
@@ -50,14 +52,15 @@ function choose(value) {
   if (input) input.checked = true;
 }
 
-// Pointers move more often than pictures are drawn.
+// Pointers move more often than pictures are drawn. While they do, the grid goes first: the drawing beside
+// it, which may be of thousands of faces, follows now and then.
 function soon() {
   if (due) return;
   due = true;
-  requestAnimationFrame(() => { if (due) show(); });
+  requestAnimationFrame((now) => { if (due) show(now - drawnAt > DRAW_MS); });
 }
 
-function show() {
+function show(drawn = true) {
   due = false;
   layer = Math.min(painting.size - 1, layer);
   const drawing = hand.tool === "path" || choice() === "path" ? hand.drawn : null;
@@ -73,7 +76,10 @@ function show() {
   get("cut").disabled = get("turn").disabled = get("unpath").disabled = !painting.path.length;
   get("size").value = String(painting.size);
   get("empty").hidden = cells > 0;
-  draw(get("model"), painting, layer, drawing);
+  if (drawn) {
+    draw(get("model"), painting, layer, drawing);
+    drawnAt = performance.now();
+  }
   count(cells);
   say(hand.refused);
 }
@@ -244,7 +250,7 @@ get("complete").onclick = async () => {
   hand.refused = refused;
   show();
 };
-for (const input of all('[name="exact"]')) input.addEventListener("change", show);
+for (const input of all('[name="exact"]')) input.addEventListener("change", () => show());
 for (const letter of LETTERS) {
   const button = element("button", { type: "button", "aria-label": `Letter ${letter}` }, letter);
   button.onclick = () => {
