@@ -354,7 +354,38 @@ interface Report {
   knot: { verdict: "unknot" | "knotted" | "undecided"; determinant: number | null } | null;
   feasibility: { feasible: boolean; problems: { code: string; detail: string }[]; repairs: Repair[] } | null;
   notes: string[];
+  cells: number[][];
   links: { page: string };
+}
+
+// The editor. Cells are keys, as js/editor/painting.js says.
+
+// What has been painted: whether each cell is filled, and the path drawn through them.
+interface Painted { size: number; cells: Uint8Array; path: readonly number[] }
+// A path and the end of it that is drawn: its first cell or its last.
+interface DrawnPath { path: readonly number[]; atStart: boolean }
+interface PathChecked {
+  length: number;
+  cells: number;
+  gaps: number[]; // places in the path after which it leaps
+  repeats: [first: number, second: number][]; // places that hold the same cell
+  missing: number[];
+  lost: number[]; // of the missing those that neither end leads to
+  difference: number; // of the two colours of a chessboard
+  whole: boolean;
+}
+interface SheetLook {
+  layer: number;
+  drawn: DrawnPath | null; // where the path is to be seen
+  corner: number | null; // of a box that is begun
+  axes: Set<number>; // along which painting is mirrored
+}
+interface SheetHeard {
+  press(key: number): void;
+  drag(keys: number[]): void;
+  lift(kept: boolean): void;
+  arrow(by: number[], shift: boolean): boolean; // whether that was more than moving on
+  bySides(): boolean; // whether a pointer's way goes from side to side
 }
 
 // Elements of the pages that are more than an element, by their id.
@@ -366,12 +397,14 @@ interface Elements {
   cancel: HTMLButtonElement;
   clear: HTMLButtonElement;
   "colour-by": HTMLSelectElement;
-  compare: HTMLButtonElement;
   "compare-dialog": HTMLDialogElement;
   "compare-form": HTMLFormElement;
   "compare-link": HTMLInputElement;
+  compare: HTMLButtonElement;
+  complete: HTMLButtonElement;
   confirm: HTMLDialogElement;
   "cover-button": HTMLButtonElement;
+  cut: HTMLButtonElement;
   down: HTMLButtonElement;
   drawing: HTMLImageElement;
   drop: HTMLFormElement;
@@ -381,6 +414,7 @@ interface Elements {
   follow: HTMLButtonElement;
   forward: HTMLButtonElement;
   frame: HTMLInputElement;
+  higher: HTMLButtonElement;
   jump: HTMLSelectElement;
   key: HTMLInputElement;
   "key-form": HTMLFormElement;
@@ -389,24 +423,30 @@ interface Elements {
   "keys-off": HTMLInputElement;
   live: HTMLButtonElement;
   loop: HTMLButtonElement;
+  lower: HTMLButtonElement;
+  "mesh-cells": HTMLInputElement;
   model: SVGSVGElement;
-  modules: HTMLInputElement;
   more: HTMLButtonElement;
   "modules-number": HTMLInputElement;
+  modules: HTMLInputElement;
   name: HTMLInputElement;
+  open: HTMLButtonElement;
+  options: HTMLFormElement;
   "paper-settings": HTMLDetailsElement;
-  play: HTMLButtonElement;
   "play-icon": SVGUseElement;
+  play: HTMLButtonElement;
   plot: SVGSVGElement;
   prefer: HTMLSelectElement;
   preset: HTMLSelectElement;
   preview: HTMLButtonElement;
   redo: HTMLButtonElement;
-  refold: HTMLButtonElement;
   "refold-dialog": HTMLDialogElement;
   "refold-file": HTMLInputElement;
+  refold: HTMLButtonElement;
   repeat: HTMLButtonElement;
   reverse: HTMLButtonElement;
+  "save-cells": HTMLButtonElement;
+  "save-path": HTMLButtonElement;
   scrub: HTMLInputElement;
   seed: HTMLInputElement;
   "share-embed": HTMLTextAreaElement;
@@ -414,13 +454,15 @@ interface Elements {
   "share-link": HTMLInputElement;
   sharing: HTMLDialogElement;
   sieve: HTMLFormElement;
+  size: HTMLSelectElement;
   sketch: HTMLCanvasElement;
   smooth: HTMLButtonElement;
   speed: HTMLSelectElement;
+  turn: HTMLButtonElement;
   undo: HTMLButtonElement;
+  unpath: HTMLButtonElement;
   up: HTMLButtonElement;
   view: HTMLIFrameElement;
-  options: HTMLFormElement;
 }
 type ElementOf<Id extends string> = Id extends keyof Elements ? Elements[Id] : HTMLElement;
 

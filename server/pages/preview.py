@@ -26,8 +26,9 @@ KEPT: Final = "private, max-age=3600"
 
 @router.get("/shapes/new", response_class=HTMLResponse)
 async def editor(request: Request) -> Response:
-    """The editor: cells painted layer by layer."""
-    return page("editor.html")
+    """The editor: cells painted layer by layer, and the path through them."""
+    facts = {"most_modules": context_of(request).settings.max_modules}
+    return page("editor.html", facts_json=script_json(facts))
 
 
 @router.get("/previews/{preview_id}", response_class=HTMLResponse)

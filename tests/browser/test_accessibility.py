@@ -98,6 +98,18 @@ def test_my_folds_with_all_its_parts_open(visit: Visit, service: Service) -> Non
     assert findings(page) == {}
 
 
+def test_the_editor_with_a_path_and_a_mistake(visit: Visit) -> None:
+    page = visit("/shapes/new")
+    page.get_by_label("Letter S").click()
+    page.locator('[data-tool="move"]').click()
+    found = findings(page)
+    page.locator('[data-tool="path"]').click()
+    page.locator('[data-x="2"][data-y="2"]').click()
+    page.locator('[data-x="0"][data-y="0"]').click()
+    expect(page.locator("#message")).not_to_be_empty()
+    assert (found, findings(page)) == ({}, {})
+
+
 def test_axe_sees_what_is_wrong(visit: Visit) -> None:
     page = visit("/folds/nosuchfold")
     page.locator(".message > p").first.evaluate("p => { p.style.color = '#777'; }")
