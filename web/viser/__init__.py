@@ -14,10 +14,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from web.viser.show_fold import Live, show
+    from web.viser.show_fold import Live, Show, show
     from web.viser.shown import Shown
 
-__all__ = ["Live", "Shown", "show"]
+__all__ = ["Live", "Show", "Shown", "show"]
 
 
 def __getattr__(name: str) -> Any:

@@ -112,3 +112,4 @@ class Show:
 
 
 show: Final = Show()
+"""Shows a plan, a fold's directory or a timeline: see ``Show``."""
