@@ -189,6 +189,33 @@ def test_what_grows_is_followed(
     writer.close()
 
 
+def test_the_newest_frame_is_shown_until_somebody_looks_back(
+    growing: tuple[Path, TimelineWriter, Callable[[int], None]],
+) -> None:
+    path, writer, add = growing
+    with show.live(port=0) as live:
+        assert live._text.content == "Nothing to show yet."
+        live(Progress(stage="play_back", fraction=0.25, directory=str(path.parent)))
+        until(lambda: live.frame == 9)
+        until(lambda: live._text.content.startswith("Play back, 25%\n\n**Frame 9 of 9**"))
+        live.frame = 3
+        add(5)
+        until(lambda: live._last == 14)
+        assert live.frame == 3
+        live.frame = 14
+        add(5)
+        until(lambda: live.frame == 19)
+        live.pause()
+        writer.close()
+        live(Progress(stage="export", fraction=1.0, directory=str(path.parent)))
+        until(lambda: live._moments is live._whole)
+        live.play()  # it is over: from the first frame
+        assert live.frame == 0
+        # What says nothing of a directory, or of one without a timeline, harms no fold.
+        live(Progress(stage="export", fraction=1.0))
+        live(Progress(stage="export", fraction=1.0, directory=str(path)))
+
+
 @pytest.fixture(scope="module")
 def folded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Path]:
     directory = tmp_path_factory.mktemp("folded")
@@ -251,7 +278,7 @@ def test_a_fold_is_followed_while_it_is_computed_and_kept_when_its_folder_has_go
         until(lambda: live.frame == live._last > 0)
         directory = told[-1].directory
         assert directory is not None and not Path(directory).exists()
-        assert live._text.content.startswith("export, 100%")
+        until(lambda: live._text.content.startswith("Done"))
         assert live._last >= len(plan.motion)
         apart = distances(plan.chain.folded_poses.positions)
         assert np.abs(distances(positions(live)) - apart).max() < 0.01

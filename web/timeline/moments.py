@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from typing import Protocol
 
 import numpy as np
@@ -32,6 +33,11 @@ class Moments(Protocol):
     """Straight modules that a camera keeps in view; all of them when None."""
 
     @property
+    def growing(self) -> bool:
+        """True while frames are still being added."""
+        ...
+
+    @property
     def error_scale_rad(self) -> float:
         """The joint error at which a module is fully red."""
         ...
@@ -50,8 +56,11 @@ class Moments(Protocol):
 class MotionMoments:
     """Those of a motion in memory: poses by forward kinematics, whenever one is asked for."""
 
-    def __init__(self, chain: Chain, motion: Motion) -> None:
-        self.id = f"{id(motion):x}"
+    growing = False
+
+    def __init__(self, chain: Chain, motion: Motion, motion_id: str | None = None) -> None:
+        """Takes a motion; ``motion_id`` is that of the timeline that it was read from, if any."""
+        self.id = motion_id or secrets.token_hex(8)
         self.chain = chain
         self._motion = motion
         self.stretch = straight_stretch(chain) if isinstance(motion, Windows) else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path as FilePath
 from typing import Final
 
@@ -23,7 +24,7 @@ LAST_STAGE: Final = "export"
 class Live(Shown):
     """A fold that is shown while it is computed: give it to ``planner.fold`` as its ``progress``.
 
-    It shows the newest frame unless somebody moves the slider back. When the fold is over it holds
+    It shows the newest frame until somebody moves the slider back. When the fold is over it holds
     all of its frames itself, for the fold's directory may go. It may be given to one fold after the
     other.
     """
@@ -32,7 +33,9 @@ class Live(Shown):
         self._views = TimelineViews()
         self._directory: FilePath | None = None
         self._whole: Moments | None = None
-        super().__init__(self._newest, host=host, port=port, open_browser=open_browser, at_end=True)
+        super().__init__(
+            self._newest, host=host, port=port, open_browser=open_browser, follows=True
+        )
 
     def __call__(self, progress: Progress) -> None:
         """Notes how far the fold is."""
@@ -40,11 +43,18 @@ class Live(Shown):
             return
         directory = FilePath(progress.directory)
         if progress.stage == LAST_STAGE and progress.fraction >= 1.0:
-            timeline = Timeline.open(result(directory, TIMELINE))
-            self._whole = MotionMoments(timeline.chain, timeline.motion())
-        elif directory != self._directory:
+            with suppress(TimelineError):  # then there is nothing to show; the fold goes on
+                timeline = Timeline.open(result(directory, TIMELINE))
+                self._whole = MotionMoments(timeline.chain, timeline.motion(), timeline.id)
+            self._directory, self._heading = None, "Done"
+            return
+        if directory != self._directory:
             self._directory, self._whole = directory, None
-        self._say(f"{progress.stage.replace('_', ' ')}, {progress.fraction:.0%}")
+        self._heading = f"{progress.stage.replace('_', ' ').capitalize()}, {progress.fraction:.0%}"
+
+    @property
+    def _growing(self) -> bool:
+        return self._whole is None  # also between two attempts
 
     def _newest(self) -> Moments | None:
         if self._whole is not None or self._directory is None:

@@ -6,6 +6,7 @@ server shows can be added to. The pages of the service play a fold by themselves
 
 from __future__ import annotations
 
+import atexit
 import errno
 import html
 import ipaddress
@@ -64,21 +65,24 @@ class Shown:
         host: str,
         port: int,
         open_browser: bool,
-        at_end: bool = False,
+        follows: bool = False,
     ) -> None:
         """Starts the server.
 
         Args:
             moments: Gives the motion as it is by now; None while there is none.
             host, port, open_browser: As of ``web.viser.show``.
-            at_end: Whether to begin at the last frame, and to stay there while there are more.
+            follows: Whether to begin at the last frame, and to go on to each that comes.
 
         Raises:
             InputError: ``no-such-address``.
         """
         self._find = moments
         self._heading = ""
-        self._at_end = at_end
+        """What is told above the figures of the frame. No words that come from files: viser takes
+        them for Markdown, in which there can be more than text."""
+        self._told = "Nothing to show yet."
+        self._follows = follows
         self._lock = threading.RLock()
         self._wake = threading.Event()
         self._closed = False
@@ -97,6 +101,7 @@ class Shown:
             self._look()
         self._thread = threading.Thread(target=self._run, name="foldback-show", daemon=True)
         self._thread.start()
+        atexit.register(self.close)
         if open_browser:
             threading.Thread(target=webbrowser.open, args=(self.url,), daemon=True).start()
 
@@ -125,14 +130,13 @@ class Shown:
     @frame.setter
     def frame(self, frame: int) -> None:
         with self._lock:
-            self._go(frame)
+            self._seek(frame)
 
     def play(self) -> None:
         """Plays on from the frame that is shown, from the first one when that is the last."""
         with self._lock:
-            if self._frame >= self._last and not self._at_end:
+            if self._frame >= self._last and not self._growing:
                 self._go(0)
-            self._place = float(self._frame)
             self._set_playing(True)
 
     def pause(self) -> None:
@@ -146,27 +150,16 @@ class Shown:
             if self._closed:
                 return
             self._closed = True
+        atexit.unregister(self.close)
         self._wake.set()
         self._thread.join()
         with quiet():
             self.server.stop()
 
-    def _say(self, heading: str) -> None:
-        """Tells something above the figures of the frame; no words that come from files.
-
-        viser takes them for Markdown, in which there can be more than text.
-        """
-        with self._lock:
-            self._heading = f"{heading}\n\n"
-            if self._moments is None:
-                self._text.content = heading
-            else:
-                self._draw()
-
     def _add_controls(self) -> None:
         gui = self.server.gui
         gui.configure_theme(show_share_button=False)
-        self._text = gui.add_markdown("Nothing to show yet.")
+        self._text = gui.add_markdown(self._told)
         self._slider = gui.add_slider("Frame", min=0, max=1, step=1, initial_value=0)
         self._button = gui.add_button("Play")
         self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1×")
@@ -182,7 +175,7 @@ class Shown:
                 return  # moved by what is shown, not by somebody
             with self._lock:
                 self._set_playing(False)
-                self._go(self._slider.value)
+                self._seek(self._slider.value)
 
         @self._button.on_click
         def _(event: viser.GuiEvent[Any]) -> None:
@@ -208,6 +201,7 @@ class Shown:
                 if not self._closed:
                     self._look()
                     self._play_on(now - drawn)
+                    self._write()
             drawn = now
 
     def _look(self) -> None:
@@ -215,19 +209,21 @@ class Shown:
         found = self._find()
         if found is None or not len(found):
             return
-        last = len(found) - 1
+        self._moments, last = found, len(found) - 1
         if found.id != self._id:
-            self._moments, self._id, self._last = found, found.id, last
-            self._selected = None
+            self._id, self._selected = found.id, None
             self.server.gui.set_panel_label(found.chain.name)
             self._scene = Scene(self.server, found.chain, stretch=found.stretch)
             self._scene.on_click(self._select)
-            self._slider.max = max(last, 1)
-            self._go(last if self._at_end else min(self._frame, last))
-        elif last != self._last:
-            self._last = last
-            self._slider.max = max(last, 1)
-            self._go(last if self._at_end else self._frame)
+        elif last == self._last:
+            return
+        self._last = last
+        self._slider.max = max(last, 1)
+        self._go(last if self._follows else self._frame)
+
+    @property
+    def _growing(self) -> bool:
+        return self._moments is None or self._moments.growing
 
     def _play_on(self, passed_s: float) -> None:
         if not self._playing:
@@ -236,17 +232,23 @@ class Shown:
         self._place += passed_s * per_second * SPEEDS.get(self._speed.value, 1.0)
         if (frame := min(int(self._place), self._last)) != self._frame:
             self._go(frame)
-        if frame >= self._last and not self._at_end:
+        if frame >= self._last:
+            self._follows = self._growing
             self._set_playing(False)
 
     def _set_playing(self, playing: bool) -> None:
-        self._playing = playing
+        self._playing, self._place = playing, float(self._frame)
         self._button.label = "Pause" if playing else "Play"
         self._wake.set()
 
+    def _seek(self, frame: int) -> None:
+        """Goes where somebody wants it to; to the end of what grows, to what comes after it too."""
+        self._go(frame)
+        self._place = float(self._frame)
+        self._follows = self._growing and self._frame >= self._last
+
     def _go(self, frame: int) -> None:
         self._frame = min(max(int(frame), 0), max(self._last, 0))
-        self._place = float(self._frame)
         self._draw()
 
     def _select(self, module: int) -> None:
@@ -266,14 +268,19 @@ class Shown:
             scene.show(snapshot, self._painted(snapshot, moments.error_scale_rad))
             scene.move_ground(GROUND_S)
             self._slider.value = self._frame
-            self._text.content = self._heading + _told(
-                snapshot, self._last, moments.error_scale_rad
-            )
+            self._told = _told(snapshot, self._last, moments.error_scale_rad)
+            self._write()
             if self._selected is not None:
                 self._module.content = _told_of(moments.chain, self._selected, snapshot)
             else:
                 self._module.content = "Click on a module."
         self._frame_chain(scene, snapshot)
+
+    def _write(self) -> None:
+        """Tells how far it is, and the figures of the frame."""
+        text = f"{self._heading}\n\n{self._told}" if self._heading else self._told
+        if text != self._text.content:
+            self._text.content = text
 
     def _painted(self, snapshot: Snapshot, scale_rad: float) -> NDArray[np.uint8]:
         if self._colours.value == ALONG:

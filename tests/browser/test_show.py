@@ -1,0 +1,72 @@
+"""A fold in a viser server of its own, in a real browser."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from planner.chain.chain import Chain
+from planner.chain.path import Path as CellPath
+from planner.motion.timeline import TimelineWriter
+from tests.browser.conftest import PATIENCE_MS, keep
+from tests.web.conftest import SNAKE, folding
+from web.viser import Shown, show
+
+pytestmark = [pytest.mark.browser]
+LAST = 59
+
+
+@pytest.fixture
+def shown(tmp_path: Path) -> Iterator[Shown]:
+    chain = Chain.from_path(CellPath.from_cells(SNAKE, name="<b>snake</b>"))
+    path = tmp_path / "timeline.zarr"
+    with TimelineWriter.create(path, chain) as writer:
+        writer.append(folding(chain, LAST + 1))
+    with show(path, port=0) as shown:
+        yield shown
+
+
+@pytest.fixture
+def page(browser: Browser, shown: Shown) -> Iterator[Page]:
+    context = browser.new_context(viewport={"width": 1000, "height": 640})
+    context.set_default_timeout(PATIENCE_MS)
+    page = context.new_page()
+    page.goto(shown.url)
+    yield page
+    context.close()
+
+
+def until(page: Page, true: Callable[[], bool]) -> None:
+    """Waits for what the server hears of."""
+    deadline = time.monotonic() + PATIENCE_MS / 1000
+    while not true():
+        assert time.monotonic() < deadline
+        page.wait_for_timeout(20)
+
+
+def test_somebody_scrubs_clicks_and_plays(page: Page, shown: Shown) -> None:
+    expect(page.get_by_text(f"Frame 0 of {LAST}")).to_be_visible()
+    expect(page.get_by_text("<b>snake</b>")).to_be_visible()  # a name stays a name
+    slider = page.get_by_role("slider")
+    slider.focus()
+    slider.press("End")
+    until(page, lambda: shown.frame == LAST)
+    expect(page.get_by_text(f"Frame {LAST} of {LAST}")).to_be_visible()
+    keep(page, "show")
+
+    canvas = page.locator("canvas").first
+    expect(canvas).to_be_visible()
+    until(page, lambda: len(shown.server.get_clients()) == 1)
+    page.wait_for_timeout(300)
+    page.mouse.click(500, 320)
+    expect(page.get_by_text("Module ").first).to_be_visible()
+    assert shown._selected is not None
+    keep(page, "show-module")
+
+    page.get_by_role("button", name="Play").click()  # from the first frame again
+    expect(page.get_by_role("button", name="Pause")).to_be_visible()
+    until(page, lambda: 0 < shown.frame < LAST)
