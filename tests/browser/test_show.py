@@ -32,7 +32,7 @@ def shown(tmp_path: Path) -> Iterator[Shown]:
 
 @pytest.fixture
 def page(browser: Browser, shown: Shown) -> Iterator[Page]:
-    context = browser.new_context(viewport={"width": 1000, "height": 640})
+    context = browser.new_context(viewport={"width": 640, "height": 320})
     context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
     page.goto(shown.url)
@@ -58,13 +58,10 @@ def test_somebody_scrubs_clicks_and_plays(page: Page, shown: Shown) -> None:
     expect(page.get_by_text(f"Frame {LAST} of {LAST}")).to_be_visible()
     keep(page, "show")
 
-    canvas = page.locator("canvas").first
-    expect(canvas).to_be_visible()
-    until(page, lambda: len(shown.server.get_clients()) == 1)
-    page.wait_for_timeout(300)
-    page.mouse.click(500, 320)
-    expect(page.get_by_text("Module ").first).to_be_visible()
-    assert shown._selected is not None
+    expect(page.locator("canvas").first).to_be_visible()
+    page.mouse.click(240, 215)  # the nearest module
+    until(page, lambda: shown._selected is not None)
+    expect(page.get_by_text(f"Module {shown._selected} of {len(SNAKE) - 1}")).to_be_visible()
     keep(page, "show-module")
 
     page.get_by_role("button", name="Play").click()  # from the first frame again

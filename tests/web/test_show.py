@@ -95,7 +95,7 @@ def test_frames_that_are_not_there_are_the_nearest(shown: Shown, asked: int, got
 def test_colours_tell_joint_errors_or_where_a_module_is(shown: Shown, chain: Chain) -> None:
     shown.frame = 50
     assert (colours(shown) == linear(UNKNOWN)).all()  # nothing is off while it explodes
-    assert "no joint error recorded" in shown._text.content
+    assert "No joint error recorded" in shown._text.content
     shown.frame = 199
     carries = 6
     assert (

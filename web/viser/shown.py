@@ -318,12 +318,12 @@ def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
     """A moment in words."""
     known = np.abs(snapshot.joint_error_rad[np.isfinite(snapshot.joint_error_rad)])
     error = (
-        f"largest joint error {known.max():.2g} rad (full red: {scale_rad:.0e} rad)"
+        f"Largest joint error {known.max():.2g} rad (full red: {scale_rad:g} rad)"
         if len(known)
-        else "no joint error recorded"
+        else "No joint error recorded"
     )
-    at = f"**Frame {snapshot.frame:.0f} of {last}**, {snapshot.phase}"
-    return f"{at}, {snapshot.time_s:.2f} s simulated\n\n{error}"
+    at = f"**Frame {snapshot.frame:.0f} of {last}**, {snapshot.phase}, {snapshot.time_s:.2f} s"
+    return f"{at}\n\n{error}"
 
 
 def _told_of(chain: Chain, module: int, snapshot: Snapshot) -> str:
@@ -350,7 +350,7 @@ def _server(host: str, port: int) -> viser.ViserServer:
 
     try:
         kind, _, _, _, (address, *_) = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        return viser.ViserServer(host=host, port=_free(kind, str(address), port))
+        return viser.ViserServer(host, _free(kind, str(address), port), verbose=False)
     except (OSError, OverflowError, UnicodeError) as error:
         raise InputError(
             "no-such-address",
