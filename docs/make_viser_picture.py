@@ -23,10 +23,8 @@ from web.viser import show
 ROOT: Final = Path(__file__).parents[1]
 OUT: Final = ROOT / "docs" / "viser.webp"
 SIZE: Final = (1100, 620)
-SHARE: Final = 0.72
+SHARE: Final = 0.86
 """How much of the motion is over."""
-MODULE: Final = (0.3, 0.55)
-"""Where in the window somebody clicks."""
 
 
 def main() -> None:
@@ -40,7 +38,8 @@ def main() -> None:
         page.goto(shown.url)
         page.get_by_text("Frame 0").wait_for()
         page.locator("canvas").first.wait_for()
-        page.wait_for_timeout(3000)
+        for notice in page.locator(".mantine-Notification-closeButton").all():
+            notice.click()  # that this browser draws by software
         shown.frame = round(SHARE * len(plan.motion))
         page.wait_for_timeout(3000)
         picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
@@ -32,7 +33,7 @@ def shown(tmp_path: Path) -> Iterator[Shown]:
 
 @pytest.fixture
 def page(browser: Browser, shown: Shown) -> Iterator[Page]:
-    context = browser.new_context(viewport={"width": 640, "height": 320})
+    context = browser.new_context(viewport={"width": 800, "height": 360})
     context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
     page.goto(shown.url)
@@ -48,18 +49,36 @@ def until(page: Page, true: Callable[[], bool]) -> None:
         page.wait_for_timeout(20)
 
 
+def whole_chain_in_view(shown: Shown) -> bool:
+    """Whether whoever looks sees all modules, wherever they are."""
+    assert shown._points is not None
+    (client,) = shown.server.get_clients().values()
+    camera = client.camera
+    ahead = camera.look_at - camera.position
+    ahead /= np.linalg.norm(ahead)
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    off = shown._points - camera.position
+    tall = np.tan(camera.fov / 2)
+    across = np.abs(off @ right / (off @ ahead)).max()
+    upwards = np.abs(off @ np.cross(right, ahead) / (off @ ahead)).max()
+    return bool(across < tall * camera.aspect and upwards < tall)
+
+
 def test_somebody_scrubs_clicks_and_plays(page: Page, shown: Shown) -> None:
     expect(page.get_by_text(f"Frame 0 of {LAST}")).to_be_visible()
     expect(page.get_by_text("<b>snake</b>")).to_be_visible()  # a name stays a name
+    until(page, lambda: len(shown._aspects) == 1 and whole_chain_in_view(shown))
     slider = page.get_by_role("slider")
     slider.focus()
     slider.press("End")
     until(page, lambda: shown.frame == LAST)
     expect(page.get_by_text(f"Frame {LAST} of {LAST}")).to_be_visible()
+    until(page, lambda: whole_chain_in_view(shown))
     keep(page, "show")
 
     expect(page.locator("canvas").first).to_be_visible()
-    page.mouse.click(240, 215)  # the nearest module
+    page.mouse.click(295, 230)  # the nearest module
     until(page, lambda: shown._selected is not None)
     expect(page.get_by_text(f"Module {shown._selected} of {len(SNAKE) - 1}")).to_be_visible()
     keep(page, "show-module")

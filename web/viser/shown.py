@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import InputError, TimelineError
-from web.pictures.camera import framing
+from web.pictures.camera import ELEVATION_RAD, framing
 from web.pictures.colours import SELECTED, error_colours, ramp_colours
 from web.timeline.moments import Moments
 from web.timeline.view import Snapshot
@@ -94,6 +94,9 @@ class Shown:
         self._place = 0.0
         self._selected: int | None = None
         self._scene: Scene | None = None
+        self._points: NDArray[np.float64] | None = None
+        self._radius = 1.0
+        self._aspects: dict[int, float] = {}
         self.server: viser.ViserServer = _server(host, port)
         self.url = _url(host, self.server.get_port())
         self._add_controls()
@@ -159,6 +162,7 @@ class Shown:
     def _add_controls(self) -> None:
         gui = self.server.gui
         gui.configure_theme(show_share_button=False)
+        gui.main_panel.dock_right()  # beside the chain, not before it
         self._text = gui.add_markdown(self._told)
         self._slider = gui.add_slider("Frame", min=0, max=1, step=1, initial_value=0)
         self._button = gui.add_button("Play")
@@ -189,6 +193,11 @@ class Shown:
 
         self._colours.on_update(draw)
         self._follow.on_update(draw)
+        self.server.on_client_connect(self._welcome)
+
+        @self.server.on_client_disconnect
+        def _(client: viser.ClientHandle) -> None:
+            self._aspects.pop(client.client_id, None)
 
     def _run(self) -> None:
         """Plays, and looks for new frames, until it is closed."""
@@ -274,7 +283,12 @@ class Shown:
                 self._module.content = _told_of(moments.chain, self._selected, snapshot)
             else:
                 self._module.content = "Click on a module."
-        self._frame_chain(scene, snapshot)
+        self._points, self._radius = scene.points(snapshot), scene.radius
+        view = framing(self._points, radius=self._radius)
+        self.server.initial_camera.position = view.position
+        self.server.initial_camera.look_at = view.target
+        for client in self.server.get_clients().values():
+            self._frame_for(client)
 
     def _write(self) -> None:
         """Tells how far it is, and the figures of the frame."""
@@ -291,27 +305,49 @@ class Shown:
             colours[self._selected] = SELECTED
         return colours
 
-    def _frame_chain(self, scene: Scene, snapshot: Snapshot) -> None:
-        """Keeps the chain in view, from where each client looks at it."""
-        if not self._follow.value:
+    def _welcome(self, client: viser.ClientHandle) -> None:
+        """Shows all of the chain in a window of any shape, also when that changes."""
+
+        @client.camera.on_update
+        def _(camera: viser.CameraHandle) -> None:
+            del camera
+            with self._lock:
+                self._frame_for(client, afresh=True)
+
+        with self._lock:
+            self._frame_for(client, afresh=True)
+
+    def _frame_for(self, client: viser.ClientHandle, *, afresh: bool = False) -> None:
+        """Keeps the chain in view, from where somebody looks at it.
+
+        Args:
+            client: Who.
+            afresh: Only when the window is new or has another shape, and then from a place that
+                suits it.
+        """
+        camera = client.camera
+        points, aspect = self._points, max(camera.aspect, 0.1)
+        known = self._aspects.get(client.client_id)
+        if points is None or not self._follow.value or (afresh and aspect == known):
             return
-        points = scene.points(snapshot)
-        view = framing(points, radius=scene.radius)
-        self.server.initial_camera.position = view.position
-        self.server.initial_camera.look_at = view.target
-        for client in self.server.get_clients().values():
-            camera = client.camera
+        azimuth_rad, elevation_rad = None, ELEVATION_RAD
+        if not afresh:
             x, y, z = camera.position - camera.look_at
-            view = framing(
-                points,
-                radius=scene.radius,
-                aspect=max(camera.aspect, 0.1),
-                azimuth_rad=float(np.arctan2(y, x)),
-                elevation_rad=float(np.arctan2(z, np.hypot(x, y))),
+            azimuth_rad, elevation_rad = (
+                float(np.arctan2(y, x)),
+                float(np.arctan2(z, np.hypot(x, y))),
             )
-            with client.atomic():
-                camera.position = view.position
-                camera.look_at = view.target
+        self._aspects[client.client_id] = aspect
+        view = framing(
+            points,
+            radius=self._radius,
+            aspect=aspect,
+            azimuth_rad=azimuth_rad,
+            elevation_rad=elevation_rad,
+        )
+        with client.atomic():
+            camera.position = view.position
+            camera.look_at = view.target
 
 
 def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
