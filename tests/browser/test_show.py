@@ -51,14 +51,14 @@ def until(page: Page, true: Callable[[], bool]) -> None:
 
 def whole_chain_in_view(shown: Shown) -> bool:
     """Whether whoever looks sees all modules, wherever they are."""
-    assert shown._points is not None
+    assert shown._cameras._points is not None
     (client,) = shown.server.get_clients().values()
     camera = client.camera
     ahead = camera.look_at - camera.position
     ahead /= np.linalg.norm(ahead)
     right = np.cross(ahead, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    off = shown._points - camera.position
+    off = shown._cameras._points - camera.position
     tall = np.tan(camera.fov / 2)
     across = np.abs(off @ right / (off @ ahead)).max()
     upwards = np.abs(off @ np.cross(right, ahead) / (off @ ahead)).max()
@@ -68,7 +68,7 @@ def whole_chain_in_view(shown: Shown) -> bool:
 def test_somebody_scrubs_clicks_and_plays(page: Page, shown: Shown) -> None:
     expect(page.get_by_text(f"Frame 0 of {LAST}")).to_be_visible()
     expect(page.get_by_text("<b>snake</b>")).to_be_visible()  # a name stays a name
-    until(page, lambda: len(shown._aspects) == 1 and whole_chain_in_view(shown))
+    until(page, lambda: len(shown._cameras._aspects) == 1 and whole_chain_in_view(shown))
     slider = page.get_by_role("slider")
     slider.focus()
     slider.press("End")

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import InputError, TimelineError
-from web.pictures.camera import ELEVATION_RAD, framing
 from web.pictures.colours import SELECTED, error_colours, ramp_colours
 from web.timeline.moments import Moments
 from web.timeline.view import Snapshot
+from web.viser.cameras import Cameras
 from web.viser.scene import Scene
 from web.viser.scene_bundle import quiet
 
@@ -94,11 +94,9 @@ class Shown:
         self._place = 0.0
         self._selected: int | None = None
         self._scene: Scene | None = None
-        self._points: NDArray[np.float64] | None = None
-        self._radius = 1.0
-        self._aspects: dict[int, float] = {}
         self.server: viser.ViserServer = _server(host, port)
         self.url = _url(host, self.server.get_port())
+        self._cameras = Cameras(self.server)
         self._add_controls()
         with self._lock:
             self._look()
@@ -192,12 +190,11 @@ class Shown:
                 self._draw()
 
         self._colours.on_update(draw)
-        self._follow.on_update(draw)
-        self.server.on_client_connect(self._welcome)
 
-        @self.server.on_client_disconnect
-        def _(client: viser.ClientHandle) -> None:
-            self._aspects.pop(client.client_id, None)
+        @self._follow.on_update
+        def _(event: viser.GuiEvent[Any]) -> None:
+            self._cameras.following = self._follow.value
+            draw(event)
 
     def _run(self) -> None:
         """Plays, and looks for new frames, until it is closed."""
@@ -283,12 +280,7 @@ class Shown:
                 self._module.content = _told_of(moments.chain, self._selected, snapshot)
             else:
                 self._module.content = "Click on a module."
-        self._points, self._radius = scene.points(snapshot), scene.radius
-        view = framing(self._points, radius=self._radius)
-        self.server.initial_camera.position = view.position
-        self.server.initial_camera.look_at = view.target
-        for client in self.server.get_clients().values():
-            self._frame_for(client)
+        self._cameras.keep_in_view(scene.points(snapshot), scene.radius)
 
     def _write(self) -> None:
         """Tells how far it is, and the figures of the frame."""
@@ -304,50 +296,6 @@ class Shown:
         if self._selected is not None:
             colours[self._selected] = SELECTED
         return colours
-
-    def _welcome(self, client: viser.ClientHandle) -> None:
-        """Shows all of the chain in a window of any shape, also when that changes."""
-
-        @client.camera.on_update
-        def _(camera: viser.CameraHandle) -> None:
-            del camera
-            with self._lock:
-                self._frame_for(client, afresh=True)
-
-        with self._lock:
-            self._frame_for(client, afresh=True)
-
-    def _frame_for(self, client: viser.ClientHandle, *, afresh: bool = False) -> None:
-        """Keeps the chain in view, from where somebody looks at it.
-
-        Args:
-            client: Who.
-            afresh: Only when the window is new or has another shape, and then from a place that
-                suits it.
-        """
-        camera = client.camera
-        points, aspect = self._points, max(camera.aspect, 0.1)
-        known = self._aspects.get(client.client_id)
-        if points is None or not self._follow.value or (afresh and aspect == known):
-            return
-        azimuth_rad, elevation_rad = None, ELEVATION_RAD
-        if not afresh:
-            x, y, z = camera.position - camera.look_at
-            azimuth_rad, elevation_rad = (
-                float(np.arctan2(y, x)),
-                float(np.arctan2(z, np.hypot(x, y))),
-            )
-        self._aspects[client.client_id] = aspect
-        view = framing(
-            points,
-            radius=self._radius,
-            aspect=aspect,
-            azimuth_rad=azimuth_rad,
-            elevation_rad=elevation_rad,
-        )
-        with client.atomic():
-            camera.position = view.position
-            camera.look_at = view.target
 
 
 def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
