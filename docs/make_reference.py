@@ -20,6 +20,9 @@ ROOT: Final = Path(__file__).parents[1]
 OUT: Final = ROOT / "out" / "reference"
 MODULES: Final = ("planner", "web.viser")
 HEADING: Final = "## Ten lines of Python\n"
+SHOWN: Final = "\n\n@public"
+"""What pdoc wants of a name with underscores."""
+INDEX: Final = '<!doctype html><meta http-equiv="refresh" content="0; url=planner.html">'
 BEGIN, END = "```python\n", "```\n"
 
 
@@ -61,6 +64,8 @@ def documented(name: str) -> pdoc.doc.Module:
     for member in found.members.values():
         if isinstance(member, pdoc.doc.Variable):
             member.docstring = value_docstring(module, member.name)
+        if isinstance(member, pdoc.doc.Class) and "__call__" in member.members:
+            member.members["__call__"].docstring += SHOWN
     if name == MODULES[0]:
         found.docstring += f"\n\n{HEADING}\n{BEGIN}{example()}{END}"
     return found
@@ -74,7 +79,7 @@ def make(out: Path) -> None:
         f"{name.replace('.', '/')}.html": pdoc.render.html_module(module, modules)
         for name, module in modules.items()
     }
-    pages["index.html"] = pdoc.render.html_index(modules)
+    pages["index.html"] = INDEX
     pages["search.js"] = pdoc.render.search_index(modules)
     for name, text in pages.items():
         (out / name).parent.mkdir(parents=True, exist_ok=True)

@@ -42,6 +42,7 @@ def test_every_public_name_says_what_it_is(module: str, name: str) -> None:
 def test_the_reference_tells_of_every_public_name(tmp_path: Path) -> None:
     make(tmp_path)  # a warning is an error here
     assert "planner.html" in (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert 'id="Show.__call__"' in (tmp_path / "web" / "viser.html").read_text(encoding="utf-8")
     for module, name in PUBLIC:
         page = (tmp_path / f"{module.replace('.', '/')}.html").read_text(encoding="utf-8")
         assert f'<section id="{name}">' in page

@@ -18,6 +18,7 @@ from planner import Plan, fold
 from planner.chain.chain import Chain
 from planner.errors import InputError, TimelineError
 from planner.motion.timeline import Timeline, TimelineWriter
+from planner.pipeline.fold_directory import read_plan
 from planner.progress import Progress
 from tests.planner.peels import snake
 from tests.web.conftest import ERROR_AT_END
@@ -254,6 +255,16 @@ def test_windows_are_posed_as_their_timeline(peeled: Path) -> None:
         assert np.allclose(one.positions, other.positions, atol=1e-5)
         assert np.allclose(one.module_error_rad, other.module_error_rad, equal_nan=True)
         assert (one.phase, one.framed, one.time_s) == (other.phase, other.framed, other.time_s)
+
+
+def test_a_plan_of_windows_knows_the_errors_of_its_joints(peeled: Path) -> None:
+    plan, view = read_plan(peeled), TimelineView(peeled / "timeline.zarr")
+    moments = MotionMoments(plan.chain, plan.motion)
+    first = len(view) - len(moments)
+    frames = range(0, len(moments), 5)
+    errors = [moments.snapshot(k).module_error_rad for k in frames]
+    recorded = [view.snapshot(first + k).module_error_rad for k in frames]
+    assert np.array_equal(errors, recorded, equal_nan=True) and np.nanmax(errors) > 0.0
 
 
 def test_a_plan_without_frames_is_refused(folded: tuple[Plan, Path]) -> None:

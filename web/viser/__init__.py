@@ -1,6 +1,6 @@
 """The 3D view: viser's client and its scenes, a preview's and a fold's, also as one file.
 
-From a program or a notebook, ``show`` is all there is to know::
+From a program or a notebook, ``show`` is all there is to know:
 
     from planner import fold
     from web.viser import show

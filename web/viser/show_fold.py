@@ -30,6 +30,7 @@ class Live(Shown):
     """
 
     def __init__(self, *, host: str, port: int, open_browser: bool) -> None:
+        """Starts the server, which has nothing to show yet; ``show.live`` does so."""
         self._views = TimelineViews()
         self._directory: FilePath | None = None
         self._whole: Moments | None = None
@@ -63,7 +64,7 @@ class Live(Shown):
 
 
 class Show:
-    """``show(plan)`` and ``show.live()``."""
+    """What ``show`` is: ``show(plan)`` of what is there, ``show.live()`` of what is computed."""
 
     def __call__(
         self,
