@@ -17,7 +17,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test test-fast test-long faults coverage load audit deploy-check lint format bench success-map reproduction constraints clean tools
+.PHONY: help run test test-fast test-long faults coverage load audit deploy-check docs lint format bench success-map reproduction constraints clean tools
 
 help: ## What there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -104,6 +104,9 @@ success-map: $(STAMP) ## The map of the page /benchmarks: runs what is missing, 
 
 reproduction: $(STAMP) ## The paper's experiments: runs what is missing, tells all (ARGS="--only ID …")
 	@$(BIN)/python -m tests.benchmarks.reproduction $(ARGS)
+
+docs: $(STAMP) ## The Python library's reference, as pages in out/reference
+	@$(BIN)/python -m docs.make_reference
 
 constraints: $(STAMP) ## Write constraints.txt from what is installed
 	@{ echo "# Versions that are tested together; \`make constraints\` writes this file."; \

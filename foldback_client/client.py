@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 import ssl
 import time
-from collections.abc import Callable, Collection, Generator
+from collections.abc import Callable, Collection, Generator, Iterator
 from contextlib import contextmanager
 from functools import partial
 from itertools import count
@@ -130,6 +130,15 @@ class Client:
         """Folds of the gallery and one's own, newest first."""
         told = self.ask("GET", "/api/folds", token=self.token)["folds"]
         return [Fold(self, each["id"], token=self.token, state=each) for each in told]
+
+    def mine(self) -> Iterator[Fold]:
+        """All folds that were asked for with one's own token, newest first."""
+        path: str | None = "/api/mine/folds"
+        while path is not None:
+            told = self.ask("GET", path, token=self.token)
+            for each in told["folds"]:
+                yield Fold(self, each["id"], token=self.token, state=each)
+            path = told["next"]
 
     def shapes(self) -> list[dict[str, Any]]:
         """Shapes of the gallery by ``name``, shortest chain first."""

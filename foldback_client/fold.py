@@ -223,6 +223,18 @@ class Fold:
         self._client.ask("POST", f"{self._here}/cancel", token=self.token, again={403})
         return self.refresh()
 
+    def rename(self, name: str) -> Fold:
+        """Calls it otherwise: on pages, in lists and in names of files.
+
+        Args:
+            name: 1 to 200 characters.
+
+        Raises:
+            Problem: When the token is not its owner's, or it belongs to the gallery.
+        """
+        self._state = self._client.ask("PATCH", self._here, json={"name": name}, token=self.token)
+        return self
+
     def delete(self) -> None:
         """Deletes it for good.
 

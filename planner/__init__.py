@@ -6,8 +6,8 @@
     plan = fold(read(Path("wrench.json").read_bytes()))
     print(plan.certificate.verdict)
 
-Names are loaded when they are first used, so that a program that only reads a file does not carry a
-simulator.
+What ``__all__`` names is public. Names are loaded when they are first used, so that a program that
+only reads a file does not carry a simulator.
 """
 
 from __future__ import annotations
@@ -19,18 +19,20 @@ if TYPE_CHECKING:
     from planner.certificate.certificate import Certificate, certify
     from planner.chain.chain import Chain
     from planner.chain.kinematics import Poses, forward_kinematics
-    from planner.chain.module import CUBE, Module
+    from planner.chain.module import CUBE, TETRAHEDRON, Module
     from planner.chain.path import Path
     from planner.errors import InputError, PlannerError, SimulationError, TimelineError
     from planner.explosion.simultaneous import explode
     from planner.motion.frames import Frames
     from planner.motion.record import Record
     from planner.motion.timeline import Timeline, TimelineWriter
+    from planner.motion.windows import Windows
     from planner.pipeline.fold import fold
     from planner.pipeline.refold import refold
     from planner.pipeline.smooth import smooth_plan
     from planner.plan.plan import Plan
     from planner.playback.playback import Playback, play_back
+    from planner.progress import Progress
     from planner.readers import read
     from planner.simulation.parameters import PRESETS, Parameters, preset
     from planner.verification.verify import Verification, verify
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CUBE",
     "PRESETS",
+    "TETRAHEDRON",
     "Certificate",
     "Chain",
     "Frames",
@@ -49,12 +52,14 @@ __all__ = [
     "PlannerError",
     "Playback",
     "Poses",
+    "Progress",
     "Record",
     "SimulationError",
     "Timeline",
     "TimelineError",
     "TimelineWriter",
     "Verification",
+    "Windows",
     "certify",
     "explode",
     "fold",
@@ -75,7 +80,7 @@ _HOMES = {
     "planner.motion.frames": ("Frames",),
     "planner.pipeline.fold": ("fold",),
     "planner.chain.kinematics": ("Poses", "forward_kinematics"),
-    "planner.chain.module": ("CUBE", "Module"),
+    "planner.chain.module": ("CUBE", "TETRAHEDRON", "Module"),
     "planner.simulation.parameters": ("PRESETS", "Parameters", "preset"),
     "planner.chain.path": ("Path",),
     "planner.plan.plan": ("Plan",),
@@ -85,6 +90,8 @@ _HOMES = {
     "planner.pipeline.refold": ("refold",),
     "planner.pipeline.smooth": ("smooth_plan",),
     "planner.motion.timeline": ("Timeline", "TimelineWriter"),
+    "planner.motion.windows": ("Windows",),
+    "planner.progress": ("Progress",),
     "planner.verification.verify": ("Verification", "verify"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path as FilePath
 from typing import Final
 
 COMPILING: Final = "compiling"
@@ -22,6 +23,8 @@ class Progress:
         simulated_s: Simulated time so far, in seconds.
         message: A few plain words.
         pushes: How many pushes in a row moved nothing on; from a few on it may well be stuck.
+        directory: Of the fold, with its timeline; None where it is not told. One that ``fold`` was
+            not given is removed after the last stage, ``export``, has told that it is done.
     """
 
     stage: str
@@ -31,10 +34,16 @@ class Progress:
     simulated_s: float = 0.0
     message: str = ""
     pushes: int = 0
+    directory: str | None = None
 
 
 Report = Callable[[Progress], None]
 Cancelled = Callable[[], bool]
+
+
+def naming(directory: FilePath, report: Report) -> Report:
+    """A report that also tells the fold's directory."""
+    return lambda progress: report(replace(progress, directory=str(directory)))
 
 
 def silent(progress: Progress) -> None:

@@ -13,7 +13,7 @@ from typing import Final
 
 from fastapi import FastAPI
 
-from server.api import artifacts, folds, frames, health, movies, robot, shapes
+from server.api import artifacts, folds, frames, health, mine, movies, robot, shapes
 from server.api.context import Context
 from server.api.fold_states import FoldStates
 from server.files.artifacts import Artifacts
@@ -39,6 +39,7 @@ from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
 from server.jobs.remaining import Remaining
 from server.limits.quota import Quota
+from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics
 from server.ops.readiness import Readiness
 from server.pages import (
@@ -47,6 +48,7 @@ from server.pages import (
     fold,
     gallery,
     landing,
+    my_folds,
     paper,
     pictures,
     preview,
@@ -76,6 +78,7 @@ ROUTERS: Final = (
     folds,
     artifacts,
     movies,
+    mine,
     shapes,
     health,
     landing,
@@ -86,6 +89,7 @@ ROUTERS: Final = (
     api_docs,
     paper,
     gallery,
+    my_folds,
     frames,
     share,
     pictures,
@@ -234,6 +238,9 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
             at_once=2,
             total=settings.answers_waiting,
             per_visitor=settings.answers_waiting_of_visitor,
+        ),
+        lists=TokenBuckets(
+            settings.lists_per_second_of_visitor, 20 * settings.lists_per_second_of_visitor
         ),
         uploads=Uploads(settings),
         fork_server=fork_server,

@@ -173,6 +173,12 @@ class Settings(BaseSettings):
         ge=1,
         description="Requests that one visitor may make at once after a while without any.",
     )
+    lists_per_second_of_visitor: float = Field(
+        default=5.0,
+        gt=0,
+        description="Lists of what one has made (`/api/mine`) that one visitor gets in a second, "
+        "on average; 20 times as many at once.",
+    )
     max_modules: int = Field(default=12_000, ge=3, description="Longest chain that is accepted.")
     min_free_disk_bytes: int = Field(
         default=64 * MIB, ge=0, description="Refuse uploads below this."

@@ -179,12 +179,16 @@ interface Switches {
   follow: boolean;
   turn: boolean;
   live: boolean;
+  from: number | null; // frames that are looped over; null for those of the timeline
+  to: number | null;
 }
 type Command =
   | { do: "play" | "pause" | "toggle" }
   | { do: "seek"; frame: number }
   | { do: "seek"; percent: number }
   | { do: "step"; by: number }
+  | { do: "pass"; seconds: number }
+  | { do: "change"; way: 1 | -1 }
   | ({ do: "set" } & Partial<Omit<Switches, "playing">>)
   | { do: "select"; module: number | null };
 interface State extends Switches {
@@ -300,14 +304,34 @@ interface ProgressTold {
   remaining_s?: number | null; // 0 when it takes longer than usual
 }
 interface Movie {
-  status: "queued" | "running" | "done" | "failed";
+  status: "queued" | "running" | "ready" | "failed";
   format: string;
+  width: number;
+  height: number;
+  seconds: number;
   frames_done: number;
   frames_total: number;
   problem?: { detail: string } | null;
   token?: string | null; // told once, to who has asked first
-  links: { self: string; file: string };
+  links: { self: string; file: string; fold: string };
 }
+interface FoldMade {
+  id: string;
+  title: string;
+  status: "queued" | "running" | "verified" | "failed" | "cancelled";
+  stage: string | null;
+  created_at: string;
+  expires_at: string | null;
+  public: boolean;
+  modules: number;
+  module: string;
+  progress: ProgressTold;
+  summary: { certificate?: { verdict?: string } };
+  links: { self: string; page: string; drawing: string };
+}
+interface FoldsMade { folds: FoldMade[]; next: string | null; total: number }
+interface PreviewMade { id: string; title: string; module: string; modules: number; created_at: string; expires_at: string; page: string; drawing: string }
+interface MovieMade { title: string; created_at: string; movie: Movie }
 interface Repair { add: number[][]; drop: number[][]; detail: string; doubled: boolean; modules: number }
 interface Report {
   id: string;
@@ -330,7 +354,38 @@ interface Report {
   knot: { verdict: "unknot" | "knotted" | "undecided"; determinant: number | null } | null;
   feasibility: { feasible: boolean; problems: { code: string; detail: string }[]; repairs: Repair[] } | null;
   notes: string[];
+  cells: number[][];
   links: { page: string };
+}
+
+// The editor. Cells are keys, as js/editor/painting.js says.
+
+// What has been painted: whether each cell is filled, and the path drawn through them.
+interface Painted { size: number; cells: Uint8Array; path: readonly number[] }
+// A path and the end of it that is drawn: its first cell or its last.
+interface DrawnPath { path: readonly number[]; atStart: boolean }
+interface PathChecked {
+  length: number;
+  cells: number;
+  gaps: number[]; // places in the path after which it leaps
+  repeats: [first: number, second: number][]; // places that hold the same cell
+  missing: number[];
+  lost: number[]; // of the missing those that neither end leads to
+  difference: number; // of the two colours of a chessboard
+  whole: boolean;
+}
+interface SheetLook {
+  layer: number;
+  drawn: DrawnPath | null; // where the path is to be seen
+  corner: number | null; // of a box that is begun
+  axes: Set<number>; // along which painting is mirrored
+}
+interface SheetHeard {
+  press(key: number): void;
+  drag(keys: number[]): void;
+  lift(kept: boolean): void;
+  arrow(by: number[], shift: boolean): boolean; // whether that was more than moving on
+  bySides(): boolean; // whether a pointer's way goes from side to side
 }
 
 // Elements of the pages that are more than an element, by their id.
@@ -342,11 +397,14 @@ interface Elements {
   cancel: HTMLButtonElement;
   clear: HTMLButtonElement;
   "colour-by": HTMLSelectElement;
-  compare: HTMLButtonElement;
   "compare-dialog": HTMLDialogElement;
   "compare-form": HTMLFormElement;
   "compare-link": HTMLInputElement;
+  compare: HTMLButtonElement;
+  complete: HTMLButtonElement;
+  confirm: HTMLDialogElement;
   "cover-button": HTMLButtonElement;
+  cut: HTMLButtonElement;
   down: HTMLButtonElement;
   drawing: HTMLImageElement;
   drop: HTMLFormElement;
@@ -355,26 +413,40 @@ interface Elements {
   folded: HTMLInputElement;
   follow: HTMLButtonElement;
   forward: HTMLButtonElement;
+  frame: HTMLInputElement;
+  higher: HTMLButtonElement;
   jump: HTMLSelectElement;
+  key: HTMLInputElement;
+  "key-form": HTMLFormElement;
+  "key-paste": HTMLInputElement;
+  "keys-dialog": HTMLDialogElement;
+  "keys-off": HTMLInputElement;
   live: HTMLButtonElement;
   loop: HTMLButtonElement;
+  lower: HTMLButtonElement;
+  "mesh-cells": HTMLInputElement;
   model: SVGSVGElement;
-  modules: HTMLInputElement;
+  more: HTMLButtonElement;
   "modules-number": HTMLInputElement;
+  modules: HTMLInputElement;
   name: HTMLInputElement;
+  open: HTMLButtonElement;
+  options: HTMLFormElement;
   "paper-settings": HTMLDetailsElement;
-  play: HTMLButtonElement;
   "play-icon": SVGUseElement;
+  play: HTMLButtonElement;
   plot: SVGSVGElement;
   prefer: HTMLSelectElement;
   preset: HTMLSelectElement;
   preview: HTMLButtonElement;
   redo: HTMLButtonElement;
-  refold: HTMLButtonElement;
   "refold-dialog": HTMLDialogElement;
   "refold-file": HTMLInputElement;
+  refold: HTMLButtonElement;
   repeat: HTMLButtonElement;
   reverse: HTMLButtonElement;
+  "save-cells": HTMLButtonElement;
+  "save-path": HTMLButtonElement;
   scrub: HTMLInputElement;
   seed: HTMLInputElement;
   "share-embed": HTMLTextAreaElement;
@@ -382,13 +454,15 @@ interface Elements {
   "share-link": HTMLInputElement;
   sharing: HTMLDialogElement;
   sieve: HTMLFormElement;
+  size: HTMLSelectElement;
   sketch: HTMLCanvasElement;
   smooth: HTMLButtonElement;
   speed: HTMLSelectElement;
+  turn: HTMLButtonElement;
   undo: HTMLButtonElement;
+  unpath: HTMLButtonElement;
   up: HTMLButtonElement;
   view: HTMLIFrameElement;
-  options: HTMLFormElement;
 }
 type ElementOf<Id extends string> = Id extends keyof Elements ? Elements[Id] : HTMLElement;
 

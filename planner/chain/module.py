@@ -36,7 +36,7 @@ def _largest_projection(along: Array, across: Array, limit: float) -> Array:
 class Module:
     """One kind of module and the joint that ties it to the next.
 
-    The pose of module ``i + 1`` follows from that of module ``i`` (lengths in pitches)::
+    The pose of module ``i + 1`` follows from that of module ``i`` (lengths in pitches):
 
         T[i+1] = T[i] · Trans(anchor) · Rot(axis_1, q_1) … Rot(axis_K, q_K) · turn · Trans(offset)
 

@@ -84,11 +84,13 @@ def _least_beyond(grid: Ints, way: tuple[int, ...], none: int) -> Ints:
     axis = next(k for k in range(3) if way[k])
     found = np.full_like(grid, none)
     source, beyond = np.moveaxis(grid, axis, 0), np.moveaxis(found, axis, 0)
-    sides = [way[k] for k in range(3) if k != axis]
-    here = tuple(slice(max(0, -s), None if s <= 0 else -s) for s in sides)
-    there = tuple(slice(max(0, s), None if s >= 0 else s) for s in sides)
+    shift = tuple(-way[k] for k in range(3) if k != axis)
     last = len(source) - 1
     for k in range(last - 1, -1, -1) if way[axis] > 0 else range(1, last + 1):
-        step = k + way[axis]
-        np.minimum(source[step][there], beyond[step][there], out=beyond[k][here])
+        next_layer = np.minimum(source[k + way[axis]], beyond[k + way[axis]])
+        moved = np.roll(next_layer, shift, axis=(0, 1))
+        for side, far in enumerate(shift):  # what came round from the other side is not there
+            if far:
+                np.moveaxis(moved, side, 0)[0 if far > 0 else -1] = none
+        beyond[k] = moved
     return found

@@ -7,12 +7,12 @@ from pathlib import Path as FilePath
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.files import directory_or_aside
-from planner.pipeline.fold_directory import write_request
+from planner.pipeline.fold_directory import read_plan, write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.plan.formats import write_chain, write_path
 from planner.plan.plan import Plan
-from planner.progress import Report, silent
+from planner.progress import Report, naming, silent
 
 
 def fold(
@@ -36,7 +36,7 @@ def fold(
         settings: Other numbers for ``paper`` or ``direct``, as ``damping=0.05,radial_gain=0.2``:
             see ``planner.pipeline.settings``.
         directory: Where the plan, the timeline and the model are kept; nowhere when None.
-        progress: Told how far it is.
+        progress: Told how far it is, and where: ``Progress.directory``.
         workers: Explosions that are made at once at most, when one sticks; the plan is the same.
 
     Returns:
@@ -55,5 +55,5 @@ def fold(
             settings=settings,
         )
         write_request(folder, request, data)
-        run_stages(folder, progress=progress, workers=workers)
-        return Plan.load(folder / "plan.npz")
+        run_stages(folder, progress=naming(folder, progress), workers=workers)
+        return read_plan(folder)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path as FilePath
 
 from planner.certificate.certificate import Certificate
 from planner.chain.chain import Chain
 from planner.files import write_json, write_whole
+from planner.motion.frames import Frames
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes, chain_from_attributes
+from planner.motion.windows import Windows
 from planner.pipeline.attempt_folders import CERTIFICATE, CHAIN, result
 from planner.pipeline.request import Request
 from planner.plan.plan import Plan
@@ -96,6 +99,19 @@ def read_attempt(place: FilePath, request: Request) -> Plan:
         read_playback(place),
         read_certificate(place),
     )
+
+
+def read_plan(directory: FilePath) -> Plan:
+    """The plan of a fold that is over, with the joint errors that its file leaves out."""
+    plan, playback = Plan.load(directory / "plan.npz"), read_playback(directory)
+    if playback is None:
+        return plan
+    motion, simulated = plan.motion, playback.frames
+    if isinstance(motion, Windows) and isinstance(simulated, Windows):
+        motion = replace(motion, errors_rad=simulated.errors_rad)
+    elif isinstance(motion, Frames) and isinstance(simulated, Frames):
+        motion = replace(motion, joint_error_rad=simulated.joint_error_rad)
+    return replace(plan, motion=motion)
 
 
 def read_certificate(directory: FilePath) -> Certificate:

@@ -9,13 +9,13 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.files import directory_or_aside, write_json
 from planner.motion.timeline import chain_attributes
-from planner.pipeline.fold_directory import write_request
+from planner.pipeline.fold_directory import read_plan, write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.plan.formats import write_chain, write_path
 from planner.plan.plan import Plan
 from planner.playback.unfolding import START_CHAIN, START_PLAN
-from planner.progress import Report, silent
+from planner.progress import Report, naming, silent
 
 
 def refold(
@@ -61,8 +61,8 @@ def refold(
         )
         write_start(folder, start)
         write_request(folder, replace(request, refold=True), data)
-        run_stages(folder, progress=progress)
-        return Plan.load(folder / "plan.npz")
+        run_stages(folder, progress=naming(folder, progress))
+        return read_plan(folder)
 
 
 def write_start(directory: FilePath, start: Plan) -> None:

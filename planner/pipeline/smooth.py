@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 
 from planner.files import directory_or_aside
-from planner.pipeline.fold_directory import write_request
+from planner.pipeline.fold_directory import read_plan, write_request
 from planner.pipeline.request import Request
 from planner.pipeline.stages import run_stages
 from planner.plan.formats import write_chain
 from planner.plan.plan import Plan
-from planner.progress import Report, silent
+from planner.progress import Report, naming, silent
 from planner.robot import RECORDED_PLAN
 
 
@@ -40,8 +40,8 @@ def smooth_plan(
     """
     with directory_or_aside(directory) as folder:
         write_smooth(folder, plan, seed=seed, module_size=module_size)
-        run_stages(folder, progress=progress)
-        return Plan.load(folder / "plan.npz")
+        run_stages(folder, progress=naming(folder, progress))
+        return read_plan(folder)
 
 
 def write_smooth(directory: FilePath, plan: Plan, *, seed: int, module_size: float | None) -> None:

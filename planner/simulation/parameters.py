@@ -314,6 +314,7 @@ PUBLISHED_PLAYBACK: Final = PlaybackParameters(
     controller="paper", step_s=0.01, friction=0.1, damping=0.1, gain=60.0, dynamic_up_to=600
 )
 PRESETS: Final = ("default", "paper", "direct")
+"""Names of parameter sets: foldback's own, the published method, and servoing straight there."""
 BASELINE: Final = "one-by-one"
 STRATEGIES: Final = ("simultaneous", "blocks", "peel", BASELINE)
 AUTO: Final = "auto"

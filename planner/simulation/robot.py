@@ -12,6 +12,7 @@ damping in the hinges' inertia, h² kp + h kv, it is stable however stiff it is.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -24,7 +25,7 @@ from planner.kernels.robot import advance, servo_torques, stop_drifting
 from planner.simulation.model import Material
 from planner.simulation.mujoco import mujoco
 from planner.simulation.parameters import RobotParameters
-from planner.simulation.reduced import State
+from planner.simulation.reduced import Acceleration, State
 from planner.simulation.segments import Segments
 
 Array = NDArray[np.float64]
@@ -106,9 +107,57 @@ class Faults:
         self.offsets = self.encoder_rad * rng.uniform(-0.5, 0.5, hinges)
         self._noise_rad = parameters.noise_rad
 
-    def noise(self, hinges: int) -> Array:
-        """(H,) of so many encoders in one step, in radians."""
-        return self._noise_rad * self._rng.standard_normal(hinges)
+    def drive(
+        self,
+        hinges: slice,
+        angles: Array,
+        rates: Array,
+        target: tuple[Array, Array, Array],
+        step_s: float,
+        accelerations: Callable[[Array, Array], Array],
+    ) -> Array:
+        """(H,) torques that motors give in a step, found anew while some are beyond their limit.
+
+        Args:
+            hinges: Which of the chain's they are.
+            angles, rates: (H,) as they are.
+            target: (H,) angles and rates at the step's end, and torques that a robot without faults
+                needs for it.
+            step_s: Time step.
+            accelerations: Gives the (H,) accelerations of the hinges under (H,) rotor inertias and
+                torques. Called last with those of the step.
+        """
+        count = len(angles)
+        wanted, rubbing = np.empty(count), np.empty(count)
+        servo_torques(
+            angles,
+            rates,
+            *target,
+            self._noise_rad * self._rng.standard_normal(count),
+            self.offsets[hinges],
+            self.encoder_rad,
+            self.stiffness,
+            self.damping,
+            step_s,
+            self.friction[hinges],
+            self.expected_friction,
+            wanted,
+            rubbing,
+        )
+        inertia = step_s * step_s * self.stiffness + step_s * self.damping
+        limited = np.zeros(count)
+        left = MOST_SATURATED
+        while True:
+            free, left = limited == 0.0, left - 1
+            motors = np.where(free, wanted, self.limit * limited)
+            found = accelerations(
+                np.where(free, inertia, 0.0) + step_s * rubbing, motors - rubbing * rates
+            )
+            given = np.where(free, wanted - inertia * found, motors)
+            beyond = free & (np.abs(given) > self.limit)
+            if not left or not beyond.any():
+                return given
+            limited[beyond] = np.sign(given[beyond])
 
 
 class Robot:
@@ -195,39 +244,18 @@ class Robot:
         Raises:
             SimulationError: When the numbers are bad.
         """
-        state, h, segments, faults = self.state, self._step_s, self._segments, self.faults
-        hinges = len(state.angles)
-        wanted, rubbing = np.empty(hinges), np.empty(hinges)
-        servo_torques(
-            state.angles,
-            state.rates,
-            *self._target,
-            faults.noise(hinges),
-            faults.offsets,
-            faults.encoder_rad,
-            faults.stiffness,
-            faults.damping,
-            h,
-            faults.friction,
-            faults.expected_friction,
-            wanted,
-            rubbing,
-        )
-        inertia = h * h * faults.stiffness + h * faults.damping
+        state, h, segments = self.state, self._step_s, self._segments
         model, data, dofs = segments.model, segments.data, segments.hinge_dofs
-        limited = np.zeros(hinges)
-        left = MOST_SATURATED
-        while True:
-            free, left = limited == 0.0, left - 1
-            model.dof_armature[dofs] = np.where(free, inertia, 0.0) + h * rubbing
-            motors = np.where(free, wanted, faults.limit * limited)
-            data.qfrc_applied[dofs] = motors - rubbing * state.rates
-            acceleration = segments.accelerations(state, None)
-            given = np.where(free, wanted - inertia * acceleration.hinges, motors)
-            beyond = free & (np.abs(given) > faults.limit)
-            if not left or not beyond.any():
-                break
-            limited[beyond] = np.sign(given[beyond])
+        found: list[Acceleration] = []
+
+        def accelerations(inertia: Array, applied: Array) -> Array:
+            model.dof_armature[dofs], data.qfrc_applied[dofs] = inertia, applied
+            found.append(segments.accelerations(state, None))
+            return found[-1].hinges
+
+        hinges = slice(0, len(state.angles))
+        given = self.faults.drive(hinges, state.angles, state.rates, self._target, h, accelerations)
+        acceleration = found[-1]
         self.torques = given
         if not advance(
             *self._reduced,

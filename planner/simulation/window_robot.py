@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
-from planner.kernels.robot import servo_torques
 from planner.simulation.mujoco import mujoco
 from planner.simulation.parameters import RobotParameters
-from planner.simulation.robot import MOST_SATURATED, Faults
+from planner.simulation.robot import Faults
 from planner.simulation.window_body import Lumps, WindowBody
 
 Array = NDArray[np.float64]
@@ -94,42 +93,23 @@ class WindowRobot:
         Raises:
             SimulationError: When the numbers are bad.
         """
-        faults, body = self.faults, self._body
+        body = self._body
         assert body is not None
         model, data, dofs = body.model, body.data, body.dofs
-        h, hinges = float(model.opt.timestep), len(self.angles)
-        wanted, rubbing = np.empty(hinges), np.empty(hinges)
-        servo_torques(
+
+        def accelerations(inertia: Array, applied: Array) -> Array:
+            model.dof_armature[dofs], data.qfrc_applied[dofs] = inertia, applied
+            mujoco.mj_forward(model, data)
+            return data.qacc[dofs]
+
+        given = self.faults.drive(
+            self._hinges,
             self.angles,
             self._rates,
-            angles,
-            rates,
-            torques,
-            faults.noise(hinges),
-            faults.offsets[self._hinges],
-            faults.encoder_rad,
-            faults.stiffness,
-            faults.damping,
-            h,
-            faults.friction[self._hinges],
-            faults.expected_friction,
-            wanted,
-            rubbing,
+            (angles, rates, torques),
+            float(model.opt.timestep),
+            accelerations,
         )
-        inertia = h * h * faults.stiffness + h * faults.damping
-        limited = np.zeros(hinges)
-        left = MOST_SATURATED
-        while True:
-            free, left = limited == 0.0, left - 1
-            model.dof_armature[dofs] = np.where(free, inertia, 0.0) + h * rubbing
-            motors = np.where(free, wanted, faults.limit * limited)
-            data.qfrc_applied[dofs] = motors - rubbing * self._rates
-            mujoco.mj_forward(model, data)
-            given = np.where(free, wanted - inertia * data.qacc[dofs], motors)
-            beyond = free & (np.abs(given) > faults.limit)
-            if not left or not beyond.any():
-                break
-            limited[beyond] = np.sign(given[beyond])
         centre = body.take_momentum()  # what integration has added to it
         if self._centre is None:
             self._centre = centre

@@ -21,6 +21,7 @@ from server.jobs.movies import Movies
 from server.jobs.queue import Jobs
 from server.jobs.remaining import Remaining
 from server.limits.quota import Quota
+from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics
 from server.processes.children import Reader
 from server.processes.fork_server import ForkServer
@@ -55,6 +56,7 @@ class Context:
     robots: Quota
     trajectories: Trajectories
     answers: Quota
+    lists: TokenBuckets
     uploads: Uploads
     metrics: Metrics
     leases: Leases

@@ -23,7 +23,17 @@ from planner.pipeline.settings import LONGEST, SETTINGS
 from planner.readers.limits import quote
 from server.api.base_folds import beginning_noted, beginning_of
 from server.api.context import Context, context_of
-from server.api.schemas import Accepted, Fold, Folds, Links, ProblemBody, Shape, Shapes
+from server.api.schemas import (
+    LONGEST_NAME,
+    Accepted,
+    Fold,
+    FoldChanges,
+    Folds,
+    Links,
+    ProblemBody,
+    Shape,
+    Shapes,
+)
 from server.api.submit import Submission, input_noted, noted, submit
 from server.errors import Forbidden, Unidentified, Unusable
 from server.files.cancelled import sweep_cancelled
@@ -31,6 +41,7 @@ from server.files.previews import ShapeOptions
 from server.http.client_address import address_of
 from server.http.response_cache import mark
 from server.store.folds import new_token
+from server.store.owned import change_fold
 
 router = APIRouter(prefix="/api/folds", tags=["folds"])
 ID: Final = "^[A-Za-z0-9_-]*$"
@@ -248,7 +259,7 @@ def get_folds(context: Here, credentials: Bearer) -> Folds:
     if (token := token_of(credentials)) is not None:
         rows.update({row.id: row for row in context.store.list_owned(token)})
     newest_first = sorted(rows.values(), key=lambda row: row.created_at, reverse=True)
-    return Folds(folds=[Fold.of(row, context.remaining) for row in newest_first])
+    return Folds(folds=[Fold.of(row, context.store, context.remaining) for row in newest_first])
 
 
 @router.get("/{fold_id}", summary="The state of a fold", responses=problems(404))
@@ -257,7 +268,7 @@ def get_fold(request: Request, fold_id: str, context: Here) -> Fold:
     row = context.store.fold(fold_id)
     context.store.looked(row)
     mark(request, row)
-    return Fold.of(row, context.remaining)
+    return Fold.of(row, context.store, context.remaining)
 
 
 async def follower(request: Request, fold_id: str, context: Here) -> AsyncIterator[None]:
@@ -306,13 +317,39 @@ def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
     """
     store = context.store
     before = store.fold(fold_id)
-    if not store.cancel(fold_id, _needed(credentials)):
+    if not store.cancel(fold_id, needed(credentials)):
         raise _not_owner()
     row = store.fold(fold_id)
     if not before.over:
         context.jobs.forget(fold_id)
         sweep_cancelled(store, time.time(), visitor=row.visitor)
-    return Fold.of(row, context.remaining)
+    return Fold.of(row, context.store, context.remaining)
+
+
+@router.patch(
+    "/{fold_id}", summary="Rename a fold, or hand it over", responses=problems(401, 403, 404, 422)
+)
+def patch_fold(fold_id: str, changes: FoldChanges, context: Here, credentials: Bearer) -> Fold:
+    """Its name is what pages, lists and files to take away are called; that in its plan stays.
+
+    Nobody renames those of the gallery.
+    """
+    store = context.store
+    row, token = store.fold(fold_id), needed(credentials)
+    if row.public:
+        raise Forbidden(
+            "public", "This fold belongs to the gallery, which everybody sees; its name stays."
+        )
+    name = None if changes.name is None else printable(changes.name)
+    if name == "":
+        raise Unusable(
+            "empty-name",
+            f"got a name without anything that prints, expected 1 to {LONGEST_NAME} characters.",
+            where="name",
+        )
+    if not change_fold(store, fold_id, token, name=name, new_token=changes.owner_token):
+        raise _not_owner()
+    return Fold.of(store.fold(fold_id), store, context.remaining)
 
 
 @router.delete(
@@ -321,7 +358,7 @@ def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
 def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
     """Deletes it for good. Those of the gallery are everybody's: nobody deletes them."""
     store = context.store
-    row, token = store.fold(fold_id), _needed(credentials)
+    row, token = store.fold(fold_id), needed(credentials)
     if row.public:
         raise Forbidden(
             "public", "This fold belongs to the gallery, which everybody sees; it stays."
@@ -391,8 +428,12 @@ def _previewed(
 
 def clean_filename(name: str | None) -> str | None:
     """The last part of what an upload was called, without anything that does not print."""
-    base = (name or "").replace("\\", "/").rpartition("/")[2]
-    return "".join(c for c in base if c.isprintable())[:200] or None
+    return printable((name or "").replace("\\", "/").rpartition("/")[2])[:LONGEST_NAME] or None
+
+
+def printable(name: str) -> str:
+    """A name without anything that does not print, and without spaces around it."""
+    return "".join(c for c in name if c.isprintable()).strip()
 
 
 def token_of(credentials: HTTPAuthorizationCredentials | None) -> str | None:
@@ -402,7 +443,12 @@ def token_of(credentials: HTTPAuthorizationCredentials | None) -> str | None:
     return credentials.credentials
 
 
-def _needed(credentials: HTTPAuthorizationCredentials | None) -> str:
+def needed(credentials: HTTPAuthorizationCredentials | None) -> str:
+    """The token.
+
+    Raises:
+        Unidentified: When there is none.
+    """
     if (token := token_of(credentials)) is not None:
         return token
     raise Unidentified(

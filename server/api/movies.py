@@ -65,7 +65,9 @@ class MovieBody(BaseModel):
     seconds: float
     problem: Fault | None
     token: str | None = Field(
-        default=None, description="Told once, to who asked first; deleting asks for it."
+        default=None,
+        description="Told once, to who asked first: the token that he has sent, or a new one. "
+        "Deleting asks for it.",
     )
     links: MovieLinks
 
@@ -115,7 +117,8 @@ def post_movie(
     token = token_of(credentials)
     of_owner = token is not None and context.store.owns(fold_id, token)
     visitor = context.visitor(request)
-    body = MovieBody.of(fold_id, *context.movies.ask(fold_id, movie, visitor, of_owner=of_owner))
+    asked = context.movies.ask(fold_id, movie, visitor, of_owner=of_owner, token=token)
+    body = MovieBody.of(fold_id, *asked)
     response.headers["Location"] = body.links.self
     _again(response, body)
     return body

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from datetime import datetime
-from typing import Any, Literal, cast
+from datetime import UTC, datetime
+from typing import Any, Final, Literal, cast, overload
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from planner.certificate.figures import FoldSummary
 from planner.certificate.verdict import summary_told_honestly
 from planner.exports import Export
 from planner.pathfinding.duration import expected_seconds
 from server.jobs.remaining import Remaining
-from server.store.folds import FoldRow
+from server.store.folds import FoldRow, Store
 from server.store.gallery import GalleryShape
+from server.store.shown import ShownFold
 
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 Stage = Literal["read", "explode", "play_back", "certify", "export"]
+LONGEST_NAME: Final = 200
 
 
 class ProblemBody(BaseModel):
@@ -35,6 +37,7 @@ class Links(BaseModel):
 
     self: str
     page: str
+    drawing: str
     events: str
     frames: str
     cancel: str
@@ -51,6 +54,7 @@ class Links(BaseModel):
         return cls(
             self=here,
             page=f"/folds/{fold_id}",
+            drawing=f"/folds/{fold_id}/drawing.svg",
             events=f"{here}/events",
             frames=f"{here}/frames",
             cancel=f"{here}/cancel",
@@ -143,10 +147,16 @@ class Fold(BaseModel):
     """A fold."""
 
     id: str
-    name: str
+    name: str = Field(description="As its input or its owner calls it.")
+    title: str = Field(description="What pages call it.")
     status: Status
     stage: Stage | None
     created_at: datetime
+    expires_at: datetime | None = Field(
+        description="When it is forgotten if nobody looks at it until then; null when no time is "
+        "set, or it is not over."
+    )
+    public: bool = Field(description="Whether it is of the gallery, and everybody's.")
     modules: int
     module: str
     shape: str | None = Field(description="The gallery shape it was started from.")
@@ -175,14 +185,17 @@ class Fold(BaseModel):
     links: Links
 
     @classmethod
-    def of(cls, row: FoldRow, remaining: Remaining) -> Fold:
+    def of(cls, row: FoldRow, store: Store, remaining: Remaining) -> Fold:
         """What the API shows of a row."""
         return cls(
             id=row.id,
             name=row.name,
+            title=ShownFold.of(row).title,
             status=row.status,  # pyright: ignore[reportArgumentType]
             stage=row.stage,  # pyright: ignore[reportArgumentType]
             created_at=row.created,
+            expires_at=moment(store.kept_until(row)),
+            public=row.public,
             modules=row.modules,
             module=row.module,
             shape=row.shape,
@@ -205,6 +218,50 @@ class Folds(BaseModel):
     """A list of folds, newest first."""
 
     folds: list[Fold]
+
+
+class FoldChanges(BaseModel):
+    """What changes of a fold; what is not said stays."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: str | None = Field(
+        default=None,
+        max_length=LONGEST_NAME,
+        description="What to call it. Characters that do not print are left out.",
+    )
+    owner_token: str | None = Field(
+        default=None,
+        pattern=r"^[!-~]{24,200}$",
+        description="Whose it is from now on: another token of one's own.",
+    )
+
+
+class FoldsMade(BaseModel):
+    """Folds that one has made, newest first."""
+
+    folds: list[Fold]
+    next: str | None = Field(description="Where the next ones are; null when there are none.")
+    total: int = Field(description="How many there are in all.")
+
+
+class PreviewMade(BaseModel):
+    """A shape that one has sent and looked at."""
+
+    id: str
+    title: str
+    module: str
+    modules: int
+    created_at: datetime
+    expires_at: datetime = Field(description="When it is forgotten if nobody looks at it.")
+    page: str
+    drawing: str
+
+
+class PreviewsMade(BaseModel):
+    """Them, the last one that was looked at first."""
+
+    previews: list[PreviewMade]
 
 
 class Shape(BaseModel):
@@ -356,6 +413,17 @@ class FramesBody(BaseModel):
     max_error_rad: list[float | None] = Field(description="(F,), null where none is recorded.")
     positions: list[list[list[float]]] | None = Field(description="(F, n, 3), with poses=true.")
     wxyzs: list[list[list[float]]] | None = Field(description="(F, n, 4), with poses=true.")
+
+
+@overload
+def moment(seconds: float) -> datetime: ...
+@overload
+def moment(seconds: None) -> None: ...
+@overload
+def moment(seconds: float | None) -> datetime | None: ...
+def moment(seconds: float | None) -> datetime | None:
+    """A time of the clock with its time zone; None when there is none."""
+    return None if seconds is None else datetime.fromtimestamp(seconds, UTC)
 
 
 def progress_of(row: FoldRow, remaining: Remaining) -> dict[str, Any]:

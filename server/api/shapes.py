@@ -4,19 +4,35 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import time
 from collections.abc import AsyncGenerator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from typing import Annotated, Any, Final
+from urllib.parse import urlencode
 
 from fastapi import APIRouter, Form, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
 from planner.pipeline.request import LARGEST_SEED
-from server.api.folds import ID, GalleryShape, Here, PathOptions, Uploaded, input_of, problems
-from server.api.schemas import Preview, Shape, Shapes
+from server.api.folds import (
+    ID,
+    Bearer,
+    GalleryShape,
+    Here,
+    PathOptions,
+    Uploaded,
+    input_of,
+    problems,
+    token_of,
+)
+from server.api.schemas import LONGEST_NAME, Preview, Shape, Shapes
 from server.errors import NotFound, Unusable
+from server.files.previews import ShapeOptions
+from server.store.folds import hash_of
+from server.store.owned import note_preview
+from server.store.tables import PreviewRow
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
 LOOK_EVERY_S: Final = 0.1
@@ -36,6 +52,7 @@ def get_shapes(context: Here) -> Shapes:
 async def post_preview(
     request: Request,
     context: Here,
+    credentials: Bearer,
     options: PathOptions,
     file: Uploaded = None,
     shape: GalleryShape = None,
@@ -52,7 +69,10 @@ async def post_preview(
         bool, Form(description="Whether to answer with cells and mesh too, which may be large.")
     ] = True,
 ) -> Preview:
-    """Voxels, a path through them, and whether there is one. `POST /api/folds` takes its id."""
+    """Voxels, a path through them, and whether there is one. `POST /api/folds` takes its id.
+
+    With a token it stands in the list of who has sent it, `GET /api/mine/previews`.
+    """
     settings = context.settings
     if options.modules is not None and options.modules > settings.max_modules:
         raise Unusable(
@@ -61,7 +81,7 @@ async def post_preview(
         )
     options = replace(options, seed=seed)
 
-    visitor = context.visitor(request)
+    visitor, token = context.visitor(request), token_of(credentials)
 
     def reported(gone: Callable[[], bool]) -> tuple[str, dict[str, Any]]:
         known = preview
@@ -69,13 +89,40 @@ async def post_preview(
             source, filename = input_of(context, file, shape, preview)
             with source, context.uploads.stored(source, filename) as upload:
                 known = context.previews.add(upload, visitor)
-        return known, context.previews.report(
+        report = context.previews.report(
             known, options, context.preparer, visitor=visitor, gone=gone
         )
+        if token is not None:
+            row = preview_row(known, token, options, report)
+            keep_s = settings.preview_keep_s
+            note_preview(context.store, row, sent=known != preview, keep_s=keep_s)
+        return known, report
 
     async with leaving(request) as gone:
         preview_id, report = await run_in_threadpool(reported, gone)
     return Preview.of(preview_id, options.key, report, full=full)
+
+
+def preview_row(
+    preview_id: str, token: str, options: ShapeOptions, report: dict[str, Any]
+) -> PreviewRow:
+    """A preview as its owner looks at it now."""
+    now = time.time()
+    asked = {**options.changed(), **({"seed": options.seed} if options.seed else {})}
+    if options.start is not None:
+        asked["start"] = ",".join(map(str, options.start))
+    told = {k: "true" if v is True else v for k, v in asked.items()}
+    return PreviewRow(
+        id=preview_id,
+        owner=hash_of(token),
+        name=str(report["name"])[:LONGEST_NAME],
+        modules=int(report["modules"]),
+        module=str(report["module"]),
+        key=options.key,
+        query=urlencode(told, safe=","),
+        created_at=now,
+        seen_at=now,
+    )
 
 
 @asynccontextmanager

@@ -147,11 +147,22 @@ def play(
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port to listen on; 0 takes a free one.")] = 0,
     browser: Annotated[bool, typer.Option(help="Open a browser.")] = True,
+    viser: Annotated[
+        bool,
+        typer.Option(
+            "--viser",
+            help="In a plain viser server, as programs get it from web.viser.show: "
+            "the poses are streamed, and one slider moves them for everybody.",
+        ),
+    ] = False,
 ) -> None:
     """Look at a fold's directory in the browser."""
     try:
         name = row_of(directory).name
-    except TimelineError as error:
+        if viser:
+            _play_in_viser(directory, name, host, port, browser)
+            return
+    except (TimelineError, InputError) as error:
         typer.echo(f"{error}", err=True)
         raise typer.Exit(2) from error
 
@@ -184,6 +195,18 @@ def play(
             timeout_graceful_shutdown=2,
         )
     ).run()
+
+
+def _play_in_viser(directory: Path, name: str, host: str, port: int, browser: bool) -> None:
+    """Shows it in a viser server until Ctrl-C."""
+    from web.viser import show
+    from web.viser.scene_bundle import quiet
+
+    with quiet():
+        shown = show(directory, host=host, port=port, open_browser=browser)
+    with shown, contextlib.suppress(KeyboardInterrupt):
+        typer.echo(f"{name} is at {shown.url} (Ctrl-C ends)")
+        shown.server.sleep_forever()
 
 
 def _settings(preset: Any, settings: Any) -> str:

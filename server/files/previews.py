@@ -230,6 +230,23 @@ class Previews:
         self._elsewhere.keep_report(place)
         return found
 
+    def there(self, preview_id: str) -> bool:
+        """Whether an upload is there still, here or where others find it.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        return (self._root / preview_id / UPLOAD).is_file() or self._elsewhere.there(preview_id)
+
+    def remove(self, preview_id: str) -> None:
+        """Forgets an upload and all that came of it.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        shutil.rmtree(self._root / preview_id, ignore_errors=True)
+        self._elsewhere.remove(preview_id)
+
     def cells(self, preview_id: str, options: ShapeOptions) -> list[list[int]] | None:
         """The cells of cubes that came of an upload with these options, if that has been computed.
 

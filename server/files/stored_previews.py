@@ -162,6 +162,25 @@ class StoredPreviews:
             shutil.rmtree(aside, ignore_errors=True)
         return True
 
+    def there(self, preview_id: str) -> bool:
+        """Whether an upload is kept.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        if self._storage is None:
+            return False
+        return self._storage.read(f"{ROOT}/{preview_id}/{UPLOAD}") is not None
+
+    def remove(self, preview_id: str) -> None:
+        """Forgets an upload, as soon as other web processes have lost their copies.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        if self._storage is not None:
+            self._storage.remove(f"{ROOT}/{preview_id}")
+
     def fetch_report(self, place: Path) -> None:
         """Brings what came of an upload's options here, if that is known elsewhere.
 

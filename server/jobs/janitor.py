@@ -22,11 +22,10 @@ from sqlalchemy.orm import aliased
 from server.files.cancelled import sweep_cancelled
 from server.files.derived import count_apart, derived_bytes, drop_derived
 from server.settings import Settings
-from server.store.folds import Store, seen_of
+from server.store.folds import DAY_S, Store, seen_of
 from server.store.object_store import StorageError
 from server.store.tables import ENDED, FoldRow
 
-DAY_S: Final = 86400.0
 FRESH_S: Final = 3600.0
 """Seconds since somebody looked at it for which a fold stays, however little room there is."""
 ORPHANS_EVERY_S: Final = 3600.0

@@ -25,11 +25,13 @@ from server.jobs.queue import Jobs
 from server.settings import Settings
 from server.store.folds import Store, hash_of, new_id, new_token
 from server.store.object_store import StorageError
-from server.store.tables import MAKING, MovieRow, movie_file
+from server.store.tables import MAKING, FoldRow, MovieRow, movie_file
 from web.movies.movie import Movie
 
 Status = Literal["queued", "running", "ready", "failed"]
 RETRY_AFTER_S: Final = 10
+MOST_MADE: Final = 100
+"""Movies in a list, at most."""
 LOST: Final = {
     "code": "interrupted",
     "detail": "making this movie was broken off; ask for it again.",
@@ -85,7 +87,13 @@ class Movies:
         self._jobs = jobs
 
     def ask(
-        self, fold_id: str, movie: Movie, visitor: str, *, of_owner: bool = False
+        self,
+        fold_id: str,
+        movie: Movie,
+        visitor: str,
+        *,
+        of_owner: bool = False,
+        token: str | None = None,
     ) -> tuple[MovieState, str | None]:
         """Has a movie made, unless it is there or on its way. One that failed is tried again.
 
@@ -94,6 +102,7 @@ class Movies:
             movie: What it is to be.
             visitor: Who asks.
             of_owner: Whether that is the fold's owner, whose movies others do not push out.
+            token: His; a new one if he has none.
 
         Returns:
             The movie, and the token with which it may be deleted; None when somebody asked before.
@@ -120,7 +129,7 @@ class Movies:
                 return state, None
         except NoSuchMovieError:
             pass
-        token = new_token()
+        token = token or new_token()
         wanted = MovieRow(
             fold_id=fold_id,
             id=movie.key,
@@ -153,6 +162,20 @@ class Movies:
             self._settle([row])
             row = self._row(fold_id, movie_id)
         return MovieState.of(row)
+
+    def made(self, token: str) -> list[tuple[MovieRow, FoldRow]]:
+        """Movies that the holder of a token has asked for, each with its fold, newest first."""
+        holder = hash_of(token)
+        of_his_fold = sa.and_(FoldRow.owner == holder, MovieRow.of_owner)
+        wanted = (
+            sa.select(MovieRow, FoldRow)
+            .join(FoldRow, FoldRow.id == MovieRow.fold_id)
+            .where(sa.or_(MovieRow.token_hash == holder, of_his_fold))
+            .order_by(MovieRow.created_at.desc(), MovieRow.job)
+            .limit(MOST_MADE)
+        )
+        with self._store.reading() as session:
+            return [(movie, fold) for movie, fold in session.execute(wanted)]
 
     def file(self, fold_id: str, movie_id: str) -> Path | None:
         """The file of a movie, once it is there.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
-from server.pages.facts import shown_name
+from server.store.shown import shown_name
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

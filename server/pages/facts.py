@@ -171,7 +171,7 @@ def fold_facts(
     ]
     return {
         "id": row.id,
-        "name": _title(row),
+        "name": row.title,
         "status": row.status,
         "running": running and api,
         "preset": f"{PRESETS.get(row.preset, row.preset)}{in_a_line(row.settings)}",
@@ -203,24 +203,6 @@ def fold_facts(
         if running
         else "There is nothing to download here.",
     }
-
-
-def shown_name(name: str) -> str:
-    """A name as people write it: ``wrench-160`` is a wrench, its size is told beside it."""
-    if (sized := re.fullmatch(r"([a-z]+)-(\d+)", name)) is not None:
-        return sized[1].capitalize()
-    if (box := re.fullmatch(r"([a-z]+)-(\d+)x(\d+)x(\d+)", name)) is not None:
-        return f"{box[1].capitalize()} {box[2]}×{box[3]}×{box[4]}"
-    return name
-
-
-def _title(row: ShownFold) -> str:
-    """What the fold is called; a refold, by both shapes."""
-    name = shown_name(row.name) or "New fold"
-    if row.smooths:
-        return f"{name}, smoothed"
-    start = row.refold
-    return f"{shown_name(start)} → {name}" if start else name
 
 
 def _verdict(
@@ -394,7 +376,7 @@ def _properties(
         (
             "Fold",
             [
-                ("Name", shown_name(row.name)),
+                ("Name", row.called),
                 ("Modules", row.modules or None),
                 ("Joints", _joints(row)),
                 ("Pitch", length_m(chain.get("pitch_m"))),

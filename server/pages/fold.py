@@ -49,7 +49,7 @@ def _fold_page(request: Request, fold_id: str) -> Response:
         listed=found.row.public,
         facts=facts,
         facts_json=script_json(facts),
-        drawing=_drawing(found),
+        drawing=drawing_in(found.directory),
         details=True,
         origin=origin_of(request),
     )
@@ -68,9 +68,9 @@ async def facts_of_fold(request: Request, fold_id: str) -> Response:
     return await asyncio.to_thread(answer)
 
 
-def _drawing(found: Found) -> str:
-    """The folded shape, shown until the view is there; empty while nobody knows what it will be."""
-    for path in (result(found.directory, CHAIN), found.directory / "cells.json"):
+def drawing_in(directory: Path) -> str:
+    """The folded shape of a fold's directory; empty while nobody knows what it will be."""
+    for path in (result(directory, CHAIN), directory / "cells.json"):
         if path.exists():
             return _drawing_of(path, path.name == CHAIN)
     return ""

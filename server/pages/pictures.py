@@ -20,6 +20,7 @@ from server.api.finding import find_fold
 from server.files.artifacts import newer
 from server.http.client_address import address_of
 from server.http.security import LISTED
+from server.pages.fold import drawing_in
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store
 from server.store.shown import RUNNING
@@ -29,6 +30,28 @@ router = APIRouter(include_in_schema=False)
 NAME: Final = "picture.png"
 DAY_S: Final = 86400
 MINUTE_S: Final = 60
+
+
+@router.get("/folds/{fold_id}/drawing.svg")
+async def drawing_of_fold(request: Request, fold_id: str) -> Response:
+    """The folded shape for lists; none of what is too large.
+
+    To see it in a list is not to look at the fold, which would keep it for longer.
+    """
+
+    def drawn() -> tuple[str, bool]:
+        store = context_of(request).store
+        row = store.fold(fold_id)
+        return drawing_in(store.folders.shown(row)), row.over
+
+    svg, over = await asyncio.to_thread(drawn)
+    if not svg:
+        return _no_picture()
+    headers = {
+        "Cache-Control": "private, max-age=3600" if over else "no-store",
+        "Content-Security-Policy": "default-src 'none'",
+    }
+    return Response(svg, media_type="image/svg+xml", headers=headers)
 
 
 @router.get("/folds/{fold_id}/picture.png")

@@ -13,9 +13,9 @@ from fastapi.responses import HTMLResponse, Response
 from server.api.context import context_of
 from server.files.previews import KEY, NoSuchPreviewError, Previews, read_report
 from server.http.client_address import address_of
-from server.pages.facts import shown_name
 from server.pages.page import page, script_json
 from server.pages.problem_page import not_found_page
+from server.store.shown import shown_name
 from web.pictures.preview_drawing import preview_svg
 
 router = APIRouter(include_in_schema=False)
@@ -26,8 +26,9 @@ KEPT: Final = "private, max-age=3600"
 
 @router.get("/shapes/new", response_class=HTMLResponse)
 async def editor(request: Request) -> Response:
-    """The editor: cells painted layer by layer."""
-    return page("editor.html")
+    """The editor: cells painted layer by layer, and the path through them."""
+    facts = {"most_modules": context_of(request).settings.max_modules}
+    return page("editor.html", facts_json=script_json(facts))
 
 
 @router.get("/previews/{preview_id}", response_class=HTMLResponse)

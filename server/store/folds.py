@@ -39,6 +39,7 @@ LOOKED_EVERY_S: Final = 3600.0
 """Seconds to which the time of the last look at a fold is exact."""
 TURN: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
 DROPPED_S: Final = 3600.0
+DAY_S: Final = 86400.0
 DURATION_SAMPLES: Final = 40
 """Latest folds from which it is estimated how fast this machine is."""
 
@@ -68,6 +69,7 @@ class Store:
 
     def __init__(self, settings: Settings) -> None:
         self.folders = Folders(settings)
+        self._keep_days = settings.keep_days
         self._engine = engine_for(settings.store_url)
         migrate(self._engine)
         self._sessions = sessionmaker(self._engine, expire_on_commit=False)
@@ -152,6 +154,12 @@ class Store:
                 .limit(limit)
             ).all()
 
+    def kept_until(self, row: FoldRow) -> float | None:
+        """When a fold is forgotten if nobody looks at it; None when there is no such time."""
+        if self._keep_days is None or row.pinned or row.public or not row.over:
+            return None
+        return (row.seen_at or row.ended_at or row.created_at) + self._keep_days * DAY_S
+
     def owns(self, fold_id: str, token: str) -> bool:
         """Whether a fold is the token's holder's own; one of the gallery is nobody's."""
         with self._sessions() as session:
@@ -224,7 +232,7 @@ class Store:
 
         Its turn in the queue is settled here.
         """
-        row.owner = hash_of(token)
+        row.owner = row.maker = hash_of(token)
         row.cost_s = expected_s(
             row.modules, row.preset, row.settings, choosing=row.prefer != COMPUTING
         )
@@ -410,8 +418,9 @@ class Store:
             )
 
     def describe(self, fold_id: str, *, name: str, modules: int, module: str) -> None:
-        """Notes what the chain of a fold is; one of the gallery keeps the name it has there."""
-        shown = sa.case((FoldRow.shape.is_(None), name[:200]), else_=FoldRow.name)
+        """Notes what the chain of a fold is; a name of the gallery or of its owner stays."""
+        unnamed = sa.and_(FoldRow.shape.is_(None), FoldRow.renamed.is_(False))
+        shown = sa.case((unnamed, name[:200]), else_=FoldRow.name)
         self._change(fold_id, modules=modules, module=module, name=shown)
 
     def stage_s(self, fold_id: str) -> dict[str, float]:

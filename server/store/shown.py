@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -39,6 +40,22 @@ class ShownFold:
     smooths: str | None = None
     summary: FoldSummary = field(default_factory=FoldSummary)
     error: Fault | None = None
+    renamed: bool = False
+
+    @property
+    def called(self) -> str:
+        """Its name as people write it, or as its owner does."""
+        return self.name if self.renamed else shown_name(self.name)
+
+    @property
+    def title(self) -> str:
+        """What pages call it; a refold, by both shapes, unless its owner calls it otherwise."""
+        if self.renamed:
+            return self.name
+        name = shown_name(self.name) or "New fold"
+        if self.smooths:
+            return f"{name}, smoothed"
+        return f"{shown_name(self.refold)} → {name}" if self.refold else name
 
     @classmethod
     def of(cls, row: FoldRow) -> ShownFold:
@@ -67,6 +84,15 @@ class FoldSource(Protocol):
     def find(self, fold_id: str) -> Found | None:
         """The fold of that id, which somebody looks at now; None when there is none."""
         ...
+
+
+def shown_name(name: str) -> str:
+    """A name as people write it: ``wrench-160`` is a wrench, its size is told beside it."""
+    if (sized := re.fullmatch(r"([a-z]+)-(\d+)", name)) is not None:
+        return sized[1].capitalize()
+    if (box := re.fullmatch(r"([a-z]+)-(\d+)x(\d+)x(\d+)", name)) is not None:
+        return f"{box[1].capitalize()} {box[2]}×{box[3]}×{box[4]}"
+    return name
 
 
 def has_motion(summary: Mapping[str, object] | None) -> bool:

@@ -36,7 +36,8 @@ class FoldRow(Base):
     ``seen_at`` is when somebody last looked, and what is ``pinned`` never expires.
 
     ``owner`` is the hash of the token of who asked for it, None when it is nobody's: a ``public``
-    fold that several have asked for.
+    fold that several have asked for. ``maker`` is that of who asked first: it stays in his list.
+    ``renamed`` tells that its owner has called it ``name``.
     """
 
     __tablename__ = "folds"
@@ -76,6 +77,8 @@ class FoldRow(Base):
     owner: Mapped[str | None] = mapped_column(sa.String(64), index=True, default=None)
     derived_bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
     prefer: Mapped[str] = mapped_column(sa.String(16), default="computing")
+    maker: Mapped[str | None] = mapped_column(sa.String(64), index=True, default=None)
+    renamed: Mapped[bool] = mapped_column(default=False)
 
     @property
     def created(self) -> datetime:
@@ -128,7 +131,7 @@ class MovieRow(Base):
     job: Mapped[str] = mapped_column(sa.String(128), unique=True)
     wishes: Mapped[dict[str, Any]]
     visitor: Mapped[str] = mapped_column(sa.String(64))
-    token_hash: Mapped[str] = mapped_column(sa.String(64))
+    token_hash: Mapped[str] = mapped_column(sa.String(64), index=True)
     status: Mapped[str] = mapped_column(sa.String(16), index=True)
     frames_done: Mapped[int]
     problem: Mapped[dict[str, Any] | None]
@@ -149,6 +152,26 @@ MAKING = ("queued", "running")
 def movie_file(job: str) -> str:
     """What the file is called that a job makes: no other job's has the same name."""
     return job.partition(".")[2]
+
+
+class PreviewRow(Base):
+    """A preview in the list of who has sent its upload, with what he looked at last.
+
+    ``owner`` is the hash of his token; ``key`` stands for the options, which are the ``query`` of
+    the page's address. Its files may be gone before: see ``server/files/previews.py``.
+    """
+
+    __tablename__ = "previews"
+
+    id: Mapped[str] = mapped_column(sa.String(32), primary_key=True)
+    owner: Mapped[str] = mapped_column(sa.String(64), index=True)
+    name: Mapped[str] = mapped_column(sa.String(200))
+    modules: Mapped[int]
+    module: Mapped[str] = mapped_column(sa.String(32))
+    key: Mapped[str] = mapped_column(sa.String(32))
+    query: Mapped[str] = mapped_column(sa.String(300))
+    created_at: Mapped[float]
+    seen_at: Mapped[float] = mapped_column(index=True)
 
 
 class CounterRow(Base):

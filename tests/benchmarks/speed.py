@@ -94,16 +94,19 @@ COMMANDS: Final = {
     "box-4096": Bar(command=CASES["box-4096"], references=40.0),
     "box-9600": Bar(command=_larger("box-9600"), references=80.0),
     "ball-10000": Bar(command=_larger("ball-10000"), references=110.0),
+}
+ROBOTS: Final = {
     "ball-1000-robots": Bar(command=_folded_by_robots("ball-1000"), references=40.0),
     "box-4096-robots": Bar(command=_folded_by_robots("box-4096"), references=250.0),
 }
+"""Peeled chains whose playback is simulated, and the references that it may take."""
 LONG: Final = {"box-100000": Bar(command=_larger("box-100000"), references=3300.0)}
 SIMULATED: Final = {
     "simulated-1000": ((10, 10, 10), 40.0),
     "simulated-4096": ((16, 16, 16), 250.0),
 }
-"""Layered boxes whose playback is simulated, and the references that it may take."""
-USUAL: Final = (*COMMANDS, "simulated-1000")
+"""Layered boxes, folded all at once, whose playback is simulated, and the same."""
+USUAL: Final = (*COMMANDS, *ROBOTS, "simulated-1000")
 
 
 def speed(reference_seconds: float, names: tuple[str, ...] = USUAL) -> Section:
@@ -114,7 +117,7 @@ def speed(reference_seconds: float, names: tuple[str, ...] = USUAL) -> Section:
         if name in SIMULATED:
             _simulated(section, *SIMULATED[name], reference_seconds)
         else:
-            _command(section, name, {**COMMANDS, **LONG}[name], reference_seconds)
+            _command(section, name, {**COMMANDS, **ROBOTS, **LONG}[name], reference_seconds)
     _stages(section, reference_seconds)
     _steps(section)
     return section
@@ -149,6 +152,17 @@ def _command(section: Section, name: str, bar: Bar, reference_seconds: float) ->
             "≤ 4.4 r",
             both <= 4.4,
         )
+    if name in ROBOTS:
+        playback = row["playback s"] / reference_seconds
+        error = summary["certificate"]["max_angle_error_rad"]
+        section.add(
+            f"{name}: playback simulated, {row['modules']} modules, peeled",
+            f"{playback:.0f} r ({row['playback s']:.1f} s), joint error {1e3 * error:.2f} mrad, "
+            f"{row['memory MB']:.0f} MB, {summary['status']}",
+            f"≤ {bar.references:g} r, verified",
+            verified and playback <= bar.references,
+        )
+        return
     references = wall / reference_seconds
     section.add(
         f"{name}: whole command, {row['modules']} modules",

@@ -10,8 +10,9 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
+from server.store.folds import new_token
 from tests.server.files.test_preview import stl
-from tests.server.service import Service, owner
+from tests.server.service import SNAKE, Service, bearer, owner
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 Visit = Callable[..., Page]
@@ -53,6 +54,7 @@ def findings(page: Page) -> dict[str, list[str]]:
         "/benchmarks",
         "/privacy",
         "/paper",
+        "/my-folds",
         "/folds/nosuchfold",
         "/previews/nosuchpreview",
     ],
@@ -67,6 +69,45 @@ def test_the_paper_with_a_film_open(visit: Visit) -> None:
     run.locator(".run-where").click()
     run.locator(".run-view.moving").wait_for()
     assert findings(page) == {}
+
+
+def test_my_folds_with_all_its_parts_open(visit: Visit, service: Service) -> None:
+    token = new_token()
+    fold = service.fold(SNAKE, seed="960", token=token)
+    service.fold(shape="wrench-80", module_size=1.0, token=token)
+    service.http.post(
+        "/api/shapes/preview",
+        data={"full": "false"},
+        files={"file": ("brick.stl", stl())},
+        headers=bearer(token),
+    )
+    service.wait_over(fold["id"])
+    movie = {"width": 128, "height": 72, "fps": 10, "seconds": 0.4}
+    here = f"/api/folds/{fold['id']}/movies"
+    assert service.http.post(here, json=movie, headers=bearer(token)).is_success
+    page = visit("/what-folds")
+    page.evaluate("key => localStorage.setItem('foldback:token', key)", new_token())
+    page.evaluate("key => localStorage.setItem('foldback:keys', JSON.stringify([key]))", token)
+    page.goto("/my-folds")
+    page.get_by_role("button", name="Show the key").click()
+    page.locator("#movies li, #previews li").nth(1).wait_for()
+    assert findings(page) == {}
+    page.get_by_role("button", name="Rename").first.click()
+    assert findings(page) == {}
+    page.get_by_role("button", name="Forget this browser").click()
+    assert findings(page) == {}
+
+
+def test_the_editor_with_a_path_and_a_mistake(visit: Visit) -> None:
+    page = visit("/shapes/new")
+    page.get_by_label("Letter S").click()
+    page.locator('[data-tool="move"]').click()
+    found = findings(page)
+    page.locator('[data-tool="path"]').click()
+    page.locator('[data-x="2"][data-y="2"]').click()
+    page.locator('[data-x="0"][data-y="0"]').click()
+    expect(page.locator("#message")).not_to_be_empty()
+    assert (found, findings(page)) == ({}, {})
 
 
 def test_axe_sees_what_is_wrong(visit: Visit) -> None:

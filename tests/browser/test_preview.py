@@ -258,57 +258,6 @@ def test_the_chain_starts_in_the_module_that_is_clicked(
     expect(page.locator("#start")).to_be_hidden()
 
 
-def test_paint_undo_and_preview_with_the_keyboard(visit: Visit) -> None:
-    page = visit("/shapes/new", width=1440, height=900, view=False)
-    expect(page.locator("#empty")).to_be_visible()
-    expect(page.locator("#model")).to_be_hidden()  # the words are not written over a drawing
-    keep(page, "editor-empty-1440x900")
-    expect(page.locator("#preview")).to_be_disabled()
-    page.locator('[data-x="5"][data-y="5"]').focus()
-    page.keyboard.press("Space")
-    page.keyboard.press("ArrowRight")
-    page.keyboard.press("Space")
-    expect(page.locator("#count")).to_have_text("16 modules")
-    page.keyboard.press("Control+z")
-    expect(page.locator("#count")).to_have_text("8 modules")
-    page.keyboard.press("Control+Shift+z")
-    page.keyboard.press("PageUp")
-    expect(page.locator("#layer")).to_have_text("Layer 2")
-    expect(page.locator(".grid .below")).to_have_count(2)
-    page.locator("#repeat").click()
-    expect(page.locator("#count")).to_have_text("32 modules")
-    page.locator('[data-x="0"][data-y="0"]').click()
-    expect(page.locator("#count")).to_contain_text("2 pieces")
-    expect(page.locator("#fold")).to_be_disabled()
-    page.locator("#undo").click()
-    keep(page, "editor-1440x900")
-    page.reload()
-    expect(page.locator("#count")).to_have_text("32 modules")  # nothing painted is lost
-    page.locator("#preview").click()
-    page.wait_for_url(re.compile("/previews/"))
-    expect(page.locator("#verdict")).to_have_text("32 modules")
-
-
-def test_drag_a_letter_and_fold_it(visit: Visit, service: Service) -> None:
-    page = visit("/shapes/new", width=390, height=844, view=False)
-    page.get_by_label("Letter L").click()
-    expect(page.locator("#count")).to_have_text("72 modules")
-    first = page.locator('[data-x="2"][data-y="2"]').bounding_box()
-    last = page.locator('[data-x="4"][data-y="2"]').bounding_box()
-    assert first
-    assert last
-    page.mouse.move(first["x"] + 9, first["y"] + 9)
-    page.mouse.down()
-    page.mouse.move(last["x"] + 9, last["y"] + 9, steps=8)
-    page.mouse.up()
-    expect(page.locator("#count")).to_have_text("48 modules")  # a stroke from a filled cell empties
-    keep(page, "editor-390x844")
-    page.locator("#fold").click()
-    page.wait_for_url(re.compile("/folds/"))
-    expect(page.locator("#name")).to_have_text("Letter L")
-    called_off(page, service)
-
-
 def test_previews_that_are_gone_are_told_in_words(visit: Visit) -> None:
     page = visit("/previews/nosuchpreview")
     expect(page.locator("h1")).to_have_text("This preview is not there any more")

@@ -27,6 +27,7 @@ from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path as CellPath
 from planner.chain.rotations import matrix_from_wxyz
+from planner.errors import InputError
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
@@ -191,6 +192,26 @@ def touching() -> Vectors:
     }
 
 
+def paths() -> list[Vectors]:
+    """Lists of cells, and what is wrong with each as a path."""
+    rng = np.random.default_rng(7)
+    found: list[Vectors] = []
+    for count in np.resize([2, 3, 6, 12], 80):
+        steps = np.eye(3, dtype=int)[rng.integers(0, 3, count)] * rng.choice([-1, 1], (count, 1))
+        steps[rng.random(count) < 0.05] *= 2
+        cells = 5 + np.cumsum(steps, axis=0)
+        if cells.min() < 0 or cells.max() > 9:
+            continue
+        code = None
+        try:
+            CellPath.from_cells(cells)
+        except InputError as error:
+            code = error.code
+        found.append({"cells": cells.tolist(), "code": code})
+    assert {None, "repeated-cell", "not-adjacent"} <= {told["code"] for told in found}
+    return found
+
+
 def camera() -> list[Vectors]:
     found: list[Vectors] = []
     for stretch in ((1.0, 1.0, 1.0), (40.0, 0.3, 0.2), (0.2, 3.0, 25.0)):
@@ -302,6 +323,7 @@ def cases(
                 "windows": windows(),
                 "touching": touching(),
                 "camera": camera(),
+                "paths": paths(),
                 "columns": columns(),
                 "colours": colours(),
                 "timeline": timeline(timeline_path),
@@ -346,8 +368,9 @@ def test_no_script_is_left_unused() -> None:
     scripts = {path.relative_to(STATIC).as_posix() for path in STATIC.rglob("*.js")}
     pages = {name for name in scripts if name.startswith("js/pages/")}
     used = {script for page in pages for script in scripts_of(page)}
-    # What runs in the 3D view's frame, and in a worker, is named and not imported.
-    assert scripts - used == {"js/viewer/bridge.js", "js/viewer/sketch_worker.js"}
+    # What runs in the 3D view's frame, in a worker, and before a page is painted is named alone.
+    named_alone = {"js/viewer/bridge.js", "js/viewer/sketch_worker.js", "js/theme.js"}
+    assert scripts - used == named_alone
     templates = "".join(path.read_text() for path in (ROOT / "web" / "templates").glob("*.html"))
     named = {*re.findall(r'entry\("(\w+)"\)', templates), "api", "standalone"}
     assert pages == {f"js/pages/{name}.js" for name in named}

@@ -13,6 +13,7 @@ from planner.chain.rotations import matrix_from_wxyz
 from web.pictures.camera import framing
 from web.pictures.colours import UNKNOWN, instance_colours
 from web.timeline.view import TimelineView
+from web.viser.recording import look
 from web.viser.scene import Scene
 
 
@@ -21,6 +22,11 @@ def server() -> Iterator[viser.ViserServer]:
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     yield server
     server.stop()
+
+
+def grey(chain: Chain) -> np.ndarray:
+    """Colours that say that nothing is known."""
+    return np.tile(np.array(UNKNOWN, np.uint8), (len(chain), 1))
 
 
 def sent(server: viser.ViserServer, kind: type) -> list[messages.Message]:
@@ -35,7 +41,7 @@ def test_modules_are_where_the_timeline_has_them(
     timeline = TimelineView(timeline_path)
     scene = Scene(server, chain)
     shown = timeline.snapshot(40)
-    scene.show(shown, scale_rad=1e-3)
+    scene.show(shown, grey(chain))
     modules = scene._modules
     assert np.allclose(modules.batched_positions, shown.positions * scene.pitch)
     assert np.allclose(modules.batched_wxyzs, shown.wxyzs)
@@ -46,9 +52,9 @@ def test_colours_are_sent_as_linear_light(
 ) -> None:
     timeline = TimelineView(timeline_path)
     scene = Scene(server, chain)
-    scene.show(timeline.snapshot(0), scale_rad=1e-3)
-    grey = instance_colours(np.array([UNKNOWN], np.uint8))[0]
-    assert (np.asarray(scene._modules.batched_colors) == grey).all()
+    scene.show(timeline.snapshot(0), grey(chain))
+    linear = instance_colours(np.array([UNKNOWN], np.uint8))[0]
+    assert (np.asarray(scene._modules.batched_colors) == linear).all()
 
 
 def test_the_ends_are_marked_outside_the_chain(
@@ -56,7 +62,7 @@ def test_the_ends_are_marked_outside_the_chain(
 ) -> None:
     scene = Scene(server, chain)
     shown = TimelineView(timeline_path).snapshot(99)  # straight
-    scene.show(shown, scale_rad=1e-3)
+    scene.show(shown, grey(chain))
     ends = np.asarray(scene._ends.batched_positions) / scene.pitch
     way = shown.positions[1] - shown.positions[0]
     assert (ends[0] - shown.positions[0]) @ way == pytest.approx(-0.465, abs=1e-3)
@@ -70,7 +76,7 @@ def test_the_ground_lies_below_the_chain(
 ) -> None:
     scene = Scene(server, chain)
     shown = TimelineView(timeline_path).snapshot(0)
-    scene.show(shown, scale_rad=1e-3)
+    scene.show(shown, grey(chain))
     while scene.move_ground(0.1):
         pass
     height = scene._floor.position[2]
@@ -83,7 +89,7 @@ def test_the_camera_goes_to_all_clients_with_the_poses(
     scene = Scene(server, chain)
     shown = TimelineView(timeline_path).snapshot(0)
     view = framing(scene.points(shown), radius=scene.radius)
-    scene.look(view)
+    look(server, view)
     (position,) = sent(server, messages.SetCameraPositionMessage)
     (target,) = sent(server, messages.SetCameraLookAtMessage)
     assert np.allclose(position.position, view.position)

@@ -356,7 +356,7 @@ class TimelineView:
             wxyzs=poses.wxyzs.astype(np.float32),
             joint_angles_rad=angles,
             joint_error_rad=errors,
-            module_error_rad=_module_errors(chain, errors),
+            module_error_rad=chain_errors(chain, errors),
             framed=modules_framed(chain, int(windows.last[k]), stretch),
         )
 
@@ -419,7 +419,7 @@ class TimelineView:
             frames,
             poses.positions.astype(np.float32),
             poses.wxyzs.astype(np.float32),
-            _module_errors(chain, frames.joint_error_rad),
+            chain_errors(chain, frames.joint_error_rad),
         )
 
     def _forget(self, first: int) -> None:
@@ -431,7 +431,8 @@ def _mix(a: Array, b: Array, share: float) -> Array:
     return a + (b - a) * share
 
 
-def _module_errors(chain: Chain, errors: Array) -> Array:
+def chain_errors(chain: Chain, errors: Array) -> Array:
+    """(…, n) what the modules of a chain show of (…, J) joint errors."""
     module = chain.module
     return module_errors(
         errors, len(chain), hinges=module.hinges_per_joint, rigid_links=module.rigid_links

@@ -1,1 +1,28 @@
-"""The 3D view: viser's client and its scenes, a preview's and a fold's, also as one file."""
+"""The 3D view: viser's client and its scenes, a preview's and a fold's, also as one file.
+
+From a program or a notebook, ``show`` is all there is to know:
+
+    from planner import fold
+    from web.viser import show
+
+    show(fold(shape))
+    fold(shape, progress=show.live())
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from web.viser.show_fold import Live, Show, show
+    from web.viser.shown import Shown
+
+__all__ = ["Live", "Show", "Shown", "show"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from web.viser import show_fold  # late: pages need none of it
+
+    return getattr(show_fold, name)

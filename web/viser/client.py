@@ -26,14 +26,9 @@ ALLOWED: Final = "; ".join(
 # The panel, the notices and the logo are viser's; the page has its own. The ground is painted by
 # the document, so the canvas above it stays see-through.
 STYLE: Final = """
-html { color-scheme: light dark; }
-html, body { background: radial-gradient(120% 90% at 50% 38%, #fbfaf7 0%, #efece6 62%, #e2ded6 100%)
-  !important; }
-@media (prefers-color-scheme: dark) {
-  html, body {
-    background: radial-gradient(120% 90% at 50% 38%, #23282f 0%, #15181d 58%, #0d0f12 100%)
-      !important; }
-}
+html { color-scheme: light dark !important; }
+html, body { background: radial-gradient(120% 90% at 50% 38%, light-dark(#fbfaf7, #23282f) 0%,
+  light-dark(#efece6, #15181d) 60%, light-dark(#e2ded6, #0d0f12) 100%) !important; }
 #root div { background-color: transparent !important; }
 .mantine-Notifications-root, .mantine-Paper-root, .mantine-Tooltip-tooltip,
 .mantine-Modal-root { display: none !important; }

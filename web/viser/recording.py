@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from web.pictures.camera import framing
+from web.pictures.camera import View, framing
+from web.pictures.colours import error_colours
 from web.timeline.view import TimelineView
 from web.viser.scene_bundle import viser_scene
+
+if TYPE_CHECKING:
+    import viser
+    from viser._messages import Message
 
 MOST_FRAMES: Final = 1200
 MOST_NUMBERS: Final = 12_000_000
@@ -30,8 +35,29 @@ def recording_of(timeline: TimelineView) -> bytes:
         record = server.get_scene_serializer()
         for frame in frames:
             snapshot = timeline.snapshot(float(frame))
-            scene.show(snapshot, scale_rad=timeline.error_scale_rad)
+            scene.show(snapshot, error_colours(snapshot.module_error_rad, timeline.error_scale_rad))
             scene.move_ground(SECONDS / len(frames))
-            scene.look(framing(scene.points(snapshot), radius=scene.radius))
+            look(server, framing(scene.points(snapshot), radius=scene.radius))
             record.insert_sleep(SECONDS / len(frames))
         return record.serialize()
+
+
+def look(server: viser.ViserServer, view: View) -> None:
+    """Moves the camera of all clients.
+
+    It goes with the poses, through the messages to all of them: those to one client are sent
+    apart, and chain and camera would not move together.
+    """
+    from viser._messages import SetCameraLookAtMessage, SetCameraPositionMessage
+
+    with server.atomic():
+        x, y, z = (float(v) for v in view.position)
+        _broadcast(server, SetCameraPositionMessage((x, y, z)))
+        x, y, z = (float(v) for v in view.target)
+        _broadcast(server, SetCameraLookAtMessage((x, y, z)))
+
+
+def _broadcast(server: viser.ViserServer, message: Message) -> None:
+    """Sends a message to all clients of a server, in order with what its scene sends."""
+    websocket: Any = server._websock_server  # pyright: ignore[reportPrivateUsage]
+    websocket.queue_message(message)

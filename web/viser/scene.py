@@ -1,22 +1,22 @@
-"""Scene: a chain of modules in one viser server."""
+"""Scene: a chain of modules in one viser server, by viser's public names alone."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from web.pictures.camera import FIELD_OF_VIEW_RAD, View
-from web.pictures.colours import FIRST, LAST, error_colours, instance_colours, ramp_colours
+from web.pictures.camera import FIELD_OF_VIEW_RAD
+from web.pictures.colours import FIRST, LAST, instance_colours, ramp_colours
 from web.pictures.meshes import SHOWN_SIZE, module_mesh, stud_mesh
 from web.timeline.view import Snapshot
 
 if TYPE_CHECKING:
     import viser
-    from viser._messages import Message
 
 Array = NDArray[np.float64]
 
@@ -36,12 +36,6 @@ def path_colours(modules: int) -> NDArray[np.uint8]:
     """(modules - 1, 2, 3) sRGB bytes of the ends of a path's segments, from first to last."""
     along = ramp_colours(np.linspace(0.0, 1.0, modules))
     return np.stack([along[:-1], along[1:]], axis=1)
-
-
-def broadcast(server: viser.ViserServer, message: Message) -> None:
-    """Sends a message to all clients of a server, in order with what its scene sends."""
-    websocket: Any = server._websock_server  # pyright: ignore[reportPrivateUsage]
-    websocket.queue_message(message)
 
 
 class Scene:
@@ -119,15 +113,23 @@ class Scene:
             fade_distance=40.0,
         )
 
-    def show(self, snapshot: Snapshot, *, scale_rad: float) -> None:
-        """Draws a snapshot; errors at or above ``scale_rad`` are fully red."""
+    def show(self, snapshot: Snapshot, colours: NDArray[np.uint8]) -> None:
+        """Draws a snapshot, its modules in (n, 3) sRGB bytes, at one moment for whoever looks."""
         self._last = snapshot
-        colours = error_colours(snapshot.module_error_rad, scale_rad)
         with self._server.atomic():
             self._modules.batched_positions = snapshot.positions * np.float32(self.pitch)
             self._modules.batched_wxyzs = snapshot.wxyzs
             self._modules.batched_colors = instance_colours(colours)
             self._place_ends(snapshot)
+
+    def on_click(self, clicked: Callable[[int], None]) -> None:
+        """Has ``clicked`` called with the number of each module that somebody clicks on."""
+
+        @self._modules.on_click
+        def _(event: viser.SceneNodePointerEvent[viser.BatchedMeshHandle]) -> None:
+            # What a client says need not be so.
+            if event.instance_index is not None and 0 <= event.instance_index < len(self._chain):
+                clicked(event.instance_index)
 
     def points(self, snapshot: Snapshot) -> Array:
         """(m, 3) centres of the modules to have in view, in the scene's units."""
@@ -137,20 +139,6 @@ class Scene:
     def radius(self) -> float:
         """How far a module reaches from its centre in the scene's units."""
         return self._chain.module.radius * self.pitch
-
-    def look(self, view: View) -> None:
-        """Moves the camera.
-
-        It goes with the poses, through the messages to all clients: those to one client are sent
-        apart, and chain and camera would not move together.
-        """
-        from viser._messages import SetCameraLookAtMessage, SetCameraPositionMessage
-
-        with self._server.atomic():
-            x, y, z = (float(v) for v in view.position)
-            broadcast(self._server, SetCameraPositionMessage((x, y, z)))
-            x, y, z = (float(v) for v in view.target)
-            broadcast(self._server, SetCameraLookAtMessage((x, y, z)))
 
     def _place_ends(self, snapshot: Snapshot) -> None:
         """Studs on the free faces: behind the first module, before the last one."""

@@ -22,6 +22,7 @@ from web.viser.scene_bundle import bundle_of
 
 ENTRY: Final = "js/pages/standalone.js"
 WORKER: Final = "js/viewer/sketch_worker.js"
+THEME: Final = "js/theme.js"
 STYLES: Final = ("css/base.css", "css/fold.css")
 MOST_BYTES: Final = 48 * 2**20
 """Unpacked bytes of a batch; of a longer fold frames are left out, and the curves."""
@@ -55,6 +56,7 @@ def standalone_html(
     styles = "".join(text_of(name) for name in STYLES)
     return render(
         styles=styles,
+        theme=text_of(THEME),
         imports=_script_json({"imports": _imports()}),
         entry=f"foldback/{ENTRY}",
         parts=_script_json(parts),
@@ -66,7 +68,7 @@ def standalone_html(
 def standalone_scripts() -> str:
     """Changes with the scripts and styles of the page: letters and digits."""
     found = hashlib.sha256(client().html + json.dumps(_imports()).encode())
-    for name in (WORKER, *STYLES):
+    for name in (WORKER, THEME, *STYLES):
         found.update((STATIC / name).read_bytes())
     return found.hexdigest()
 

@@ -79,6 +79,14 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return built
 
 
+@pytest.fixture(scope="module")
+def installed(wheel: Path) -> Path:
+    """Where it is unpacked, without a checkout around it."""
+    unpacked = wheel.parent / "installed"
+    zipfile.ZipFile(wheel).extractall(unpacked)
+    return unpacked
+
+
 def test_the_wheel_carries_everything_that_is_not_code(wheel: Path) -> None:
     carried = set(zipfile.ZipFile(wheel).namelist())
     wanted = {
@@ -94,16 +102,40 @@ def test_the_wheel_carries_everything_that_is_not_code(wheel: Path) -> None:
     assert not [name for name in carried if name.endswith((TYPES, "package.json"))]
 
 
-def test_the_installed_gallery_is_that_of_the_checkout(tmp_path: Path, wheel: Path) -> None:
-    """The gallery is found without a checkout around the packages."""
-    unpacked = tmp_path / "installed"
-    zipfile.ZipFile(wheel).extractall(unpacked)
-    code = "from server.store.gallery import gallery; print(*(s.name for s in gallery()))"
-    names = subprocess.run(
-        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(unpacked)!r}); {code}"],
-        cwd=tmp_path,
+@pytest.mark.parametrize("package", ["planner", "web", "server", "foldback_client"])
+def test_type_checkers_are_told_that_there_are_types(package: str, wheel: Path) -> None:
+    assert f"{package}/py.typed" in zipfile.ZipFile(wheel).namelist()
+
+
+def said(installed: Path, code: str) -> str:
+    """What a program prints that has only what is installed."""
+    return subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(installed)!r}); {code}"],
+        cwd=installed.parent,
         check=True,
         capture_output=True,
         text=True,
-    ).stdout.split()
+    ).stdout
+
+
+def test_the_library_needs_no_service_and_no_viewer(installed: Path) -> None:
+    unwanted = ("fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "dbos", "typer", "server")
+    code = f"""
+for name in {unwanted}:
+    sys.modules[name] = None  # whoever imports it fails
+import planner
+print(planner.__file__)
+assert not {{"numpy", "mujoco", "numba"}} & set(sys.modules), "they are for who uses them"
+for name in planner.__all__:
+    getattr(planner, name)
+from web.viser import Show, show
+assert isinstance(show, Show)
+"""
+    assert Path(said(installed, code).strip()).is_relative_to(installed)
+
+
+def test_the_installed_gallery_is_that_of_the_checkout(installed: Path) -> None:
+    """The gallery is found without a checkout around the packages."""
+    code = "from server.store.gallery import gallery; print(*(s.name for s in gallery()))"
+    names = said(installed, code).split()
     assert sorted(names) == sorted(p.stem for p in (ROOT / "examples" / "shapes").glob("*.json"))

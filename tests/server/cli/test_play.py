@@ -1,8 +1,12 @@
-"""What `foldback play` says of a directory that holds no verified plan."""
+"""What `foldback play` says of a directory that holds no verified plan, and viser in its place."""
 
 from __future__ import annotations
 
 import json
+import signal
+import subprocess
+import sys
+import urllib.request
 from pathlib import Path
 from typing import Any
 
@@ -60,3 +64,22 @@ def test_what_came_to_no_plan_says_how_far_it_came(directory: Path) -> None:
     assert (found["heading"], found["text"]) == ("Not finished", "It was still on its way.")
     assert len(found["modules"]) > 2
     assert sorted(directory.iterdir()) == before
+
+
+@pytest.mark.processes
+@pytest.mark.slow
+def test_viser_plays_it_until_ctrl_c(directory: Path) -> None:
+    command = [sys.executable, "-m", "server.cli.command_line", "play", str(directory)]
+    options = ["--viser", "--no-browser", "--port", "0"]
+    with subprocess.Popen(
+        [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as playing:
+        assert playing.stdout is not None
+        line = playing.stdout.readline()
+        assert line.startswith("snake is at http://127.0.0.1:")
+        address = next(word for word in line.split() if "http" in word)
+        with urllib.request.urlopen(address, timeout=30) as page:
+            assert b"viser" in page.read().lower()
+        playing.send_signal(signal.SIGINT)
+        rest, complaints = playing.communicate(timeout=30)
+    assert (playing.returncode, rest, complaints) == (0, "", "")

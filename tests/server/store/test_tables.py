@@ -139,7 +139,7 @@ def test_the_first_schema_comes_up_with_all_its_rows(
             # Their keys are of another kind now, but for those of the gallery.
             key = fold["content_key"] if fold["public"] else None
             assert {name: getattr(row, name) for name in fold} == fold | {"content_key": key}
-            assert row.owner == hash_of(TOKEN)
+            assert row.owner == row.maker == hash_of(TOKEN) and not row.renamed
             assert store.owns(row.id, TOKEN) != row.public
             assert not store.owns(row.id, "another")
             assert (row.refold, row.smooths, row.worker, row.seen_at) == (None, None, None, None)
@@ -232,7 +232,7 @@ def test_a_fold_with_gaps_does_not_stay_verified(
 
 
 @pytest.mark.parametrize(
-    "revision", ["0001", "0002", "0003", "0004", "0005", "0006", "0007", "0008", "0009"]
+    "revision", ["0001", "0002", "0003", "0004", "0005", "0006", "0007", "0008", "0009", "0010"]
 )
 def test_every_version_on_the_way_comes_up(engine: sa.Engine, revision: str) -> None:
     upgrade(engine, revision)

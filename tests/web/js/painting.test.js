@@ -1,27 +1,70 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { LETTERS, letterCells } from "../../../web/static/js/viewer/letters.js";
-import { Painting, SIZE, cellOf, keyOf } from "../../../web/static/js/viewer/painting.js";
+import { LETTERS, letterCells } from "../../../web/static/js/editor/letters.js";
+import { visible } from "../../../web/static/js/editor/isometric.js";
+import { MOST_STEPS, Painting, SIZES, cellOf, cellsOf, keyOf, keysOf } from "../../../web/static/js/editor/painting.js";
+import { random } from "./vectors.js";
+
+const SIZE = SIZES[0];
+const key = (cell, size = SIZE) => keyOf(...cell, size);
 
 function stroke(painting, cells, filled = true) {
   painting.begin();
-  for (const cell of cells) painting.put(keyOf(...cell), filled);
-  painting.end();
+  painting.paint(cells.map((cell) => key(cell)), filled);
+  return painting.end();
 }
+const cells = (painting) => cellsOf(keysOf(painting.cells), painting.size);
 
 test("strokes are undone and done again", () => {
   const painting = new Painting();
   stroke(painting, [[0, 0, 0], [1, 0, 0]]);
   stroke(painting, [[1, 0, 0]], false);
-  stroke(painting, [[0, 0, 0]]); // changes nothing, and is no stroke
-  assert.deepEqual(painting.voxels(false), [[0, 0, 0]]);
+  assert.equal(stroke(painting, [[0, 0, 0]]), false); // changes nothing, and is no stroke
+  assert.deepEqual(cells(painting), [[0, 0, 0]]);
   assert.ok(painting.undo());
-  assert.deepEqual(painting.voxels(false).sort(), [[0, 0, 0], [1, 0, 0]]);
+  assert.deepEqual(cells(painting), [[0, 0, 0], [1, 0, 0]]);
   assert.ok(painting.redo());
   assert.equal(painting.redo(), false);
   assert.ok(painting.undo() && painting.undo());
   assert.equal(painting.undo(), false);
-  assert.equal(painting.cells.size, 0);
+  assert.equal(painting.filled, 0);
+});
+
+test("a step brings back the grid and the path as well, and one that is called off leaves nothing", () => {
+  const painting = new Painting();
+  painting.begin();
+  painting.draw([[0, 0, 0], [0, 1, 0], [0, 2, 0]].map((cell) => key(cell)));
+  painting.end();
+  const { path } = painting;
+  stroke(painting, [[0, 1, 0]], false); // what is emptied is no part of the path
+  assert.deepEqual(painting.path, [0, 2]);
+  painting.begin();
+  painting.become({ size: 32, cells: new Uint8Array(32 ** 3), path: [] });
+  painting.end();
+  painting.undo();
+  assert.deepEqual([painting.size, painting.path], [SIZE, [0, 2]]);
+  painting.undo();
+  assert.deepEqual([painting.path, painting.filled], [path, 3]);
+  painting.begin();
+  painting.paint([500], true);
+  painting.cancel();
+  assert.deepEqual([painting.path, painting.filled, painting.done.length], [path, 3, 1]);
+});
+
+test("any run of strokes is undone to what it was, as far as steps are kept", () => {
+  const painting = new Painting();
+  const seen = [[...painting.cells]];
+  for (let k = 0; k < MOST_STEPS + 20; k++) {
+    const keys = Array.from({ length: 1 + random(5) }, () => random(SIZE ** 3));
+    painting.begin();
+    painting.paint(keys, random(2) === 1);
+    if (painting.end()) seen.push([...painting.cells]);
+  }
+  assert.ok(painting.done.length <= MOST_STEPS);
+  while (painting.undo()) {
+    seen.pop();
+    assert.deepEqual([...painting.cells], seen.at(-1));
+  }
 });
 
 test("cells hang together by faces, and not around the edge", () => {
@@ -33,15 +76,25 @@ test("cells hang together by faces, and not around the edge", () => {
 });
 
 test("a cell doubled is a block of eight", () => {
-  const painting = new Painting();
-  stroke(painting, [[1, 2, 3]]);
-  const block = painting.voxels(true);
+  const block = cellsOf([key([1, 2, 3])], SIZE, true);
   assert.equal(new Set(block.map(String)).size, 8);
   for (const cell of block) assert.deepEqual(cell.map((v) => v >> 1), [1, 2, 3]);
 });
 
 test("keys name cells", () => {
-  for (const cell of [[0, 0, 0], [3, 7, 5], [SIZE - 1, SIZE - 1, SIZE - 1]]) assert.deepEqual(cellOf(keyOf(...cell)), cell);
+  for (const size of SIZES) {
+    for (const cell of [[0, 0, 0], [3, 7, 5], [size - 1, size - 1, size - 1]]) assert.deepEqual(cellOf(key(cell, size), size), cell);
+  }
+});
+
+test("what is kept is taken as far as it is a painting", () => {
+  const painting = new Painting();
+  for (const nonsense of [null, [3, 4], { size: 1e9, filled: [1] }, { size: 10 }, { size: 10, filled: "no", path: 3 }]) {
+    painting.restore(nonsense);
+    assert.deepEqual([painting.size, painting.filled], [SIZE, 0]);
+  }
+  painting.restore({ size: 16, filled: [5, 6, -1, 16 ** 3, "7", 8.5], path: [5, 6, 7] });
+  assert.deepEqual([painting.size, keysOf(painting.cells), painting.path], [16, [5, 6], [5, 6]]);
 });
 
 test("every letter is one piece", () => {
@@ -50,5 +103,27 @@ test("every letter is one piece", () => {
     const painting = new Painting();
     stroke(painting, letterCells(letter).map(([row, column]) => [row, column, 0]));
     assert.equal(painting.pieces(), 1, letter);
+  }
+});
+
+test("of a full cube three sides are seen, whole; of any cells, those that are nearest on a line of sight", () => {
+  const size = 6;
+  const full = Array.from({ length: size ** 3 }, (_, k) => k);
+  const faces = visible(full, size);
+  assert.equal(faces.size, 3 * size ** 2);
+  assert.ok([...faces.values()].every(([halves]) => halves === 3));
+  assert.equal(visible([key([2, 2, 2], size)], size).size, 3);
+  for (let run = 0; run < 20; run++) {
+    const keys = full.filter(() => random(4) === 0);
+    const sums = new Map(); // lines of sight: the nearest cell of each hides all others on it
+    for (const k of keys) {
+      const [x, y, z] = cellOf(k, size);
+      const way = `${x - z} ${y - z}`;
+      sums.set(way, Math.max(sums.get(way) ?? -1, x + y + z));
+    }
+    for (const face of visible(keys, size).keys()) {
+      const [x, y, z] = cellOf(Math.floor(face / 3), size);
+      assert.equal(x + y + z, sums.get(`${x - z} ${y - z}`));
+    }
   }
 });

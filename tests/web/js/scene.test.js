@@ -11,6 +11,11 @@ globalThis.KeyboardEvent ??= class extends Event {
   }
 };
 
+// The page around it: what it hears, and the theme that was chosen.
+const page = new EventTarget();
+globalThis.addEventListener = page.addEventListener.bind(page);
+globalThis.document = { documentElement: { dataset: {} } };
+
 function listening() {
   const heard = [];
   const keys = [];
@@ -47,4 +52,17 @@ test("what makes sense is", () => {
   assert.deepEqual(heard, [[[1, 2, 3], [0, 0, -1]], "touch"]);
   assert.deepEqual(scene.camera, { position: [1, 2, 3], target: [0, 0, 0] });
   assert.deepEqual(keys, [["End", false]]);
+});
+
+test("a view is as light as the page, from its beginning", () => {
+  const { scene } = listening();
+  const said = [];
+  scene.frame.contentWindow = { postMessage: ({ scheme }) => said.push(scheme) };
+  document.documentElement.dataset.theme = "dark";
+  scene.connect();
+  scene.port.postMessage = ({ do: what, scheme }) => said.push(what, scheme);
+  delete document.documentElement.dataset.theme;
+  page.dispatchEvent(new Event("themechange"));
+  scene.port.close();
+  assert.deepEqual(said, ["dark", "dress", "light dark"]);
 });

@@ -28,6 +28,13 @@ export function closeTurns(found, expected, atol = 1e-6) {
   }
 }
 
+// Whole numbers from 0 to below a bound, the same in every run.
+let state = 1;
+export function random(bound) {
+  state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
+  return Math.floor((state / 2 ** 32) * bound);
+}
+
 // Lets all that was promised happen.
 export const turnOfEvents = () => new Promise((done) => { setImmediate(done); });
 

@@ -1,6 +1,5 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { placeIn } from "../../../web/static/js/player/address.js";
 import { degrees, duration, newtonMetres, radians, refusal, remaining, whole } from "../../../web/static/js/lib/text.js";
 
 test("numbers are told with two figures, and nothing as nothing", () => {
@@ -21,12 +20,4 @@ test("a refusal says what and where", () => {
   assert.equal(refusal({ detail: "got 3, expected 2", where: "seed" }, 422), "Seed: got 3, expected 2");
   assert.equal(refusal({ detail: "the module size is too large", where: "module_size" }, 422), "The module size is too large");
   assert.equal(refusal({}, 503), "The server answered 503.");
-});
-
-test("an address names a frame, from 1 as on the page, and a module", () => {
-  assert.deepEqual(placeIn("#frame=12&module=3"), { frame: 11, module: 3 });
-  assert.deepEqual(placeIn("#frame=0"), { frame: 0, module: null });
-  for (const hash of ["", "#frame=-1&module=x", "#frame=1e9", "#module=12345678901"]) {
-    assert.deepEqual(placeIn(hash), { frame: null, module: null }, hash);
-  }
 });

@@ -1,37 +1,9 @@
 // Asking for a fold.
+import { keepToken, ownKey, proof } from "./keys.js";
 import { refusal, wordsOf } from "./text.js";
 import { STOPPED, posted } from "./upload.js";
 
-const OWN = "foldback:token";
 export const UNREACHABLE = "The server cannot be reached. Check the connection and try again.";
-
-// The token of this browser, made once; none where nothing may be kept. Who sends it again with the
-// same file gets the same fold.
-function ownToken() {
-  try {
-    let token = localStorage.getItem(OWN);
-    if (!token) {
-      token = btoa(String.fromCharCode(...crypto.getRandomValues(new Uint8Array(24)))).replaceAll("+", "-").replaceAll("/", "_");
-      localStorage.setItem(OWN, token);
-    }
-    return token;
-  } catch {
-    return null;
-  }
-}
-
-// The headers that prove whose a fold is; none for a token that is not there.
-/**
- * @param {string | null} token
- * @returns {Record<string, string>}
- */
-export const proof = (token) => (token ? { Authorization: `Bearer ${token}` } : {});
-
-// The token that proves that a fold is this browser's; null for others'.
-/** @param {string} id */
-export function tokenOf(id) {
-  try { return localStorage.getItem(`foldback:owner:${id}`); } catch { return null; }
-}
 
 // Asks for a fold with form data or plain fields, and keeps the token that proves whose it is.
 // Throws an Error with words for people when it was refused.
@@ -47,13 +19,13 @@ export async function foldAsked(body, how = {}) {
   }
   let answer;
   try {
-    answer = await posted("/api/folds", form, { ...how, headers: proof(ownToken()) });
+    answer = await posted("/api/folds", form, { ...how, headers: proof(ownKey()) });
   } catch (error) {
     throw new Error(wordsOf(error) === STOPPED ? STOPPED : UNREACHABLE, { cause: error });
   }
   const { told } = answer;
   if (!answer.ok) throw new Error(refusal(told, answer.status));
-  keepToken(told);
+  if (told.owner_token) keepToken(told.id, told.owner_token); // another's comes without
   return told;
 }
 
@@ -67,13 +39,4 @@ export async function askForFold(body) {
   } catch (error) {
     return wordsOf(error);
   }
-}
-
-// Another's fold, or one of the gallery that others have asked for, comes without. Where nothing may
-// be kept the fold is seen all the same; it cannot be cancelled then.
-/** @param {{ id: string, owner_token?: string }} told */
-function keepToken({ id, owner_token: token }) {
-  try {
-    if (token) localStorage.setItem(`foldback:owner:${id}`, token);
-  } catch { /* storage is full, or refused by the browser */ }
 }

@@ -66,6 +66,14 @@ export function duration(value) {
   return `about ${Math.round(value / 3600)} h`;
 }
 
+// How long ago or from now, in whole minutes, hours or days.
+/** @param {number} value in seconds */
+export function span(value) {
+  if (value < 90 * 60) return `${Math.max(1, Math.round(value / 60))}\u00a0min`;
+  if (value < 36 * 3600) return `${Math.round(value / 3600)}\u00a0h`;
+  return `${Math.round(value / 86400)}\u00a0days`;
+}
+
 const FEW_S = 5;
 
 // What is left of something, as the service estimates it.

@@ -1,8 +1,9 @@
 // Draws the description of the API with Swagger UI, as light or dark as the rest of the pages.
 const dark = matchMedia("(prefers-color-scheme: dark)");
-const follow = () => document.documentElement.classList.toggle("dark-mode", dark.matches);
+const { classList, dataset } = document.documentElement;
+const follow = () => classList.toggle("dark-mode", dataset.theme ? dataset.theme === "dark" : dark.matches);
 follow();
-dark.addEventListener("change", follow);
+addEventListener("themechange", follow);
 
 window.SwaggerUIBundle({
   url: "/api/openapi.json",

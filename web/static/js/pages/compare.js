@@ -1,5 +1,6 @@
 // Two folds beside each other.
 import { Bar } from "../player/bar.js";
+import { Keys } from "../player/keys.js";
 import { COLOURINGS, MEASURED, colouring } from "../player/colours.js";
 import { Timeline, Source } from "../player/timeline.js";
 import { showScale } from "../panels/legend.js";
@@ -40,8 +41,7 @@ const sides = facts.map(({ id, running }, k) => {
   return { player, stage };
 });
 const pair = new Pair(sides.map(({ player }) => player));
-const bar = new Bar(pair);
-addEventListener("keydown", (event) => bar.key(event));
+new Keys(pair, new Bar(pair));
 pair.on("begun", () => { if (!calm) pair.send({ do: "play" }); });
 const colours = get("colour-by");
 colours.append(...COLOURINGS.filter(([key]) => !MEASURED.has(key)).map(([key, label]) => element("option", { value: key }, label)));

@@ -1,137 +1,199 @@
-// The editor: a grid for one layer, the painting behind it, and the way to a preview or a fold.
-import { UNREACHABLE, askForFold } from "../lib/fold_request.js";
-import { draw } from "../viewer/isometric.js";
-import { LETTERS, letterCells } from "../viewer/letters.js";
-import { Painting, SIZE, cellOf, keyOf } from "../viewer/painting.js";
-import { element, get, refusal, whole } from "../lib/text.js";
+// The editor: a grid for one layer, the tools, the drawing beside it, and the way to a preview or a fold.
+import { askForFold } from "../lib/fold_request.js";
+import { asked, completed, pathFile, read, save, voxelFile } from "../editor/exchange.js";
+import { checked, told } from "../editor/cell_path.js";
+import { HINTS, Hand } from "../editor/hand.js";
+import { draw } from "../editor/isometric.js";
+import { LETTERS, letterCells } from "../editor/letters.js";
+import { Painting, SIZES, cellOf, keyOf, keysOf } from "../editor/painting.js";
+import { imported, resized } from "../editor/shape_tools.js";
+import { Sheet } from "../editor/sheet.js";
+import { duration, element, get, whole, wordsOf } from "../lib/text.js";
 
-/** @type {Record<string, [x: number, y: number]>} */
-const ARROWS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
-const grid = get("grid");
+/** @type {{ most_modules: number }} */
+const facts = JSON.parse(get("facts").textContent);
+const LEAST = 8;
+/** @type {Record<string, string>} */
+const HOW = {
+  no: "Each cell becomes 2×2×2 modules, which always fold along a path.",
+  yes: "Each cell becomes one module. Exact, but there may be no path.",
+  path: "Each cell becomes one module, in the order that you draw.",
+};
+const CHECK_MS = 600;
+const DRAW_MS = 150;
+/** @type {Record<string, import("../editor/hand.js").Tool>} */
+const KEYS = { p: "paint", f: "fill", b: "box", m: "move", d: "path" };
+
 const painting = new Painting();
+const hand = new Hand(painting);
 let layer = 0;
-/** @type {boolean | null} */
-let filling = null;
-/** @type {[x: number, y: number]} */
-let focused = [Math.floor(SIZE / 2), Math.floor(SIZE / 2)];
-
-grid.style.setProperty("--size", String(SIZE));
-const squares = Array.from({ length: SIZE }, (_, x) => {
-  const row = element("div", { role: "row" });
-  grid.append(row);
-  return Array.from({ length: SIZE }, (_none, y) => {
-    const square = element("button", { type: "button", role: "gridcell", tabindex: "-1", "data-x": x, "data-y": y });
-    row.append(square);
-    return square;
-  });
+let sending = false;
+let due = false;
+let drawnAt = 0;
+const sheet = new Sheet(get("grid"), {
+  press: (key) => { hand.press(key); soon(); },
+  drag: (keys) => { hand.drag(keys); soon(); },
+  lift: (kept) => { hand.lift(kept); show(); },
+  arrow: (by, shift) => {
+    if (hand.tool === "move") { by.forEach((v, axis) => { if (v) hand.move(/** @type {0 | 1} */ (axis), v); }); show(); return true; }
+    if (hand.tool !== "path" || !shift) return false;
+    drawOn(by);
+    return true;
+  },
+  bySides: () => hand.tool === "path",
 });
 
-function show() {
-  for (let x = 0; x < SIZE; x++) {
-    for (let y = 0; y < SIZE; y++) {
-      const square = squares[x][y];
-      const on = painting.has(x, y, layer);
-      const below = layer > 0 && painting.has(x, y, layer - 1);
-      square.classList.toggle("on", on);
-      square.classList.toggle("below", below);
-      square.setAttribute("aria-selected", String(on));
-      square.setAttribute("aria-label", `Row ${x + 1}, column ${y + 1}, ${on ? "filled" : "empty"}${below ? ", filled below" : ""}`);
-    }
-  }
-  const cells = painting.cells.size;
+const all = (/** @type {string} */ selector) => /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll(selector));
+const choice = () => /** @type {HTMLInputElement} */ (document.querySelector('[name="exact"]:checked')).value;
+
+/** @param {string} value */
+function choose(value) {
+  const input = /** @type {HTMLInputElement | null} */ (document.querySelector(`[name="exact"][value="${value}"]`));
+  if (input) input.checked = true;
+}
+
+// Pointers move more often than pictures are drawn. While they do, the grid goes first: the drawing beside
+// it, which may be of thousands of faces, follows now and then.
+function soon() {
+  if (due) return;
+  due = true;
+  requestAnimationFrame((now) => { if (due) show(now - drawnAt > DRAW_MS); });
+}
+
+function show(drawn = true) {
+  due = false;
+  layer = Math.min(painting.size - 1, layer);
+  const drawing = hand.tool === "path" || choice() === "path" ? hand.drawn : null;
+  sheet.show(painting.state, { layer, drawn: drawing, corner: hand.corner, axes: hand.axes });
+  const cells = painting.filled;
   get("layer").textContent = `Layer ${layer + 1}`;
   get("down").disabled = layer === 0;
-  get("up").disabled = layer === SIZE - 1;
+  get("up").disabled = layer === painting.size - 1;
   get("repeat").disabled = layer === 0;
   get("undo").disabled = !painting.done.length;
   get("redo").disabled = !painting.undone.length;
-  get("clear").disabled = !cells;
+  get("clear").disabled = get("save-cells").disabled = !cells;
+  get("cut").disabled = get("turn").disabled = get("unpath").disabled = !painting.path.length;
+  get("size").value = String(painting.size);
   get("empty").hidden = cells > 0;
-  draw(get("model"), painting, layer);
-  const modules = cells * (doubled() ? 8 : 1);
-  const pieces = painting.pieces();
-  const few = modules > 0 && modules < 8;
-  const count = get("count");
-  count.dataset.tone = pieces > 1 ? "bad" : "";
-  count.textContent = !cells ? "" : pieces > 1 ? `${pieces} pieces that do not touch: join them by faces.`
-    : few ? `${whole(modules)} modules; a fold needs at least 8.` : `${whole(modules)} modules`;
-  get("preview").disabled = get("fold").disabled = !cells || pieces > 1 || few;
+  if (drawn) {
+    draw(get("model"), painting, layer, drawing);
+    drawnAt = performance.now();
+  }
+  count(cells);
+  say(hand.refused);
 }
 
-const doubled = () => document.querySelector('[name="exact"][value="no"]:checked') !== null;
+// What would be folded, and what is still wrong with it.
+/** @param {number} cells */
+function count(cells) {
+  const how = choice();
+  const found = how === "path" ? checked(painting.state) : null;
+  const modules = cells * (how === "no" ? 8 : 1);
+  const pieces = found ? 1 : painting.pieces();
+  const path = found && cells ? told(found) : null;
+  const large = modules > facts.most_modules;
+  const few = !found && modules > 0 && modules < LEAST;
+  let text = `${whole(modules)} modules`;
+  if (!cells) text = "";
+  else if (large) text = `${whole(modules)} modules, of at most ${whole(facts.most_modules)}: paint fewer cells.`;
+  else if (path) ({ text } = path);
+  else if (pieces > 1) text = `${pieces} pieces that do not touch: join them by faces.`;
+  else if (few) text = `${text}; a fold needs at least ${LEAST}.`;
+  const tone = large || pieces > 1 ? "bad" : path?.tone ?? "";
+  if (get("count").textContent !== text) get("count").textContent = text;
+  get("count").dataset.tone = tone;
+  get("most").textContent = large || !cells ? "" : `${path ? `${whole(modules)} modules; at` : "At"} most ${whole(facts.most_modules)} can be folded.`;
+  get("how").textContent = HOW[how];
+  get("save-path").hidden = !found?.whole;
+  const ready = cells > 0 && !large && (found ? found.whole : pieces === 1 && !few);
+  get("complete").disabled = !cells || Boolean(found?.whole) || large;
+  get("preview").disabled = get("fold").disabled = !ready || sending;
+  look(found?.whole && ready ? pathFile(named(), painting.state) : null);
+}
+
+/** @param {string} text */
+function say(text) {
+  if (get("message").textContent !== text) get("message").textContent = text;
+}
+
+const named = () => get("name").value.trim() || "My shape";
+
+// A path that visits all cells is shown to the service as well, which tells knots.
+/** @type {ReturnType<typeof setTimeout> | undefined} */
+let timer;
+let shown = "";
+/** @param {File | null} file */
+function look(file) {
+  const path = file ? painting.path.join() : "";
+  if (path === shown) return;
+  shown = path;
+  clearTimeout(timer);
+  get("checked").textContent = "";
+  if (!file) return;
+  timer = setTimeout(async () => {
+    const said = await asked({ file, full: false }).then(
+      ({ knot, expected_s: s }) => (knot?.verdict === "knotted"
+        ? { text: "The path is knotted: such a chain cannot be pulled straight.", tone: "bad" }
+        : { text: `Folds in ${duration(s)}.`, tone: "" }),
+      (error) => ({ text: wordsOf(error), tone: "bad" }),
+    );
+    if (path !== shown) return;
+    get("checked").textContent = said.text;
+    get("checked").dataset.tone = said.tone;
+  }, CHECK_MS);
+}
 
 /** @param {number} to */
 function turn(to) {
-  layer = Math.min(SIZE - 1, Math.max(0, to));
+  layer = Math.min(painting.size - 1, Math.max(0, to));
   show();
 }
 
-/**
- * @param {number} x
- * @param {number} y
- */
-function focus(x, y) {
-  squares[focused[0]][focused[1]].tabIndex = -1;
-  focused = [Math.min(SIZE - 1, Math.max(0, x)), Math.min(SIZE - 1, Math.max(0, y))];
-  const square = squares[focused[0]][focused[1]];
-  square.tabIndex = 0;
-  return square;
-}
-
-/**
- * @param {number[]} keys
- * @param {boolean} filled
- */
-function stroke(keys, filled) {
-  painting.begin();
-  for (const key of keys) painting.put(key, filled);
-  painting.end();
+/** @param {import("../editor/hand.js").Tool} tool */
+function take(tool) {
+  hand.take(tool);
+  for (const button of all("[data-tool]")) button.ariaPressed = String(button.dataset.tool === tool);
+  for (const options of all("[data-for]")) options.hidden = !options.dataset.for?.split(" ").includes(tool);
+  const [hint, keys] = HINTS[tool];
+  get("hint").replaceChildren(`${hint} `, element("span", { class: "keys" }, keys));
+  if (tool === "path") choose("path");
   show();
 }
 
-// Painting with a pointer: the first cell says whether the stroke fills or empties.
-/** @param {PointerEvent} event */
-function paint(event) {
-  const square = /** @type {HTMLElement | null | undefined} */ (document.elementFromPoint(event.clientX, event.clientY)?.closest("[data-x]"));
-  if (!square || !grid.contains(square)) return;
-  const [x, y] = [Number(square.dataset.x), Number(square.dataset.y)];
-  filling ??= !painting.has(x, y, layer);
-  focus(x, y);
-  if (painting.put(keyOf(x, y, layer), filling)) show();
-}
-grid.addEventListener("pointerdown", (event) => {
-  if (event.button !== 0) return;
-  painting.begin();
-  paint(event);
-  if (filling === null) { painting.stroke = null; return; }
-  grid.setPointerCapture(event.pointerId);
-});
-grid.addEventListener("pointermove", (event) => { if (filling !== null) paint(event); });
-function lift() {
-  if (filling === null) return;
-  filling = null;
-  painting.end();
-  squares[focused[0]][focused[1]].focus({ preventScroll: true });
-  show();
-}
-grid.addEventListener("pointerup", lift);
-grid.addEventListener("pointercancel", lift);
-
-grid.addEventListener("keydown", (event) => {
-  const by = ARROWS[event.key];
-  if (by) {
-    event.preventDefault();
-    focus(focused[0] + by[0], focused[1] + by[1]).focus();
-  } else if (event.key === " " || event.key === "Enter") {
-    event.preventDefault();
-    stroke([keyOf(...focused, layer)], !painting.has(...focused, layer));
+/** @param {number[]} by */
+function drawOn(by) {
+  const head = hand.drawOn(by, sheet.focusedKey);
+  if (head !== null) {
+    const [x, y, z] = cellOf(head, painting.size);
+    layer = z;
+    sheet.focus(x, y).focus({ preventScroll: true });
   }
+  show();
+}
+
+/** @param {() => void} act */
+const stepped = (act) => () => { hand.step(act); show(); };
+
+get("sheet").addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  const tool = KEYS[event.key.toLowerCase()];
+  if (tool) take(tool);
+  else if (event.key === "Escape" && hand.corner !== null) { hand.corner = null; show(); }
+  else if (hand.tool === "path" && event.key.toLowerCase() === "x") { hand.cutAt(sheet.focusedKey); show(); }
+  else if (hand.tool === "path" && ["Backspace", "Delete"].includes(event.key)) { hand.takeBack(); show(); }
+  else return;
+  event.preventDefault();
 });
 addEventListener("keydown", (event) => {
-  if (event.target instanceof Element && event.target.closest("input[type=text]")) return;
+  if (event.target instanceof Element && event.target.closest("input:not([type=radio]), select")) return;
   const command = event.ctrlKey || event.metaKey;
-  if (event.key === "PageUp" || event.key === "PageDown") turn(layer + (event.key === "PageUp" ? 1 : -1));
-  else if (command && event.key.toLowerCase() === "z") { if (event.shiftKey) painting.redo(); else painting.undo(); show(); }
+  if (event.key === "PageUp" || event.key === "PageDown") {
+    const by = event.key === "PageUp" ? 1 : -1;
+    if (hand.tool === "path" && event.shiftKey) drawOn([0, 0, by]);
+    else if (hand.tool === "move") { hand.move(2, by); turn(layer + by); }
+    else turn(layer + by);
+  } else if (command && event.key.toLowerCase() === "z") { if (event.shiftKey) painting.redo(); else painting.undo(); show(); }
   else if (command && event.key.toLowerCase() === "y") { painting.redo(); show(); }
   else return;
   event.preventDefault();
@@ -141,63 +203,148 @@ get("up").onclick = () => turn(layer + 1);
 get("down").onclick = () => turn(layer - 1);
 get("undo").onclick = () => { painting.undo(); show(); };
 get("redo").onclick = () => { painting.redo(); show(); };
-get("clear").onclick = () => { stroke([...painting.cells], false); turn(0); };
-get("repeat").onclick = () => {
-  stroke([...painting.cells].filter((key) => cellOf(key)[2] === layer - 1).map((key) => key + SIZE * SIZE), true);
+get("clear").onclick = () => { hand.step(() => painting.paint(keysOf(painting.cells), false)); turn(0); };
+get("repeat").onclick = stepped(() => {
+  const area = painting.size ** 2;
+  const below = keysOf(painting.cells).filter((key) => Math.floor(key / area) === layer - 1);
+  painting.paint(below.map((key) => key + area), true);
+});
+for (const button of all("[data-tool]")) button.onclick = () => take(/** @type {import("../editor/hand.js").Tool} */ (button.dataset.tool));
+for (const button of all("[data-both]")) {
+  const axis = /** @type {0 | 1 | 2} */ (Number(button.dataset.both));
+  button.onclick = () => {
+    if (!hand.axes.delete(axis)) hand.axes.add(axis);
+    button.ariaPressed = String(hand.axes.has(axis));
+    show();
+  };
+}
+for (const button of all("[data-mirror]")) button.onclick = () => { hand.mirror(/** @type {0 | 1 | 2} */ (Number(button.dataset.mirror))); show(); };
+for (const button of all("[data-move]")) {
+  const [axis, by] = (button.dataset.move ?? "").split(" ").map(Number);
+  button.onclick = () => { hand.move(/** @type {0 | 1 | 2} */ (axis), by); show(); };
+}
+get("higher").onclick = () => drawOn([0, 0, 1]);
+get("lower").onclick = () => drawOn([0, 0, -1]);
+get("cut").onclick = () => { hand.cutAt(sheet.focusedKey); show(); };
+get("turn").onclick = () => { hand.reverse(); show(); };
+get("unpath").onclick = stepped(() => { painting.path = []; });
+get("complete").onclick = async () => {
+  const button = get("complete");
+  button.ariaBusy = "true";
+  button.textContent = "Searching…";
+  say("");
+  const [state, drawn] = [{ ...painting.state, cells: painting.cells.slice() }, hand.drawn];
+  let refused = "";
+  try {
+    const found = await completed(state, drawn);
+    // What was drawn meanwhile is not drawn over.
+    if (painting.path !== drawn.path) return;
+    if (found) hand.step(() => hand.follow(found));
+    else refused = "No way through the missing cells was found from here. Draw from the other end, or cut and try again.";
+  } catch (error) {
+    refused = wordsOf(error);
+  } finally {
+    button.ariaBusy = null;
+    button.textContent = "Complete";
+  }
+  hand.refused = refused;
+  show();
 };
-for (const input of document.querySelectorAll('[name="exact"]')) input.addEventListener("change", show);
+for (const input of all('[name="exact"]')) input.addEventListener("change", () => show());
 for (const letter of LETTERS) {
   const button = element("button", { type: "button", "aria-label": `Letter ${letter}` }, letter);
   button.onclick = () => {
-    painting.begin();
-    for (const key of [...painting.cells]) painting.put(key, false);
-    const margin = Math.floor((SIZE - 5) / 2);
-    for (const [x, y] of letterCells(letter)) painting.put(keyOf(x + margin, y + margin, 0), true);
-    painting.end();
+    hand.step(() => {
+      painting.paint(keysOf(painting.cells), false);
+      const margin = Math.floor((painting.size - 5) / 2);
+      painting.paint(letterCells(letter).map(([x, y]) => keyOf(x + margin, y + margin, 0, painting.size)), true);
+    });
     get("name").value = `Letter ${letter}`;
     turn(0);
   };
   get("letters").append(button);
 }
+for (const size of SIZES) get("size").append(element("option", { value: size }, `${size}×${size}×${size}`));
+get("size").onchange = () => {
+  const grid = resized(painting.state, Number(get("size").value));
+  if (grid) hand.step(() => painting.become(grid));
+  else hand.refused = "The shape is larger than this grid.";
+  show();
+};
 
-// Sending.
-function file() {
-  const name = get("name").value.trim() || "My shape";
-  const voxels = { format: "foldback-voxels/1", name, cells: painting.voxels(doubled()) };
-  return new File([JSON.stringify(voxels)], "painted.json", { type: "application/json" });
-}
-
-// `ask` sends the form and says why that could not be, or nothing.
-/** @param {(form: FormData) => Promise<string>} ask */
-async function send(ask) {
-  const buttons = [get("preview"), get("fold")];
-  for (const button of buttons) button.disabled = true;
-  get("message").textContent = "";
-  const form = new FormData();
-  form.set("file", file());
-  const refused = await ask(form);
-  get("message").textContent = refused;
-  for (const button of buttons) button.disabled = !refused;
-}
-
-/**
- * @param {FormData} form
- * @returns {Promise<string>}
- */
-async function look(form) {
+// Files.
+let reading = 0;
+/** @type {{ id: string, name: string } | null} */
+let mesh = null;
+/** @param {{ file: File } | { preview: string }} source */
+async function open(source) {
+  const turnOf = ++reading;
+  const name = "file" in source ? source.file.name : mesh?.name ?? "";
+  const tell = (/** @type {string} */ text, tone = "") => {
+    get("reading").textContent = text;
+    get("reading").dataset.tone = tone;
+  };
+  tell(`Reading ${name}…`);
+  const cells = Math.min(facts.most_modules, Math.max(LEAST, Math.round(Number(get("mesh-cells").value)) || 160));
+  get("mesh-cells").value = String(cells);
   try {
-    const answer = await fetch("/api/shapes/preview", { method: "POST", body: form });
-    const told = await answer.json().catch(() => ({}));
-    if (!answer.ok) return refusal(told, answer.status);
-    location.href = told.links.page;
-    return "";
-  } catch {
-    return UNREACHABLE;
+    const report = await read(source, cells);
+    if (turnOf !== reading) return;
+    const ordered = report.kind === "path" || report.kind === "chain";
+    const found = imported(report.cells, { ordered, least: SIZES[0] });
+    hand.step(() => painting.become(found));
+    hand.atStart = false;
+    mesh = report.kind === "mesh" ? { id: report.id, name } : null;
+    get("mesh-part").hidden = !mesh;
+    get("name").value = report.name.slice(0, 60);
+    layer = 0;
+    if (ordered) take("path");
+    else if (choice() === "path" || 8 * report.cells.length > facts.most_modules) choose("yes");
+    tell(`${name}: ${whole(report.cells.length)} cells${ordered ? " along their path" : ""}.`);
+  } catch (error) {
+    if (turnOf === reading) tell(`${name}: ${wordsOf(error)}`, "bad");
   }
+  show();
 }
-get("preview").onclick = () => send(look);
+get("open").onclick = () => get("file").click();
+get("file").addEventListener("change", () => {
+  const [file] = get("file").files ?? [];
+  if (file) open({ file });
+  get("file").value = "";
+});
+get("mesh-cells").addEventListener("change", () => { if (mesh) open({ preview: mesh.id }); });
+addEventListener("dragover", (event) => event.preventDefault());
+addEventListener("drop", (event) => {
+  event.preventDefault();
+  const [file] = event.dataTransfer?.files ?? [];
+  if (file) open({ file });
+});
+const fileName = (/** @type {string} */ end) => `${named().replaceAll(/[^\p{L}\p{N} _-]+/gu, "").trim() || "shape"}.${end}`;
+get("save-cells").onclick = () => save(voxelFile(named(), painting.state), fileName("voxels.json"));
+get("save-path").onclick = () => save(pathFile(named(), painting.state), fileName("path.json"));
+
+// Sending. `ask` sends the file and says why that could not be, or nothing.
+/** @param {(form: { file: File }) => Promise<string>} ask */
+async function send(ask) {
+  sending = true;
+  const how = choice();
+  show();
+  hand.refused = await ask({ file: how === "path" ? pathFile(named(), painting.state) : voxelFile(named(), painting.state, how === "no") });
+  if (!hand.refused) return; // the page is being left
+  sending = false;
+  show();
+}
+get("preview").onclick = () => send(async (form) => {
+  try {
+    location.href = (await asked(form)).links.page;
+    return "";
+  } catch (error) {
+    return wordsOf(error);
+  }
+});
 get("fold").onclick = () => send(askForFold);
 
-focus(...focused);
-show();
-addEventListener("pageshow", (event) => { if (event.persisted) show(); });
+get("mesh-cells").max = String(facts.most_modules);
+sheet.build(painting.size);
+take("paint");
+addEventListener("pageshow", (event) => { if (event.persisted) { sending = false; show(); } });

@@ -1,5 +1,6 @@
 // The landing page: takes files and shapes, and keeps the featured fold in motion.
 import { UNREACHABLE, askForFold } from "../lib/fold_request.js";
+import { ownKey, proof } from "../lib/keys.js";
 import { STOPPED, posted } from "../lib/upload.js";
 import { playHero } from "../player/hero.js";
 import { changed, follow, refused } from "../panels/paper_settings.js";
@@ -53,7 +54,7 @@ async function send(file, asVoxels = false) {
   form.set("full", "false");
   if (asVoxels) form.set("as_voxels", "true");
   try {
-    const { ok, status, told: body } = await sending.during(file.name, (how) => posted("/api/shapes/preview", form, how));
+    const { ok, status, told: body } = await sending.during(file.name, (how) => posted("/api/shapes/preview", form, { ...how, headers: proof(ownKey()) }));
     if (!ok) {
       say(refusal(body, status), "bad");
       if (NO_PATH.has(body.code)) offer(file);

@@ -1,5 +1,6 @@
 // The preview page: options in the panel, their report in figures, and the scene that shows it.
 import { UNREACHABLE, askForFold } from "../lib/fold_request.js";
+import { ownKey, proof } from "../lib/keys.js";
 import { changed, follow, refused } from "../panels/paper_settings.js";
 import { PreviewStage } from "../viewer/preview_scene.js";
 import { hasWebGL } from "../viewer/scene.js";
@@ -123,7 +124,7 @@ async function look() {
   const body = form();
   body.set("full", "false");
   try {
-    const answer = await fetch("/api/shapes/preview", { method: "POST", body });
+    const answer = await fetch("/api/shapes/preview", { method: "POST", body, headers: proof(ownKey()) });
     const told = await answer.json().catch(() => ({}));
     if (answer.ok) {
       picked = null;

@@ -1,5 +1,5 @@
 // What can be downloaded of a fold: files, a movie, and what a robot needs.
-import { proof, tokenOf } from "../lib/fold_request.js";
+import { ownKey, proof, tokenOf } from "../lib/keys.js";
 import { element, wordsOf } from "../lib/text.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -122,7 +122,7 @@ export class Downloads {
    * @returns {Promise<Told>}
    */
   async ask(address, body = null) {
-    const headers = { "Content-Type": "application/json", ...proof(tokenOf(this.id)) };
+    const headers = { "Content-Type": "application/json", ...proof(tokenOf(this.id) ?? ownKey()) };
     const answer = await fetch(address, body === null ? {} : { method: "POST", headers, body: JSON.stringify(body) })
       .catch(() => { throw new Error("The server cannot be reached. Try again in a moment."); });
     const told = await answer.json().catch(() => ({}));
@@ -139,7 +139,7 @@ export class Downloads {
   async follow(movie, state, bar, stop) {
     let now = movie;
     // Who has asked first is told a token; the owner of the fold has that of the fold.
-    const token = movie.token ?? tokenOf(this.id);
+    const token = movie.token ?? tokenOf(this.id) ?? ownKey();
     /** @type {Promise<Response> | null} */
     let stopping = null;
     stop.hidden = !token;

@@ -1,9 +1,12 @@
-// The selected module: where it belongs, its joint now, what is near it.
+// The selected module: chosen by its number, where it belongs, its joint now, what is near it.
 import { degrees, element } from "../lib/text.js";
 
 // Two figures; what is as good as nothing is 0.
 const plain = (/** @type {number} */ value) => (Math.abs(value) < 1e-6 ? "0" : String(Number(value.toPrecision(2))).replace("-", "−"));
 const pitches = (/** @type {number} */ value) => `${Number(value.toFixed(3))} pitch`.replace("-", "−");
+
+// The name of a hinge within its joint.
+const hingeOf = (/** @type {string} */ name) => name.split("_").slice(2).join(" ") || name;
 
 /** @typedef {ModuleTold | { index: null }} Told */
 
@@ -27,6 +30,22 @@ export class ModulePanel {
     this.joints = [];
     this.near = element("dd");
     this.off = element("dd");
+    this.modules = 0;
+    this.field = element("input", { id: "module-number", type: "text", inputmode: "numeric", enterkeyhint: "go", autocomplete: "off", maxlength: 9 });
+    this.before = this.button("icon-button", "‹", -1, "Previous module (↓)");
+    this.after = this.button("icon-button", "›", 1, "Next module (↑)");
+    this.clear = element("button", { class: "button quiet", type: "button", hidden: true }, "Clear");
+    this.clear.onclick = () => { this.field.focus(); player.send({ do: "select", module: null }); };
+    this.told = element("div");
+    this.line = element("p", { class: "visually-hidden", role: "status" });
+    const form = element("form", { class: "module-choice", novalidate: true }, element("label", { for: "module-number" }, "Number"), this.field, this.before, this.after, this.clear);
+    form.onsubmit = (event) => { event.preventDefault(); this.choose(true); };
+    this.field.onchange = () => this.choose(false);
+    this.field.oninput = () => this.refuse("");
+    panel.tabIndex = -1; // a click in it is enough for its keys
+    panel.addEventListener("keydown", (event) => this.key(event));
+    panel.replaceChildren(form, this.told, this.line);
+    player.on("outline", (/** @type {{ modules: number }} */ { modules }) => this.count(modules));
     player.on("module", (/** @type {Told} */ module) => this.show(module));
     figures.on("loaded", () => this.measure());
     figures.on("begun", () => this.measure());
@@ -37,26 +56,92 @@ export class ModulePanel {
   show(module) {
     const before = this.index;
     this.index = module.index;
+    if (before !== module.index || module.index === null) this.number();
     if (module.index === null) {
-      this.panel.replaceChildren(element("p", { class: "hint" }, "Click a module to see its joint."));
+      this.told.replaceChildren(element("p", { class: "hint" }, "Click a module, or type its number, to see its joint."));
       return;
     }
-    if (before !== module.index) { this.build(module); this.opened(); }
+    if (before !== module.index) { this.build(module); this.opened(); this.say(module); }
     this.fill(module);
     this.measure();
   }
 
+  // How many there are to choose from.
+  /** @param {number} modules */
+  count(modules) {
+    this.modules = modules;
+    this.field.placeholder = `0–${modules - 1}`;
+    this.number();
+  }
+
+  // Which one is chosen, in the field.
+  number() {
+    const { index, modules } = this;
+    this.field.value = index === null ? "" : String(index);
+    this.refuse("");
+    this.before.disabled = index === null || index === 0;
+    this.after.disabled = !modules || index === modules - 1;
+    this.clear.hidden = index === null;
+  }
+
+  // The module whose number was typed; `asked` says that a wrong one is to be told.
+  /** @param {boolean} asked */
+  choose(asked) {
+    const text = this.field.value.trim();
+    const number = /^\d{1,9}$/.test(text) ? Number(text) : Infinity;
+    if (number < this.modules) this.player.send({ do: "select", module: number });
+    else if (asked) this.refuse(`Got “${text}”, expected a whole number from 0 to ${this.modules - 1}.`);
+  }
+
+  /** @param {string} why */
+  refuse(why) {
+    this.field.setCustomValidity(why);
+    this.field.setAttribute("aria-invalid", String(why !== ""));
+    if (why) this.field.reportValidity();
+  }
+
+  // Up and down go along the chain.
+  /** @param {KeyboardEvent} event */
+  key(event) {
+    const by = event.key === "ArrowUp" ? 1 : event.key === "ArrowDown" ? -1 : 0;
+    if (!by || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    this.step(by);
+  }
+
+  /** @param {number} by */
+  step(by) {
+    const next = this.index === null ? 0 : this.index + by;
+    if (next >= 0 && next < this.modules) this.player.send({ do: "select", module: next });
+  }
+
+  /**
+   * @param {string} look
+   * @param {string} text
+   * @param {number} by
+   * @param {string} title
+   */
+  button(look, text, by, title) {
+    const made = element("button", { class: look, type: "button", "aria-label": title.replace(/ \(.*/, ""), title }, text);
+    made.onclick = () => this.step(by);
+    return made;
+  }
+
+  // To type a number.
+  begin() {
+    this.opened();
+    this.field.focus();
+    this.field.select();
+  }
+
+  /** @param {ModuleTold} module */
+  say({ index, modules, joints }) {
+    const turned = joints.map(({ name, angle_rad: angle }) => `${hingeOf(name)} ${degrees(angle)}`);
+    this.line.textContent = [`Module ${index}, ${index + 1} of ${modules}`, ...turned].join(", ");
+  }
+
   /** @param {ModuleTold} module */
   build(module) {
-    const go = (/** @type {number | null} */ next) => () => this.player.send({ do: "select", module: next });
-    const step = (/** @type {number} */ by, /** @type {string} */ text) => {
-      const next = module.index + by;
-      const button = element("button", { class: "button", type: "button", disabled: next < 0 || next >= module.modules }, text);
-      button.onclick = go(next);
-      return button;
-    };
-    const clear = element("button", { class: "button quiet", type: "button" }, "Clear");
-    clear.onclick = go(null);
     const column = (/** @type {string} */ of) => element("td", { "data-of": of });
     const table = (/** @type {Node[]} */ ...parts) => element("table", { class: "joints" }, ...parts);
     const joint = module.joints.length
@@ -64,19 +149,19 @@ export class ModulePanel {
         element("thead", {}, element("tr", {},
           ...["Hinge", "Now", "Folded", "Error, rad"].map((text) => element("th", { scope: "col" }, text)))),
         element("tbody", {}, ...module.joints.map(({ name }) =>
-          element("tr", { "data-joint": name }, element("th", { scope: "row" }, name.split("_").slice(2).join(" ") || name),
+          element("tr", { "data-joint": name }, element("th", { scope: "row" }, hingeOf(name)),
             column("now"), column("target"), column("error"))))), table(
         element("thead", {}, element("tr", {},
           ...["Hinge", "Speed, rad/s", "Torque, N·m"].map((text) => element("th", { scope: "col" }, text)))),
         element("tbody", {}, ...module.joints.map(({ name }) =>
-          element("tr", { "data-motion": name }, element("th", { scope: "row" }, name.split("_").slice(2).join(" ") || name),
+          element("tr", { "data-motion": name }, element("th", { scope: "row" }, hingeOf(name)),
             column("speed"), column("torque"))))))
       : element("p", { class: "hint no-joint" }, "This module carries no joint.");
     /** @type {Record<number, string>} */
     const ends = { 0: " · first", [module.modules - 1]: " · last" };
     this.near = element("dd", { "data-of": "nearest" }, "–");
     this.off = element("dd", { "data-of": "position" }, "–");
-    this.panel.replaceChildren(
+    this.told.replaceChildren(
       element("h2", {}, element("i", { class: "swatch", "aria-hidden": "true" }), `Module ${module.index}${ends[module.index] ?? ""}`),
       element("dl", { class: "rows" },
         element("dt", {}, "Place in the chain"), element("dd", {}, `${module.index + 1} of ${module.modules}`),
@@ -84,8 +169,7 @@ export class ModulePanel {
         element("dt", {}, "Nearest module"), this.near,
         element("dt", {}, "Position error"), this.off),
       element("h3", {}, "Joint"),
-      joint,
-      element("div", { class: "steppers" }, step(-1, "Previous"), step(1, "Next"), clear));
+      joint);
   }
 
   /** @param {ModuleTold} module */

@@ -1,9 +1,11 @@
-// Figures along the whole fold, with the playhead in them; a click goes there.
-import { newtonMetres, radians, whole } from "../lib/text.js";
+// Figures along the whole fold, with the playhead in them; a click goes there, and keys move it.
+import { element, newtonMetres, radians, whole } from "../lib/text.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const COLUMNS = 360;
 const HIGH = 100;
+const FAR = 10; // frames
+const KEPT_MS = 60_000; // what is being downloaded
 /**
  * @typedef {object} Plot
  * @property {PlotName} name
@@ -45,6 +47,28 @@ function columns(values, worst) {
     }
     return found;
   });
+}
+
+// A plot as text: each frame and its value, nothing where there is none.
+/**
+ * @param {string} name
+ * @param {Floats} values
+ */
+export const csv = (name, values) => [`frame,${name}`, ...Array.from(values, (v, k) => `${k + 1},${Number.isFinite(v) ? v : ""}`)].join("\n");
+
+/**
+ * @param {string} name
+ * @param {string} label
+ * @param {Floats} values
+ */
+function link(name, label, values) {
+  const made = element("a", { href: "#", download: `${name}.csv`, "aria-label": `${label} as CSV`, title: "Every frame and its value" }, "CSV");
+  made.onclick = () => {
+    const address = URL.createObjectURL(new Blob([csv(name, values)], { type: "text/csv" }));
+    made.href = address;
+    setTimeout(() => URL.revokeObjectURL(address), KEPT_MS);
+  };
+  return made;
 }
 
 export class Plots {
@@ -101,14 +125,14 @@ export class Plots {
     title.textContent = label;
     const now = document.createElement("b");
     caption.append(title, now);
-    const picture = svg("svg", { viewBox: `0 0 1000 ${HIGH}`, preserveAspectRatio: "none", role: "img", "aria-label": `${label}: ${text(low)} to ${text(high)}` });
+    const picture = svg("svg", { viewBox: `0 0 1000 ${HIGH}`, preserveAspectRatio: "none", role: "slider", tabindex: 0, "aria-label": label, "aria-valuemin": 1, "aria-valuemax": values.length });
     if (low < 0) picture.append(svg("rect", { class: "plot-bad", x: 0, width: 1000, y: y(0), height: HIGH - y(0) }));
     const line = svg("line", { class: "plot-head", y1: 0, y2: HIGH });
     picture.append(svg("line", { class: "plot-zero", x1: 0, x2: 1000, y1: y(0), y2: y(0) }), svg("path", { class: "plot-line", d: path }), line);
     const scale = document.createElement("small");
     scale.textContent = `${text(low)} to ${text(high)}`;
     if (name === "peak_torque_nm" && this.figures.plots?.torque_at_some_frames) scale.textContent += `, ${SOME_FRAMES}`;
-    box.append(caption, picture, scale);
+    box.append(caption, picture, element("div", { class: "plot-foot" }, scale, link(name, label, values)));
     const go = (/** @type {MouseEvent} */ event) => {
       const { left, width } = picture.getBoundingClientRect();
       const share = Math.min(1, Math.max(0, (event.clientX - left) / width));
@@ -116,7 +140,8 @@ export class Plots {
     };
     picture.addEventListener("pointerdown", (event) => { picture.setPointerCapture(event.pointerId); go(event); });
     picture.addEventListener("pointermove", (event) => { if (event.buttons) go(event); });
-    return { box, values, text, now, line, name };
+    picture.addEventListener("keydown", (event) => this.key(event));
+    return { box, values, text, now, line, label, picture };
   }
 
   /** @param {{ frame: number }} state */
@@ -124,12 +149,25 @@ export class Plots {
     const { frames } = this.figures.plots ?? {};
     if (!frames) return;
     const x = (1000 * Math.min(frame, frames - 1)) / Math.max(1, frames - 1);
-    for (const { values, text, now, line } of this.made) {
+    const shown = Math.min(frames - 1, Math.round(frame));
+    for (const { values, text, now, line, label, picture } of this.made) {
       line.setAttribute("x1", String(x));
       line.setAttribute("x2", String(x));
-      const value = values[Math.min(frames - 1, Math.round(frame))];
-      now.textContent = Number.isFinite(value) ? text(value) : "–";
+      const value = values[shown];
+      const told = Number.isFinite(value) ? text(value) : null;
+      now.textContent = told ?? "–";
+      picture.setAttribute("aria-valuenow", String(shown + 1));
+      picture.setAttribute("aria-valuetext", `Frame ${shown + 1}, ${label.toLowerCase()} ${told ?? "not known"}`);
     }
+  }
+
+  // The keys of the page move a playhead by frames, and to either end; these by ten.
+  /** @param {KeyboardEvent} event */
+  key(event) {
+    const by = event.key === "PageUp" ? FAR : event.key === "PageDown" ? -FAR : 0;
+    if (!by || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    this.player.send({ do: "step", by });
   }
 
   // The frame at which a figure is worst, or null.

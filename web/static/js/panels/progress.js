@@ -1,5 +1,5 @@
 // A fold while it is computed: stage, share, steps a second, place in the queue.
-import { proof, tokenOf } from "../lib/fold_request.js";
+import { proof, tokenOf } from "../lib/keys.js";
 import { STAGES, get, remaining, whole } from "../lib/text.js";
 
 const ASK_MS = 1000; // between two questions where no stream tells, at first

@@ -1,7 +1,7 @@
 // Sharing: a link to what is seen now, a frame for other pages, one file that plays by itself.
 import { file } from "./downloads.js";
+import { tokenOf } from "../lib/keys.js";
 import { copyText, get } from "../lib/text.js";
-
 
 export class Share {
   /**
@@ -19,6 +19,7 @@ export class Share {
       const button = /** @type {HTMLElement | null} */ (this.dialog.querySelector(`[data-copy=${name}]`));
       if (button) button.onclick = () => this.copy(get(name));
     }
+    get("share-mine").hidden = !tokenOf(facts.id);
     this.embed = facts.embed;
   }
 

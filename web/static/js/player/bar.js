@@ -1,5 +1,7 @@
 // The timeline bar: phases as two tints, the error as a small area in it, and the playhead.
-import { PHASES, get, radians, seconds, whole } from "../lib/text.js";
+import { FrameField } from "./frame_field.js";
+import { LoopRange } from "./loop_range.js";
+import { PHASES, get, radians, seconds } from "../lib/text.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -21,12 +23,14 @@ export class Bar {
     this.onStuck = () => {};
     this.scrubbing = false;
     this.scrub = get("scrub");
+    this.frame = new FrameField(player);
+    this.range = new LoopRange(player);
     const send = (/** @type {Command} */ message) => () => player.send(message);
     get("play").onclick = send({ do: "toggle" });
     get("back").onclick = send({ do: "step", by: -1 });
     get("forward").onclick = send({ do: "step", by: 1 });
     for (const name of PRESSED) {
-      get(name).onclick = () => player.send({ do: "set", [name]: get(name).getAttribute("aria-pressed") !== "true" });
+      get(name).onclick = () => this.press(name);
     }
     get("speed").onchange = () => player.send({ do: "set", speed: Number(get("speed").value) });
     this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
@@ -40,6 +44,9 @@ export class Bar {
       get("jump").value = "";
       if (where) this.jump(where);
     };
+    get("full").hidden = !document.fullscreenEnabled;
+    get("full").onclick = () => this.fullScreen();
+    document.addEventListener("fullscreenchange", () => get("full").setAttribute("aria-pressed", String(Boolean(document.fullscreenElement))));
     this.enable(false);
     player.on("waiting", () => this.enable(false));
     player.on("outline", (outline) => this.draw(outline));
@@ -78,27 +85,22 @@ export class Bar {
     if (frame !== null) this.player.send({ do: "seek", frame });
   }
 
-  /** @param {KeyboardEvent} event */
-  key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
-    const target = event.target instanceof Element ? event.target : null;
-    const inField = target?.closest("select, textarea, input:not([type=range])");
-    const onButton = target?.closest("button, a, summary, [role=tab]");
-    if (inField) return;
-    if (target?.closest("[role=tablist]") && event.key.startsWith("Arrow")) return;
-    /** @type {Record<string, Command | null>} */
-    const messages = {
-      ArrowLeft: { do: "step", by: event.shiftKey ? -10 : -1 },
-      ArrowRight: { do: "step", by: event.shiftKey ? 10 : 1 },
-      Home: { do: "seek", percent: 0 },
-      End: { do: "seek", percent: 100 },
-      " ": onButton ? null : { do: "toggle" },
-    };
-    const message = messages[event.key];
-    if (!message) return;
-    event.preventDefault();
-    event.stopImmediatePropagation();
-    this.player.send(message);
+  // Presses one of the buttons that stay pressed.
+  /** @param {typeof PRESSED[number]} name */
+  press(name) { this.player.send({ do: "set", [name]: get(name).getAttribute("aria-pressed") !== "true" }); }
+
+  fullScreen() {
+    if (document.fullscreenElement) document.exitFullscreen();
+    else document.documentElement.requestFullscreen().catch(() => {}); // a browser may have its reasons
+  }
+
+  // The next of the speeds that are on offer, faster or, with -1, slower.
+  /** @param {number} by */
+  hurry(by) {
+    const speeds = [...get("speed").options].map(({ value }) => Number(value));
+    const now = this.state?.speed ?? 1;
+    const next = by > 0 ? speeds.find((speed) => speed > now) : speeds.findLast((speed) => speed < now);
+    if (next) this.player.send({ do: "set", speed: next });
   }
 
   /** @param {BarOutline} outline */
@@ -146,8 +148,7 @@ export class Bar {
   show(state) {
     this.state = state;
     if (!this.scrubbing) this.place(state.frame);
-    const press = (/** @type {string} */ id, /** @type {boolean} */ on) => get(id).setAttribute("aria-pressed", String(on));
-    for (const name of PRESSED) press(name, state[name]);
+    for (const name of PRESSED) get(name).setAttribute("aria-pressed", String(state[name]));
     get("live").hidden = !state.growing;
     this.showFolded(state);
     const running = state.playing;
@@ -156,7 +157,8 @@ export class Bar {
     const speed = get("speed");
     if (document.activeElement !== speed) speed.value = String(state.speed);
     get("r-phase").textContent = PHASES[state.phase] ?? "";
-    get("r-frame").textContent = `Frame ${whole(state.frame + 1)} of ${whole(state.frames)}`;
+    this.frame.show(state);
+    this.range.show(state);
     get("r-time").textContent = state.time_s === null ? "" : seconds(state.time_s);
     get("r-error").textContent = state.error_rad === null ? "" : `Error ${radians(state.error_rad)}`;
     this.scrub.setAttribute("aria-valuetext",

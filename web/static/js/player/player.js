@@ -1,11 +1,13 @@
 // A visitor's playhead over a timeline, and what follows from it: the pose, its colours, the camera.
 //
-// It takes the messages of playhead.js and one more, select {module}: highlight a module, null for
-// none. It tells what is by events: waiting, begun, outline, state, module, drawn, painted.
+// It takes the messages of playhead.js and three more: select {module} highlights a module, null for
+// none; pass {seconds} and change {way} seek a frame by its time, or the next that looks otherwise.
+// It tells what is by events: waiting, begun, outline, state, module, drawn, painted.
 import { Follower, anglesOf, blended, distanceNeeded, fewPoints, framing, outward, positionOf } from "../viewer/camera.js";
 import { colouring } from "./colours.js";
 import { picked } from "../lib/kinematics.js";
 import { Playhead } from "./playhead.js";
+import { after, nextChange } from "./steps.js";
 import { clearestSight } from "../viewer/viewpoint.js";
 import { StandIn } from "../viewer/fallback.js";
 import { Emitter } from "../lib/emitter.js";
@@ -95,10 +97,14 @@ export class Player extends Emitter {
 
   // What a message does.
 
-  /** @param {Command} message */
-  send(message) {
+  /**
+   * @param {Command} asked
+   * @returns {boolean}
+   */
+  send(asked) {
     if (!this.colouring) return false;
-    if (!this.timeline.chain) { this.unheard.push(message); return true; }
+    if (!this.timeline.chain) { this.unheard.push(asked); return true; }
+    const message = this.sought(asked);
     const { follow } = this.is;
     if (message.do === "set" && "follow" in message) this.lookAt([]);
     if (message.do === "select") this.select(message.module);
@@ -111,6 +117,17 @@ export class Player extends Emitter {
     }
     this.show();
     return true;
+  }
+
+  // Steps that are not told in frames, as the frame that they lead to.
+  /**
+   * @param {Command} message
+   * @returns {Command}
+   */
+  sought(message) {
+    const { timeline, playhead: { frame } } = this;
+    if (message.do === "pass") return { do: "seek", frame: after(timeline, frame, message.seconds) };
+    return message.do === "change" ? { do: "seek", frame: nextChange(timeline, frame, message.way) } : message;
   }
 
   get is() { return this.playhead.is; }

@@ -3,6 +3,7 @@
 //   seek {frame} or {percent}     go there and stop
 //   step {by}                     whole frames back or forward, and stop
 //   set {speed, loop, reverse, follow, turn, live}   any of them
+//   set {from, to}                loop over these frames and what is between; null for the whole
 const SPEEDS = [0.05, 20];
 const SWITCHES = /** @type {const} */ (["loop", "reverse", "follow", "turn", "live"]);
 const WHOLE_PLAYBACK_S = 20;
@@ -20,7 +21,7 @@ export class Playhead {
     this.coarse = false;
     this.hold = 0;
     /** @type {Switches} */
-    this.is = { playing: false, speed: 1, loop: false, reverse: false, follow: true, turn: false, live: false };
+    this.is = { playing: false, speed: 1, loop: false, reverse: false, follow: true, turn: false, live: false, from: null, to: null };
   }
 
   // True when the message was understood.
@@ -41,6 +42,7 @@ export class Playhead {
         if (message.speed !== undefined) is.speed = Math.min(Math.max(message.speed, SPEEDS[0]), SPEEDS[1]);
         if (message.live && !is.live) is.playing = false;
         for (const name of SWITCHES) is[name] = message[name] ?? is[name];
+        this.loopOver(message);
         return true;
       default: return false;
     }
@@ -52,11 +54,29 @@ export class Playhead {
     Object.assign(this.is, { playing: false, live: false });
   }
 
+  // An end that is that of the timeline is none; of two that cross the one before it is let go.
+  /** @param {Partial<Pick<Switches, "from" | "to">>} message */
+  loopOver({ from, to }) {
+    const { is, timeline: { last, growing } } = this;
+    if (from !== undefined) is.from = from !== null && from > 0 && (from < last || growing) ? from : null;
+    if (to !== undefined) is.to = to !== null && to > 0 && (to < last || growing) ? to : null;
+    if (is.from !== null && is.to !== null && is.from >= is.to) is[from === undefined || from === null ? "from" : "to"] = null;
+    if ((from !== undefined || to !== undefined) && (is.from !== null || is.to !== null)) is.loop = true;
+  }
+
+  // The first and the last frame of what is played.
+  get range() {
+    const { is: { loop, from, to }, timeline: { last } } = this;
+    return loop && (from ?? 0) < last ? [from ?? 0, Math.min(to ?? last, last)] : [0, last];
+  }
+
   /** @param {boolean} playing */
   run(playing) {
     const { is, timeline } = this;
-    if (playing && !is.reverse && this.frame >= timeline.last - 1e-6 && !timeline.growing) this.frame = 0;
-    if (playing && is.reverse && this.frame <= 1e-6) this.frame = timeline.last;
+    const [first, last] = this.range;
+    const over = this.frame >= last - 1e-6 && !(timeline.growing && last === timeline.last);
+    if (playing && !is.reverse && (over || this.frame < first)) this.frame = first;
+    if (playing && is.reverse && (this.frame <= first + 1e-6 || this.frame > last)) this.frame = last;
     this.hold = 0;
     Object.assign(is, { playing, live: false });
   }
@@ -88,13 +108,14 @@ export class Playhead {
   runOn(by, now) {
     const { is, timeline } = this;
     const frame = this.frame + (is.reverse ? -by : by);
-    if (frame >= 0 && frame <= timeline.last) {
+    const [first, last] = this.range;
+    if (frame >= first && frame <= last) {
       // Frames that pass faster than they can be shown need no in-betweens.
       this.coarse = by >= 1;
       this.frame = frame;
       return;
     }
-    const end = is.reverse ? 0 : timeline.last;
+    const end = is.reverse ? first : last;
     if (!is.loop) {
       this.frame = end;
       is.playing = timeline.growing && !is.reverse;
@@ -102,7 +123,7 @@ export class Playhead {
       this.hold = now + HOLD_S;
       this.frame = end;
     } else {
-      this.frame = timeline.last - end;
+      this.frame = first + last - end;
     }
   }
 

@@ -421,10 +421,18 @@ export class Timeline extends Emitter {
     const [a, b] = [this.row(low), this.row(low + 1)];
     const found = new Float32Array(this.joints);
     if (!a || !b || a.phase !== b.phase || !(b.time_s > a.time_s)) return found.fill(NaN);
-    const [begin, end] = this.windowed ? reach(/** @type {WindowRow} */ (a), /** @type {WindowRow} */ (b)) : [0, this.joints];
+    const [begin, end] = this.differing(a, b);
     for (let j = begin; j < end; j++) found[j] = (this.how.angle(b, j) - this.how.angle(a, j)) / (b.time_s - a.time_s);
     return found;
   }
+
+  // From which hinge to before which two rows may differ.
+  /**
+   * @param {Row} a
+   * @param {Row} b
+   * @returns {number[]}
+   */
+  differing(a, b) { return this.windowed ? reach(/** @type {WindowRow} */ (a), /** @type {WindowRow} */ (b)) : [0, this.joints]; }
 
   // The largest error of the hinges of the joint that each module carries; NaN where none is recorded.
   /** @param {Floats} errors */

@@ -98,7 +98,7 @@
   const say = (/** @type {Record<string, unknown>} */ message) => port?.postMessage(message);
   const opened = () => { if (port && wire) say({ is: "open" }); };
 
-  /** @param {MessageEvent<{ do?: string, id?: number, messages?: SceneMessage[] } | null>} event */
+  /** @param {MessageEvent<{ do?: string, id?: number, messages?: SceneMessage[], scheme?: string } | null>} event */
   function take({ data }) {
     notice();
     if (data?.do === "show" && Array.isArray(data.messages)) {
@@ -112,6 +112,8 @@
     } else if (data?.do === "paint") {
       owe();
       paint(data.id, due);
+    } else if (data?.do === "dress") {
+      dress(data.scheme);
     }
   }
 
@@ -127,12 +129,19 @@
     else twice(() => say({ is: "done", id }));
   }
 
+  // Light and dark are the page's, which need not be the system's.
+  /** @param {unknown} scheme */
+  function dress(scheme) {
+    if (scheme === "light" || scheme === "dark" || scheme === "light dark") document.documentElement.style.setProperty("color-scheme", scheme, "important");
+  }
+
   // Only the page around the frame hands over a port, and only one is taken.
-  /** @param {MessageEvent<{ keys?: string[] } | null>} event */
+  /** @param {MessageEvent<{ keys?: string[], scheme?: string } | null>} event */
   function begin({ source, ports, data }) {
     if (source !== parent || parent === window || ports.length !== 1) return;
     removeEventListener("message", begin);
     if (Array.isArray(data?.keys)) keys = data.keys;
+    dress(data?.scheme);
     [port] = ports;
     port.onmessage = take;
     opened();

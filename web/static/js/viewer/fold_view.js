@@ -2,6 +2,7 @@
 // it, the timeline, the legend and, where there are panels for them, module and plots.
 import { Bar } from "../player/bar.js";
 import { Timeline } from "../player/timeline.js";
+import { Keys } from "../player/keys.js";
 import { Legend } from "../panels/legend.js";
 import { ModulePanel } from "../panels/module_panel.js";
 import { Place } from "../player/address.js";
@@ -47,14 +48,14 @@ export function view({ source, figures, load, over = true, drawer = null, play =
   const bar = new Bar(player, (name) => plots?.worst(name) ?? null);
   const place = new Place(player);
   new Legend(player, figures);
-  if (get("panel-module")) new ModulePanel(get("panel-module"), player, figures, () => drawer?.openAt("module"));
+  const panel = get("panel-module") ? new ModulePanel(get("panel-module"), player, figures, () => drawer?.openAt("module")) : null;
   get("through").onclick = () => {
     const on = get("through").getAttribute("aria-pressed") !== "true";
     get("through").setAttribute("aria-pressed", String(on));
     stage.seeThrough(on);
   };
   new ResizeObserver(() => player.show(true)).observe(frame);
-  addEventListener("keydown", (event) => bar.key(event));
+  new Keys(player, bar, { alone: true, module: panel && (() => panel.begin()) });
 
   let started = false;
   function start3d() {

@@ -31,6 +31,9 @@ export const cameraTo = ({ position, target }) => [
   { type: "SetCameraLookAtMessage", look_at: target, initial: false },
 ];
 
+// How light the page is, in the words of CSS: see theme.js.
+const scheme = () => document.documentElement.dataset.theme ?? "light dark";
+
 // The scene's messages with their arrays in place.
 /**
  * @param {SceneMessage[]} messages
@@ -84,6 +87,7 @@ export class Scene {
     /** @type {Map<unknown, { what: "pass" | "paint", then: () => void }>} */
     this.asked = new Map();
     frame.addEventListener("load", () => this.connect());
+    addEventListener("themechange", () => this.port?.postMessage({ do: "dress", scheme: scheme() }));
   }
 
   // Another scene bundle in place of the one before.
@@ -131,7 +135,7 @@ export class Scene {
     const { port1, port2 } = new MessageChannel();
     this.port = port1;
     port1.onmessage = ({ data }) => this.hear(data);
-    this.frame.contentWindow?.postMessage({ keys: this.keys }, "*", [port2]);
+    this.frame.contentWindow?.postMessage({ keys: this.keys, scheme: scheme() }, "*", [port2]);
     for (const [id, { what }] of this.asked) port1.postMessage({ do: what, id });
   }
 

@@ -39,7 +39,7 @@ export class Sketch {
       if (this.next) { const next = this.next; this.next = null; this.post(next); }
     };
     worker.postMessage({ is: "begin", paper, size: this.size(), ground: this.ground() }, [paper]);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => worker.postMessage({ is: "ground", ground: this.ground() }));
+    addEventListener("themechange", () => worker.postMessage({ is: "ground", ground: this.ground() }));
     new ResizeObserver(() => worker.postMessage({ is: "size", size: this.size() })).observe(canvas);
   }
 

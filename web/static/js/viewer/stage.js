@@ -1,5 +1,6 @@
 // The stage: the 3D scene of a fold, given a pose, colours and a camera frame by frame.
 import { Scene, cameraTo, linear, update, visibility } from "./scene.js";
+import { KEYS } from "../player/keys.js";
 import { buriedBy } from "../player/touching.js";
 
 const GROUND_GAP = 0.35;
@@ -7,7 +8,6 @@ const SINK_S = 0.05;
 const RISE_S = 0.5;
 const SEEN_THROUGH = 0.22;
 const NOWHERE = -1e6;
-const KEYS = ["ArrowLeft", "ArrowRight", "Home", "End", " ", "Escape"]; // those of bar.js and drawer.js
 const SEEN = ["/modules", "/ground"]; // what takes long to draw
 
 /** @extends {Scene<Bundle>} */
@@ -18,7 +18,7 @@ export class Stage extends Scene {
    * @param {SceneHeard} heard
    */
   constructor(frame, heard) {
-    super(frame, heard, KEYS);
+    super(frame, heard, [...KEYS, "Escape"]); // which closes the drawer
     /** @type {[Snapshot, Uint8Array, Eye | null] | null} */
     this.latest = null;
     /** @type {number | null} */

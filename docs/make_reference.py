@@ -1,0 +1,98 @@
+"""Makes the reference of the Python library: pages in out/reference, from docstrings, by pdoc.
+
+Run it by ``make docs``.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import warnings
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Final
+
+import pdoc.doc
+import pdoc.render
+
+ROOT: Final = Path(__file__).parents[1]
+OUT: Final = ROOT / "out" / "reference"
+MODULES: Final = ("planner", "web.viser")
+HEADING: Final = "## Ten lines of Python\n"
+SHOWN: Final = "\n\n@public"
+"""What pdoc wants of a name with underscores."""
+INDEX: Final = '<!doctype html><meta http-equiv="refresh" content="0; url=planner.html">'
+BEGIN, END = "```python\n", "```\n"
+
+
+def example() -> str:
+    """The ten lines of the README."""
+    _, _, section = (ROOT / "README.md").read_text(encoding="utf-8").partition(HEADING)
+    _, _, code = section.partition(BEGIN)
+    return code.partition(END)[0]
+
+
+def value_docstring(module: ModuleType, name: str) -> str:
+    """What stands behind a value where it is given a name: Python keeps no docstring of those."""
+    tree = ast.parse(inspect.getsource(module))
+    for node, following in zip(tree.body, tree.body[1:], strict=False):
+        if isinstance(node, ast.ImportFrom) and name in [alias.name for alias in node.names]:
+            return value_docstring(import_module(str(node.module)), name)
+        if (
+            isinstance(node, ast.AnnAssign)
+            and isinstance(node.target, ast.Name)
+            and node.target.id == name
+            and isinstance(following, ast.Expr)
+            and isinstance(following.value, ast.Constant)
+        ):
+            return str(following.value.value)
+    for node in tree.body:
+        if isinstance(node, ast.If):  # what is imported when it is asked for
+            for each in node.body:
+                if isinstance(each, ast.ImportFrom) and name in [a.name for a in each.names]:
+                    return value_docstring(import_module(str(each.module)), name)
+    return ""
+
+
+def documented(name: str) -> pdoc.doc.Module:
+    """What is told of a module."""
+    module = import_module(name)
+    for public in module.__all__:  # as they are when somebody has asked for them
+        setattr(module, public, getattr(module, public))
+    found = pdoc.doc.Module(module)
+    for member in found.members.values():
+        if isinstance(member, pdoc.doc.Variable):
+            member.docstring = value_docstring(module, member.name)
+        if isinstance(member, pdoc.doc.Class) and "__call__" in member.members:
+            member.members["__call__"].docstring += SHOWN
+    if name == MODULES[0]:
+        found.docstring += f"\n\n{HEADING}\n{BEGIN}{example()}{END}"
+    return found
+
+
+def make(out: Path) -> None:
+    """Writes the pages into a folder."""
+    pdoc.render.configure(docformat="google", show_source=False, footer_text="foldback")
+    modules = {name: documented(name) for name in MODULES}
+    pages = {
+        f"{name.replace('.', '/')}.html": pdoc.render.html_module(module, modules)
+        for name, module in modules.items()
+    }
+    pages["index.html"] = INDEX
+    pages["search.js"] = pdoc.render.search_index(modules)
+    for name, text in pages.items():
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).write_text(text, encoding="utf-8")
+
+
+def main() -> None:
+    """Writes the pages, unless something in a docstring is not as it should be."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        make(OUT)
+    print(OUT.relative_to(ROOT) / "index.html")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""Makes the picture of viser: folds the 160 wrench, shows the plan and takes a picture in Chromium.
+
+Run from the repository's root, after ``make test`` has made sure of a Chromium::
+
+    .venv/bin/python -m docs.make_viser_picture
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Final
+
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+from planner import Chain, fold, read
+from planner import Path as CellPath
+from tests.browser.conftest import FLAGS
+from tests.tools import CHROMIUM
+from web.viser import show
+
+ROOT: Final = Path(__file__).parents[1]
+OUT: Final = ROOT / "docs" / "viser.webp"
+SIZE: Final = (1100, 620)
+SHARE: Final = 0.86
+"""How much of the motion is over."""
+
+
+def main() -> None:
+    """Writes the picture."""
+    shape = read((ROOT / "examples" / "shapes" / "wrench-160.json").read_bytes())
+    assert isinstance(shape, CellPath | Chain)
+    plan = fold(shape)
+    with show(plan, port=0) as shown, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM.get(), args=FLAGS)
+        page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
+        page.goto(shown.url)
+        page.get_by_text("Frame 0").wait_for()
+        page.locator("canvas").first.wait_for()
+        for notice in page.locator(".mantine-Notification-closeButton").all():
+            notice.click()  # that this browser draws by software
+        shown.frame = round(SHARE * len(plan.motion))
+        page.wait_for_timeout(3000)
+        picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+        browser.close()
+    picture.save(OUT, quality=82, method=6)
+    print(f"{OUT.relative_to(ROOT)}: {OUT.stat().st_size / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,44 @@
+"""Shows a fold in a viser server while it is computed, adds to what viser shows, and plays it.
+
+It stays until Ctrl-C where somebody sits at the terminal. In a notebook `show(plan)` at the end of
+a cell shows the plan in place.
+"""
+
+from __future__ import annotations
+
+import sys
+from contextlib import suppress
+from pathlib import Path as FilePath
+
+from planner import Chain, Path, fold, read
+from web.viser import show
+
+SHAPES = FilePath(__file__).parent / "shapes"
+
+
+def main() -> None:
+    shape = read((SHAPES / "wrench-24.json").read_bytes())
+    assert isinstance(shape, Path | Chain)
+    with show.live() as shown:
+        print(f"Look at {shown.url}", flush=True)
+        plan = fold(shape, progress=shown)
+        print(f"{plan.certificate.verdict}, {plan.certificate.min_clearance:.3f} pitches clear")
+
+        # It is a plain viser server: whatever viser can do can be added to it.
+        gui = shown.server.gui
+        gui.add_markdown(f"Verdict: {plan.certificate.verdict}")
+        start = gui.add_button("To the start")
+
+        @start.on_click
+        def _(_: object) -> None:
+            shown.frame = 0
+
+        shown.frame = 0
+        shown.play()
+        if sys.stdout.isatty():
+            with suppress(KeyboardInterrupt):
+                shown.server.sleep_forever()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,128 @@
+"""Routes of what the holder of a token has made: his folds, the shapes he looked at, his movies."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from math import ceil
+from typing import Annotated, Final
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Depends, Query, Request
+from fastapi.responses import Response
+from pydantic import BaseModel, Field
+
+from server.api.folds import Bearer, Here, needed, problems
+from server.api.movies import MovieBody
+from server.api.schemas import Fold, FoldsMade, PreviewMade, PreviewsMade, moment
+from server.errors import Forbidden, TooMany
+from server.http.client_address import address_of
+from server.jobs.movies import MovieState
+from server.store.owned import folds_made, forget_preview, previews_made
+from server.store.shown import ShownFold, shown_name
+
+router = APIRouter(prefix="/api/mine", tags=["mine"])
+MOST_FOLDS: Final = 100
+"""Folds in one answer."""
+BEFORE: Final = r"^[0-9]{1,12}(\.[0-9]{1,12})?,[A-Za-z0-9_-]{1,32}$"
+
+
+class MovieMade(BaseModel):
+    """A movie that one has asked for."""
+
+    title: str = Field(description="What pages call its fold.")
+    created_at: datetime
+    movie: MovieBody
+
+
+class MoviesMade(BaseModel):
+    """Them, newest first."""
+
+    movies: list[MovieMade]
+
+
+async def holder(request: Request, response: Response, context: Here, credentials: Bearer) -> str:
+    """The token of who asks, which is all that says who that is; nobody keeps the answer."""
+    response.headers["Cache-Control"] = "no-store"
+    token = needed(credentials)
+    if wait_s := context.lists.take(address_of(request)):
+        raise TooMany(
+            "too-many-lists",
+            f"got more questions for lists from your address than are answered; try again in "
+            f"{ceil(wait_s)} s.",
+            retry_after_s=ceil(wait_s),
+        )
+    return token
+
+
+Holder = Annotated[str, Depends(holder)]
+
+
+@router.get("/folds", summary="Folds that one has made", responses=problems(401, 422, 429))
+def get_my_folds(
+    context: Here,
+    token: Holder,
+    before: Annotated[
+        str | None, Query(pattern=BEFORE, description="Of `next`, for those that follow.")
+    ] = None,
+    limit: Annotated[int, Query(ge=1, le=MOST_FOLDS, description="How many to tell.")] = 24,
+) -> FoldsMade:
+    """Those that were asked for with this token first, also of gallery shapes."""
+    found = folds_made(context.store, token, before=before, limit=limit)
+    query = urlencode({"before": found.next, "limit": limit}, safe=",")
+    return FoldsMade(
+        folds=[Fold.of(row, context.store, context.remaining) for row in found.rows],
+        next=f"{router.prefix}/folds?{query}" if found.next else None,
+        total=found.total,
+    )
+
+
+@router.get("/previews", summary="Shapes that one has looked at", responses=problems(401, 429))
+def get_my_previews(context: Here, token: Holder) -> PreviewsMade:
+    """Those that were sent with this token, as they were looked at last."""
+    keep_s = context.settings.preview_keep_s
+    rows = previews_made(context.store, token, keep_s=keep_s)
+    return PreviewsMade(
+        previews=[
+            PreviewMade(
+                id=row.id,
+                title=shown_name(row.name) or "New shape",
+                module=row.module,
+                modules=row.modules,
+                created_at=moment(row.created_at),
+                expires_at=moment(row.seen_at + keep_s),
+                page=f"/previews/{row.id}{'?' if row.query else ''}{row.query}",
+                drawing=f"/previews/{row.id}/drawing.svg?key={row.key}",
+            )
+            for row in rows
+            if context.previews.there(row.id)
+        ]
+    )
+
+
+@router.delete(
+    "/previews/{preview_id}",
+    status_code=204,
+    summary="Delete a shape that one has looked at",
+    responses=problems(401, 403, 429),
+)
+def delete_my_preview(context: Here, token: Holder, preview_id: str) -> Response:
+    """Its upload and all that came of it; folds that were made of it stay."""
+    if not forget_preview(context.store, preview_id, token):
+        raise Forbidden("not-owner", "This token is not that of who has sent this shape.")
+    context.previews.remove(preview_id)
+    return Response(status_code=204)
+
+
+@router.get("/movies", summary="Movies that one has asked for", responses=problems(401, 429))
+def get_my_movies(context: Here, token: Holder) -> MoviesMade:
+    """Those that were asked for with this token, of whatever folds."""
+    return MoviesMade(
+        movies=[
+            MovieMade(
+                title=ShownFold.of(fold).title,
+                created_at=moment(row.created_at),
+                movie=MovieBody.of(row.fold_id, MovieState.of(row)),
+            )
+            for row, fold in context.movies.made(token)
+        ]
+    )

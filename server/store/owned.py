@@ -1,0 +1,132 @@
+"""Owned: what the holder of a token has made, in lists, and what he may change of it.
+
+Tokens are looked up by their hashes, so that neither the database nor the time that it takes tells
+anything of one.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
+
+import sqlalchemy as sa
+from sqlalchemy.exc import SQLAlchemyError
+
+from server.store.folds import Store, hash_of, rows_of
+from server.store.tables import FoldRow, PreviewRow
+
+MOST_PREVIEWS: Final = 50
+"""Previews in a list, at most."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoldsMade:
+    """Some of the folds that somebody has made.
+
+    Attributes:
+        rows: The newest first.
+        next: Of which the following ones are told; None when there are none.
+        total: How many he has made.
+    """
+
+    rows: Sequence[FoldRow]
+    next: str | None
+    total: int
+
+
+def folds_made(store: Store, token: str, *, before: str | None, limit: int) -> FoldsMade:
+    """Folds that the holder of a token was the first to ask for.
+
+    Args:
+        store: The rows.
+        token: His.
+        before: The ``next`` of those that are known already, ``created_at,id``.
+        limit: How many to tell.
+    """
+    made = FoldRow.maker == hash_of(token)
+    wanted = sa.select(FoldRow).where(made)
+    if before is not None:
+        at, _, last = before.partition(",")
+        older = FoldRow.created_at < float(at)
+        wanted = wanted.where(
+            sa.or_(older, sa.and_(FoldRow.created_at == float(at), FoldRow.id < last))
+        )
+    newest_first = wanted.order_by(FoldRow.created_at.desc(), FoldRow.id.desc())
+    with store.reading() as session:
+        total = session.scalar(sa.select(sa.func.count()).where(made)) or 0
+        rows = session.scalars(newest_first.limit(limit + 1)).all()
+    more = len(rows) > limit
+    rows = rows[:limit]
+    return FoldsMade(
+        rows=rows, next=f"{rows[-1].created_at!r},{rows[-1].id}" if more else None, total=total
+    )
+
+
+def change_fold(
+    store: Store, fold_id: str, token: str, *, name: str | None, new_token: str | None
+) -> bool:
+    """Renames a fold or hands it over; False when it is not the token's holder's own.
+
+    The same upload, sent again, is a fold of its own once this one was handed over.
+    """
+    new_owner = None if new_token is None else hash_of(new_token)
+    values = {
+        **({} if name is None else {"name": name, "renamed": True}),
+        **(
+            {}
+            if new_owner is None
+            else {"owner": new_owner, "maker": new_owner, "content_key": None}
+        ),
+    }
+    if not values:
+        return store.owns(fold_id, token)
+    own = sa.update(FoldRow).where(
+        FoldRow.id == fold_id, FoldRow.owner == hash_of(token), FoldRow.public.is_(False)
+    )
+    with store.changing() as session:
+        return bool(rows_of(session.execute(own.values(**values))))
+
+
+def note_preview(store: Store, preview: PreviewRow, *, sent: bool, keep_s: float) -> None:
+    """Notes what an owner looks at; nobody becomes one of what another has sent.
+
+    No harm is done when it fails: the preview is there all the same.
+
+    Args:
+        store: The rows.
+        preview: As it is now.
+        sent: Whether its owner has just sent the upload.
+        keep_s: Notes that are older than so many seconds are forgotten.
+    """
+    old = sa.delete(PreviewRow).where(PreviewRow.seen_at < time.time() - keep_s)
+    names = ("name", "modules", "module", "key", "query", "seen_at")
+    with suppress(SQLAlchemyError), store.changing() as session:
+        session.execute(old)
+        if sent:
+            session.add(preview)
+        else:
+            known = (PreviewRow.id == preview.id, PreviewRow.owner == preview.owner)
+            now = {name: getattr(preview, name) for name in names}
+            session.execute(sa.update(PreviewRow).where(*known).values(**now))
+
+
+def previews_made(store: Store, token: str, *, keep_s: float) -> Sequence[PreviewRow]:
+    """Previews of the holder of a token, the last one that he looked at first."""
+    wanted = (
+        sa.select(PreviewRow)
+        .where(PreviewRow.owner == hash_of(token), PreviewRow.seen_at > time.time() - keep_s)
+        .order_by(PreviewRow.seen_at.desc(), PreviewRow.id)
+        .limit(MOST_PREVIEWS)
+    )
+    with store.reading() as session:
+        return session.scalars(wanted).all()
+
+
+def forget_preview(store: Store, preview_id: str, token: str) -> bool:
+    """Takes a preview out of its owner's list; False when it is not in the token's holder's."""
+    own = (PreviewRow.id == preview_id, PreviewRow.owner == hash_of(token))
+    with store.changing() as session:
+        return bool(rows_of(session.execute(sa.delete(PreviewRow).where(*own))))

@@ -1,0 +1,147 @@
+"""My folds, as their maker meets them: named, taken to another browser, deleted, forgotten."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from server.store.folds import new_token
+from tests.browser.conftest import keep
+from tests.server.service import SNAKE, STAIRS, Service, bearer
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+Visit = Callable[..., Page]
+HOSTILE = '<img src=x onerror="document.title=1">'
+
+
+def names(page: Page) -> list[str]:
+    return page.locator("#folds .card-title").all_text_contents()
+
+
+def key_of(page: Page) -> str:
+    return page.evaluate("localStorage.getItem('foldback:token')")
+
+
+def holding(visit: Visit, token: str, **options: object) -> Page:
+    """My folds, of a browser that has a key."""
+    page = visit("/what-folds", view=False, **options)
+    page.evaluate("key => localStorage.setItem('foldback:token', key)", token)
+    page.goto("/my-folds")
+    return page
+
+
+def test_a_fold_is_named_taken_to_another_browser_and_deleted_there(
+    visit: Visit, service: Service
+) -> None:
+    page = visit("/", view=False)
+    page.locator("#file").set_input_files(
+        {
+            "name": "stairs.json",
+            "mimeType": "application/json",
+            "buffer": json.dumps({"format": "foldback-path/1", "cells": STAIRS}).encode(),
+        }
+    )
+    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    fold = page.url.rpartition("/")[2]
+    service.wait_over(fold)
+    page.goto("/")
+    page.get_by_role("link", name="My folds").click()
+    card = page.locator(f'#folds [data-id="{fold}"]')
+    expect(card.locator(".card-status")).to_have_text(re.compile("^Verified"))
+    expect(card.locator(".card-count")).to_have_text(re.compile("^8 modules · just now"))
+    drawn = card.locator("img")
+    assert drawn.evaluate("image => image.decode().then(() => image.naturalWidth)") > 0
+    expect(page.locator("#previews li")).to_have_count(1)  # it was looked at before
+
+    card.get_by_role("button", name="Rename").click()
+    page.keyboard.type(HOSTILE)
+    page.keyboard.press("Enter")
+    expect(card.locator("h3")).to_have_text(HOSTILE)
+    expect(card.get_by_role("button", name="Rename")).to_be_focused()
+    page.reload()
+    expect(card.locator("h3")).to_have_text(HOSTILE)
+    assert page.locator("img[src=x]").count() == 0 and page.title() == "My folds · foldback"
+
+    assert key_of(page) not in page.content()
+    page.get_by_role("button", name="Show the key").click()
+    key = page.get_by_role("textbox", name="Key of this browser").input_value()
+    assert key == key_of(page)
+    keep(page, "my-folds")
+
+    other = holding(visit, new_token(), width=390, height=844, has_touch=True)
+    expect(other.get_by_text("Nothing here yet")).to_be_visible()
+    for text, said in (("wrench", "This is no key"), (new_token(), "Nothing is there")):
+        other.get_by_label("A key of your other browser").fill(text)
+        other.get_by_role("button", name="Add", exact=True).click()
+        expect(other.locator("#key-message")).to_contain_text(said)
+    other.get_by_label("A key of your other browser").fill(f"  {key} ")
+    other.get_by_role("button", name="Add", exact=True).click()
+    expect(other.locator("#folds h3")).to_have_text([HOSTILE])
+    assert key_of(other) != key  # what is folded there stays there
+    assert key not in other.url and key not in other.content()
+
+    theirs = other.locator(f'#folds [data-id="{fold}"]')
+    theirs.get_by_role("button", name="Delete").click()
+    expect(other.locator("#confirm-no")).to_be_focused()
+    other.keyboard.press("Escape")
+    expect(theirs).to_be_visible()
+    theirs.get_by_role("button", name="Delete").click()
+    other.locator("#confirm-yes").click()
+    expect(theirs).to_have_count(0)
+    assert service.http.get(f"/api/folds/{fold}").status_code == 404
+    page.reload()
+    expect(page.locator("#previews li")).to_have_count(1)
+    assert names(page) == []
+
+
+def test_many_folds_come_by_pages_and_all_are_deleted(visit: Visit, service: Service) -> None:
+    token = new_token()
+    # They are cancelled at once, so that no worker is kept busy.
+    for seed in range(26):
+        fold = service.fold(SNAKE, seed=str(900 + seed), token=token)
+        service.http.post(f"/api/folds/{fold['id']}/cancel", headers=bearer(token))
+    page = holding(visit, token)
+    expect(page.locator("#found")).to_have_text("24 of 26 folds")
+    page.get_by_role("button", name="Show more").click()
+    expect(page.locator("#found")).to_have_text("26 folds")
+    expect(page.locator("#folds li:nth-child(25) h3 a")).to_be_focused()
+    expect(page.locator("#more")).to_be_hidden()
+
+    page.context.set_offline(True)
+    page.locator("#folds li").first.get_by_role("button", name="Delete").click()
+    page.locator("#confirm-yes").click()
+    expect(page.locator("#toast")).to_have_text(re.compile("cannot be reached"))
+    expect(page.locator("#folds li")).to_have_count(26)
+    page.context.set_offline(False)
+
+    page.get_by_role("button", name="Delete all").click()
+    page.locator("#confirm-yes").click()
+    expect(page.get_by_text("Nothing here yet")).to_be_visible()
+    left = service.http.get("/api/mine/folds", headers=bearer(token)).json()
+    assert left["total"] == 0
+
+
+def test_a_browser_is_forgotten_and_early_folds_are_carried_over(
+    visit: Visit, service: Service
+) -> None:
+    early = service.fold(SNAKE, seed="950")
+    page = visit("/what-folds", view=False)
+    page.evaluate(
+        "([id, token]) => localStorage.setItem(`foldback:owner:${id}`, token)",
+        [early["id"], early["owner_token"]],
+    )
+    page.goto("/my-folds")
+    expect(page.locator("#folds li")).to_have_count(1)
+    key = key_of(page)
+    assert key != early["owner_token"]
+    assert service.http.get("/api/mine/folds", headers=bearer(key)).json()["total"] == 1
+    page.get_by_role("button", name="Forget this browser").click()
+    expect(page.locator("#confirm-text")).to_contain_text("stays until it expires")
+    page.locator("#confirm-yes").click()
+    expect(page.get_by_text("Nothing here yet")).to_be_visible()
+    assert page.evaluate("Object.keys(localStorage)") == []
+    assert service.http.get(f"/folds/{early['id']}").status_code == 200

@@ -1,0 +1,228 @@
+"""Playing a fold by keyboard and by numbers: one page for most of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from planner.certificate.metrics import Figures
+from planner.motion.frames import Frames
+from planner.motion.timeline import Timeline
+from tests.browser.conftest import OPEN, keep, visits
+from tests.browser.test_accessibility import findings
+from tests.browser.test_fold_page import seek, shown_frame
+from tests.server.service import Service
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+Visit = Callable[..., Page]
+GROUND = "() => getComputedStyle(document.body).backgroundColor"
+TURNED_RAD = 0.05
+"""What steps.js takes for a visible turn."""
+
+
+@pytest.fixture(scope="module")
+def page(service: Service, wrench: str) -> Iterator[Page]:
+    with visits(OPEN.browser(), service) as visit:
+        page = visit(f"/folds/{wrench}", width=1366, height=768, view=False)
+        page.wait_for_function("() => window.foldback?.timeline.complete")
+        yield page
+
+
+@pytest.fixture(scope="module")
+def frames(service: Service, wrench: str) -> Frames:
+    frames = Timeline.open(service.directory(wrench) / "timeline.zarr").frames()
+    assert isinstance(frames, Frames)
+    return frames
+
+
+def at(page: Page, frame: int) -> None:
+    expect(page.locator("#r-frame")).to_have_text(re.compile(rf"^Frame {frame + 1} of "))
+
+
+def test_a_frame_is_typed(page: Page) -> None:
+    seek(page, 4)
+    page.locator("#r-frame").click()
+    field = page.locator("#frame")
+    expect(field).to_be_focused()
+    page.keyboard.type("31")  # over what was there
+    page.keyboard.press("Enter")
+    at(page, 30)
+    expect(page.locator("#r-frame")).to_be_focused()
+    page.keyboard.press("g")
+    field.fill("99999")
+    page.keyboard.press("Enter")
+    expect(field).to_have_attribute("aria-invalid", "true")
+    assert "expected a whole number from 1 to" in field.evaluate("(f) => f.validationMessage")
+    page.keyboard.press("Escape")
+    expect(field).to_be_hidden()
+    assert shown_frame(page) == 30
+
+
+def test_keys_step_by_time_and_to_what_one_sees(page: Page, frames: Frames) -> None:
+    seek(page, 30)
+    times = frames.time_s
+    for key, seconds in (("Shift+ArrowRight", 0.1), (".", 1.0), (",", -1.0)):
+        before = page.evaluate("() => window.foldback.player.shown.time_s")
+        page.keyboard.press(key)
+        after = page.evaluate("() => window.foldback.player.shown.time_s")
+        expected = float(np.clip(before + seconds, times[0], times[-1]))
+        assert after == pytest.approx(expected, abs=1e-6)
+    seek(page, 30)
+    turned = np.abs(frames.joint_angles_rad - frames.joint_angles_rad[30]).max(axis=1) > TURNED_RAD
+    changed = turned | (frames.phase != frames.phase[30])
+    page.keyboard.press("n")
+    at(page, 31 + int(np.flatnonzero(changed[31:])[0]))
+    seek(page, 30)
+    page.keyboard.press("p")
+    before = np.flatnonzero(changed[:30])
+    at(page, int(before[-1]) if len(before) else 0)
+    expect(page.locator("#keys-said")).to_have_text(page.locator("#r-frame").inner_text())
+    page.keyboard.press(">")
+    expect(page.locator("#speed")).to_have_value("2")
+    page.keyboard.press("[")
+    expect(page.locator("#speed")).to_have_value("1")
+
+
+def test_all_keys_are_shown_and_single_ones_can_be_turned_off(page: Page) -> None:
+    seek(page, 30)
+    page.keyboard.press("?")
+    dialog = page.locator("#keys-dialog")
+    expect(dialog).to_be_visible()
+    assert dialog.locator("dt").count() >= 15
+    page.keyboard.press("ArrowRight")  # nothing behind it moves
+    at(page, 30)
+    page.keyboard.press("Escape")
+    expect(dialog).to_be_hidden()
+    page.locator("#keys").click()
+    page.locator("#keys-off").check()
+    dialog.get_by_role("button", name="Close").click()
+    page.keyboard.press("n")
+    at(page, 30)
+    page.keyboard.press("ArrowRight")
+    at(page, 31)
+    page.locator("#keys").click()
+    page.locator("#keys-off").uncheck()
+    page.keyboard.press("Escape")
+    page.locator("#scrub").focus()
+    page.keyboard.press("f")
+    expect(page.locator("#full")).to_have_attribute("aria-pressed", "true")
+    assert page.evaluate("() => Boolean(document.fullscreenElement)")
+    page.keyboard.press("f")
+    expect(page.locator("#full")).to_have_attribute("aria-pressed", "false")
+
+
+def test_a_part_is_looped_over_and_linked_to(page: Page) -> None:
+    seek(page, 20)
+    page.keyboard.press("i")
+    seek(page, 60)
+    page.keyboard.press("o")
+    page.wait_for_url(re.compile(r"#frame=61&from=21&to=61$"))
+    begin = page.get_by_role("slider", name="Loop from")
+    expect(begin).to_have_attribute("aria-valuenow", "21")
+    begin.focus()
+    for key in ("ArrowRight", "PageUp", "Shift+ArrowLeft"):
+        page.keyboard.press(key)
+    expect(begin).to_have_attribute("aria-valuenow", "22")
+    end, track = page.locator("#range-to").bounding_box(), page.locator("#track").bounding_box()
+    assert end
+    assert track
+    page.mouse.move(end["x"] + 12, end["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(track["x"] + track["width"] / 2, end["y"] + 20, steps=3)
+    page.mouse.up()
+    to = int(page.locator("#range-to").get_attribute("aria-valuenow") or 0)
+    half = int(page.locator("#scrub").get_attribute("max") or 0) / 2
+    assert to == pytest.approx(half + 1, abs=1)
+    keep(page, "loop")
+    page.locator("#share").click()
+    assert page.locator("#share-link").input_value().endswith(f"&from=22&to={to}")
+    page.keyboard.press("Escape")
+    page.wait_for_url(re.compile(rf"&from=22&to={to}$"))
+    page.reload()
+    expect(begin).to_have_attribute("aria-valuenow", "22")
+    expect(page.locator("#range-to")).to_have_attribute("aria-valuenow", str(to))
+    page.keyboard.press("x")
+    page.keyboard.press("l")
+    expect(page.locator("#range")).to_be_hidden()
+
+
+def test_a_module_is_chosen_by_number_and_along_the_chain(page: Page) -> None:
+    page.keyboard.press("m")
+    field = page.locator("#module-number")
+    expect(field).to_be_focused()
+    page.keyboard.type("7")
+    page.keyboard.press("Enter")
+    heading = page.locator("#panel-module h2")
+    expect(heading).to_have_text("Module 7")
+    expect(field).to_be_focused()
+    page.keyboard.press("ArrowUp")
+    expect(heading).to_have_text("Module 8")
+    expect(page.locator("#panel-module [role=status]")).to_have_text(re.compile("^Module 8, 9 of "))
+    for wrong in ("24", "-1", "x"):
+        field.fill(wrong)
+        page.keyboard.press("Enter")
+        assert "from 0 to 23" in field.evaluate("(f) => f.validationMessage")
+    page.get_by_role("button", name="Previous module").click()
+    expect(heading).to_have_text("Module 7")
+    expect(field).to_have_value("7")
+    page.get_by_role("button", name="Clear").click()
+    expect(page.locator("#panel-module")).to_contain_text("type its number")
+
+
+def test_plots_are_read_and_moved_in_by_keyboard(page: Page, service: Service, wrench: str) -> None:
+    figures = Figures.load(service.directory(wrench) / "figures.zarr")
+    if not page.locator("#tab-plots").is_visible():
+        page.locator("#details").click()
+    page.locator("#tab-plots").click()
+    seek(page, 40)
+    plot = page.get_by_role("slider", name="Least clearance")
+    plot.focus()
+    page.keyboard.press("PageUp")
+    page.keyboard.press("ArrowLeft")
+    at(page, 49)
+    least = f"{float(f'{figures.min_clearance[49]:.2g}'):g} pitch"
+    expect(plot).to_have_attribute("aria-valuetext", f"Frame 50, least clearance {least}")
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Least clearance as CSV").click()
+    table = np.genfromtxt(download.value.path(), delimiter=",", names=True)
+    assert table.dtype.names == ("frame", "min_clearance")
+    np.testing.assert_allclose(table["min_clearance"], figures.min_clearance, rtol=1e-6)
+
+
+def test_a_theme_is_kept_and_there_from_the_first_picture(page: Page) -> None:
+    dark = page.evaluate(GROUND)
+    page.locator("#details").focus()
+    page.keyboard.press("t")
+    light = page.evaluate(GROUND)
+    assert light != dark
+    keep(page, "theme-light")
+    page.goto("/gallery")
+    assert page.evaluate(GROUND) == light
+    # It stands in the head before all that is painted, and is no module: those run later.
+    assert (
+        page.evaluate("() => document.querySelector('head script[src$=\"theme.js\"]').async")
+        is False
+    )
+    assert page.evaluate("() => document.documentElement.dataset.theme") == "light"
+    switch = page.get_by_role("button", name="Theme: light")
+    switch.click()
+    switch = page.get_by_role("button", name="Theme: dark")
+    switch.click()
+    expect(page.get_by_role("button", name="Theme: as the system")).to_be_visible()
+    assert page.evaluate(GROUND) == dark
+
+
+@pytest.mark.long
+def test_axe_finds_nothing_grave_in_it(visit: Visit, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}#frame=31&module=7&from=21&to=61", view=False)
+    expect(page.locator("#range")).to_be_visible()
+    assert findings(page) == {}
+    page.locator("#tab-plots").click()
+    expect(page.locator(".plot")).to_have_count(4)
+    assert findings(page) == {}
+    page.locator("#keys").click()
+    assert findings(page) == {}

@@ -1,0 +1,52 @@
+"""The README's example, and the reference that is made of docstrings."""
+
+from __future__ import annotations
+
+import inspect
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from docs.make_reference import MODULES, ROOT, example, make, value_docstring
+
+PUBLIC = [(name, public) for name in MODULES for public in import_module(name).__all__]
+
+
+@pytest.mark.slow
+def test_the_ten_lines_of_the_readme_run(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = example()
+    assert 8 <= len([line for line in code.splitlines() if line]) <= 10
+    monkeypatch.chdir(ROOT)
+    exec(compile(code, "README.md", "exec"), {})
+    told = capsys.readouterr().out.splitlines()
+    assert told[0] == "verified (simulated)"
+    assert 0.0 < float(told[1]) <= float(told[2])
+
+
+@pytest.mark.parametrize(("module", "name"), PUBLIC)
+def test_every_public_name_says_what_it_is(module: str, name: str) -> None:
+    found = getattr(import_module(module), name)
+    if not (inspect.isclass(found) or inspect.isroutine(found)):
+        assert value_docstring(import_module(module), name)
+        return
+    assert inspect.getdoc(found)
+    for member, value in vars(found).items() if inspect.isclass(found) else ():
+        told = isinstance(value, property | classmethod | staticmethod) or inspect.isroutine(value)
+        assert member.startswith("_") or not told or inspect.getdoc(value), member
+
+
+@pytest.mark.slow
+def test_the_reference_tells_of_every_public_name(tmp_path: Path) -> None:
+    make(tmp_path)  # a warning is an error here
+    assert "planner.html" in (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert 'id="Show.__call__"' in (tmp_path / "web" / "viser.html").read_text(encoding="utf-8")
+    for module, name in PUBLIC:
+        page = (tmp_path / f"{module.replace('.', '/')}.html").read_text(encoding="utf-8")
+        assert f'<section id="{name}">' in page
+    assert "min_clearance" in example()
+    page = (tmp_path / "planner.html").read_text(encoding="utf-8")
+    assert "wrench-94.json" in page.partition('<section id="')[0]
+    assert "parameter sets" in page

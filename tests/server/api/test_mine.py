@@ -1,0 +1,216 @@
+"""What the holder of a token has made: lists, names, and what changes hands."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from contextlib import closing
+from typing import Any
+
+import pytest
+
+from foldback_client import Client, Problem
+from server.settings import Settings
+from server.store.folds import Store, new_token
+from tests.server.rows import a_fold
+from tests.server.service import SNAKE, Service, bearer
+
+
+def made(service: Service, token: str, what: str = "folds", **query: Any) -> dict[str, Any]:
+    answer = service.http.get(f"/api/mine/{what}", params=query, headers=bearer(token))
+    assert answer.status_code == 200, answer.text
+    assert answer.headers["cache-control"] == "no-store"
+    return answer.json()
+
+
+def looked_at(service: Service, token: str, **form: Any) -> dict[str, Any]:
+    files = None if "preview" in form else {"file": ("part.json", json.dumps(SNAKE))}
+    answer = service.http.post(
+        "/api/shapes/preview", data={"full": "false", **form}, files=files, headers=bearer(token)
+    )
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+def test_folds_are_listed_by_pages_to_who_made_them(desk: Service) -> None:
+    mine, stranger = new_token(), new_token()
+    ids = [desk.fold(SNAKE, seed=str(seed), token=mine)["id"] for seed in range(5)]
+    desk.fold(SNAKE, seed="9", token=stranger)
+    found: list[str] = []
+    address: str | None = "/api/mine/folds?limit=2"
+    while address:
+        page = desk.http.get(address, headers=bearer(mine)).json()
+        assert len(page["folds"]) <= 2 and page["total"] == 5
+        found += [fold["id"] for fold in page["folds"]]
+        address = page["next"]
+    assert found == ids[::-1]
+    fold = made(desk, mine, limit=1)["folds"][0]
+    assert (fold["public"], fold["expires_at"], fold["status"]) == (False, None, "queued")
+    assert fold["links"]["drawing"] == f"/folds/{fold['id']}/drawing.svg"
+    for before in ("x", "1,", "nan,a", "1e9,a", "-1,a", "1,a'"):
+        answer = desk.http.get("/api/mine/folds", params={"before": before}, headers=bearer(mine))
+        assert answer.status_code == 422, before
+
+
+def test_the_same_moment_breaks_no_list(store: Store) -> None:
+    from server.store.owned import folds_made
+
+    for name in "bdac":
+        store.add(a_fold(name, created_at=1.7e9 + 0.1), "a token")
+    first = folds_made(store, "a token", before=None, limit=3)
+    rest = folds_made(store, "a token", before=first.next, limit=3)
+    assert [row.id for row in (*first.rows, *rest.rows)] == list("dcba")
+    assert (rest.next, rest.total) == (None, 4)
+
+
+def test_a_shape_of_the_gallery_stays_in_the_list_of_who_had_it_folded(desk: Service) -> None:
+    first, second = new_token(), new_token()
+    fold = desk.fold(shape="torus", token=first)
+    assert desk.fold(shape="torus", token=second)["id"] == fold["id"]
+    (listed,) = made(desk, first)["folds"]
+    assert (listed["id"], listed["public"], listed["title"]) == (fold["id"], True, "Torus")
+    assert made(desk, second)["folds"] == []
+    answer = desk.http.patch(
+        f"/api/folds/{fold['id']}", json={"name": "Mine"}, headers=bearer(first)
+    )
+    assert (answer.status_code, answer.json()["code"]) == (403, "public")
+
+
+def test_a_name_is_its_owner_s_and_shows_at_once(service: Service, finished: Any) -> None:
+    here, token = f"/folds/{finished['id']}", finished["accepted"]["owner_token"]
+    service.http.get(here)  # so that there is an answer of before
+    before, plan = service.state(finished["id"]), service.http.get(f"/api{here}/plan.json")
+    answer = service.http.patch(
+        f"/api{here}", json={"name": " wrench-7 \u202e\n"}, headers=bearer(token)
+    )
+    assert (answer.json()["name"], answer.json()["title"]) == ("wrench-7", "wrench-7")
+    for address in (here, f"{here}/facts", f"/api{here}", f"/embed/{finished['id']}"):
+        assert "wrench-7" in service.http.get(address).text, address
+    assert 'property="og:title" content="wrench-7' in service.http.get(here).text
+    assert service.http.get(f"/api{here}/plan.json").content == plan.content
+    service.http.patch(f"/api{here}", json={"name": before["name"]}, headers=bearer(token))
+
+
+def test_what_is_no_name_and_who_is_no_owner_are_refused(desk: Service) -> None:
+    fold = desk.fold(SNAKE, seed="20")
+    here, mine = f"/api/folds/{fold['id']}", bearer(fold["owner_token"])
+    before = desk.state(fold["id"])["name"]
+    for body, headers, status in (
+        ({"name": "a"}, {}, 401),
+        ({"name": "a"}, bearer(new_token()), 403),
+        ({"name": " \u200b\x00"}, mine, 422),
+        ({"name": "n" * 201}, mine, 422),
+        ({"name": ["a"]}, mine, 422),
+        ({"names": "a"}, mine, 422),
+        ({"owner_token": "short"}, mine, 422),
+        ({"owner_token": "é" * 30}, mine, 422),
+    ):
+        assert desk.http.patch(here, json=body, headers=headers).status_code == status, body
+    assert desk.http.patch(here, json={}, headers=mine).json()["name"] == before
+    assert desk.http.patch(here, json={}, headers=bearer(new_token())).status_code == 403
+    assert desk.http.patch("/api/folds/x", json={"name": "a"}, headers=mine).status_code == 404
+
+
+def test_what_is_computed_gives_no_other_name(store: Store) -> None:
+    from server.store.owned import change_fold
+
+    for name in ("renamed", "left"):
+        store.add(a_fold(name, status="queued"), "a token")
+    assert change_fold(store, "renamed", "a token", name="Mine", new_token=None)
+    for name in ("renamed", "left"):
+        store.describe(name, name="of its file", modules=5, module="cube")
+    assert [store.fold(n).name for n in ("renamed", "left")] == ["Mine", "of its file"]
+
+
+def test_a_fold_goes_over_to_another_token_of_one_s_own(desk: Service) -> None:
+    old, new = new_token(), new_token()
+    fold = desk.fold(SNAKE, seed="21", token=old)
+    here = f"/api/folds/{fold['id']}"
+    answer = desk.http.patch(here, json={"owner_token": new}, headers=bearer(old))
+    assert answer.status_code == 200
+    assert [f["id"] for f in made(desk, new)["folds"]] == [fold["id"]]
+    assert made(desk, old) == {"folds": [], "next": None, "total": 0}
+    assert desk.http.delete(here, headers=bearer(old)).status_code == 403
+    assert desk.fold(SNAKE, seed="21", token=old)["id"] != fold["id"]
+    assert desk.http.delete(here, headers=bearer(new)).status_code == 204
+
+
+def test_how_long_a_fold_is_kept_is_told(tmp_path: Any) -> None:
+    with closing(Store(Settings(data_dir=tmp_path, keep_days=2))) as store:
+        for name, values in (
+            ("seen", {"seen_at": 1e9}),
+            ("ended", {"ended_at": 2e9}),
+            ("pinned", {"pinned": True}),
+            ("running", {"status": "running"}),
+            ("public", {"public": True}),
+        ):
+            store.add(a_fold(name, **values), "a token")
+        kept = {name: store.kept_until(store.fold(name)) for name in ("seen", "ended")}
+        assert kept == {"seen": 1e9 + 172800, "ended": 2e9 + 172800}
+        for name in ("pinned", "running", "public"):
+            assert store.kept_until(store.fold(name)) is None
+
+
+def test_a_list_does_not_keep_what_is_in_it(service: Service, finished: Any) -> None:
+    token = finished["accepted"]["owner_token"]
+    drawing = made(service, token)["folds"][0]["links"]["drawing"]
+    with closing(Store(Settings(data_dir=service.data_dir))) as store:
+        store._change(finished["id"], seen_at=1e9)
+        answer = service.http.get(drawing)
+        assert answer.headers["content-type"] == "image/svg+xml" and "<svg" in answer.text
+        assert answer.headers["content-security-policy"] == "default-src 'none'"
+        made(service, token)
+        assert store.fold(finished["id"]).seen_at == 1e9
+        service.http.get(f"/folds/{finished['id']}/facts")
+        assert (store.fold(finished["id"]).seen_at or 0) > 1e9
+    assert service.http.get("/folds/nosuchfold/drawing.svg").status_code == 404
+
+
+def test_shapes_that_were_looked_at_are_listed_as_they_were_last(desk: Service) -> None:
+    mine, stranger = new_token(), new_token()
+    sent = looked_at(desk, mine)
+    looked_at(desk, mine, preview=sent["id"], seed="3", start="0,0,0", as_voxels="true")
+    looked_at(desk, stranger, preview=sent["id"], seed="4")  # who has the link
+    (listed,) = made(desk, mine, "previews")["previews"]
+    assert listed["id"] == sent["id"] and listed["modules"] == len(SNAKE)
+    assert listed["page"].startswith(f"/previews/{sent['id']}?")
+    assert set(listed["page"].partition("?")[2].split("&")) == {
+        "seed=3",
+        "start=0,0,0",
+        "as_voxels=true",
+    }
+    for address in (listed["page"], listed["drawing"]):
+        assert desk.http.get(address).status_code == 200, address
+    assert made(desk, stranger, "previews")["previews"] == []
+    here = f"/api/mine/previews/{sent['id']}"
+    assert desk.http.delete(here, headers=bearer(stranger)).status_code == 403
+    assert desk.http.delete(here, headers=bearer(mine)).status_code == 204
+    assert desk.http.get(listed["page"]).status_code == 404
+    assert desk.http.delete(here, headers=bearer(mine)).status_code == 403
+    # What was swept meanwhile is not there any more.
+    swept = looked_at(desk, mine)
+    directory = desk.data_dir / "previews" / swept["id"]
+    directory.rename(directory.with_name(f"{swept['id']}-away"))
+    assert made(desk, mine, "previews")["previews"] == []
+
+
+def test_lists_have_a_rate(here_with: Callable[..., Service]) -> None:
+    service = here_with(lists_per_second_of_visitor=0.1).start()
+    asked = [
+        service.http.get(f"/api/mine/{what}", headers=bearer(new_token()))
+        for what in ("folds", "previews", "movies")
+    ]
+    assert [answer.status_code for answer in asked] == [200, 200, 429]
+    assert asked[2].json()["code"] == "too-many-lists"
+    assert 0 < int(asked[2].headers["retry-after"]) <= 10
+
+
+def test_the_client_lists_and_renames(desk: Service) -> None:
+    with Client(str(desk.http.base_url)) as client:
+        folds = [client.fold(SNAKE, seed=seed) for seed in range(30, 56)]
+        assert [fold.id for fold in client.mine()] == [fold.id for fold in folds[::-1]]
+        assert folds[0].rename("A snake").state["title"] == "A snake"
+        assert next(iter(client.mine())).state["title"] != "A snake"
+        with pytest.raises(Problem) as caught:
+            folds[0].rename("")
+        assert (caught.value.status, caught.value.code) == (422, "empty-name")

@@ -1,0 +1,98 @@
+"""Attacks on the key of a browser, and by names that owners give."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+
+from server.store.folds import Store, new_token
+from server.store.owned import change_fold, folds_made, forget_preview, previews_made
+from tests.server.http.test_threats_strangers import NAMES, PAGE
+from tests.server.service import SNAKE, Service, bearer
+
+LISTS = ("folds", "previews", "movies")
+
+
+def test_without_a_key_nothing_is_listed_and_a_guess_finds_nothing(desk: Service) -> None:
+    desk.fold(SNAKE, seed="201")
+    for what in LISTS:
+        here = f"/api/mine/{what}"
+        for headers in ({}, bearer("short"), bearer("a" * 201), {"Authorization": "Basic YTpi"}):
+            assert desk.http.get(here, headers=headers).status_code == 401
+        # In an address it would stand in logs and histories: it is no key there.
+        assert desk.http.get(here, params={"token": new_token()}).status_code == 401
+        guessed = desk.http.get(here, headers=bearer(new_token())).json()
+        assert guessed[what] == []
+
+
+def test_a_key_is_kept_by_nobody(desk: Service) -> None:
+    token = new_token()
+    fold = desk.fold(SNAKE, seed="202", token=token)
+    here = f"/api/folds/{fold['id']}"
+    answers = [desk.http.get(f"/api/mine/{what}", headers=bearer(token)) for what in LISTS]
+    answers.append(desk.http.patch(here, json={"name": "Mine"}, headers=bearer(token)))
+    answers += [desk.http.get(path, headers=bearer(token)) for path in ("/my-folds", here)]
+    for answer in answers:
+        assert token not in answer.text and "set-cookie" not in answer.headers
+    assert token not in desk.log.read_text()
+    kept = [path for path in desk.data_dir.rglob("*") if path.is_file()]
+    assert kept and not [path for path in kept if token.encode() in path.read_bytes()]
+
+
+def test_the_page_is_the_same_for_all_and_no_search_engine_s(desk: Service) -> None:
+    pages = [desk.http.get("/my-folds", headers=h) for h in ({}, bearer(new_token()))]
+    assert pages[0].text == pages[1].text
+    for page in pages:
+        assert page.headers["cache-control"] == "no-store"
+        assert page.headers["x-robots-tag"] == "noindex"
+
+
+def test_the_database_is_asked_for_hashes_alone(store: Store) -> None:
+    token, asked = new_token(), []
+
+    @sa.event.listens_for(store._engine, "before_cursor_execute")
+    def on_query(*told: Any) -> None:
+        asked.append(repr(told[2:4]))
+
+    folds_made(store, token, before=None, limit=1)
+    previews_made(store, token, keep_s=1.0)
+    forget_preview(store, "x", token)
+    change_fold(store, "x", token, name="a", new_token=new_token())
+    assert len(asked) >= 4 and not [query for query in asked if token in query]
+
+
+@pytest.mark.parametrize("number", range(len(NAMES)))
+def test_a_hostile_name_that_an_owner_gives_stays_a_name(desk: Service, number: int) -> None:
+    fold = desk.fold(SNAKE, seed=str(210 + number))
+    here, headers = f"/api/folds/{fold['id']}", bearer(fold["owner_token"])
+    answer = desk.http.patch(here, json={"name": NAMES[number]}, headers=headers)
+    if len(NAMES[number]) > 200:
+        assert answer.status_code == 422
+        return
+    name = answer.json()["name"]
+    assert name.isprintable() and len(name) <= 200
+    page = desk.http.get(f"/folds/{fold['id']}", headers=PAGE)
+    assert "<script>alert" not in page.text and "set-cookie" not in page.headers
+    listed = desk.http.get("/api/mine/folds", headers=headers)
+    assert listed.headers["content-type"] == "application/json"
+    assert listed.json()["folds"][0]["name"] == name
+
+
+def test_pages_of_others_rename_and_delete_nothing(desk: Service) -> None:
+    fold = desk.fold(SNAKE, seed="230")
+    here = f"/api/folds/{fold['id']}"
+    headers = {**bearer(fold["owner_token"]), "Origin": "http://evil.example"}
+    for method, address in (
+        ("PATCH", here),
+        ("DELETE", here),
+        ("DELETE", "/api/mine/previews/x"),
+    ):
+        answer = desk.http.request(method, address, json={"name": "a"}, headers=headers)
+        assert (answer.status_code, answer.json()["code"]) == (403, "foreign-origin")
+    # A browser that was not told to may not even ask with a key of ours in a header.
+    asked = {"Origin": "http://evil.example", "Access-Control-Request-Method": "GET"}
+    asked["Access-Control-Request-Headers"] = "authorization"
+    answer = desk.http.options("/api/mine/folds", headers=asked)
+    assert not [name for name in answer.headers if name.startswith("access-control")]

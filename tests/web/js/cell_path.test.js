@@ -1,0 +1,155 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { checked, cut, extended, neighbours, nextCells, through, told, touch } from "../../../web/static/js/editor/cell_path.js";
+import { Hand } from "../../../web/static/js/editor/hand.js";
+import { Painting, cellOf, keyOf, keysOf } from "../../../web/static/js/editor/painting.js";
+import { box } from "../../../web/static/js/editor/shape_tools.js";
+import { random, vectors } from "./vectors.js";
+
+const SIZE = 10;
+const key = (x, y, z = 0) => keyOf(x, y, z, SIZE);
+const row = (count) => Array.from({ length: count }, (_, y) => key(0, y));
+
+function painted(keys, path = []) {
+  const cells = new Uint8Array(SIZE ** 3);
+  for (const k of keys) cells[k] = 1;
+  return { size: SIZE, cells, path };
+}
+
+test("neighbours share a face, and none lies beyond the edge", () => {
+  for (let k = 0; k < SIZE ** 3; k++) {
+    const [x, y, z] = cellOf(k, SIZE);
+    const near = neighbours(k, SIZE);
+    assert.equal(near.length, 6 - [x, y, z].filter((v) => v === 0 || v === SIZE - 1).length);
+    for (const other of near) {
+      const [i, j, l] = cellOf(other, SIZE);
+      assert.equal(Math.abs(i - x) + Math.abs(j - y) + Math.abs(l - z), 1);
+    }
+  }
+});
+
+test("a path is whole when it visits all cells, each once, from face to face", () => {
+  const square = [key(0, 0), key(0, 1), key(1, 1), key(1, 0)];
+  const found = checked(painted(square, square));
+  assert.ok(found.whole);
+  assert.deepEqual(told(found), { text: "The path visits all 4 cells.", tone: "good" });
+  assert.deepEqual(checked(painted(square, square.slice(0, 3))).missing, [key(1, 0)]);
+  assert.deepEqual(checked(painted(square, [square[0], square[2], square[1], square[3]])).gaps, [0, 2]);
+  const twice = checked(painted(square, [...square, square[0]]));
+  assert.deepEqual(twice.repeats, [[0, 4]]);
+  assert.equal(told(twice).text, "Cells 1 and 5 are the same; a path visits each cell once.");
+  assert.equal(checked(painted(row(2), row(2))).whole, false); // a chain needs a joint
+  assert.match(told(checked(painted(row(2), row(2)))).text, /needs at least 3/);
+  assert.match(told(checked(painted(row(4), [key(0, 0), key(0, 1), key(0, 3)]))).text, /^A gap: cells 2 and 3 do not touch/);
+});
+
+test("what is whole is a path to the planner as well", () => {
+  for (const { cells, code } of vectors.paths) {
+    const path = cells.map((cell) => key(...cell));
+    const found = checked(painted(path, path));
+    const problem = path.length < 3 ? "too-few-cells" : found.repeats.length ? "repeated-cell" : found.gaps.length ? "not-adjacent" : null;
+    assert.deepEqual([problem, found.whole], [code, code === null]);
+  }
+});
+
+test("what can be no path is told while it is drawn", () => {
+  const star = [key(5, 5), ...neighbours(key(5, 5), SIZE)]; // one cell of a colour, five of the other
+  const none = checked(painted(star));
+  assert.equal(none.difference, 4);
+  assert.match(told(none).text, /^No path yet\. No path visits all of them/);
+  const passedBy = checked(painted(row(6), [key(0, 2), key(0, 3)]));
+  assert.deepEqual([passedBy.missing.length, passedBy.lost], [4, []]); // both ends go on
+  const left = checked(painted(row(6), [key(0, 0), key(0, 1)]));
+  assert.deepEqual(left.lost, []);
+  const apart = checked(painted([...row(3), key(5, 6)], row(3)));
+  assert.deepEqual(apart.lost, [key(5, 6)]);
+  assert.match(told(apart).text, /lead no more to 1 of them/);
+});
+
+test("a path grows at its ends, takes back its last cell, and mends a gap", () => {
+  const drawn = { path: row(3), atStart: false };
+  assert.deepEqual(extended({ path: [], atStart: true }, 7, SIZE), { path: [7], atStart: false });
+  assert.deepEqual(extended(drawn, key(1, 2), SIZE), { path: [...row(3), key(1, 2)], atStart: false });
+  assert.deepEqual(extended(drawn, key(1, 0), SIZE), { path: [key(1, 0), ...row(3)], atStart: true });
+  assert.deepEqual(extended(drawn, key(0, 1), SIZE), { path: row(2), atStart: false });
+  assert.deepEqual(extended({ ...drawn, atStart: true }, key(0, 1), SIZE), { path: row(3).slice(1), atStart: true });
+  assert.deepEqual(extended(drawn, key(0, 0), SIZE), { ...drawn, atStart: true }); // the other end is taken
+  assert.match(extended({ path: row(5), atStart: false }, key(0, 1), SIZE), /This is cell 2 of the path/);
+  assert.match(extended(drawn, key(5, 5), SIZE), /shares a face/);
+  const torn = { path: [key(0, 0), key(0, 1), key(0, 3)], atStart: false };
+  assert.deepEqual(extended(torn, key(0, 2), SIZE).path, row(4));
+  assert.deepEqual(nextCells(drawn, SIZE).sort(), [key(0, 3), key(1, 2), key(0, 2, 1)].sort());
+  assert.deepEqual(cut({ path: row(5), atStart: false }, key(0, 1)).path, row(2));
+  assert.deepEqual(cut({ path: row(5), atStart: true }, key(0, 1)).path, row(5).slice(1));
+});
+
+test("whatever is drawn by hand has no gaps and no repeats, and undoing leads back", () => {
+  const painting = new Painting();
+  const hand = new Hand(painting);
+  hand.take("path");
+  for (let k = 0; k < 190; k++) {
+    const near = painting.path.length ? neighbours(painting.path.at(random(2) - 1), SIZE) : [444];
+    const where = random(6) ? near[random(near.length)] : random(SIZE ** 3);
+    hand.press(where);
+    hand.lift(random(9) > 0);
+    const found = checked(painting.state);
+    assert.deepEqual([found.gaps, found.repeats, found.missing.length > 0], [[], [], found.length < found.cells]);
+  }
+  assert.ok(painting.path.length > 10);
+  while (painting.undo()) assert.deepEqual(checked(painting.state).gaps, []);
+  assert.deepEqual([painting.path, painting.filled], [[], 0]);
+});
+
+test("a hand draws boxes, fills, and moves; two fingers take back what one has begun", () => {
+  const painting = new Painting();
+  const hand = new Hand(painting);
+  const press = (...keys) => { hand.press(keys[0]); if (keys.length > 1) hand.drag(keys.slice(1)); hand.lift(true); };
+  hand.take("box");
+  press(key(1, 1), key(2, 2));
+  assert.equal(painting.filled, 4);
+  press(key(4, 4));
+  assert.equal(painting.filled, 4);
+  press(key(5, 5, 3));
+  assert.equal(painting.filled, 4 + 16);
+  press(key(4, 4));
+  press(key(5, 5, 3)); // from a painted cell, to remove
+  assert.deepEqual(keysOf(painting.cells), box(key(1, 1), key(2, 2), SIZE));
+  hand.take("move");
+  press(key(0, 0), key(3, 1), key(9, 9));
+  assert.deepEqual(keysOf(painting.cells), box(key(8, 8), key(9, 9), SIZE));
+  assert.equal(painting.done.length, 4);
+  hand.take("fill");
+  hand.press(key(0, 0));
+  assert.equal(painting.filled, 100);
+  hand.lift(false);
+  assert.equal(painting.filled, 4);
+  hand.axes.add(1);
+  hand.take("paint");
+  press(key(0, 0));
+  assert.ok(painting.has(0, 0, 0) && painting.has(0, 9, 0));
+});
+
+test("from the head the arrows draw, to the edge", () => {
+  const painting = new Painting();
+  const hand = new Hand(painting);
+  assert.equal(hand.drawOn([0, 1, 0], key(0, 0)), key(0, 0)); // the path begins where the cursor is
+  assert.equal(hand.drawOn([0, 1, 0], 999), key(0, 1));
+  assert.equal(hand.drawOn([0, 0, 1], 999), key(0, 1, 1));
+  assert.equal(hand.drawOn([-1, 0, 0], 999), key(0, 1, 1));
+  assert.match(hand.refused, /grid ends here/);
+  hand.reverse();
+  assert.deepEqual([painting.path, hand.atStart], [[key(0, 1, 1), key(0, 1), key(0, 0)], true]);
+  assert.equal(hand.drawOn([0, 1, 0], 999), key(0, 2, 1));
+  hand.takeBack();
+  assert.equal(painting.path[0], key(0, 1, 1));
+});
+
+test("a way through a few cells is found where there is one", () => {
+  const cube = box(key(0, 0, 0), key(1, 1, 1), SIZE);
+  for (const start of cube) {
+    const path = through(cube, start, SIZE);
+    assert.equal(new Set(path).size, 8);
+    assert.ok(path[0] === start && path.slice(1).every((k, index) => touch(path[index], k, SIZE)));
+  }
+  assert.equal(through(row(3), key(0, 1), SIZE), null);
+});

@@ -1,0 +1,103 @@
+import assert from "node:assert/strict";
+import { beforeEach, test } from "node:test";
+import { bring, broughtKeys, dropKey, foldsApart, forgetKeys, isKey, keepToken, keysHere, ownKey, tokenOf, useKey } from "../../../web/static/js/lib/keys.js";
+import { FoldList } from "../../../web/static/js/lib/made.js";
+import { span } from "../../../web/static/js/lib/text.js";
+
+const OTHER = "o".repeat(32);
+
+class Storage {
+  setItem(name, value) { Object.defineProperty(this, name, { value: String(value), enumerable: true, configurable: true }); }
+  getItem(name) { return this[name] ?? null; }
+  removeItem(name) { delete this[name]; }
+}
+
+beforeEach(() => { globalThis.localStorage = new Storage(); });
+
+test("a key is made once, when it is needed, and has 192 random bits", () => {
+  assert.deepEqual(keysHere(), []);
+  const key = ownKey();
+  assert.match(key, /^[A-Za-z0-9_-]{32}$/);
+  assert.equal(ownKey(), key);
+  assert.deepEqual(keysHere(), [key]);
+});
+
+test("a key that is brought stands beside the browser's own, which it becomes when it is told to", () => {
+  const own = ownKey();
+  bring(OTHER);
+  bring(OTHER);
+  assert.deepEqual(keysHere(), [own, OTHER]);
+  assert.equal(ownKey(), own);
+  useKey(OTHER);
+  assert.deepEqual([ownKey(), broughtKeys()], [OTHER, [own]]);
+  useKey(own);
+  assert.deepEqual([ownKey(), broughtKeys()], [own, [OTHER]]);
+  keepToken("theirs", OTHER);
+  keepToken("mine", own);
+  dropKey(OTHER);
+  assert.deepEqual([keysHere(), tokenOf("theirs"), tokenOf("mine")], [[own], null, own]);
+  forgetKeys();
+  assert.deepEqual(Object.keys(localStorage), []);
+});
+
+test("folds with tokens of their own are known", () => {
+  const own = ownKey();
+  bring(OTHER);
+  keepToken("early", "e".repeat(32));
+  keepToken("mine", own);
+  keepToken("brought", OTHER);
+  assert.deepEqual(foldsApart(), [["early", "e".repeat(32)]]);
+});
+
+test("what was kept may be nonsense, or nothing may be kept", () => {
+  for (const text of ["", "{", "7", '{"a":1}', '[1, "short", "<script>alert(1)</script>aaaaaaaaaa"]']) {
+    localStorage.setItem("foldback:keys", text);
+    assert.deepEqual(broughtKeys(), [], text);
+  }
+  globalThis.localStorage = new Proxy({}, { get() { throw new Error("refused"); } });
+  assert.deepEqual([ownKey(), keysHere(), bring(OTHER), foldsApart()], [null, [], false, []]);
+});
+
+test("a pasted text that no header takes is no key", () => {
+  for (const text of ["", "a".repeat(23), "a".repeat(201), `${OTHER}\n`, `${OTHER} x`, `${OTHER}\r\nX: y`, `<b>${OTHER}</b>`, "é".repeat(30)]) assert.ok(!isKey(text), text);
+  assert.ok(isKey(OTHER) && isKey("AbC-_012345678901234567890"));
+});
+
+// A service with the folds of two keys: when each was made, by its id.
+const PAGES = {
+  mine: [[["m9", 9], ["m5", 5]], [["m4", 4], ["m1", 1]]],
+  theirs: [[["t8", 8], ["t7", 7]], [["t6", 6]]],
+};
+function service(refuse = () => false) {
+  const asked = [];
+  return { asked, ask: async (address, key) => {
+    asked.push(address);
+    if (refuse(asked.length)) throw new Error("away");
+    const page = Number(new URL(address, "http://x").searchParams.get("page") ?? 0);
+    const folds = PAGES[key][page].map(([id, at]) => ({ id, created_at: new Date(at).toISOString() }));
+    return { folds, total: PAGES[key].flat().length, next: page + 1 < PAGES[key].length ? `/x?page=${page + 1}` : null };
+  } };
+}
+
+test("the folds of several keys are one list, the newest first", async () => {
+  const { ask, asked } = service();
+  const list = new FoldList(["mine", "theirs"], ask);
+  const ids = async (count) => (await list.more(count)).map(({ fold, key }) => `${fold.id} ${key}`);
+  assert.deepEqual(await ids(3), ["m9 mine", "t8 theirs", "t7 theirs"]);
+  assert.deepEqual([list.total, list.done, asked.length], [7, false, 2]); // no more than is needed
+  assert.deepEqual(await ids(9), ["t6 theirs", "m5 mine", "m4 mine", "m1 mine"]);
+  assert.ok(list.done);
+  assert.deepEqual(await ids(9), []);
+});
+
+test("without a key there is nothing, and an error loses nothing that is told already", async () => {
+  assert.deepEqual(await new FoldList([]).more(5), []);
+  const list = new FoldList(["mine"], service((n) => n === 2).ask);
+  assert.equal((await list.more(1)).length, 1);
+  await assert.rejects(list.more(5), /away/);
+  assert.deepEqual((await list.more(5)).map(({ fold }) => fold.id), ["m5", "m4", "m1"]);
+});
+
+test("ages are told in one unit", () => {
+  assert.deepEqual([0, 90, 5399, 5400, 86400, 129600, 2592000].map((age) => span(age).replace("\u00a0", " ")), ["1 min", "2 min", "90 min", "2 h", "24 h", "2 days", "30 days"]);
+});

@@ -1,0 +1,55 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { KEYS, nameOf } from "../../../web/static/js/player/keys.js";
+import { after, nextChange } from "../../../web/static/js/player/steps.js";
+import { close, recorded, vectors } from "./vectors.js";
+
+// Frames at these times, of one hinge; a time of null is a frame that is not here yet.
+function timeline(times, angles = times.map(() => 0), phases = times.map(() => 0)) {
+  const row = (k) => (times[k] === null || times[k] === undefined ? null : { time_s: times[k], phase: phases[k], angles: [angles[k]] });
+  return { last: times.length - 1, row, joints: 1, how: { angle: (told, j) => told.angles[j] }, differing: () => [0, 1] };
+}
+
+test("a step of time goes between frames, however long they are, and stays in the timeline", () => {
+  const uneven = timeline([0, 0.1, 0.1, 0.5, 1.5]);
+  close([after(uneven, 0, 0.05), after(uneven, 0, 0.3), after(uneven, 2.5, 0.2), after(uneven, 3, 9)], [0.5, 2.5, 3, 4]);
+  close([after(uneven, 4, -1), after(uneven, 3.5, -0.7), after(uneven, 2, -0.05), after(uneven, 0.5, -1)], [3, 2.5, 0.5, 0]);
+  for (const frame of [0.25, 1, 2.75]) close([after(uneven, after(uneven, frame, 0.1), -0.1)], [frame === 1 ? 2 : frame]);
+});
+
+test("where frames are not here yet a step of time takes them for as long as the last one", () => {
+  const partly = timeline([0, 0.1, null, null, null, null]);
+  close([after(partly, 0, 0.3), after(partly, 0, 60), after(partly, 3, 1), after(partly, 5, -1)], [3, 5, 4, 4]);
+});
+
+test("the next change is where a hinge has turned by what one sees, or another phase begins", () => {
+  const angles = [0, 0.02, 0.04, 0.06, 0.06, 0.06, 0.06];
+  const turns = timeline(angles.map((_, k) => k), angles, [0, 0, 0, 0, 0, 1, 1]);
+  assert.deepEqual([0, 0.5, 3, 5, 6].map((frame) => nextChange(turns, frame, 1)), [3, 3, 5, 6, 6]);
+  assert.deepEqual([6, 4.5, 3, 1, 0].map((frame) => nextChange(turns, frame, -1)), [4, 4, 0, 0, 0]);
+  const partly = timeline([0, 1, null, 3, 4]);
+  assert.deepEqual([nextChange(partly, 0, 1), nextChange(partly, 2, 1), nextChange(partly, 4, -1)], [2, 3, 2]);
+});
+
+test("of windows the hinges outside of them are looked at as well", async () => {
+  const { timeline: peeled } = await recorded(vectors.peeled);
+  assert.ok(peeled.windowed);
+  const angles = (frame) => { const row = peeled.row(frame); return Array.from({ length: peeled.joints }, (_, j) => peeled.how.angle(row, j)); };
+  for (const frame of [0, Math.round(peeled.last / 3), peeled.last]) {
+    const from = angles(frame);
+    const turned = (k) => peeled.row(k).phase !== peeled.row(frame).phase || angles(k).some((angle, j) => Math.abs(angle - from[j]) > 0.05);
+    for (const way of [1, -1]) {
+      let k = frame;
+      do k += way; while (k > 0 && k < peeled.last && !turned(k));
+      assert.equal(nextChange(peeled, frame, way), Math.min(Math.max(k, 0), peeled.last));
+    }
+  }
+});
+
+test("keys have one name each, with Caps Lock too, and the 3D view hands on all of them", () => {
+  const pressed = [["n", false], ["N", true], ["?", true], ["ArrowLeft", false], ["ArrowLeft", true], [" ", true]];
+  assert.deepEqual(pressed.map(([key, shiftKey]) => nameOf({ key, shiftKey })), ["n", "n", "?", "ArrowLeft", "Shift+ArrowLeft", " "]);
+  assert.equal(new Set(KEYS).size, KEYS.length);
+  for (const key of ["ArrowLeft", "Home", " ", "?", "<", "n", "N"]) assert.ok(KEYS.includes(key), key);
+  for (const key of "wasdqe") assert.ok(!KEYS.includes(key), `${key} moves the camera of the 3D view`);
+});

@@ -1,0 +1,298 @@
+"""A fold in a viser server of its own."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import viser
+
+from planner import Plan, fold
+from planner.chain.chain import Chain
+from planner.errors import InputError, TimelineError
+from planner.motion.timeline import Timeline, TimelineWriter
+from planner.pipeline.fold_directory import read_plan
+from planner.progress import Progress
+from tests.planner.peels import snake
+from tests.web.conftest import ERROR_AT_END
+from web.pictures.colours import (
+    ERROR,
+    NEUTRAL,
+    SELECTED,
+    UNKNOWN,
+    error_colours,
+    instance_colours,
+    ramp_colours,
+)
+from web.timeline.moments import MotionMoments
+from web.timeline.view import TimelineView
+from web.viser import Live, Shown, show
+from web.viser.shown import ALONG
+
+PATIENCE_S = 60.0
+
+
+@pytest.fixture
+def shown(timeline_path: Path) -> Iterator[Shown]:
+    with show(timeline_path, port=0) as shown:
+        yield shown
+
+
+def until(true: Callable[[], bool]) -> None:
+    """Waits for what another thread does."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+def colours(shown: Shown) -> np.ndarray:
+    """(n, 3) linear bytes that clients were sent."""
+    assert shown._scene is not None
+    return np.asarray(shown._scene._modules.batched_colors)
+
+
+def positions(shown: Shown) -> np.ndarray:
+    assert shown._scene is not None
+    return np.asarray(shown._scene._modules.batched_positions) / shown._scene.pitch
+
+
+def distances(positions: np.ndarray) -> np.ndarray:
+    """(n, n) between all modules, which float about."""
+    return np.linalg.norm(positions[:, None] - positions[None], axis=-1)
+
+
+def linear(rgb: tuple[int, int, int]) -> list[int]:
+    return instance_colours(np.array([rgb], np.uint8))[0].tolist()
+
+
+def test_it_is_a_plain_viser_server_of_this_machine(shown: Shown) -> None:
+    assert type(shown.server) is viser.ViserServer
+    assert shown.url == f"http://127.0.0.1:{shown.server.get_port()}"
+
+
+def test_a_frame_is_where_the_timeline_has_it(shown: Shown, timeline_path: Path) -> None:
+    view = TimelineView(timeline_path)
+    for frame in (0, 40, 199):
+        shown.frame = frame
+        assert np.allclose(positions(shown), view.snapshot(frame).positions, atol=1e-6)
+        assert shown._slider.value == frame
+        assert f"Frame {frame} of 199" in shown._text.content
+
+
+@pytest.mark.parametrize(("asked", "got"), [(-5, 0), (10**12, 199)])
+def test_frames_that_are_not_there_are_the_nearest(shown: Shown, asked: int, got: int) -> None:
+    shown.frame = asked
+    assert shown.frame == shown._slider.value == got
+
+
+def test_colours_tell_joint_errors_or_where_a_module_is(shown: Shown, chain: Chain) -> None:
+    shown.frame = 50
+    assert (colours(shown) == linear(UNKNOWN)).all()  # nothing is off while it explodes
+    assert "No joint error recorded" in shown._text.content
+    shown.frame = 199
+    carries = 6
+    assert (
+        colours(shown)[carries].tolist()
+        == instance_colours(error_colours(np.array([ERROR_AT_END]), 5e-3))[0].tolist()
+    )
+    assert colours(shown)[carries - 2].tolist() == linear(NEUTRAL) != linear(ERROR)
+    assert "0.003 rad" in shown._text.content
+    shown._colours.value = ALONG
+    ramp = instance_colours(ramp_colours(np.linspace(0.0, 1.0, len(chain))))
+    assert (colours(shown) == ramp).all()
+
+
+def test_a_module_that_is_clicked_on_tells_of_itself(shown: Shown) -> None:
+    shown.frame = 199
+    shown._select(6)
+    assert colours(shown)[6].tolist() == linear(SELECTED)
+    assert "**Module 6** of 15" in shown._module.content
+    assert "joint_6_z: " in shown._module.content
+    assert f"error {ERROR_AT_END} rad" in shown._module.content
+    shown._select(0)
+    assert "without a joint of its own" in shown._module.content
+    shown._select(0)  # once more lets go of it
+    assert shown._module.content == "Click on a module."
+
+
+def test_it_plays_to_its_end_and_again_from_the_first_frame(shown: Shown) -> None:
+    shown._speed.value = "4×"
+    shown.frame = 190
+    shown.play()
+    assert shown._button.label == "Pause"
+    until(lambda: shown._button.label == "Play")
+    assert shown.frame == 199
+    shown.play()
+    until(lambda: 0 < shown.frame < 190)
+    shown.pause()
+    assert shown._button.label == "Play"
+
+
+def test_closing_frees_the_port_and_all_threads(timeline_path: Path) -> None:
+    before = set(threading.enumerate())
+    shown = show(timeline_path, port=0)
+    port = shown.server.get_port()
+    shown.play()
+    shown.close()
+    shown.close()
+    with socket.socket() as again:
+        again.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        again.bind(("127.0.0.1", port))
+    until(lambda: not {t for t in threading.enumerate() if t.is_alive()} - before)
+
+
+@pytest.mark.parametrize(
+    "address",
+    [{"host": "192.0.2.1"}, {"host": "no such host"}, {"port": 70_000}, {"host": "x" * 300}],
+)
+def test_an_address_that_cannot_be_is_refused(timeline_path: Path, address: dict) -> None:
+    with pytest.raises(InputError) as refused:
+        show(timeline_path, **{"port": 0, **address})
+    assert refused.value.code == "no-such-address"
+
+
+def test_a_notebook_gets_a_frame_that_leads_there(shown: Shown) -> None:
+    found: list[tuple[str, dict[str, str | None]]] = []
+
+    class Reader(HTMLParser):
+        def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+            found.append((tag, dict(attrs)))
+
+    Reader().feed(shown._repr_html_())
+    shown.url = 'http://x/"><script>alert(1)</script>'
+    Reader().feed(shown._repr_html_())
+    assert [tag for tag, _ in found] == ["iframe", "iframe"]
+    assert found[0][1]["src"] == f"http://127.0.0.1:{shown.server.get_port()}"
+
+
+def test_what_holds_no_timeline_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TimelineError, match="holds no timeline"):
+        show(tmp_path, port=0)
+
+
+def test_what_grows_is_followed(
+    growing: tuple[Path, TimelineWriter, Callable[[int], None]],
+) -> None:
+    path, writer, add = growing
+    with show(Timeline.open(path), port=0) as shown:
+        assert shown._slider.max == 9
+        add(5)
+        until(lambda: shown._slider.max == 14)
+        assert shown.frame == 0
+    writer.close()
+
+
+def test_the_newest_frame_is_shown_until_somebody_looks_back(
+    growing: tuple[Path, TimelineWriter, Callable[[int], None]],
+) -> None:
+    path, writer, add = growing
+    with show.live(port=0) as live:
+        assert live._text.content == "Nothing to show yet."
+        live(Progress(stage="play_back", fraction=0.25, directory=str(path.parent)))
+        until(lambda: live.frame == 9)
+        until(lambda: live._text.content.startswith("Play back, 25%\n\n**Frame 9 of 9**"))
+        live.frame = 3
+        add(5)
+        until(lambda: live._last == 14)
+        assert live.frame == 3
+        live.frame = 14
+        add(5)
+        until(lambda: live.frame == 19)
+        live.pause()
+        writer.close()
+        live(Progress(stage="export", fraction=1.0, directory=str(path.parent)))
+        until(lambda: live._moments is live._whole)
+        live.play()  # it is over: from the first frame
+        assert live.frame == 0
+        # What says nothing of a directory, or of one without a timeline, harms no fold.
+        live(Progress(stage="export", fraction=1.0))
+        live(Progress(stage="export", fraction=1.0, directory=str(path)))
+
+
+@pytest.fixture(scope="module")
+def folded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Path]:
+    directory = tmp_path_factory.mktemp("folded")
+    return fold(snake((2, 2, 3)), directory=directory), directory
+
+
+def test_a_plan_is_posed_as_its_timeline(folded: tuple[Plan, Path]) -> None:
+    plan, directory = folded
+    with show(plan, port=0) as shown, show(directory, port=0) as whole:
+        first = int(np.argmax(Timeline.open(directory / "timeline.zarr").frames().phase))
+        assert whole._last == first + shown._last
+        assert shown._text.content.startswith("**Frame 0 of")
+        for frame in (0, shown._last // 2, shown._last):
+            shown.frame, whole.frame = frame, first + frame
+            # The plan has what the hinges should be, the timeline what a robot made of it.
+            assert np.abs(positions(shown) - positions(whole)).max() < 0.01
+            assert (colours(shown) == colours(whole)).all()
+
+
+def test_a_plan_from_a_file_has_no_errors_to_colour_by(folded: tuple[Plan, Path]) -> None:
+    plan, directory = folded
+    assert np.isfinite(plan.motion.joint_error_rad).any()
+    with show(Plan.load(directory / "plan.npz"), port=0) as shown:
+        shown.frame = shown._last
+        assert (colours(shown) == linear(UNKNOWN)).all()
+
+
+def test_windows_are_posed_as_their_timeline(peeled: Path) -> None:
+    timeline = Timeline.open(peeled / "timeline.zarr")
+    moments = MotionMoments(timeline.chain, timeline.motion())
+    view = TimelineView(peeled / "timeline.zarr")
+    assert timeline.windowed and len(moments) == len(view)
+    assert moments.error_scale_rad == view.error_scale_rad
+    for frame in np.linspace(0, len(view) - 1, 7).round():
+        one, other = moments.snapshot(frame), view.snapshot(frame)
+        assert np.allclose(one.positions, other.positions, atol=1e-5)
+        assert np.allclose(one.module_error_rad, other.module_error_rad, equal_nan=True)
+        assert (one.phase, one.framed, one.time_s) == (other.phase, other.framed, other.time_s)
+
+
+def test_a_plan_of_windows_knows_the_errors_of_its_joints(peeled: Path) -> None:
+    plan, view = read_plan(peeled), TimelineView(peeled / "timeline.zarr")
+    moments = MotionMoments(plan.chain, plan.motion)
+    first = len(view) - len(moments)
+    frames = range(0, len(moments), 5)
+    errors = [moments.snapshot(k).module_error_rad for k in frames]
+    recorded = [view.snapshot(first + k).module_error_rad for k in frames]
+    assert np.array_equal(errors, recorded, equal_nan=True) and np.nanmax(errors) > 0.0
+
+
+def test_a_plan_without_frames_is_refused(folded: tuple[Plan, Path]) -> None:
+    plan, _ = folded
+    with pytest.raises(InputError) as refused:
+        show(replace(plan, motion=plan.motion[:0]), port=0)
+    assert refused.value.code == "no-frames"
+
+
+def test_a_fold_is_followed_while_it_is_computed_and_kept_when_its_folder_has_gone() -> None:
+    with show.live(port=0) as live:
+        assert isinstance(live, Live)
+        told: list[Progress] = []
+        seen: set[int] = set()
+
+        def watch(progress: Progress) -> None:
+            live(progress)
+            told.append(progress)
+            seen.add(live._last)
+
+        plan = fold(snake((2, 2, 3)), progress=watch)
+        until(lambda: live.frame == live._last > 0)
+        directory = told[-1].directory
+        assert directory is not None and not Path(directory).exists()
+        until(lambda: live._text.content.startswith("Done"))
+        assert live._last >= len(plan.motion)
+        apart = distances(plan.chain.folded_poses.positions)
+        assert np.abs(distances(positions(live)) - apart).max() < 0.01
+        live.frame = 0  # it is held, though its folder has gone
+        assert live.frame == 0
+        assert np.abs(distances(positions(live)) - apart).max() < 0.2

@@ -1,0 +1,177 @@
+// A path through cells as it is drawn: what may come next, and what is still wrong with it. Paths are lists
+// of keys and stay as they are; planner/chain/path.py checks finished ones in the same way.
+
+const FEWEST = 3;
+
+// Cells that share a face with one.
+/**
+ * @param {number} key
+ * @param {number} size
+ */
+export function neighbours(key, size) {
+  const [y, x, z] = [key % size, Math.floor(key / size) % size, Math.floor(key / (size * size))];
+  const found = [];
+  if (y > 0) found.push(key - 1);
+  if (y < size - 1) found.push(key + 1);
+  if (x > 0) found.push(key - size);
+  if (x < size - 1) found.push(key + size);
+  if (z > 0) found.push(key - size * size);
+  if (z < size - 1) found.push(key + size * size);
+  return found;
+}
+
+/**
+ * @param {number} a
+ * @param {number} b
+ * @param {number} size
+ */
+export const touch = (a, b, size) => neighbours(a, size).includes(b);
+
+// What is wrong with a path through filled cells.
+/**
+ * @param {Painted} painted
+ * @returns {PathChecked}
+ */
+export function checked({ cells, size, path }) {
+  /** @type {Map<number, number>} */
+  const place = new Map();
+  /** @type {[number, number][]} */
+  const repeats = [];
+  /** @type {number[]} */
+  const gaps = [];
+  let count = 0;
+  let odd = 0;
+  path.forEach((key, index) => {
+    const first = place.get(key);
+    if (first === undefined) place.set(key, index); else repeats.push([first, index]);
+    if (index && !touch(path[index - 1], key, size)) gaps.push(index - 1);
+  });
+  const missing = [];
+  for (let key = 0; key < cells.length; key++) {
+    if (!cells[key]) continue;
+    count++;
+    odd += (key % size + Math.floor(key / size) % size + Math.floor(key / (size * size))) % 2;
+    if (!place.has(key)) missing.push(key);
+  }
+  const difference = Math.abs(count - 2 * odd);
+  const whole = path.length >= FEWEST && !gaps.length && !repeats.length && !missing.length;
+  return { length: path.length, cells: count, gaps, repeats, missing, lost: lost(missing, path, size), difference, whole };
+}
+
+// Of the missing cells those that neither end of the path leads to.
+/**
+ * @param {number[]} missing
+ * @param {readonly number[]} path
+ * @param {number} size
+ */
+function lost(missing, path, size) {
+  if (!path.length) return [];
+  const left = new Set(missing);
+  const todo = [path[0], path[path.length - 1]];
+  for (let key = todo.pop(); key !== undefined; key = todo.pop()) {
+    for (const next of neighbours(key, size)) if (left.delete(next)) todo.push(next);
+  }
+  return [...left];
+}
+
+// A sentence or two on it, and whether they tell of a mistake or of what is left to do.
+/**
+ * @param {PathChecked} found
+ * @returns {{ text: string, tone: "" | "good" | "bad" }}
+ */
+export function told({ length, cells, gaps, repeats, missing, lost: apart, difference, whole }) {
+  if (repeats.length) {
+    const [first, second] = repeats[0];
+    return { text: `Cells ${first + 1} and ${second + 1} are the same; a path visits each cell once.`, tone: "bad" };
+  }
+  if (gaps.length) {
+    return { text: `A gap: cells ${gaps[0] + 1} and ${gaps[0] + 2} do not touch. Fill in the cell between them, or cut there.`, tone: "bad" };
+  }
+  if (whole) return { text: `The path visits all ${cells} cells.`, tone: "good" };
+  if (length && !missing.length) return { text: `${length} cells; a path needs at least ${FEWEST}.`, tone: "" };
+  const so = length ? `${length} of ${cells} cells; ${missing.length} missing.` : "No path yet.";
+  if (difference > 1) {
+    return { text: `${so} No path visits all of them: coloured like a chessboard, one colour has ${difference} cells more.`, tone: "bad" };
+  }
+  if (apart.length) return { text: `${so} The ends lead no more to ${apart.length} of them.`, tone: "bad" };
+  return { text: so, tone: "" };
+}
+
+// The path with a cell more: at the end that is drawn, at the other one if only that touches it, or within
+// a gap between two that it joins. The cell before the end takes that back. Says why when it cannot be.
+/**
+ * @param {DrawnPath} drawn
+ * @param {number} key
+ * @param {number} size
+ * @returns {DrawnPath | string}
+ */
+export function extended({ path, atStart }, key, size) {
+  if (!path.length) return { path: [key], atStart: false };
+  const last = path.length - 1;
+  const index = path.indexOf(key);
+  if (index >= 0) {
+    const [end, before] = atStart ? [0, 1] : [last, last - 1];
+    if (index === end) return { path, atStart };
+    if (index === before && last > 0) return { path: atStart ? path.slice(1) : path.slice(0, -1), atStart };
+    if (index === 0 || index === last) return { path, atStart: index === 0 };
+    return `This is cell ${index + 1} of the path; a path visits each cell once.`;
+  }
+  for (let k = 0; k < last; k++) {
+    if (!touch(path[k], path[k + 1], size) && touch(path[k], key, size) && touch(key, path[k + 1], size)) {
+      return { path: path.toSpliced(k + 1, 0, key), atStart };
+    }
+  }
+  const ends = [touch(key, path[0], size), touch(key, path[last], size)];
+  if (!ends[0] && !ends[1]) return "Only a cell that shares a face with an end of the path can come next.";
+  const start = atStart ? ends[0] : !ends[1];
+  return { path: start ? [key, ...path] : [...path, key], atStart: start };
+}
+
+// The part of a path from a cell on to the end that is not drawn; that cell is the drawn end then.
+/**
+ * @param {DrawnPath} drawn
+ * @param {number} key
+ * @returns {DrawnPath}
+ */
+export function cut({ path, atStart }, key) {
+  const index = path.indexOf(key);
+  if (index < 0) return { path, atStart };
+  return { path: atStart ? path.slice(index) : path.slice(0, index + 1), atStart };
+}
+
+// The cell that is drawn from; null without a path.
+/** @param {DrawnPath} drawn */
+export const headOf = ({ path, atStart }) => path.at(atStart ? 0 : -1) ?? null;
+
+// Cells beside the head that the path has not visited.
+/**
+ * @param {DrawnPath} drawn
+ * @param {number} size
+ */
+export function nextCells(drawn, size) {
+  const head = headOf(drawn);
+  const visited = new Set(drawn.path);
+  return head === null ? [] : neighbours(head, size).filter((key) => !visited.has(key));
+}
+
+// A path through a few cells that begins in one, found by trying; null when there is none.
+/**
+ * @param {number[]} keys
+ * @param {number} start
+ * @param {number} size
+ * @returns {number[] | null}
+ */
+export function through(keys, start, size) {
+  const left = new Set(keys);
+  /** @type {number[]} */
+  const path = [];
+  const visit = (/** @type {number} */ key) => {
+    left.delete(key);
+    path.push(key);
+    if (!left.size || neighbours(key, size).some((next) => left.has(next) && visit(next))) return true;
+    left.add(key);
+    path.pop();
+    return false;
+  };
+  return visit(start) ? path : null;
+}

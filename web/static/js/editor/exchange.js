@@ -1,0 +1,101 @@
+// What the editor gives the service and gets from it: files, cells of files, and paths through cells.
+import { ownKey, proof } from "../lib/keys.js";
+import { UNREACHABLE } from "../lib/fold_request.js";
+import { element, refusal } from "../lib/text.js";
+import { neighbours, through } from "./cell_path.js";
+import { cellOf, cellsOf, keyOf, keysOf, parts } from "./painting.js";
+
+/** Cells up to which the rest of a path is found here, by trying. */
+const FEW = 8;
+
+/**
+ * @param {string} name
+ * @param {Painted} painted
+ * @param {boolean} doubled
+ */
+export function voxelFile(name, { cells, size }, doubled = false) {
+  const voxels = { format: "foldback-voxels/1", name, cells: cellsOf(keysOf(cells), size, doubled) };
+  return new File([JSON.stringify(voxels)], "painted.json", { type: "application/json" });
+}
+
+/**
+ * @param {string} name
+ * @param {Painted} painted
+ */
+export function pathFile(name, { path, size }) {
+  const written = { format: "foldback-path/1", name, cells: cellsOf(path, size) };
+  return new File([JSON.stringify(written)], "path.json", { type: "application/json" });
+}
+
+// Saves a file to the visitor's disk.
+/**
+ * @param {File} file
+ * @param {string} name
+ */
+export function save(file, name) {
+  const href = URL.createObjectURL(file);
+  element("a", { href, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(href), 60_000);
+}
+
+// What the service says of a shape. Throws an Error with words for people when it refuses.
+/**
+ * @param {Form} fields
+ * @returns {Promise<Report>}
+ */
+export async function asked(fields) {
+  const form = new FormData();
+  for (const [key, value] of Object.entries(fields)) if (value !== null) form.set(key, value instanceof Blob ? value : String(value));
+  let answer;
+  try {
+    answer = await fetch("/api/shapes/preview", { method: "POST", body: form, headers: proof(ownKey()) });
+  } catch {
+    throw new Error(UNREACHABLE);
+  }
+  const told = await answer.json().catch(() => ({}));
+  if (!answer.ok) throw new Error(refusal(told, answer.status));
+  return told;
+}
+
+// The cells of a file, or of one that was sent before. No path is looked for: a snake is one of boxes, at once.
+/**
+ * @param {{ file: File } | { preview: string }} source
+ * @param {number} cells that a mesh becomes, about
+ */
+export async function read(source, cells) {
+  const report = await asked({ ...source, method: "snake", modules: cells });
+  if (report.module !== "cube") throw new Error("This is a chain of tetrahedra; only cubes can be painted.");
+  return report;
+}
+
+// A path through all cells that goes on from a path; null where none was found.
+/**
+ * @param {Painted} painted
+ * @param {DrawnPath} drawn
+ * @returns {Promise<DrawnPath | null>}
+ */
+export async function completed({ cells, size }, { path, atStart }) {
+  const left = cells.slice();
+  for (const key of path) left[key] = 0;
+  const rest = keysOf(left);
+  if (!rest.length || parts(left, size).length > 1) return null;
+  const head = path.at(atStart ? 0 : -1);
+  const joined = (/** @type {number[]} */ more) => ({ path: atStart ? [...more.reverse(), ...path] : [...path, ...more], atStart });
+  const starts = head === undefined ? [null] : neighbours(head, size).filter((key) => left[key]);
+  if (rest.length <= FEW) {
+    for (const start of starts[0] === null ? rest : starts) {
+      const more = through(rest, Number(start), size);
+      if (more) return joined(more);
+    }
+    return null;
+  }
+  /** @type {{ file: File } | { preview: string }} */
+  let source = { file: voxelFile("The rest", { cells: left, size, path: [] }) };
+  for (const start of starts) {
+    const wish = start === null ? null : cellOf(start, size).join(",");
+    const report = await asked({ ...source, start: wish });
+    source = { preview: report.id };
+    if (report.has_path && !report.not_started) return joined(report.cells.map(([x, y, z]) => keyOf(x, y, z, size)));
+  }
+  return null;
+}

@@ -1,0 +1,194 @@
+// A painting: which cells are filled, the path drawn through them, and every step so far, to be undone
+// and done again. A key stands for a cell: (z * size + x) * size + y; x is the row, y the column, z the layer.
+import { neighbours } from "./cell_path.js";
+
+export const SIZES = [10, 16, 20, 24, 32];
+export const MOST_STEPS = 200;
+export const LARGEST = Math.max(...SIZES);
+const KEPT = "foldback:painting";
+
+/**
+ * @param {number} x
+ * @param {number} y
+ * @param {number} z
+ * @param {number} size
+ */
+export const keyOf = (x, y, z, size) => (z * size + x) * size + y;
+/**
+ * @param {number} key
+ * @param {number} size
+ * @returns {Vector}
+ */
+export const cellOf = (key, size) => [Math.floor(key / size) % size, key % size, Math.floor(key / (size * size))];
+
+// Cells that are filled, as keys.
+/** @param {Uint8Array} cells */
+export function keysOf(cells) {
+  const keys = [];
+  for (let key = 0; key < cells.length; key++) if (cells[key]) keys.push(key);
+  return keys;
+}
+
+/**
+ * @param {Painted} a
+ * @param {Painted} b
+ */
+function same(a, b) {
+  return a.size === b.size && a.cells.every((filled, key) => filled === b.cells[key])
+    && a.path.length === b.path.length && a.path.every((key, index) => key === b.path[index]);
+}
+
+export class Painting {
+  constructor() {
+    this.size = SIZES[0];
+    this.cells = new Uint8Array(this.size ** 3);
+    /** @type {readonly number[]} */
+    this.path = [];
+    /** @type {Painted[]} */
+    this.done = [];
+    /** @type {Painted[]} */
+    this.undone = [];
+    /** @type {Painted | null} */
+    this.before = null;
+    try {
+      this.restore(JSON.parse(localStorage.getItem(KEPT) ?? "null"));
+    } catch { /* what was kept is no painting */ }
+  }
+
+  /** @param {{ size?: unknown, filled?: unknown, path?: unknown } | null} kept */
+  restore(kept) {
+    const size = Number(kept?.size);
+    if (!SIZES.includes(size)) return;
+    const keys = (/** @type {unknown} */ list) => (Array.isArray(list) ? list : [])
+      .filter((key) => Number.isInteger(key) && key >= 0 && key < size ** 3);
+    this.become({ size, cells: new Uint8Array(size ** 3), path: [] });
+    this.paint(keys(kept?.filled), true);
+    this.path = keys(kept?.path).filter((key) => this.cells[key]);
+  }
+
+  get filled() {
+    let count = 0;
+    for (const filled of this.cells) count += filled;
+    return count;
+  }
+
+  /**
+   * @param {number} x
+   * @param {number} y
+   * @param {number} z
+   */
+  has(x, y, z) { return this.cells[keyOf(x, y, z, this.size)] === 1; }
+
+  /** @returns {Painted} */
+  get state() { return { size: this.size, cells: this.cells, path: this.path }; }
+
+  // Everything between a beginning and its end is one step. Steps within a step belong to it.
+  begin() { this.before = { ...this.state, cells: this.cells.slice() }; }
+
+  // Fills or empties cells; true when that changed one. What is emptied is no part of the path any more.
+  /**
+   * @param {Iterable<number>} keys
+   * @param {boolean} filled
+   */
+  paint(keys, filled) {
+    let changed = false;
+    for (const key of keys) {
+      if (this.cells[key] === Number(filled)) continue;
+      this.cells[key] = Number(filled);
+      changed = true;
+    }
+    if (changed && !filled && this.path.length) this.path = this.path.filter((key) => this.cells[key]);
+    return changed;
+  }
+
+  // Takes a path; its cells are filled.
+  /** @param {readonly number[]} path */
+  draw(path) {
+    this.paint(path, true);
+    this.path = path;
+  }
+
+  /** @param {Painted} state */
+  become({ size, cells, path }) {
+    this.size = size;
+    this.cells = cells.slice();
+    this.path = path;
+  }
+
+  // Ends a step; true when anything is another than it was.
+  end() {
+    const before = this.before;
+    this.before = null;
+    if (!before || same(before, this.state)) return false;
+    this.done.push(before);
+    if (this.done.length > MOST_STEPS) this.done.shift();
+    this.undone = [];
+    this.keep();
+    return true;
+  }
+
+  // Leaves a step as if it had never begun.
+  cancel() {
+    if (this.before) this.become(this.before);
+    this.before = null;
+  }
+
+  undo() { return this.turn(this.done, this.undone); }
+
+  redo() { return this.turn(this.undone, this.done); }
+
+  /**
+   * @param {Painted[]} from
+   * @param {Painted[]} to
+   */
+  turn(from, to) {
+    const state = from.pop();
+    if (!state) return false;
+    to.push(this.state);
+    this.become(state);
+    this.keep();
+    return true;
+  }
+
+  keep() {
+    const kept = { size: this.size, filled: keysOf(this.cells), path: this.path };
+    try { localStorage.setItem(KEPT, JSON.stringify(kept)); } catch { /* storage is full or forbidden */ }
+  }
+
+  // How many pieces there are that do not hang together by faces.
+  pieces() { return parts(this.cells, this.size).length; }
+}
+
+// Cells that hang together by faces, piece by piece, as keys.
+/**
+ * @param {Uint8Array} cells
+ * @param {number} size
+ */
+export function parts(cells, size) {
+  const left = cells.slice();
+  /** @type {number[][]} */
+  const found = [];
+  for (let start = 0; start < left.length; start++) {
+    if (!left[start]) continue;
+    const piece = [start];
+    left[start] = 0;
+    for (const key of piece) {
+      for (const next of neighbours(key, size)) if (left[next]) { left[next] = 0; piece.push(next); }
+    }
+    found.push(piece);
+  }
+  return found;
+}
+
+// Cells of a voxel file or a path file; doubled, each becomes 2×2×2.
+/**
+ * @param {readonly number[]} keys
+ * @param {number} size
+ * @param {boolean} doubled
+ */
+export function cellsOf(keys, size, doubled = false) {
+  const cells = keys.map((key) => cellOf(key, size));
+  if (!doubled) return cells;
+  return cells.flatMap(([x, y, z]) => [0, 1, 2, 3, 4, 5, 6, 7]
+    .map((k) => /** @type {Vector} */ ([2 * x + (k & 1), 2 * y + ((k >> 1) & 1), 2 * z + (k >> 2)])));
+}

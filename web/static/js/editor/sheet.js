@@ -1,0 +1,190 @@
+// The sheet: the cells of one layer as a grid of buttons, painted with a pointer, a finger or the keyboard.
+import { element } from "../lib/text.js";
+import { headOf, nextCells, touch } from "./cell_path.js";
+import { cellOf, keyOf } from "./painting.js";
+import { passed } from "./shape_tools.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+/** @type {Record<string, [x: number, y: number]>} */
+export const ARROWS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
+
+export class Sheet {
+  /**
+   * @param {HTMLElement} grid
+   * @param {SheetHeard} heard
+   */
+  constructor(grid, heard) {
+    this.grid = grid;
+    this.heard = heard;
+    this.size = 0;
+    this.layer = 0;
+    /** @type {HTMLButtonElement[][]} */
+    this.squares = [];
+    /** @type {[x: number, y: number]} */
+    this.focused = [0, 0];
+    /** @type {[x: number, y: number] | null} */
+    this.stroke = null;
+    this.lines = document.createElementNS(SVG, "svg");
+    this.lines.setAttribute("class", "lines");
+    this.lines.setAttribute("aria-hidden", "true");
+    grid.addEventListener("pointerdown", (event) => this.press(event));
+    grid.addEventListener("pointermove", (event) => this.drag(event));
+    grid.addEventListener("pointerup", () => this.lift(true));
+    // Two fingers zoom and move the page: what the first of them has begun is taken back.
+    grid.addEventListener("pointercancel", () => this.lift(false));
+    grid.addEventListener("keydown", (event) => this.key(event));
+    // A screen reader puts the focus where it likes.
+    grid.addEventListener("focusin", ({ target }) => {
+      if (target instanceof HTMLButtonElement) this.focus(Number(target.dataset.x), Number(target.dataset.y));
+    });
+  }
+
+  get focusedKey() { return keyOf(...this.focused, this.layer, this.size); }
+
+  /** @param {number} size */
+  build(size) {
+    if (size === this.size) return;
+    this.size = size;
+    this.grid.style.setProperty("--size", String(size));
+    this.lines.setAttribute("viewBox", `0 0 ${size} ${size}`);
+    this.squares = Array.from({ length: size }, (_, x) => Array.from({ length: size }, (_none, y) =>
+      element("button", { type: "button", role: "gridcell", tabindex: "-1", "data-x": x, "data-y": y })));
+    this.grid.replaceChildren(...this.squares.map((row) => element("div", { role: "row" }, ...row)), this.lines);
+    this.focus(Math.floor(size / 2), Math.floor(size / 2));
+  }
+
+  // Shows a layer. Attributes are set where they change: a grid has up to a thousand buttons.
+  /**
+   * @param {Painted} painted
+   * @param {SheetLook} look
+   */
+  show({ size, cells, path }, { layer, drawn, corner, axes }) {
+    this.build(size);
+    this.layer = layer;
+    const place = new Map(drawn ? path.map((key, index) => [key, index]) : []);
+    const next = new Set(drawn ? nextCells(drawn, size) : []);
+    const below = layer > 0 ? -size * size : NaN;
+    this.squares.forEach((row, x) => row.forEach((square, y) => {
+      const key = keyOf(x, y, layer, size);
+      const on = cells[key] === 1;
+      const under = cells[key + below] === 1;
+      const index = place.get(key);
+      const missing = drawn && on && index === undefined;
+      const classes = `${on ? "on" : ""}${under ? " below" : ""}${missing ? " missing" : ""}${next.has(key) ? " next" : ""}${key === corner ? " corner" : ""}`;
+      const step = index === undefined ? missing ? ", not on the path" : "" : `, cell ${index + 1} of the path`;
+      const label = `Row ${x + 1}, column ${y + 1}, ${on ? "filled" : "empty"}${under ? ", filled below" : ""}${step}`;
+      if (square.className !== classes) square.className = classes;
+      if (square.ariaLabel !== label) square.ariaLabel = label;
+      if (square.ariaSelected !== String(on)) square.ariaSelected = String(on);
+    }));
+    this.grid.classList.toggle("is-mirrored-x", axes.has(0));
+    this.grid.classList.toggle("is-mirrored-y", axes.has(1));
+    this.lines.replaceChildren(...(drawn ? this.course(drawn) : []));
+  }
+
+  // The path within the layer; triangles say where it comes from, or goes to, a layer above or below.
+  /** @param {DrawnPath} drawn */
+  course(drawn) {
+    const { path } = drawn;
+    const made = (/** @type {string} */ name, /** @type {Record<string, string | number>} */ attributes) => {
+      const part = document.createElementNS(SVG, name);
+      for (const [key, value] of Object.entries(attributes)) part.setAttribute(key, String(value));
+      return part;
+    };
+    let way = "";
+    let gaps = "";
+    let ups = "";
+    path.forEach((key, index) => {
+      const [x, y, z] = cellOf(key, this.size);
+      for (const other of [path[index - 1], path[index + 1]]) {
+        if (other === undefined || z !== this.layer) continue;
+        const [i, j, k] = cellOf(other, this.size);
+        const joined = touch(key, other, this.size);
+        if (joined && k !== z) {
+          ups += k > z ? `M${y + 0.5} ${x + 0.08}l.15 .2h-.3z` : `M${y + 0.5} ${x + 0.92}l.15 -.2h-.3z`;
+        } else if (k === z && other === path[index + 1]) {
+          const text = `M${y + 0.5} ${x + 0.5}L${j + 0.5} ${i + 0.5}`;
+          if (joined) way += text; else gaps += text;
+        } else if (!joined && k !== z) gaps += `M${y + 0.3} ${x + 0.3}l.4 .4m0 -.4l-.4 .4`;
+      }
+    });
+    const spot = (/** @type {number} */ key, /** @type {string} */ name, /** @type {number} */ r) => {
+      const [x, y, z] = cellOf(key, this.size);
+      return z === this.layer ? [made("circle", { class: name, cx: y + 0.5, cy: x + 0.5, r })] : [];
+    };
+    const head = headOf(drawn);
+    return [
+      made("path", { class: "way casing", d: way }), made("path", { class: "way", d: way }),
+      made("path", { class: "gaps", d: gaps }), made("path", { class: "ups", d: ups }),
+      ...(path.length ? spot(path[0], "first", 0.2) : []),
+      ...(head === null ? [] : spot(head, "head", 0.3)),
+    ];
+  }
+
+  /**
+   * @param {number} x
+   * @param {number} y
+   */
+  focus(x, y) {
+    const within = (/** @type {number} */ v) => Math.min(this.size - 1, Math.max(0, v));
+    this.squares[this.focused[0]]?.[this.focused[1]]?.setAttribute("tabindex", "-1");
+    this.focused = [within(x), within(y)];
+    const square = this.squares[this.focused[0]][this.focused[1]];
+    square.tabIndex = 0;
+    return square;
+  }
+
+  /**
+   * @param {PointerEvent} event
+   * @returns {[x: number, y: number]}
+   */
+  at(event) {
+    const { left, top, width, height } = this.lines.getBoundingClientRect();
+    const within = (/** @type {number} */ share) => Math.min(this.size - 1, Math.max(0, Math.floor(share * this.size)));
+    return [within((event.clientY - top) / height), within((event.clientX - left) / width)];
+  }
+
+  /** @param {PointerEvent} event */
+  press(event) {
+    if (event.button !== 0 || !event.isPrimary) return;
+    this.stroke = this.at(event);
+    this.grid.setPointerCapture(event.pointerId);
+    this.focus(...this.stroke);
+    this.heard.press(this.focusedKey);
+  }
+
+  /** @param {PointerEvent} event */
+  drag(event) {
+    if (!this.stroke || !event.isPrimary) return;
+    const to = this.at(event);
+    if (to[0] === this.stroke[0] && to[1] === this.stroke[1]) return;
+    const from = this.stroke;
+    this.stroke = to;
+    this.focus(...to);
+    const keys = passed(from, to, this.heard.bySides()).slice(1).map(([x, y]) => keyOf(x, y, this.layer, this.size));
+    this.heard.drag(keys);
+  }
+
+  /** @param {boolean} kept */
+  lift(kept) {
+    if (!this.stroke) return;
+    this.stroke = null;
+    this.squares[this.focused[0]][this.focused[1]].focus({ preventScroll: true });
+    this.heard.lift(kept);
+  }
+
+  /** @param {KeyboardEvent} event */
+  key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const by = ARROWS[event.key];
+    if (by && this.heard.arrow([by[0], by[1], 0], event.shiftKey)) event.preventDefault();
+    else if (by) {
+      event.preventDefault();
+      this.focus(this.focused[0] + by[0], this.focused[1] + by[1]).focus();
+    } else if (event.key === " " || event.key === "Enter") {
+      event.preventDefault();
+      this.heard.press(this.focusedKey);
+      this.heard.lift(true);
+    }
+  }
+}

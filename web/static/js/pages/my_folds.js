@@ -1,0 +1,114 @@
+// My folds: what was made with the keys of this browser.
+import { foldsApart, keepToken, keysHere, ownKey } from "../lib/keys.js";
+import { FoldList, Refusal, asked } from "../lib/made.js";
+import { get, wordsOf } from "../lib/text.js";
+import { KeyPanel } from "../panels/key_panel.js";
+import { FoldCard, MovieLine, PreviewCard } from "../panels/made_cards.js";
+
+const PAGE = 24;
+const MOST_APART = 100;
+const LOOK_MS = 3000;
+
+let list = new FoldList([]);
+/** @type {(FoldCard | MovieLine)[]} */
+let changing = [];
+/** @type {ReturnType<typeof setTimeout> | undefined} */
+let timer;
+let turn = 0;
+
+/** @param {string} text */
+function trouble(text) {
+  get("trouble").hidden = !text;
+  get("message").textContent = text;
+}
+
+function counted() {
+  const count = get("folds").children.length;
+  const total = Math.max(count, list.total);
+  get("more").hidden = list.done;
+  const parts = [get("folds"), get("previews"), get("movies")];
+  for (const part of parts) /** @type {HTMLElement} */ (part.closest("section")).hidden = !part.children.length;
+  const some = parts.some((part) => part.children.length);
+  get("nothing").hidden = some;
+  get("delete-all").hidden = !some;
+  get("found").textContent = !total ? "" : total === count ? `${count} ${count === 1 ? "fold" : "folds"}` : `${count} of ${total} folds`;
+}
+
+async function more() {
+  get("more").disabled = true;
+  try {
+    const found = await list.more(PAGE);
+    const cards = found.map(({ fold, key }) => {
+      if (!fold.public) keepToken(fold.id, key); // its page lets the owner cancel it
+      return new FoldCard(fold, key, () => { list.forget(key); counted(); });
+    });
+    get("folds").append(...cards.map(({ item }) => item));
+    changing.push(...cards);
+    trouble("");
+    counted();
+  } catch (error) {
+    trouble(wordsOf(error));
+  }
+  get("more").disabled = false;
+}
+
+// Folds of earlier versions have tokens of their own; they get the browser's key.
+async function carryOver() {
+  for (const [id, token] of foldsApart().slice(0, MOST_APART)) {
+    const own = ownKey();
+    if (!own) return;
+    try {
+      await asked("PATCH", `/api/folds/${encodeURIComponent(id)}`, token, { owner_token: own });
+      keepToken(id, own);
+    } catch (error) {
+      if (!(error instanceof Refusal) || !error.final) return;
+      keepToken(id, null);
+    }
+  }
+}
+
+async function load() {
+  const mine = ++turn;
+  clearTimeout(timer);
+  get("found").textContent = "Looking…";
+  await carryOver();
+  const keys = keysHere();
+  try {
+    /** @type {{ previews: PreviewMade[] }[]} */
+    const previews = await Promise.all(keys.map((key) => asked("GET", "/api/mine/previews", key)));
+    /** @type {{ movies: MovieMade[] }[]} */
+    const movies = await Promise.all(keys.map((key) => asked("GET", "/api/mine/movies", key)));
+    if (mine !== turn) return;
+    list = new FoldList(keys);
+    const shapes = previews.flatMap((told, n) => told.previews.map((each) => new PreviewCard(each, keys[n], counted)));
+    const lines = movies.flatMap((told, n) => told.movies.map((each) => new MovieLine(each, keys[n], counted)));
+    get("folds").replaceChildren();
+    get("previews").replaceChildren(...shapes.map(({ item }) => item));
+    get("movies").replaceChildren(...lines.map(({ item }) => item));
+    changing = [...lines];
+    await more();
+    look();
+  } catch (error) {
+    get("found").textContent = "";
+    trouble(wordsOf(error));
+  }
+}
+
+// What is being computed is asked for now and then, while somebody looks.
+function look() {
+  changing = changing.filter(({ running, item }) => running && item.isConnected);
+  timer = setTimeout(async () => {
+    if (!document.hidden) for (const card of changing) await card.refresh();
+    look();
+  }, LOOK_MS);
+}
+
+new KeyPanel(load);
+get("more").onclick = async () => {
+  const first = get("folds").children.length;
+  await more();
+  /** @type {HTMLElement | null} */ (get("folds").children[first]?.querySelector("h3 a"))?.focus();
+};
+get("retry").onclick = load;
+addEventListener("pageshow", (event) => { if (event.persisted) load(); });
+load();

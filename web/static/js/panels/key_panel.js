@@ -1,0 +1,102 @@
+// The key of this browser: shown when asked for, taken elsewhere, and keys that were brought here.
+import { MOST_KEYS, bring, broughtKeys, dropKey, forgetKeys, isKey, keysHere, ownKey, useKey } from "../lib/keys.js";
+import { allDeleted, asked } from "../lib/made.js";
+import { copyText, element, get, wordsOf } from "../lib/text.js";
+import { confirmed } from "./confirm.js";
+import { toast } from "./toast.js";
+
+const SHOWN = 6;
+const LISTS = ["folds?limit=1", "previews", "movies"];
+
+export class KeyPanel {
+  /** @param {() => Promise<void>} changed */
+  constructor(changed) {
+    this.changed = changed;
+    get("key-show").onclick = () => this.show(Boolean(get("key-shown").hidden));
+    get("key-copy").onclick = () => copyText(get("key").value, () => toast("Key copied"), () => get("key").select());
+    get("key-form").onsubmit = (event) => { event.preventDefault(); this.add(get("key-paste").value.trim()); };
+    get("delete-all").onclick = () => this.deleteAll();
+    get("forget").onclick = () => this.forget();
+    this.list();
+  }
+
+  // The key is in the page only while it is shown.
+  /** @param {boolean} on */
+  show(on) {
+    const key = on ? ownKey() : "";
+    if (key === null) { this.say("This browser keeps nothing for this site, so it has no key."); return; }
+    get("key-shown").hidden = !on;
+    get("key-show").textContent = on ? "Hide the key" : "Show the key";
+    get("key-show").setAttribute("aria-expanded", String(on));
+    get("key").value = key;
+    if (on) get("key").select();
+  }
+
+  /** @param {string} text */
+  say(text) { get("key-message").textContent = text; }
+
+  // Nothing of this browser goes to who gave the key.
+  /** @param {string} key */
+  async add(key) {
+    if (!isKey(key)) { this.say("This is no key: expected 24 or more letters, digits, - and _, without spaces."); return; }
+    if (keysHere().includes(key)) { this.say("This key is here already."); return; }
+    if (broughtKeys().length >= MOST_KEYS) { this.say(`There are ${MOST_KEYS} keys of others here, the most there may be; remove one first.`); return; }
+    this.say("Looking…");
+    try {
+      /** @type {{ total?: number, folds?: [], previews?: [], movies?: [] }[]} */
+      const told = await Promise.all(LISTS.map((list) => asked("GET", `/api/mine/${list}`, key)));
+      const count = told.reduce((sum, { total, previews, movies }) => sum + (total ?? 0) + (previews?.length ?? 0) + (movies?.length ?? 0), 0);
+      if (!count) { this.say("Nothing is there with this key, so it was not added. Is all of it copied?"); return; }
+      if (!bring(key)) { this.say("This browser keeps nothing for this site, so the key cannot be added."); return; }
+    } catch (error) {
+      this.say(wordsOf(error));
+      return;
+    }
+    get("key-paste").value = "";
+    this.say("Added: what was made with it is listed above.");
+    await this.again();
+  }
+
+  list() {
+    get("keys").replaceChildren(...broughtKeys().map((key) => {
+      const name = `Key ${key.slice(0, SHOWN)}…`;
+      const use = element("button", { class: "way", type: "button", "aria-label": `Use for new folds: ${name}` }, "Use for new folds");
+      use.onclick = async () => {
+        const sure = await confirmed("Use this key for new folds?", "Whoever else holds it will see, rename and delete what you fold from now on. What you have folded stays with your key.", "Use it");
+        if (sure) { useKey(key); await this.again(); }
+      };
+      const remove = element("button", { class: "way", type: "button", "aria-label": `Remove: ${name}` }, "Remove");
+      remove.onclick = async () => { dropKey(key); await this.again(); };
+      return element("li", {}, element("code", {}, name), element("div", { class: "ways" }, use, remove));
+    }));
+    get("brought").hidden = !broughtKeys().length;
+  }
+
+  async again() {
+    this.show(false);
+    this.list();
+    await this.changed();
+  }
+
+  async deleteAll() {
+    const keys = keysHere();
+    const sure = await confirmed("Delete all of it?", "All folds, shapes and movies that are listed here go for good, also for other browsers with these keys and for all who have links. What is in the gallery stays.", "Delete all");
+    if (!sure) return;
+    this.say("Deleting…");
+    try {
+      for (const key of keys) await allDeleted(key);
+      this.say("All of it is deleted.");
+    } catch (error) {
+      this.say(`Not all of it could be deleted. ${wordsOf(error)}`);
+    }
+    await this.again();
+  }
+
+  async forget() {
+    const sure = await confirmed("Forget this browser?", "Its keys are dropped here. What was made with them stays until it expires, and its links work, but without the key nobody can list, rename or delete it. Copy the key first if you may want it back.", "Forget");
+    if (!sure) return;
+    forgetKeys();
+    this.say("Forgotten: a new key is made when you fold again.");
+    await this.again();
+  }
+}

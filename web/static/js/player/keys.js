@@ -1,0 +1,106 @@
+// The keys of a page that plays: one table says what each does, and fills the dialog that shows them.
+import { element, get } from "../lib/text.js";
+
+const KEPT = "foldback:single-keys";
+
+/**
+ * @typedef {object} Row
+ * @property {string[]} shown
+ * @property {string} text
+ * @property {Record<string, (it: Keys) => void>} does by the key, with "Shift+" before it where it has no sign of its own
+ * @property {boolean} [held] whether a key that is held does it again
+ * @property {(bar: import("./bar.js").Bar) => string} [says] what it has led to, for who does not see it
+ * @property {(it: Keys) => unknown} [there] whether a page has it
+ */
+
+const send = (/** @type {Command} */ command) => (/** @type {Keys} */ { player }) => { player.send(command); };
+const alone = (/** @type {Keys} */ { options }) => options.alone;
+
+const frame = (/** @type {import("./bar.js").Bar} */ bar) => bar.frame.words;
+const looped = (/** @type {import("./bar.js").Bar} */ bar) => bar.range.words;
+const switched = (/** @type {"reverse" | "loop"} */ name, /** @type {string} */ words) => (/** @type {import("./bar.js").Bar} */ { state }) => `${words} ${state?.[name] ? "on" : "off"}`;
+
+/** @type {Row[]} */
+const TABLE = [
+  { shown: ["Space"], text: "Play or pause", does: { " ": send({ do: "toggle" }) } },
+  { shown: ["←", "→"], text: "One frame back, forward", held: true, says: frame, does: { ArrowLeft: send({ do: "step", by: -1 }), ArrowRight: send({ do: "step", by: 1 }) } },
+  { shown: ["Shift ←", "Shift →"], text: "0.1 s back, forward", held: true, says: frame, there: alone, does: { "Shift+ArrowLeft": send({ do: "pass", seconds: -0.1 }), "Shift+ArrowRight": send({ do: "pass", seconds: 0.1 }) } },
+  { shown: [",", "."], text: "1 s back, forward", held: true, says: frame, there: alone, does: { ",": send({ do: "pass", seconds: -1 }), ".": send({ do: "pass", seconds: 1 }) } },
+  { shown: ["P", "N"], text: "Visible change before, after", held: true, says: frame, there: alone, does: { p: send({ do: "change", way: -1 }), n: send({ do: "change", way: 1 }) } },
+  { shown: ["Home", "End"], text: "First frame, last frame", says: frame, does: { Home: send({ do: "seek", percent: 0 }), End: send({ do: "seek", percent: 100 }) } },
+  { shown: ["G"], text: "Type a frame", does: { g: ({ bar }) => bar.frame.open() } },
+  { shown: ["<", ">"], text: "Slower, faster; [ and ] as well", says: ({ state }) => `Speed ${state?.speed ?? 1}`, does: Object.fromEntries([["<", -1], [">", 1], ["[", -1], ["]", 1]].map(([key, by]) => [key, ({ bar }) => bar.hurry(Number(by))])) },
+  { shown: ["R"], text: "Play in reverse", says: switched("reverse", "Reverse"), does: { r: ({ bar }) => bar.press("reverse") } },
+  { shown: ["L"], text: "Loop", says: switched("loop", "Loop"), does: { l: ({ bar }) => bar.press("loop") } },
+  { shown: ["I", "O"], text: "Loop from this frame, up to it", says: looped, does: { i: ({ player, bar }) => { player.send({ do: "set", from: bar.frame.frame }); }, o: ({ player, bar }) => { player.send({ do: "set", to: bar.frame.frame }); } } },
+  { shown: ["X"], text: "Loop over everything again", says: looped, does: { x: send({ do: "set", from: null, to: null }) } },
+  { shown: ["M"], text: "Choose a module by number", there: ({ options }) => options.module, does: { m: ({ options }) => options.module?.() } },
+  { shown: ["↑", "↓"], text: "Next module, previous, in its panel", there: ({ options }) => options.module, does: {} },
+  { shown: ["PgUp", "PgDn"], text: "Ten frames on, back, in a plot", there: ({ options }) => options.module, does: {} },
+  { shown: ["F"], text: "Full screen", there: () => document.fullscreenEnabled, does: { f: ({ bar }) => bar.fullScreen() } },
+  { shown: ["T"], text: "Light, dark, or as the system", does: { t: () => { /** @type {HTMLElement | null} */ (document.querySelector("[data-theme-switch]"))?.click(); } } },
+  { shown: ["?"], text: "Show these keys", does: { "?": (it) => it.open() } },
+];
+
+const plain = (/** @type {string} */ key) => key.replace("Shift+", "");
+
+// All keys that do something, also with Caps Lock.
+export const KEYS = [...new Set(TABLE.flatMap(({ does }) => Object.keys(does)).map(plain).flatMap((key) => (key.length > 1 ? [key] : [key, key.toUpperCase()])))];
+
+// What a key is called in the table; signs have their Shift in them.
+/** @param {Pick<KeyboardEvent, "key" | "shiftKey">} event */
+export const nameOf = ({ key, shiftKey }) => (key.length === 1 ? key.toLowerCase() : shiftKey ? `Shift+${key}` : key);
+
+export class Keys {
+  // `alone` says that one fold is played, with times of its own; `module` leads to the choice of a module.
+  /**
+   * @param {Playing} player
+   * @param {import("./bar.js").Bar} bar
+   * @param {{ alone?: boolean, module?: (() => void) | null }} options
+   */
+  constructor(player, bar, options = {}) {
+    this.player = player;
+    this.bar = bar;
+    this.options = options;
+    this.rows = TABLE.filter(({ there }) => there?.(this) ?? true);
+    this.dialog = get("keys-dialog");
+    this.off = get("keys-off");
+    this.off.checked = recall() === "off";
+    this.off.onchange = () => keep(this.off.checked ? "off" : null);
+    get("keys").onclick = () => this.open();
+    get("keys-table").replaceChildren(...this.rows.map(({ shown, text }) => element("div", {},
+      element("dt", {}, ...shown.map((key) => element("kbd", {}, key))), element("dd", {}, text))));
+    addEventListener("keydown", (event) => this.press(event));
+  }
+
+  open() { this.dialog.showModal(); }
+
+  /** @param {KeyboardEvent} event */
+  press(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.isComposing || document.querySelector("dialog[open]")) return;
+    const target = event.target instanceof Element ? event.target : null;
+    if (target?.closest("select, textarea, input:not([type=range])")) return;
+    if (target?.closest("[role=tablist]") && event.key.startsWith("Arrow")) return;
+    if (event.key === " " && target?.closest("button, a, summary, [role=tab]")) return;
+    const name = nameOf(event);
+    if (name.length === 1 && name !== " " && this.off.checked) return;
+    const row = this.rows.find(({ does }) => Object.hasOwn(does, name));
+    if (!row) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    if (event.repeat && !row.held) return;
+    row.does[name](this);
+    if (row.says) get("keys-said").textContent = row.says(this.bar);
+  }
+}
+
+function recall() {
+  try { return localStorage.getItem(KEPT); } catch { return null; }
+}
+
+/** @param {string | null} value */
+function keep(value) {
+  try {
+    if (value === null) localStorage.removeItem(KEPT); else localStorage.setItem(KEPT, value);
+  } catch { /* not kept, then */ }
+}

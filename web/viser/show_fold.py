@@ -1,0 +1,126 @@
+"""Show: a plan, a fold's directory or a timeline in viser, for programs and notebooks."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path as FilePath
+from typing import Final
+
+from planner.errors import InputError, TimelineError
+from planner.motion.timeline import Timeline
+from planner.pipeline.attempt_folders import TIMELINE, result
+from planner.plan.plan import Plan
+from planner.progress import Progress
+from web.timeline.moments import Moments, MotionMoments
+from web.timeline.view import TimelineView
+from web.timeline.views import TimelineViews
+from web.viser.shown import Shown
+
+HOST: Final = "127.0.0.1"
+PORT: Final = 8080
+LAST_STAGE: Final = "export"
+
+
+class Live(Shown):
+    """A fold that is shown while it is computed: give it to ``planner.fold`` as its ``progress``.
+
+    It shows the newest frame until somebody moves the slider back. When the fold is over it holds
+    all of its frames itself, for the fold's directory may go. It may be given to one fold after the
+    other.
+    """
+
+    def __init__(self, *, host: str, port: int, open_browser: bool) -> None:
+        """Starts the server, which has nothing to show yet; ``show.live`` does so."""
+        self._views = TimelineViews()
+        self._directory: FilePath | None = None
+        self._whole: Moments | None = None
+        super().__init__(
+            self._newest, host=host, port=port, open_browser=open_browser, follows=True
+        )
+
+    def __call__(self, progress: Progress) -> None:
+        """Notes how far the fold is."""
+        if progress.directory is None:
+            return
+        directory = FilePath(progress.directory)
+        if progress.stage == LAST_STAGE and progress.fraction >= 1.0:
+            with suppress(TimelineError):  # then there is nothing to show; the fold goes on
+                timeline = Timeline.open(result(directory, TIMELINE))
+                self._whole = MotionMoments(timeline.chain, timeline.motion(), timeline.id)
+            self._directory, self._heading = None, "Done"
+            return
+        if directory != self._directory:
+            self._directory, self._whole = directory, None
+        self._heading = f"{progress.stage.replace('_', ' ').capitalize()}, {progress.fraction:.0%}"
+
+    @property
+    def _growing(self) -> bool:
+        return self._whole is None  # also between two attempts
+
+    def _newest(self) -> Moments | None:
+        if self._whole is not None or self._directory is None:
+            return self._whole
+        return self._views.get(result(self._directory, TIMELINE))
+
+
+class Show:
+    """What ``show`` is: ``show(plan)`` of what is there, ``show.live()`` of what is computed."""
+
+    def __call__(
+        self,
+        fold: Plan | Timeline | str | FilePath,
+        *,
+        port: int = PORT,
+        host: str = HOST,
+        open_browser: bool = False,
+    ) -> Shown:
+        """Shows a fold in a viser server of its own.
+
+        Args:
+            fold: A plan; the directory of a fold; or a timeline, or where it is. Of a directory and
+                a timeline that still grow, what is new is shown too.
+            port: Port to listen on; the next free one when it is taken, any for 0.
+            host: Address to listen on. viser asks nobody who they are: whoever reaches the address
+                can look and move the slider.
+            open_browser: Whether to open a browser.
+
+        Raises:
+            TimelineError: When there is no timeline there.
+            InputError: ``no-frames`` of a plan without any, ``no-such-address``.
+        """
+        if isinstance(fold, Plan):
+            if not len(fold.motion):
+                raise InputError(
+                    "no-frames",
+                    f"got a plan of {fold.chain.name} without a frame, expected at least one; show "
+                    "the fold's directory to see how far it came.",
+                )
+            motion = MotionMoments(fold.chain, fold.motion)
+            return Shown(lambda: motion, host=host, port=port, open_browser=open_browser)
+        place = FilePath(fold.path if isinstance(fold, Timeline) else fold)
+        views = TimelineViews()
+
+        def now() -> TimelineView | None:
+            whole = (place / "zarr.json").exists()
+            return views.get(place if whole else result(place, TIMELINE))
+
+        if now() is None:
+            raise TimelineError(
+                f"got {place}, which holds no timeline, expected the directory of a fold."
+            )
+        return Shown(now, host=host, port=port, open_browser=open_browser)
+
+    def live(self, *, port: int = PORT, host: str = HOST, open_browser: bool = False) -> Live:
+        """Shows a fold while it is computed: ``fold(shape, progress=show.live())``.
+
+        Args:
+            port, host, open_browser: As of ``show`` itself.
+
+        Raises:
+            InputError: ``no-such-address``.
+        """
+        return Live(host=host, port=port, open_browser=open_browser)
+
+
+show: Final = Show()
+"""Shows a plan, a fold's directory or a timeline: see ``Show``."""

@@ -1,0 +1,371 @@
+"""Shown: a fold in a viser server of its own, its poses streamed frame by frame.
+
+This is for people who write programs: all of it is made with viser's public names, and what its
+server shows can be added to. The pages of the service play a fold by themselves instead.
+"""
+
+from __future__ import annotations
+
+import atexit
+import errno
+import html
+import ipaddress
+import socket
+import threading
+import time
+import webbrowser
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.errors import InputError, TimelineError
+from web.pictures.colours import SELECTED, error_colours, ramp_colours
+from web.timeline.moments import Moments
+from web.timeline.view import Snapshot
+from web.viser.cameras import Cameras
+from web.viser.scene import Scene
+from web.viser.scene_bundle import quiet
+
+if TYPE_CHECKING:
+    import viser
+
+WHOLE_S: Final = 20.0
+"""Seconds that a motion takes at speed 1, about."""
+SLOWEST_FPS: Final = 12.0
+FASTEST_FPS: Final = 240.0
+DRAW_EVERY_S: Final = 1 / 30
+LOOK_EVERY_S: Final = 0.1
+"""Seconds between two looks for new frames."""
+SPEEDS: Final = {"0.25×": 0.25, "0.5×": 0.5, "1×": 1.0, "2×": 2.0, "4×": 4.0}
+BY_ERROR: Final = "Joint error"
+ALONG: Final = "Along the chain"
+LAST_PORT: Final = 65_535
+GROUND_S: Final = 10.0
+"""Long enough for the ground to be where the chain wants it."""
+
+
+class Shown:
+    """A fold in a viser server of its own; ``web.viser.show`` makes one.
+
+    There is one playhead for all who look: it is the server of whoever writes the program. In a
+    notebook the last expression of a cell shows it in place. Close it, or use it in a ``with``.
+
+    Attributes:
+        server: To add to what is shown, and to the controls beside it.
+        url: Where it is.
+    """
+
+    def __init__(
+        self,
+        moments: Callable[[], Moments | None],
+        *,
+        host: str,
+        port: int,
+        open_browser: bool,
+        follows: bool = False,
+    ) -> None:
+        """Starts the server.
+
+        Args:
+            moments: Gives the motion as it is by now; None while there is none.
+            host, port, open_browser: As of ``web.viser.show``.
+            follows: Whether to begin at the last frame, and to go on to each that comes.
+
+        Raises:
+            InputError: ``no-such-address``.
+        """
+        self._find = moments
+        self._heading = ""
+        """What is told above the figures of the frame. No words that come from files: viser takes
+        them for Markdown, in which there can be more than text."""
+        self._told = "Nothing to show yet."
+        self._follows = follows
+        self._lock = threading.RLock()
+        self._wake = threading.Event()
+        self._closed = False
+        self._playing = False
+        self._moments: Moments | None = None
+        self._id = ""
+        self._last = -1
+        self._frame = 0
+        self._place = 0.0
+        self._selected: int | None = None
+        self._scene: Scene | None = None
+        self.server: viser.ViserServer = _server(host, port)
+        self.url = _url(host, self.server.get_port())
+        self._cameras = Cameras(self.server)
+        self._add_controls()
+        with self._lock:
+            self._look()
+        self._thread = threading.Thread(target=self._run, name="foldback-show", daemon=True)
+        self._thread.start()
+        atexit.register(self.close)
+        if open_browser:
+            threading.Thread(target=webbrowser.open, args=(self.url,), daemon=True).start()
+
+    def __enter__(self) -> Shown:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} at {self.url}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        address = html.escape(self.url, quote=True)
+        return (
+            f'<iframe src="{address}" title="A fold in viser" width="100%" height="480" '
+            'style="border: 0"></iframe>'
+        )
+
+    @property
+    def frame(self) -> int:
+        """The frame that is shown; set it to show another one, the nearest that there is."""
+        return self._frame
+
+    @frame.setter
+    def frame(self, frame: int) -> None:
+        with self._lock:
+            self._seek(frame)
+
+    def play(self) -> None:
+        """Plays on from the frame that is shown, from the first one when that is the last."""
+        with self._lock:
+            if self._frame >= self._last and not self._growing:
+                self._go(0)
+            self._set_playing(True)
+
+    def pause(self) -> None:
+        """Stays at the frame that is shown."""
+        with self._lock:
+            self._set_playing(False)
+
+    def close(self) -> None:
+        """Ends the server and frees its port; once more does nothing."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+        atexit.unregister(self.close)
+        self._wake.set()
+        self._thread.join()
+        with quiet():
+            self.server.stop()
+
+    def _add_controls(self) -> None:
+        gui = self.server.gui
+        gui.configure_theme(show_share_button=False)
+        gui.main_panel.dock_right()  # beside the chain, not before it
+        self._text = gui.add_markdown(self._told)
+        self._slider = gui.add_slider("Frame", min=0, max=1, step=1, initial_value=0)
+        self._button = gui.add_button("Play")
+        self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1×")
+        self._colours = gui.add_dropdown("Colours", (BY_ERROR, ALONG), initial_value=BY_ERROR)
+        self._follow = gui.add_checkbox(
+            "Follow", True, hint="Keeps the chain in view while it moves, for everybody."
+        )
+        self._module = gui.add_markdown("Click on a module.")
+
+        @self._slider.on_update
+        def _(event: viser.GuiEvent[Any]) -> None:
+            if event.client is None:
+                return  # moved by what is shown, not by somebody
+            with self._lock:
+                self._set_playing(False)
+                self._seek(self._slider.value)
+
+        @self._button.on_click
+        def _(event: viser.GuiEvent[Any]) -> None:
+            del event
+            (self.pause if self._playing else self.play)()
+
+        def draw(event: viser.GuiEvent[Any]) -> None:
+            del event
+            with self._lock:
+                self._draw()
+
+        self._colours.on_update(draw)
+
+        @self._follow.on_update
+        def _(event: viser.GuiEvent[Any]) -> None:
+            self._cameras.following = self._follow.value
+            draw(event)
+
+    def _run(self) -> None:
+        """Plays, and looks for new frames, until it is closed."""
+        drawn = time.monotonic()
+        while not self._closed:
+            self._wake.wait(DRAW_EVERY_S if self._playing else LOOK_EVERY_S)
+            self._wake.clear()
+            now = time.monotonic()
+            with self._lock:
+                if not self._closed:
+                    self._look()
+                    self._play_on(now - drawn)
+                    self._write()
+            drawn = now
+
+    def _look(self) -> None:
+        """Takes what there is by now."""
+        found = self._find()
+        if found is None or not len(found):
+            return
+        self._moments, last = found, len(found) - 1
+        if found.id != self._id:
+            self._id, self._selected = found.id, None
+            self.server.gui.set_panel_label(found.chain.name)
+            self._scene = Scene(self.server, found.chain, stretch=found.stretch)
+            self._scene.on_click(self._select)
+        elif last == self._last:
+            return
+        self._last = last
+        self._slider.max = max(last, 1)
+        self._go(last if self._follows else self._frame)
+
+    @property
+    def _growing(self) -> bool:
+        return self._moments is None or self._moments.growing
+
+    def _play_on(self, passed_s: float) -> None:
+        if not self._playing:
+            return
+        per_second = min(max(self._last / WHOLE_S, SLOWEST_FPS), FASTEST_FPS)
+        self._place += passed_s * per_second * SPEEDS.get(self._speed.value, 1.0)
+        if (frame := min(int(self._place), self._last)) != self._frame:
+            self._go(frame)
+        if frame >= self._last:
+            self._follows = self._growing
+            self._set_playing(False)
+
+    def _set_playing(self, playing: bool) -> None:
+        self._playing, self._place = playing, float(self._frame)
+        self._button.label = "Pause" if playing else "Play"
+        self._wake.set()
+
+    def _seek(self, frame: int) -> None:
+        """Goes where somebody wants it to; to the end of what grows, to what comes after it too."""
+        self._go(frame)
+        self._place = float(self._frame)
+        self._follows = self._growing and self._frame >= self._last
+
+    def _go(self, frame: int) -> None:
+        self._frame = min(max(int(frame), 0), max(self._last, 0))
+        self._draw()
+
+    def _select(self, module: int) -> None:
+        with self._lock:
+            self._selected = None if module == self._selected else module
+            self._draw()
+
+    def _draw(self) -> None:
+        moments, scene = self._moments, self._scene
+        if moments is None or scene is None:
+            return
+        try:
+            snapshot = moments.snapshot(self._frame)
+        except TimelineError:
+            return  # it is being replaced: what is shown stays until that is there
+        with self.server.atomic():
+            scene.show(snapshot, self._painted(snapshot, moments.error_scale_rad))
+            scene.move_ground(GROUND_S)
+            self._slider.value = self._frame
+            self._told = _told(snapshot, self._last, moments.error_scale_rad)
+            self._write()
+            if self._selected is not None:
+                self._module.content = _told_of(moments.chain, self._selected, snapshot)
+            else:
+                self._module.content = "Click on a module."
+        self._cameras.keep_in_view(scene.points(snapshot), scene.radius)
+
+    def _write(self) -> None:
+        """Tells how far it is, and the figures of the frame."""
+        text = f"{self._heading}\n\n{self._told}" if self._heading else self._told
+        if text != self._text.content:
+            self._text.content = text
+
+    def _painted(self, snapshot: Snapshot, scale_rad: float) -> NDArray[np.uint8]:
+        if self._colours.value == ALONG:
+            colours = ramp_colours(np.linspace(0.0, 1.0, len(snapshot.positions)))
+        else:
+            colours = error_colours(snapshot.module_error_rad, scale_rad)
+        if self._selected is not None:
+            colours[self._selected] = SELECTED
+        return colours
+
+
+def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
+    """A moment in words."""
+    known = np.abs(snapshot.joint_error_rad[np.isfinite(snapshot.joint_error_rad)])
+    error = (
+        f"Largest joint error {known.max():.2g} rad (full red: {scale_rad:g} rad)"
+        if len(known)
+        else "No joint error recorded"
+    )
+    at = f"**Frame {snapshot.frame:.0f} of {last}**, {snapshot.phase}, {snapshot.time_s:.2f} s"
+    return f"{at}\n\n{error}"
+
+
+def _told_of(chain: Chain, module: int, snapshot: Snapshot) -> str:
+    """A module in words."""
+    hinges = chain.module.hinges_per_joint
+    joint = module - chain.module.rigid_links
+    told = f"**Module {module}** of {len(chain) - 1}"
+    if not 0 <= joint < chain.joint_count:
+        return f"{told}, without a joint of its own"
+    for hinge in range(joint * hinges, (joint + 1) * hinges):
+        angle, error = snapshot.joint_angles_rad[hinge], snapshot.joint_error_rad[hinge]
+        told += f"\n\n{chain.joint_names[hinge]}: {np.rad2deg(angle):.1f}°"
+        told += f", error {abs(error):.2g} rad" if np.isfinite(error) else ""
+    return told
+
+
+def _server(host: str, port: int) -> viser.ViserServer:
+    """A viser server at an address, or the next free port.
+
+    Raises:
+        InputError: ``no-such-address``; viser itself would wait for ever.
+    """
+    import viser  # late: it takes a while to import
+
+    try:
+        kind, _, _, _, (address, *_) = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        return viser.ViserServer(host, _free(kind, str(address), port), verbose=False)
+    except (OSError, OverflowError, UnicodeError) as error:
+        raise InputError(
+            "no-such-address",
+            f"got {host!r:.80} and port {port}, expected an address of this machine and a port of "
+            f"0 to {LAST_PORT}, as 127.0.0.1 and 8080 ({error}).",
+        ) from error
+
+
+def _free(kind: socket.AddressFamily, address: str, port: int) -> int:
+    """The first free port from ``port`` on; 0 for 0.
+
+    Raises:
+        OSError: When there is none, or the address is not of this machine.
+    """
+    while True:
+        with socket.socket(kind, socket.SOCK_STREAM) as tried:
+            tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                tried.bind((address, port))
+                return port
+            except OSError as error:
+                if error.errno != errno.EADDRINUSE or not 0 < port < LAST_PORT:
+                    raise
+        port += 1
+
+
+def _url(host: str, port: int) -> str:
+    try:
+        address = ipaddress.ip_address(host)
+    except ValueError:
+        return f"http://{host}:{port}"
+    if address.is_unspecified:  # all of this machine's, of which the nearest is shown
+        address = ipaddress.ip_address("127.0.0.1" if address.version == 4 else "::1")
+    return f"http://[{address}]:{port}" if address.version == 6 else f"http://{address}:{port}"
