@@ -330,7 +330,7 @@ def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
     "/{fold_id}", summary="Rename a fold, or hand it over", responses=problems(401, 403, 404, 422)
 )
 def patch_fold(fold_id: str, changes: FoldChanges, context: Here, credentials: Bearer) -> Fold:
-    """Its name is what pages, lists and files to take away are called; that in its plan stays.
+    """Its name is what pages, lists and downloads are called; that in its plan stays.
 
     Nobody renames those of the gallery.
     """
