@@ -117,6 +117,18 @@ def test_many_folds_come_by_pages_and_all_are_deleted(visit: Visit, service: Ser
     expect(page.locator("#toast")).to_have_text(re.compile("cannot be reached"))
     expect(page.locator("#folds li")).to_have_count(26)
     page.context.set_offline(False)
+    page.locator("#folds li").first.get_by_role("button", name="Delete").click()
+    page.locator("#confirm-yes").click()
+    expect(page.locator("#found")).to_have_text("25 folds")
+    expect(page.locator("#folds li").first.locator("h3 a")).to_be_focused()
+
+    page.route("**/api/mine/**", lambda route: route.abort())
+    page.reload()
+    expect(page.get_by_role("alert")).to_have_text(re.compile("cannot be reached"))
+    page.unroute("**/api/mine/**")
+    page.get_by_role("button", name="Try again").click()
+    expect(page.locator("#found")).to_have_text("24 of 25 folds")
+    expect(page.locator("#trouble")).to_be_hidden()
 
     page.get_by_role("button", name="Delete all").click()
     page.locator("#confirm-yes").click()

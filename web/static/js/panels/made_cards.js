@@ -215,14 +215,17 @@ export class MovieLine {
   }
 }
 
+// Deletes what a card shows; who uses the keyboard goes on with the card beside it.
 /**
- * @param {{ key: string, away: () => void }} card
+ * @param {{ key: string, item: HTMLElement, away: () => void }} card
  * @param {string} address
  */
 async function removed(card, address) {
+  const beside = card.item.nextElementSibling ?? card.item.previousElementSibling;
   try {
     await deleted(address, card.key);
     card.away();
+    /** @type {HTMLElement | null | undefined} */ (beside?.querySelector("a:not([tabindex])"))?.focus();
     toast("Deleted");
   } catch (error) {
     toast(wordsOf(error));
