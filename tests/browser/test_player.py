@@ -193,6 +193,21 @@ def test_plots_are_read_and_moved_in_by_keyboard(page: Page, service: Service, w
     np.testing.assert_allclose(table["min_clearance"], figures.min_clearance, rtol=1e-6)
 
 
+@pytest.mark.parametrize("width", [360, 390])
+def test_folded_is_a_slider_on_a_phone_and_the_bar_stays_low(page: Page, width: int) -> None:
+    page.set_viewport_size({"width": width, "height": 844})
+    if page.locator("#drawer").is_visible():
+        page.locator("#drawer-close").click()
+    slider = page.locator("#folded")
+    slider.fill("50")
+    expect(page.locator("#r-folded")).to_have_text("50 %")
+    for name in ("#folded", "#jump", "#details", "#speed", "#keys", "#full"):
+        expect(page.locator(name)).to_be_in_viewport(ratio=1)
+    bar = page.locator("#bar").bounding_box()
+    assert bar
+    assert bar["height"] <= 171  # as high as without the slider
+
+
 def test_a_theme_is_kept_and_there_from_the_first_picture(page: Page) -> None:
     dark = page.evaluate(GROUND)
     page.locator("#details").focus()

@@ -116,6 +116,11 @@ def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) 
     for side in sides:
         side.locator(".sketch.gone").wait_for(state="attached")
     expect(sides[1].locator(".side-preset")).to_contain_text("Direct servoing")
+    expect(page.locator("#colour-by")).to_be_in_viewport()
+    told = page.locator("#keys-table").text_content()
+    assert told
+    assert "One frame back" in told
+    assert "0.1 s" not in told  # the two have different times
     frames = "() => [0, 1].map((k) => document.getElementById(`side-${k}`).textContent)"
     page.keyboard.press("End")
     expect(page.locator("#r-folded")).to_have_text("100 %")

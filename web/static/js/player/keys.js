@@ -62,7 +62,7 @@ export class Keys {
     this.player = player;
     this.bar = bar;
     this.options = options;
-    this.rows = TABLE.filter(({ there }) => there?.(this) ?? true);
+    this.rows = TABLE.filter(({ there }) => !there || there(this));
     this.dialog = get("keys-dialog");
     this.off = get("keys-off");
     this.off.checked = recall() === "off";
