@@ -99,6 +99,7 @@ class Client:
         *,
         shape: str | None = None,
         filename: str | None = None,
+        path: bool = True,
         full: bool = True,
         **options: Unpack[ShapeOptions],
     ) -> dict[str, Any]:
@@ -108,6 +109,7 @@ class Client:
             source: As ``fold`` takes it.
             shape: Or the name of a gallery shape.
             filename: What to call the source.
+            path: Whether to look for a path; without one, cells come sooner.
             full: Whether to tell cells and mesh too, which may be large.
             options: How it is to become a chain.
 
@@ -115,7 +117,9 @@ class Client:
             Problem: When the service refuses it.
             ConnectionError: When the service cannot be reached.
         """
-        form = {**form_of(options, ShapeOptions, shape), "full": "true" if full else "false"}
+        asked = {"path": path, "full": full}
+        words = {name: "true" if value else "false" for name, value in asked.items()}
+        form = {**form_of(options, ShapeOptions, shape), **words}
         return self._post("/api/shapes/preview", source, shape, filename, form)
 
     def get(self, fold_id: str, token: str | None = None) -> Fold:

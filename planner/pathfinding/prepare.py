@@ -173,6 +173,7 @@ def prepare(
     *,
     seed: int = 0,
     time_limit_s: float = SEARCH_S,
+    searching: bool = True,
 ) -> Preparation:
     """Reads a file and finds the chains that may fold into what is in it.
 
@@ -182,6 +183,7 @@ def prepare(
         options: How a shape is to become a path.
         seed: What randomness starts from.
         time_limit_s: How long a path through exact cells may be searched for.
+        searching: Whether voxels and meshes get a path at all; without one they are cells alone.
 
     Returns:
         The preparation, with no chains when there is no path: it then says why.
@@ -199,6 +201,8 @@ def prepare(
     if isinstance(found, Path):
         # The cells of a path are a shape to other modules.
         found = Shape.from_cells(found.cells, name=found.name, pitch_m=found.pitch_m)
+    if not searching:
+        return _cells_alone(found, options, seed)
     if isinstance(found, Shape):
         return _from_shape("voxels", found, options, seed, time_limit_s)
     return _from_solid(found, options, seed, time_limit_s)
@@ -211,20 +215,22 @@ def prepare_in_any_order(
     *,
     seed: int = 0,
     time_limit_s: float = SEARCH_S,
+    searching: bool = True,
 ) -> Preparation:
     """As ``prepare``; a list of cells that is no path is a shape, and the first note says why.
 
     Raises:
         InputError: As ``prepare`` does.
     """
+    how: dict[str, Any] = {"seed": seed, "time_limit_s": time_limit_s, "searching": searching}
     try:
-        return prepare(data, filename, options, seed=seed, time_limit_s=time_limit_s)
+        return prepare(data, filename, options, **how)
     except InputError as error:
         if error.code != "not-adjacent":
             raise
         why = f"Read as voxels, since {error.where} are not neighbours."
     options = replace(options, as_voxels=True)
-    made = prepare(data, filename, options, seed=seed, time_limit_s=time_limit_s)
+    made = prepare(data, filename, options, **how)
     return replace(made, notes=(why, *made.notes))
 
 
@@ -241,6 +247,24 @@ def _prepared_chain(chain: Chain, options: PathOptions, kind: str) -> Preparatio
         knot=knot_of(chain.folded_poses.positions),
         notes=notes,
         not_started=not_started,
+    )
+
+
+def _cells_alone(found: Shape | Solid, options: PathOptions, seed: int) -> Preparation:
+    if isinstance(found, Shape):
+        return Preparation(kind="voxels", name=found.name, options=options, chains=(), shape=found)
+    from planner.pathfinding.filling import FILLINGS
+    from planner.shapes.voxelise import voxelise
+
+    voxels = voxelise(found, cells=FILLINGS[options.module].cells_for(options), seed=seed)
+    return Preparation(
+        kind="mesh",
+        name=found.name,
+        options=options,
+        chains=(),
+        shape=voxels.shape,
+        notes=(*found.notes, *voxels.notes),
+        iou=voxels.iou,
     )
 
 

@@ -65,6 +65,13 @@ async def post_preview(
         ),
     ] = None,
     seed: Annotated[int, Form(ge=0, le=LARGEST_SEED)] = 0,
+    path: Annotated[
+        bool,
+        Form(
+            description="Whether to look for a path. Without one, voxels and meshes are answered "
+            "with their cells alone, and sooner."
+        ),
+    ] = True,
     full: Annotated[
         bool, Form(description="Whether to answer with cells and mesh too, which may be large.")
     ] = True,
@@ -79,7 +86,7 @@ async def post_preview(
             "too-many-modules",
             f"got {options.modules} modules, expected at most {settings.max_modules}.",
         )
-    options = replace(options, seed=seed)
+    options = replace(options, seed=seed, path=path)
 
     visitor, token = context.visitor(request), token_of(credentials)
 

@@ -62,6 +62,8 @@ class ShapeOptions:
     as_voxels: bool = False
     start: tuple[int, int, int] | None = None
     seed: int = 0
+    path: bool = True
+    """Whether a preview looks for a path; a fold always does."""
 
     @property
     def key(self) -> str:

@@ -127,6 +127,7 @@ def preview(directory: Path) -> dict[str, Any]:
         options,
         seed=request["seed"],
         time_limit_s=request["time_limit_s"],
+        searching=request["path"],
     )
     aside = directory / f"report.{os.getpid()}"
     aside.write_text(json.dumps(made.report()))

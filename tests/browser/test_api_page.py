@@ -18,7 +18,7 @@ def test_the_api_is_shown_without_another_origin(visit: Callable[..., Page]) -> 
     origins: set[str] = set()
     page.on("console", lambda message: said.append(message.text))
     page.on("request", lambda request: origins.add(urlsplit(request.url).netloc))
-    page.get_by_role("link", name="API").click()
+    page.get_by_role("link", name="API", exact=True).click()
     described = page.request.get("/api/openapi.json").json()
     count = sum(len(ways) for ways in described["paths"].values())
     expect(page.locator(".opblock")).to_have_count(count)

@@ -107,7 +107,7 @@ def test_the_wishes_are_those_of_the_interface(desk: Service) -> None:
         return set(described["components"]["schemas"][reference.rpartition("/")[2]]["properties"])
 
     assert set(FoldOptions.__annotations__) | {"file", "shape"} == fields(FOLDS)
-    assert set(ShapeOptions.__annotations__) | {"file", "shape", "full"} == fields(
+    assert set(ShapeOptions.__annotations__) | {"file", "shape", "path", "full"} == fields(
         "/api/shapes/preview"
     )
     assert set(MovieOptions.__annotations__) == fields("/api/folds/{fold_id}/movies")

@@ -383,6 +383,19 @@ def test_a_mesh_is_folded(service: Service) -> None:
     assert state["modules"] == report(service, stl(), modules="24")["modules"]
 
 
+def test_cells_alone_take_no_search(desk: Service) -> None:
+    cross = report(desk, voxels(CROSS), path="false")
+    assert (cross["kind"], cross["has_path"], cross["feasibility"]) == ("voxels", False, None)
+    assert sorted(cross["cells"]) == sorted(CROSS)
+    brick = report(desk, stl(), path="false", method="exact", modules="16")
+    assert (brick["kind"], brick["modules"], brick["iou"]) == ("mesh", 16, 1.0)
+    assert (brick["mesh"], brick["line"]) == (None, None)
+    # With a path it is another report.
+    assert report(desk, preview=brick["id"], modules="16")["has_path"]
+    path = report(desk, json.dumps(SNAKE).encode(), path="false")
+    assert (path["kind"], path["has_path"], path["cells"]) == ("path", True, SNAKE)
+
+
 def test_pages_of_previews(desk: Service) -> None:
     found = report(desk, voxels(box(2, 2, 2), name="<script>alert(1)</script>"))
     page = desk.http.get(found["links"]["page"])

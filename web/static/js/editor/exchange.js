@@ -57,13 +57,13 @@ export async function asked(fields) {
   return told;
 }
 
-// The cells of a file, or of one that was sent before. No path is looked for: a snake is one of boxes, at once.
+// The cells of a file, or of one that was sent before; no path is looked for.
 /**
  * @param {{ file: File } | { preview: string }} source
  * @param {number} cells that a mesh becomes, about
  */
 export async function read(source, cells) {
-  const report = await asked({ ...source, method: "snake", modules: cells });
+  const report = await asked({ ...source, method: "exact", modules: cells, path: false });
   if (report.module !== "cube") throw new Error("This is a chain of tetrahedra; only cubes can be painted.");
   return report;
 }
