@@ -4,6 +4,8 @@ import { element, wordsOf } from "../lib/text.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const LOOK_MS = 1000;
+const READ_MS = 2500;
+const FORBIDDEN = 403;
 const GONE = 404;
 
 /** @param {string} name */
@@ -140,25 +142,24 @@ export class Downloads {
     let now = movie;
     // Who has asked first is told a token; the owner of the fold has that of the fold.
     const token = movie.token ?? tokenOf(this.id) ?? ownKey();
-    /** @type {Promise<Response> | null} */
-    let stopping = null;
+    let pressed = false;
+    let wake = () => {};
+    const nextLook = () => new Promise((done) => { wake = () => done(null); setTimeout(done, LOOK_MS); });
     stop.hidden = !token;
     stop.disabled = false;
-    const pressed = new Promise((done) => {
-      stop.onclick = () => {
-        stop.disabled = true;
-        stopping = fetch(movie.links.self, { method: "DELETE", headers: proof(token) });
-        done(null);
-      };
-    });
+    stop.onclick = () => { stop.disabled = pressed = true; wake(); };
     while (now.status === "queued" || now.status === "running") {
       bar.hidden = false;
       bar.value = now.frames_done / now.frames_total;
       state.replaceChildren(now.status === "queued" ? "Waiting for its turn" : `Picture ${now.frames_done} of ${now.frames_total}`);
-      await Promise.race([pressed, new Promise((done) => { setTimeout(done, LOOK_MS); })]);
-      if (stopping) {
-        state.replaceChildren(await this.stopped(stopping));
-        return;
+      await nextLook();
+      if (pressed) {
+        pressed = false;
+        const refused = await this.refusedToStop(now.links.self, token);
+        state.replaceChildren(refused || "Stopped");
+        if (!refused) return;
+        await new Promise((done) => { setTimeout(done, READ_MS); }); // it goes on
+        stop.disabled = false;
       }
       now = await this.ask(now.links.self);
     }
@@ -166,13 +167,16 @@ export class Downloads {
     state.replaceChildren(element("a", { href: now.links.file, download: true, class: "button primary" }, `Download the ${now.format === "gif" ? "GIF" : "MP4"}`));
   }
 
-  // What came of asking for the end of a movie, in words.
-  /** @param {Promise<Response>} asked */
-  async stopped(asked) {
-    const answer = await asked.catch(() => null);
-    if (!answer) throw new Error("The server cannot be reached; the movie goes on.");
-    if (answer.ok || answer.status === GONE) return "Stopped";
-    throw new Error(answer.status === 403 ? "Others want it too: it goes on" : "It could not be stopped");
+  // Why a movie is made all the same, in words; an empty text when it is not.
+  /**
+   * @param {string} address
+   * @param {string | null} token
+   */
+  async refusedToStop(address, token) {
+    const answer = await fetch(address, { method: "DELETE", headers: proof(token) }).catch(() => null);
+    if (answer?.ok || answer?.status === GONE) return "";
+    if (answer?.status === FORBIDDEN) return "Somebody else has asked for it: it goes on";
+    return answer ? "It could not be stopped" : "The server cannot be reached; the movie goes on";
   }
 
   robot() {
