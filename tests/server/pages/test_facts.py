@@ -167,7 +167,7 @@ def test_a_fold_of_an_earlier_version_is_told_by_what_it_bears_out(tmp_path: Pat
     with closing(Store(settings)) as store:
         store.add(a_fold("earlier", summary=summary), "a token")
         leases = Leases(store, WorkerIdentities(settings), 1.0)
-        state = Fold.of(store.fold("earlier"), Remaining(store, leases)).summary
+        state = Fold.of(store.fold("earlier"), store, Remaining(store, leases)).summary
     assert state["certificate"]["verdict"] == "verified (kinematics only)"
     assert state["certificate"]["rms_position_error"] is None
     assert state["playback"] == {
