@@ -98,6 +98,7 @@ def test_a_fold_is_named_taken_to_another_browser_and_deleted_there(
     assert names(page) == []
 
 
+@pytest.mark.long
 def test_many_folds_come_by_pages_and_all_are_deleted(visit: Visit, service: Service) -> None:
     token = new_token()
     # They are cancelled at once, so that no worker is kept busy.

@@ -54,6 +54,7 @@ def test_an_upload_is_told_and_stopped(visit: Visit, service: Service) -> None:
     keep(page, "privacy")
 
 
+@pytest.mark.long
 def test_what_is_left_and_a_movie_that_is_stopped(visit: Visit, service: Service) -> None:
     for seed in ("31", "32"):  # what like folds take is known then
         service.wait_over(service.fold(shape="wrench-24", seed=seed)["id"])

@@ -51,6 +51,7 @@ def tiny(tmp_path: Path) -> tuple[Experiment, ...]:
     )
 
 
+@pytest.mark.long
 def test_experiments_are_run_once_and_told(tmp_path: Path, tiny: tuple[Experiment, ...]) -> None:
     files, paper = tmp_path / "paper", tmp_path / "reproduction.md"
     reproduce(list(tiny), tiny, files)
