@@ -84,11 +84,10 @@ class WindowRun:
             targets, torques = course.targets(number), course.torques(number)
             for k in range(stretch.stop - stretch.start):
                 self._note(targets.angles[k])
-                if self.largest_error > LOST_RAD:
-                    self._keep()
-                    return "missed", self._lost(stretch, targets.angles[k])
                 if course.is_kept[self.steps]:
                     self._keep()
+                if self.largest_error > LOST_RAD:
+                    return "missed", self._lost(stretch, targets.angles[k])
                 self._step(targets.angles[k + 1], targets.rates[k + 1], torques[k])
                 if self.steps % CHECK_EVERY:
                     continue
