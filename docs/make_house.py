@@ -22,6 +22,7 @@ FLOORS: Final = (
     ("planner.chain",),
     ("planner.shapes", "planner.motion", "planner.simulation"),
     ("planner.clearance", "planner.readers"),
+    ("planner.statics",),
     ("planner.pathfinding", "planner.playback"),
     ("planner.explosion", "planner.certificate"),
     ("planner.plan",),

@@ -1,0 +1,233 @@
+"""Balance: the smallest largest hinge torque with which a chain stands on the floor.
+
+Every module balances its weight, the floor's push, what touching modules push and what its joints
+bear. Joints bear any force and any moment across their hinges; the moment about a hinge is its
+motor's torque. Of all ways to balance the one is sought whose largest torque is least: a linear
+program. That is a lower bound of limit analysis: right for motors that saturate and give way,
+optimistic for servos that hold their position stiffly.
+
+The joints' forces are eliminated: a hinge bears the moment of all that acts beyond it. With forces
+f ≥ 0 along C rays and torques g + A f, the scaled unknowns φ = f / t and s = 1 / t leave one ranged
+row a hinge, −1 ≤ s g + A φ ≤ 1, beside the balance of the whole chain; s is maximised. Nothing at
+all (φ = 0, s = 0) is always allowed, so that the search begins there or at the last frame's answer.
+
+Weights are 1 and lengths in pitches: torques are in w·p, the weight of a module times the pitch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import highspy
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import Poses
+from planner.chain.statics import hinge_frames
+from planner.kernels.statics import EQUATIONS, Hinges, columns
+from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, Contacts, contacts
+from planner.statics.friction import Friction, rays
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+LEAST: Final = 1e-3
+"""Torques up to this are told as none, in w·p."""
+UNBALANCED: Final = 1e-3
+"""Weights, or weights times pitch, by which the whole chain may be out of balance: rounding."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Standing:
+    """How a configuration stands. Torques in w·p, forces in weights of a module.
+
+    Attributes:
+        torque: The smallest largest torque of a hinge; infinite where nothing balances.
+        torques: (J,) torques of a way to balance that has it: what the module before a hinge
+            exerts on the one behind. NaN where nothing balances.
+        contacts: Where the chain touches the floor and itself.
+        forces: (C, 3) force on the first module of every contact.
+    """
+
+    torque: float
+    torques: Array
+    contacts: Contacts
+    forces: Array
+
+    @property
+    def balances(self) -> bool:
+        """Whether there is any way to balance."""
+        return bool(np.isfinite(self.torque))
+
+    @property
+    def floor(self) -> tuple[Ints, Array, Array]:
+        """Modules (K,), points (K, 3) and forces (K, 3) of the corners that stand on the floor."""
+        at = self.contacts.on_floor
+        return self.contacts.first[at], self.contacts.points[at], self.forces[at]
+
+
+class Balance:
+    """Solves one configuration after another of a chain.
+
+    What it found last is where it begins the next time.
+
+    Args:
+        chain: The chain.
+        size: Module size as a fraction of the pitch: where the corners are.
+        floor_gap, module_gap: See ``contacts``.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        *,
+        size: float = 1.0,
+        floor_gap: float = FLOOR_GAP,
+        module_gap: float = MODULE_GAP,
+    ) -> None:
+        self.chain = chain
+        self.size = size
+        self.floor_gap = floor_gap
+        self.module_gap = module_gap
+        self._highs = highspy.Highs()
+        self._highs.silent()
+        self._highs.setOptionValue("presolve", "off")
+        self._highs.setOptionValue("solver", "simplex")
+        hinges = chain.module.hinges_per_joint
+        self._before = np.repeat(np.arange(chain.joint_count) + chain.module.rigid_links, hinges)
+        down = np.zeros((len(chain), 3))
+        down[:, 2] = -1.0
+        self._down = down
+        self._all = np.arange(len(chain))
+        self._none = np.full(len(chain), -1)
+
+    def solve(
+        self,
+        positions: Array,
+        rotations: Array,
+        angles_rad: Array,
+        *,
+        friction: Friction | None = None,
+        clamped: int | None = None,
+        enough: float = LEAST,
+    ) -> Standing:
+        """How a configuration stands with the smallest largest torque.
+
+        Args:
+            positions: (n, 3) centres in pitches; the floor is z = 0.
+            rotations: (n, 3, 3) orientations.
+            angles_rad: (J,) its hinge angles.
+            friction: With the floor, see ``Friction``; none at all where there is none.
+            clamped: A module that is held in its place by whatever that takes.
+            enough: No smaller torque is looked for: a larger one answers sooner.
+        """
+        found = contacts(
+            self.chain.module,
+            positions,
+            rotations,
+            size=self.size,
+            floor_gap=self.floor_gap,
+            module_gap=self.module_gap,
+        )
+        axes, anchors = hinge_frames(
+            self.chain, angles_rad, Poses(positions=positions, rotations=rotations)
+        )
+        hinges = Hinges(
+            axes=np.ascontiguousarray(axes.reshape(-1, 3)),
+            anchors=np.repeat(anchors, axes.shape[1], axis=0),
+            before=self._before,
+        )
+        which, forces = rays(found, friction, positions, rotations)
+        root = self.chain.root if clamped is None else clamped
+        held = clamped is not None
+        starts, rows, values = columns(
+            hinges, root, held, found.first[which], found.second[which], found.points[which], forces
+        )
+        weight = self._weight(hinges, root, held, np.asarray(positions, dtype=np.float64))
+        pushes = self._pushes(starts, rows, values, weight, 1.0 / enough)
+        told = weight + _times(starts, rows, values, pushes, len(weight))
+        joints = len(self._before)
+        if np.abs(told[joints:]).max(initial=0.0) > UNBALANCED:
+            return Standing(
+                torque=np.inf,
+                torques=np.full(joints, np.nan),
+                contacts=found,
+                forces=np.full((len(found), 3), np.nan),
+            )
+        on_first = np.zeros((len(found), 3))
+        np.add.at(on_first, which, pushes[:, None] * forces)
+        largest = float(np.abs(told[:joints]).max(initial=0.0))
+        return Standing(
+            torque=0.0 if largest <= LEAST * (1.0 + 1e-6) else largest,
+            torques=told[:joints],
+            contacts=found,
+            forces=on_first,
+        )
+
+    def within(
+        self,
+        bound: float,
+        positions: Array,
+        rotations: Array,
+        angles_rad: Array,
+        *,
+        friction: Friction | None = None,
+        clamped: int | None = None,
+    ) -> bool:
+        """Whether a configuration stands with torques up to a bound in w·p; see ``solve``."""
+        found = self.solve(
+            positions, rotations, angles_rad, friction=friction, clamped=clamped, enough=bound
+        )
+        return found.torque <= bound * (1.0 + 1e-6)
+
+    def _weight(self, hinges: Hinges, root: int, held: bool, positions: Array) -> Array:
+        """(rows,) what the modules' weights ask of every row."""
+        _, rows, values = columns(hinges, root, held, self._all, self._none, positions, self._down)
+        weight = np.zeros(len(self._before) + (0 if held else EQUATIONS))
+        np.add.at(weight, rows, values)
+        return weight
+
+    def _pushes(
+        self,
+        starts: NDArray[np.int32],
+        rows: NDArray[np.int32],
+        values: Array,
+        weight: Array,
+        most: float,
+    ) -> Array:
+        """(C,) how much each ray pushes; all zeros where nothing balances."""
+        count, joints = len(starts) - 1, len(self._before)
+        heavy = np.flatnonzero(weight)
+        model = highspy.HighsLp()
+        model.num_col_, model.num_row_ = count + 1, len(weight)
+        cost = np.zeros(count + 1)
+        cost[-1] = -1.0
+        model.col_cost_ = cost
+        model.col_lower_ = np.zeros(count + 1)
+        upper = np.full(count + 1, highspy.kHighsInf)
+        upper[-1] = most
+        model.col_upper_ = upper
+        limits = np.zeros(len(weight))
+        limits[:joints] = 1.0
+        model.row_lower_, model.row_upper_ = -limits, limits
+        matrix = model.a_matrix_
+        matrix.format_ = highspy.MatrixFormat.kColwise
+        matrix.start_ = np.append(starts, starts[-1] + len(heavy)).astype(np.int32)
+        matrix.index_ = np.append(rows, heavy).astype(np.int32)
+        matrix.value_ = np.append(values, weight[heavy])
+        self._highs.passModel(model)
+        self._highs.run()
+        scaled = np.array(self._highs.getSolution().col_value)
+        if len(scaled) != count + 1 or scaled[-1] <= 1e-9:
+            return np.zeros(count)
+        return np.maximum(scaled[:-1], 0.0) / scaled[-1]
+
+
+def _times(
+    starts: NDArray[np.int32], rows: NDArray[np.int32], values: Array, pushes: Array, count: int
+) -> Array:
+    """(count,) the product of a matrix of columns with as many numbers."""
+    found = np.zeros(count)
+    np.add.at(found, rows, values * np.repeat(pushes, np.diff(starts)))
+    return found

@@ -1,0 +1,105 @@
+"""Resting poses: how a rigid configuration can lie on a floor.
+
+It rests on a face of the convex hull of all its modules, if its centre of mass is above that face.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.module import Module
+
+Array = NDArray[np.float64]
+WITHIN: Final = 1e-9
+"""Share of a triangle by which the centre of mass may be beside it: rounding."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Resting:
+    """A pose in which a rigid configuration rests on the plane z = 0.
+
+    Attributes:
+        turn: (3, 3) turns the configuration as it is given into this pose.
+        shift: (3,) is added then; the centre of mass ends above the origin.
+        margin: How far the centre of mass is from the rim of the face it rests on, in pitches.
+    """
+
+    turn: Array
+    shift: Array
+    margin: float
+
+    def of(self, positions: Array, rotations: Array) -> tuple[Array, Array]:
+        """(n, 3) positions and (n, 3, 3) rotations of the modules in this pose."""
+        return positions @ self.turn.T + self.shift, self.turn @ rotations
+
+
+def resting_poses(module: Module, positions: Array, rotations: Array) -> Iterator[Resting]:
+    """All poses in which a configuration rests, the one with the lowest centre of mass first.
+
+    Args:
+        module: The kind of module.
+        positions: (n, 3) centres in pitches.
+        rotations: (n, 3, 3) orientations.
+    """
+    from scipy.spatial import ConvexHull  # takes a while to import
+
+    corners = (module.vertices @ np.swapaxes(rotations, 1, 2) + positions[:, None]).reshape(-1, 3)
+    centre = positions.mean(axis=0)
+    hull = ConvexHull(corners)
+    faces: list[tuple[float, Array]] = []
+    for simplex, plane in zip(hull.simplices, hull.equations, strict=True):
+        height = -float(plane[:3] @ centre + plane[3])
+        if _inside(corners[simplex], centre + height * plane[:3]) and not any(
+            normal @ plane[:3] > 1.0 - 1e-9 for _, normal in faces
+        ):
+            faces.append((height, plane[:3]))
+    for height, normal in sorted(faces, key=lambda face: face[0]):
+        turn = turn_down(normal)
+        shift = -turn @ centre + np.array([0.0, 0.0, height])
+        yield Resting(turn=turn, shift=shift, margin=_margin(hull, normal, centre))
+
+
+def turn_down(normal: Array) -> Array:
+    """(3, 3) the shortest turn that makes a unit vector point down."""
+    x, y, z = normal
+    if z > 1.0 - 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    across = np.array([-y, x, 0.0])  # normal × down
+    cross = np.array([[0.0, 0.0, across[1]], [0.0, 0.0, -across[0]], [-across[1], across[0], 0.0]])
+    return np.eye(3) + cross + cross @ cross / (1.0 - z)
+
+
+def _inside(triangle: Array, point: Array) -> bool:
+    """Whether a point of a triangle's plane is in it."""
+    a, b, c = triangle
+    normal = np.cross(b - a, c - a)
+    square = normal @ normal
+    if square < 1e-20:
+        return False
+    shares = (
+        np.cross(c - b, point - b) @ normal / square,
+        np.cross(a - c, point - c) @ normal / square,
+        np.cross(b - a, point - a) @ normal / square,
+    )
+    return bool(min(shares) >= -WITHIN)
+
+
+def _margin(hull: object, normal: Array, centre: Array) -> float:
+    """How far a point is from the rim of the hull's face with this normal, seen along it."""
+    simplices, equations = hull.simplices, hull.equations  # type: ignore[attr-defined]
+    points, neighbours = hull.points, hull.neighbors  # type: ignore[attr-defined]
+    least = np.inf
+    down = equations[:, :3] @ normal > 1.0 - 1e-9
+    for k in np.flatnonzero(down):
+        for m in range(3):
+            if not down[neighbours[k, m]]:  # the edge opposite corner m is on the rim
+                p, q = points[np.delete(simplices[k], m)]
+                along = (q - p) / np.linalg.norm(q - p)
+                aside = (centre - p) - ((centre - p) @ along) * along
+                least = min(least, float(np.linalg.norm(aside - (aside @ normal) * normal)))
+    return least
