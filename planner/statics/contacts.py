@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.module import Module
-from planner.kernels.contacts import Solid, contact_points
+from planner.kernels.statics import Solid, contact_points
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
