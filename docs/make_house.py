@@ -23,6 +23,7 @@ FLOORS: Final = (
     ("planner.shapes", "planner.motion", "planner.simulation"),
     ("planner.clearance", "planner.readers"),
     ("planner.pathfinding", "planner.playback"),
+    ("planner.table_paths",),
     ("planner.explosion", "planner.certificate"),
     ("planner.plan",),
     ("planner.robot",),
